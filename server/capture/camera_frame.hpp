@@ -1,0 +1,39 @@
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/time.hpp"
+#include "capture/gray_image.hpp"
+
+namespace fiducap {
+
+/// One image of one camera of a body.
+struct CameraFrame {
+  int camera{};          ///< Index among the body's cameras.
+  Instant exposed_at{};  ///< Middle of the exposure, camera–IMU time shift already applied.
+  std::shared_ptr<const GrayImage> image;
+};
+
+/// One tag found in one image, before the lens is taken out.
+struct TagSighting {
+  int tag_id{};
+  int hamming{};             ///< Corrected bits.
+  double decision_margin{};  ///< Contrast of the decoded bits, 0..255; higher is safer. 0 when the source has none.
+  /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
+  /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
+  std::array<Eigen::Vector2d, 4> corners_px{};
+};
+
+/// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot with a detector of
+/// its own delivers instead of images. `tags` may be empty: the image was there, no tag was.
+struct CornerFrame {
+  int camera{};
+  Instant exposed_at{};
+  std::vector<TagSighting> tags;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "capture/recording/recording.hpp"
+
+namespace fiducap {
+
+/// Writes a recording that read_recording_info and open_recording read back: images as PNG, corners, IMU, truth.
+/// Same text precision as the recordings of data/ (corners 1e-5 px, IMU 1e-9). Never overwrites a folder with content.
+class RecordingWriter final {
+ public:
+  [[nodiscard]] static Expected<RecordingWriter> create(const RecordingInfo& info);
+  ~RecordingWriter();
+  RecordingWriter(RecordingWriter&&) noexcept;
+  RecordingWriter& operator=(RecordingWriter&&) noexcept;
+
+  [[nodiscard]] Expected<void> write(const SensorSample& sample);
+  [[nodiscard]] Expected<void> write_truth(const TruthSample& truth);
+  [[nodiscard]] Expected<void> write_truth_tags(const std::vector<RecordedTag>& tags);
+  [[nodiscard]] Expected<void> write_truth_extrinsics(const std::vector<Pose>& X_BV);
+  /// Flushes everything and says whether the disk took it.
+  [[nodiscard]] Expected<void> finish();
+
+ private:
+  class Impl;
+  explicit RecordingWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace fiducap

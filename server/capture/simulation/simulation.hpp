@@ -1,0 +1,124 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/clock.hpp"
+#include "base/config_check.hpp"
+#include "base/expected.hpp"
+#include "capture/camera_model.hpp"
+#include "capture/imu_sample.hpp"
+#include "capture/recording/recording.hpp"
+#include "capture/sensor_source.hpp"
+
+namespace fiducap::simulation {
+
+/// The room: tags on its walls, floor, ceiling or tables.
+struct RoomConfig {
+  std::string preset{"hall"};  ///< `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes of data/; `custom`: `tags` only.
+  std::string family{"tag36h11"};
+  double tag_size_m{0.4};
+  std::vector<RecordedTag> tags;  ///< Added to (or with `custom`: instead of) the preset's.
+  double gravity_m_s2{9.81};
+};
+
+/// How one robot moves. Smooth in position and attitude up to the third derivative.
+struct TrajectoryConfig {
+  std::string kind{"survey"};  ///< `survey`: walks the room looking at its walls; `hover`; `table` `sparse` `loop` `ceiling`: the classes of data/; `file`: recorded poses.
+  std::string file;            ///< CSV or TUM poses for kind `file`, fitted by a spline.
+  double duration_s{0};        ///< 0: for ever (the motion repeats smoothly).
+  double speed{1.0};           ///< Scales time.
+  std::uint64_t seed{1};
+};
+
+/// What the IMU does wrong. Densities as in ImuNoise.
+struct ImuErrors {
+  ImuNoise noise{1.22173e-4, 2e-5, 2.3e-3, 5e-4, 200.0};
+  Eigen::Vector3d gyro_bias{0.006, -0.004, 0.005};
+  Eigen::Vector3d accel_bias{0.05, -0.04, 0.06};
+  double scale_error{0.0};          ///< 1-sigma of each axis' scale, both sensors.
+  double misalignment_rad{0.0};     ///< 1-sigma of each axis' tilt, both sensors.
+  double gyro_range_rad_s{35.0};    ///< Saturation.
+  double accel_range_m_s2{160.0};
+};
+
+/// What the camera sees and how.
+struct CameraSimulation {
+  bool images{true};                ///< False: corners with noise, at a thousandth of the cost.
+  double corner_noise_px{0.4};      ///< Corners only.
+  double exposure_s{0.005};         ///< Motion blur.
+  double pixel_noise{3.0};          ///< 1-sigma, of 255.
+  double vignetting{0.3};           ///< Darkening in the image corner, 0..1.
+  double min_side_px{16.0};         ///< Corners only: a tag with a shorter side is not reported …
+  double max_tilt_rad{1.2566};      ///< … nor one seen further off its normal (72°) …
+  double miss_probability{0.02};    ///< … nor this share of the rest.
+  double latency_s{0.01};           ///< Mid-exposure → delivery, when paced.
+};
+
+/// Faults on demand, each with a probability per sample or a time.
+struct FaultConfig {
+  double drop_image{0};             ///< Share of images that never arrive.
+  double drop_imu{0};
+  double delay_image_s{0};          ///< Additional constant delay of images.
+  double jitter_s{0};               ///< 1-sigma of stamp-preserving arrival jitter.
+  double occlude{0};                ///< Share of tags hidden completely, per image.
+  double wrong_id{0};               ///< Share of tags reported (or printed) with another id, per image.
+  double blackout_every_s{0};       ///< No image for `blackout_s` each time.
+  double blackout_s{0};
+  int moved_tag{-1};                ///< This tag jumps …
+  double moved_at_s{0};             ///< … at this time …
+  Eigen::Vector3d moved_by_m{Eigen::Vector3d::Zero()};  ///< … by this (W axes).
+};
+
+/// One simulated robot in a room.
+struct SimulatedBodyConfig {
+  std::vector<CameraMount> cameras; ///< *True* calibration: what the renderer uses.
+  bool has_imu{true};
+  ImuErrors imu;
+  CameraSimulation camera;
+  TrajectoryConfig trajectory;
+  FaultConfig faults;
+  std::uint64_t seed{1};
+};
+
+[[nodiscard]] std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix);
+[[nodiscard]] std::vector<ConfigError> check(const SimulatedBodyConfig& body, const std::string& prefix);
+
+/// The room's tags, true poses, sorted by id.
+[[nodiscard]] std::vector<RecordedTag> tags_of(const RoomConfig& room);
+
+/// The true motion of a robot: position, attitude and their derivatives at any time since start.
+class Trajectory {
+ public:
+  struct Point {
+    Pose X_WB;
+    Eigen::Vector3d v_WB;    ///< m/s, W axes
+    Eigen::Vector3d a_WB;    ///< m/s², W axes
+    Eigen::Vector3d w_WB_B;  ///< rad/s, B axes
+  };
+  virtual ~Trajectory() = default;
+  [[nodiscard]] virtual Point at(double t_s) const = 0;
+};
+
+[[nodiscard]] Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& config,
+                                                                    const RoomConfig& room);
+
+/// A source with the truth behind it. Deterministic: same configuration, same samples, whatever the pace.
+class SimulatedSource : public SensorSource {
+ public:
+  /// The true state at an instant of the source's own time line.
+  [[nodiscard]] virtual TruthSample truth(Instant at) const = 0;
+  [[nodiscard]] virtual Instant start() const = 0;
+};
+
+/// @param clock  paced: samples come when they are due on this clock, and t = 0 is `start`;
+///               nullptr: as fast as they are asked for, stamped from `start`.
+[[nodiscard]] Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(const RoomConfig& room,
+                                                                              const SimulatedBodyConfig& body,
+                                                                              Instant start, const Clock* clock);
+
+}  // namespace fiducap::simulation

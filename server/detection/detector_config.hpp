@@ -1,0 +1,37 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+
+namespace fiducap {
+
+/// What is printed in the room.
+struct TagSetConfig {
+  std::string family{"tag36h11"};
+  double size_m{0.16};            ///< Edge between black and white border, unless the id is in `sizes_m`.
+  std::map<int, double> sizes_m{};
+  std::vector<int> ignore{};      ///< Ids known to be false or doubled.
+
+  [[nodiscard]] double edge_of(int tag_id) const {
+    const auto found = sizes_m.find(tag_id);
+    return found == sizes_m.end() ? size_m : found->second;
+  }
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+struct DetectorConfig {
+  double decimate{2.0};           ///< 1 sees smaller tags at five times the cost.
+  double blur_sigma_px{0.0};
+  bool refine_edges{true};
+  int max_hamming{1};             ///< 2 costs 40 MB and finds false ids.
+  double min_decision_margin{20.0};
+  int min_white_black_diff{5};    ///< Raise towards 25 in noisy images: 5 to 15 times cheaper.
+  int threads{1};
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+}  // namespace fiducap

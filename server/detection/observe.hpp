@@ -1,0 +1,15 @@
+#pragma once
+
+#include "capture/camera_frame.hpp"
+#include "capture/camera_model.hpp"
+#include "detection/detector_config.hpp"
+#include "detection/tag_observation.hpp"
+
+namespace fiducap {
+
+/// Takes the lens out of the corners of one image and drops what nobody should use: ignored ids, too many corrected
+/// bits, low margin, corners outside the lens model, corners that do not form a convex quadrangle seen from the front.
+void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
+             const DetectorConfig& config, TagObservations& out);
+
+}  // namespace fiducap

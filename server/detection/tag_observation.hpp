@@ -1,0 +1,31 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/time.hpp"
+
+namespace fiducap {
+
+/// One AprilTag seen in one image, lens taken out.
+struct TagObservation {
+  int tag_id{};
+  int hamming{};
+  double decision_margin{};  ///< 0..255; higher is safer. 0 = the source did not say.
+  double edge_m{};           ///< Edge of the printed black border of this id.
+  /// Ideal pinhole pixels (fu fv cu cv of the camera). Counter-clockwise, lower-left of the tag first.
+  std::array<Eigen::Vector2d, 4> corners_px{};
+  /// Per corner ∂ ideal / ∂ raw: noise is white in raw pixels, this carries it through the lens.
+  std::array<Eigen::Matrix2d, 4> ideal_from_raw{};
+};
+
+/// All usable tags of one image, sorted by id, ids unique. Empty is a normal answer.
+struct TagObservations {
+  int camera{};
+  Instant exposed_at{};
+  std::vector<TagObservation> tags;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <array>
+
+#include "base/pose.hpp"
+#include "capture/camera_model.hpp"
+#include "detection/tag_observation.hpp"
+
+namespace fiducap {
+
+/// One of the two poses that four coplanar corners allow.
+struct TagPose {
+  Pose X_VT;             ///< Tag in camera axes.
+  double rms_px{};       ///< Reprojection error of the four corners (root mean square over corners), raw pixels.
+};
+
+/// Both planar solutions, the better one first. When the second is impossible it repeats the first with rms_px = inf.
+/// Method: T. Collins, A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 2014 (OpenCV IPPE_SQUARE),
+/// each polished by Gauss–Newton on the corners.
+[[nodiscard]] std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraModel& camera);
+
+/// Corner i of a tag with this edge in tag axes T (x right, y up, z out of the face); lower-left first.
+[[nodiscard]] Eigen::Vector3d tag_corner(int i, double edge_m);
+
+}  // namespace fiducap

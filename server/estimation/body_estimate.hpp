@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "base/pose.hpp"
+#include "base/time.hpp"
+
+namespace fiducap {
+
+using Matrix15d = Eigen::Matrix<double, 15, 15>;
+
+/// Where the blocks of BodyEstimate::covariance stand.
+namespace estimate_block {
+inline constexpr int kPosition = 0;  ///< p_WB, m, W axes.
+inline constexpr int kAttitude = 3;  ///< rotation vector in W axes: q_WB = exp(δ) q̂_WB.
+inline constexpr int kVelocity = 6;  ///< v_WB, m/s, W axes.
+inline constexpr int kBiasF = 9;     ///< accelerometer bias, m/s², B axes.
+inline constexpr int kBiasW = 12;    ///< gyro bias, rad/s, B axes (without IMU: minus the body rate).
+}  // namespace estimate_block
+
+/// The state of one body at one instant, mean and covariance.
+struct BodyEstimate {
+  Instant at{};
+  Pose X_WB;
+  Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};    ///< Velocity of B's origin, W axes, m/s.
+  Eigen::Vector3d w_WB_B{Eigen::Vector3d::Zero()};  ///< Body rate, B axes, rad/s, bias removed.
+  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};    ///< Coordinate acceleration, W axes, m/s² (at rest 0).
+  Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
+  Matrix15d covariance{Matrix15d::Zero()};
+  bool anchored{};  ///< W is the workspace. False: W is wherever this filter happened to start.
+};
+
+/// What one update did. A rejected tag is a value, not a log line and not an exception.
+struct UpdateReport {
+  Instant exposed_at{};
+  int tags_seen{};
+  int tags_used{};
+  int tags_rejected{};        ///< Failed the chi-square gate.
+  int tags_added{};           ///< Entered the state with this image.
+  int tags_pending{};         ///< Waiting until their pose branch is certain.
+  double nis{};               ///< Normalised innovation squared of all used tags together.
+  int nis_dof{};
+  double reprojection_px{};   ///< RMS over the used corners after the update, raw pixels; 0 when none.
+  bool running{};             ///< The filter has started.
+};
+
+}  // namespace fiducap

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "capture/camera_model.hpp"
+#include "capture/imu_sample.hpp"
+#include "detection/tag_observation.hpp"
+#include "estimation/body_estimate.hpp"
+#include "estimation/estimator_config.hpp"
+#include "estimation/known_tag.hpp"
+#include "estimation/tag_belief.hpp"
+
+namespace fiducap {
+
+/// What the filter must know about the body it follows.
+struct BodySensors {
+  std::vector<CameraMount> cameras;
+  std::optional<ImuNoise> imu;  ///< nullopt: no IMU, motion by white noise acceleration.
+  double gravity_m_s2{9.81};
+};
+
+/// The extrinsics as the filter sees them now.
+struct ExtrinsicsEstimate {
+  Pose X_BV;
+  Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
+};
+
+/// The filter of one rigid body. Two implementations stand side by side and are measured against each other
+/// (`robocentric`: the paper; `world`: to come), therefore the interface.
+///
+/// Samples come in the order of SampleMerger: an image exposed at t right after the first IMU sample at or after t.
+class BodyFilter {
+ public:
+  virtual ~BodyFilter() = default;
+
+  /// Takes one IMU reading. Integration lags one sample, so that an image between the last two can still be used.
+  virtual void propagate(const ImuSample& imu) = 0;
+
+  /// Moves the state to `seen.exposed_at` and corrects it with the corners.
+  /// @param seen   tags of one image; may be empty (the state is moved all the same)
+  /// @param known  tags of `seen` with a place in the map; ids not in `seen` are ignored. A tag that is in the
+  ///               filter's own state stays there: its knowledge is already in.
+  virtual UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) = 0;
+
+  /// Survey knowledge of tags that are nevertheless estimated (RECORDING tags.yaml `known_tags`): when such a tag
+  /// enters the state, its prior is fused as a measurement of X_WT.
+  virtual void set_tag_priors(std::vector<KnownTag> priors) = 0;
+
+  /// Forgets the motion and the tags, keeps extrinsics and biases.
+  virtual void reset() = 0;
+
+  [[nodiscard]] virtual bool running() const = 0;
+  /// @pre running()
+  [[nodiscard]] virtual BodyEstimate estimate() const = 0;
+  /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
+  virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
+  [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
+};
+
+/// @param name  `robocentric`
+[[nodiscard]] std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
+                                                           const WorkspaceGauge& gauge,
+                                                           const EstimatorConfig& config);
+
+}  // namespace fiducap

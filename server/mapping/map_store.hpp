@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "base/pose.hpp"
+#include "mapping/tag_map.hpp"
+
+namespace fiducap {
+
+/// One line of the map's history.
+struct MapVersionInfo {
+  std::int64_t version{};
+  std::int64_t parent{};
+  std::int64_t created_utc_ns{};
+  std::string hash;
+  std::string comment;
+  int tags{};
+};
+
+/// Learned extrinsics of one camera of one body.
+struct StoredExtrinsics {
+  std::string body;
+  int camera{};
+  Pose X_BV;
+};
+
+/// How far one tag moved between two versions.
+struct TagChange {
+  int tag_id{};
+  enum class Kind { kAdded, kRemoved, kMoved } kind{Kind::kMoved};
+  double distance_mm{};
+  double angle_deg{};
+};
+
+/// Every accepted version of one map, in one SQLite file (WAL, synchronous=FULL). A kill at any instant loses at most
+/// the version being written. One process writes; others may read.
+class MapStore final {
+ public:
+  /// Opens or creates. A damaged file is an Error that says so and what to do; it is never overwritten.
+  [[nodiscard]] static Expected<MapStore> open(const std::string& path);
+  ~MapStore();
+  MapStore(MapStore&&) noexcept;
+  MapStore& operator=(MapStore&&) noexcept;
+
+  /// Writes `map` as the next version in one transaction.
+  /// @return the map with version, parent and hash filled in; Error on a full or read-only disk, the store as it was.
+  [[nodiscard]] Expected<TagMap> commit(const TagMap& map, const std::string& comment);
+  /// @return the newest version, or an empty map of version 0 when nothing was committed yet.
+  [[nodiscard]] Expected<TagMap> newest() const;
+  [[nodiscard]] Expected<TagMap> load(std::int64_t version) const;
+  [[nodiscard]] Expected<std::vector<MapVersionInfo>> log() const;  ///< Newest first.
+  [[nodiscard]] Expected<void> save_extrinsics(const StoredExtrinsics& extrinsics);
+  [[nodiscard]] Expected<std::vector<StoredExtrinsics>> extrinsics() const;
+
+ private:
+  class Impl;
+  explicit MapStore(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Added, removed and moved tags (above 1 µm or 1 µrad), sorted by id.
+[[nodiscard]] std::vector<TagChange> diff(const TagMap& before, const TagMap& after);
+
+}  // namespace fiducap

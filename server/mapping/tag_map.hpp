@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/pose.hpp"
+#include "base/time.hpp"
+#include "detection/tag_observation.hpp"
+#include "estimation/known_tag.hpp"
+
+namespace fiducap {
+
+enum class TagState {
+  kLocal,        ///< Mapped by one body in this session, still moving.
+  kCalibrated,   ///< Settled: an input for every body.
+  kSurveyed,     ///< Given from outside.
+  kQuarantined,  ///< Contradicts its neighbours: kept, not used.
+};
+
+[[nodiscard]] std::string_view name_of(TagState state);
+[[nodiscard]] std::optional<TagState> tag_state_from(std::string_view name);
+
+struct MapTag {
+  KnownTag tag;  ///< id, edge, X_WT, covariance
+  TagState state{TagState::kLocal};
+  std::int64_t first_seen_utc_ns{};
+  std::int64_t last_seen_utc_ns{};
+  int sightings{};
+  int component{};  ///< Tags not connected by any sighting lie in different components. 0 holds the workspace.
+};
+
+/// Where every tag of the workspace is. Immutable once published: `shared_ptr<const TagMap>` is what travels.
+struct TagMap {
+  std::int64_t version{0};  ///< 0: never stored.
+  std::int64_t parent{0};
+  std::string hash;         ///< Of the content (family, tags), hex; set by the store.
+  std::string family{"tag36h11"};
+  std::optional<int> reference_tag;
+  Pose X_RW;                ///< Alignment of the workspace to the room.
+  std::int64_t created_utc_ns{};
+  std::string comment;
+  std::vector<MapTag> tags;  ///< Sorted by id, ids unique.
+
+  [[nodiscard]] const MapTag* find(int tag_id) const;
+  /// The tags of `seen` that a filter may lean on (not quarantined, component 0), appended to `out` after clearing it.
+  void known_among(const TagObservations& seen, std::vector<KnownTag>& out) const;
+};
+
+}  // namespace fiducap

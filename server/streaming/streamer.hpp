@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "scene/scene_frame.hpp"
+
+namespace fiducap {
+
+/// One client as the page lists it.
+struct ClientStatus {
+  std::string protocol;  ///< `vrpn`, `native`, `web`, …
+  std::string peer;      ///< Address and transport, e.g. `127.0.0.1:41522 udp`
+  std::string detail;    ///< What it receives, e.g. `z-up m, velocity on`
+  std::uint64_t frames_sent{};
+  std::uint64_t frames_dropped{};
+  double connected_s{};
+};
+
+/// One protocol server. All of them live on the one I/O thread; nothing here blocks.
+class Streamer {
+ public:
+  virtual ~Streamer() = default;
+  [[nodiscard]] virtual std::string_view protocol() const = 0;
+  /// Encodes once, sends to every client; a slow client loses frames, nobody waits for it.
+  virtual void publish(const std::shared_ptr<const SceneFrame>& frame) = 0;
+  /// Appends one entry per connected client.
+  virtual void append_clients(std::vector<ClientStatus>& out) const = 0;
+  /// Closes everything; called once, on the I/O thread.
+  virtual void stop() = 0;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/clock.hpp"
+#include "base/config_check.hpp"
+#include "base/expected.hpp"
+#include "streaming/streamer.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace fiducap::web {
+
+struct WebConfig {
+  bool enabled{true};
+  std::string address{"127.0.0.1"};
+  std::uint16_t port{8080};
+  double rate_hz{20.0};              ///< Frames to a page; a browser needs no more.
+  int max_clients{32};
+  std::string root;                  ///< Folder of the bundled page; empty: beside the program.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+/// What the page shows besides frames.
+struct WebSources {
+  std::function<std::vector<ClientStatus>()> clients;  ///< Of all protocols; called on the I/O thread, once a second.
+  std::string server_name{"fiducapd"};
+  std::string version;
+  std::string map_mode;                                ///< `mapping` or `frozen`
+};
+
+/// HTTP (page, `/api/v1/state` JSON, `/healthz`) and WebSocket (`/api/v1/live`), same origin.
+[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_web_server(boost::asio::io_context& io,
+                                                                   const WebConfig& config, WebSources sources,
+                                                                   std::shared_ptr<const SceneModel> model,
+                                                                   const Clock& clock);
+
+}  // namespace fiducap::web

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+namespace fiducap {
+
+/// Counts every operator new of this program. Link `fiducap_allocation_counter` (it replaces the global operators).
+extern std::atomic<std::uint64_t> g_allocations;
+
+/// `AllocationCounter c; …; EXPECT_EQ(c.count(), 0)`
+class AllocationCounter final {
+ public:
+  AllocationCounter() : start_(g_allocations.load()) {}
+  [[nodiscard]] std::uint64_t count() const { return g_allocations.load() - start_; }
+
+ private:
+  std::uint64_t start_;
+};
+
+}  // namespace fiducap
