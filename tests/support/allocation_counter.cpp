@@ -1,5 +1,7 @@
 #include "support/allocation_counter.hpp"
 
+#include <stddef.h>
+
 #include <cstdlib>
 #include <new>
 
@@ -16,8 +18,8 @@ void* counted(std::size_t size, std::size_t alignment) {
 }
 }  // namespace
 
-void* operator new(std::size_t size) { return counted(size, alignof(std::max_align_t)); }
-void* operator new[](std::size_t size) { return counted(size, alignof(std::max_align_t)); }
+void* operator new(std::size_t size) { return counted(size, alignof(::max_align_t)); }
+void* operator new[](std::size_t size) { return counted(size, alignof(::max_align_t)); }
 void* operator new(std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
 void operator delete(void* p) noexcept { std::free(p); }
