@@ -56,6 +56,16 @@ simulation::SimulatedBodyConfig robot_of(const BodyConfig& body, const BodySetup
   return robot;
 }
 
+/// What stands in for a source that could not be opened: the body is lost from the start, the others are served.
+class FailedSource final : public SensorSource {
+ public:
+  explicit FailedSource(Error error) : error_(std::move(error)) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token) override { return tl::unexpected(error_); }
+
+ private:
+  Error error_;
+};
+
 template <typename T>
 Expected<std::unique_ptr<SensorSource>> as_source(Expected<std::unique_ptr<T>> made) {
   if (!made) return tl::unexpected(made.error());
@@ -77,6 +87,9 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     auto mount = read_mount(body.cameras[k], k);
     if (!mount) return tl::unexpected(mount.error());
+    if (const auto errors = mount->model.check(); !errors.empty()) {
+      return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
+    }
     setup.sensors.cameras.push_back(std::move(*mount));
   }
   auto imu = read_imu(body, setup);
@@ -104,23 +117,26 @@ Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, cons
   return open_camera_device(device, mount.model, clock);
 }
 
+std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
+  std::vector<KnownTag> priors;
+  for (const auto& tag : recording.known_tags) {
+    KnownTag prior{tag.tag_id, tag.edge_m, tag.X_WT};
+    prior.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
+    prior.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad * tag.rotation_sigma_rad);
+    priors.push_back(prior);
+  }
+  return priors;
+}
+
+std::unique_ptr<SensorSource> failed_source(Error error) { return std::make_unique<FailedSource>(std::move(error)); }
+
 std::vector<ConfigFault> check_files(const ServerConfig& config) {
   std::vector<ConfigFault> faults;
   if (config.bodies.empty()) faults.push_back({{"bodies", "[]", "must have at least one body"}, ""});
   for (std::size_t i = 0; i < config.bodies.size(); ++i) {
     const BodyConfig& body = config.bodies[i];
-    const std::string path = "bodies." + std::to_string(i);
     const auto setup = read_body_setup(body, config.simulation);
-    if (!setup) {
-      faults.push_back({{path, body.name, setup.error().text()}, ""});
-      continue;
-    }
-    for (std::size_t k = 0; k < setup->sensors.cameras.size(); ++k) {
-      for (auto& error : setup->sensors.cameras[k].model.check()) {
-        error.path = path + ".cameras." + std::to_string(k) + "." + error.path;
-        faults.push_back({std::move(error), ""});
-      }
-    }
+    if (!setup) faults.push_back({{"bodies." + std::to_string(i), body.name, setup.error().text()}, ""});
   }
   return faults;
 }

@@ -29,6 +29,12 @@ struct BodySetup {
                                                                   const simulation::RoomConfig& room, Instant start,
                                                                   const Clock& clock);
 
+/// What a recording says about the tags it is about.
+[[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);
+
+/// Stands in for a source that could not be opened: gives nothing but this error.
+[[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
+
 /// Everything that can be known about a configuration without starting it: there is a body, and all files that the
 /// configuration names can be read. The rules of the values were checked by load_config.
 [[nodiscard]] std::vector<ConfigFault> check_files(const ServerConfig& config);

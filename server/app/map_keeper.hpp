@@ -1,7 +1,6 @@
 #pragma once
 
-#include <optional>
-#include <span>
+#include <functional>
 #include <stop_token>
 #include <string>
 #include <vector>
