@@ -13,33 +13,25 @@ namespace {
 
 constexpr Duration kMaxTruthGap = std::chrono::milliseconds(50);
 
-class ErrorSum final {
- public:
-  void add(const Pose& estimated, const Pose& truth) {
-    const double position = (estimated.p - truth.p).norm();
-    const double rotation = angle_between(estimated.q, truth.q);
-    ++errors_.samples;
-    position_squares_ += position * position;
-    rotation_squares_ += rotation * rotation;
-    errors_.position_max_m = std::max(errors_.position_max_m, position);
-    errors_.rotation_max_rad = std::max(errors_.rotation_max_rad, rotation);
-  }
-  [[nodiscard]] PoseErrors result() const {
-    PoseErrors errors = errors_;
-    if (errors.samples > 0) {
-      errors.position_rmse_m = std::sqrt(position_squares_ / errors.samples);
-      errors.rotation_rmse_rad = std::sqrt(rotation_squares_ / errors.samples);
-    }
-    return errors;
-  }
-
- private:
-  PoseErrors errors_;
-  double position_squares_{0};
-  double rotation_squares_{0};
-};
-
 }  // namespace
+
+void ErrorSum::add(const Pose& estimated, const Pose& truth) {
+  const double position = (estimated.p - truth.p).norm();
+  const double rotation = angle_between(estimated.q, truth.q);
+  ++errors_.samples;
+  position_squares_ += position * position;
+  rotation_squares_ += rotation * rotation;
+  errors_.position_max_m = std::max(errors_.position_max_m, position);
+  errors_.rotation_max_rad = std::max(errors_.rotation_max_rad, rotation);
+}
+
+PoseErrors ErrorSum::result() const {
+  PoseErrors errors = errors_;
+  if (errors.samples == 0) return errors;
+  errors.position_rmse_m = std::sqrt(position_squares_ / errors.samples);
+  errors.rotation_rmse_rad = std::sqrt(rotation_squares_ / errors.samples);
+  return errors;
+}
 
 const PlacedTag* find_tag(std::span<const PlacedTag> tags, int tag_id) {
   const auto found = std::find_if(tags.begin(), tags.end(), [&](const PlacedTag& t) { return t.tag_id == tag_id; });

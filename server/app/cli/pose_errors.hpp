@@ -18,6 +18,19 @@ struct PoseErrors {
   double rotation_max_rad{};
 };
 
+/// Adds up pose differences.
+class ErrorSum final {
+ public:
+  /// Both in the same axes.
+  void add(const Pose& estimated, const Pose& truth);
+  [[nodiscard]] PoseErrors result() const;
+
+ private:
+  PoseErrors errors_;
+  double position_squares_{0};
+  double rotation_squares_{0};
+};
+
 /// The true pose at `at`: the sample of that instant, or between the two around it (position linear, attitude slerp).
 /// @param truth  sorted by time
 /// @return nullopt outside of the truth and where its samples are more than 50 ms apart.
