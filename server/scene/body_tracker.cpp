@@ -91,9 +91,10 @@ BodyState BodyTracker::state_at(Instant at) const {
 }
 
 bool BodyTracker::within_limits(const BodyPose& pose) const {
-  // Written so that a NaN anywhere fails.
+  const auto variances = pose.covariance.diagonal().array();
   return pose.X_WP.p.allFinite() && pose.X_WP.q.coeffs().allFinite() && pose.v_WP.allFinite() &&
-         pose.w_WP_P.allFinite() && pose.position_sigma_m() <= limits_.max_position_sigma_m &&
+         pose.w_WP_P.allFinite() && variances.isFinite().all() && (variances >= 0).all() &&
+         pose.position_sigma_m() <= limits_.max_position_sigma_m &&
          pose.rotation_sigma_rad() <= limits_.max_rotation_sigma_rad;
 }
 
