@@ -20,10 +20,10 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
       {"room.tag_size_m", [](RoomConfig& r) { r.tag_size_m = 0; }},
       {"room.gravity_m_s2", [](RoomConfig& r) { r.gravity_m_s2 = -1; }},
       {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
-      {"room.tags", [](RoomConfig& r) { r.tags = {{587, 0.1, {}, 0, 0}}; }},
-      {"room.tags[1].tag_id", [](RoomConfig& r) { r.tags = {{5, 0.1, {}, 0, 0}, {5, 0.1, {}, 0, 0}}; }},
-      {"room.tags[0].edge_m", [](RoomConfig& r) { r.tags = {{5, -0.1, {}, 0, 0}}; }},
-      {"room.tags[0].X_WT", [](RoomConfig& r) { r.tags = {{5, 0.1, {Eigen::Quaterniond(2, 0, 0, 0), {0, 0, 0}}, 0, 0}}; }}};
+      {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
+      {"room.tags[1].tag_id", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1), tag_at(5, 0.1)}; }},
+      {"room.tags[0].edge_m", [](RoomConfig& r) { r.tags = {tag_at(5, -0.1)}; }},
+      {"room.tags[0].X_WT", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1)}; r.tags[0].X_WT.q.w() = 2; }}};
   for (const auto& [path, break_it] : faults) {
     RoomConfig room;
     break_it(room);

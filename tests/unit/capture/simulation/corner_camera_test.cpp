@@ -12,7 +12,7 @@ namespace {
 class CornerCamera : public testing::Test {
  protected:
   CornerCamera() {
-    tags_ = {{7, 0.2, {}, 0, 0}};
+    tags_ = {tag_at(7, 0.2)};
     X_WV_ = {exp_so3({std::numbers::pi, 0, 0}), {0, 0, 2}};
     rules_.corner_noise_px = 0;
     rules_.miss_probability = 0;
@@ -61,7 +61,7 @@ TEST_F(CornerCamera, ATagThatIsTooSmallIsNotReported) {
 TEST_F(CornerCamera, ATagSeenTooFlatOrFromBehindIsNotReported) {
   rules_.min_side_px = 0;
   const auto look_from = [&](double tilt) {
-    X_WV_ = Pose{exp_so3({0, tilt, 0}), {}} * Pose{exp_so3({std::numbers::pi, 0, 0}), {0, 0, 2}};
+    X_WV_ = Pose{exp_so3({0, tilt, 0}), Eigen::Vector3d::Zero()} * Pose{exp_so3({std::numbers::pi, 0, 0}), {0, 0, 2}};
     return see().size();
   };
   EXPECT_EQ(look_from(1.25), 1u);
@@ -89,7 +89,7 @@ TEST_F(CornerCamera, SomeAreMissed) {
 }
 
 TEST_F(CornerCamera, SightingsAreSortedAndADoubledIdIsLeftOut) {
-  tags_ = {{9, 0.2, {Eigen::Quaterniond::Identity(), {-0.3, 0, 0}}, 0, 0}, {3, 0.2, {}, 0, 0}, {5, 0.2, {Eigen::Quaterniond::Identity(), {0.3, 0, 0}}, 0, 0}, {9, 0.2, {Eigen::Quaterniond::Identity(), {0, 0.3, 0}}, 0, 0}};
+  tags_ = {tag_at(9, 0.2, {-0.3, 0, 0}), tag_at(3, 0.2), tag_at(5, 0.2, {0.3, 0, 0}), tag_at(9, 0.2, {0, 0.3, 0})};
   const auto seen = see();
   ASSERT_EQ(seen.size(), 2u);
   EXPECT_EQ(seen[0].tag_id, 3);

@@ -60,7 +60,7 @@ TEST(PoseSpline, WeightsAddUpToOneAndTheirDerivativesToZero) {
     EXPECT_NEAR(PoseSpline::weights(u, 0).sum(), 1.0, 1e-14);
     EXPECT_NEAR(PoseSpline::weights(u, 1).sum(), 0.0, 1e-14);
     EXPECT_NEAR(PoseSpline::weights(u, 2).sum(), 0.0, 1e-14);
-    EXPECT_GE(PoseSpline::weights(u, 0).minCoeff(), 0.0);
+    EXPECT_GT(PoseSpline::weights(u, 0).minCoeff(), -1e-15);
   }
 }
 

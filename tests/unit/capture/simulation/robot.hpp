@@ -29,6 +29,15 @@ inline SimulatedBodyConfig corner_robot(const std::string& kind, std::uint64_t s
   return body;
 }
 
+/// A tag that faces z.
+inline RecordedTag tag_at(int id, double edge_m, const Eigen::Vector3d& p = Eigen::Vector3d::Zero()) {
+  RecordedTag tag;
+  tag.tag_id = id;
+  tag.edge_m = edge_m;
+  tag.X_WT.p = p;
+  return tag;
+}
+
 inline RoomConfig room_of(const std::string& preset) {
   RoomConfig room;
   room.preset = preset;

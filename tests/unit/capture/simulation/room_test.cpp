@@ -72,7 +72,7 @@ TEST(Room, PresetsHaveTheTagsOfTheirClass) {
 
 TEST(Room, OwnTagsAreAddedReplacedAndSorted) {
   RoomConfig room = room_of("table");
-  room.tags = {{40, 0.3, {}, 0, 0}, {1, 0, {Eigen::Quaterniond::Identity(), {1, 2, 3}}, 0, 0}};
+  room.tags = {tag_at(40, 0.3), tag_at(1, 0, {1, 2, 3})};
   const auto tags = tags_of(room);
   ASSERT_EQ(tags.size(), 4u);
   EXPECT_EQ(tags[1].X_WT.p, Eigen::Vector3d(1, 2, 3));
