@@ -365,6 +365,18 @@ TEST_F(ClientServerTest, CallsBackForEveryFrame) {
   ASSERT_TRUE(receives_frame(client, server, frame));
 }
 
+TEST_F(ClientServerTest, TellsANewListenerThatTheConnectionIsThere) {
+  TestServer server(*scene_);
+  Client client(options_for(server.port()));
+  ASSERT_TRUE(wait_until([&] { return client.statistics().connected; }));
+  std::promise<bool> told;
+  client.on_connection([&](bool connected) { told.set_value(connected); });
+  auto answer = told.get_future();
+  ASSERT_EQ(answer.wait_for(kPatience), std::future_status::ready);
+  EXPECT_TRUE(answer.get());
+  client.on_connection(nullptr);
+}
+
 TEST_F(ClientServerTest, WaitsForTheNextFrame) {
   TestServer server(*scene_);
   const Client client(options_for(server.port()));
@@ -465,6 +477,35 @@ TEST_F(ClientServerTest, LatestAllocatesNothingOnceTheFrameHasRoom) {
   for (int i = 0; i < 1000; ++i) ASSERT_TRUE(client.latest(frame));
   EXPECT_LT(allocations.count(), kOfARenewal);
   EXPECT_EQ(frame.bodies.size(), 50u);
+}
+
+TEST_F(ClientServerTest, ASteadyStreamAllocatesNothingOnEitherSide) {
+  boost::asio::io_context io;  // polled here: nothing but the client's thread runs beside the test
+  const FakeClock clock(instant_from_ns(1'000'000'000'000));
+  scene_ = make_scene_frame(names(20), 1);
+  native::NativeConfig config;
+  config.port = 0;
+  const auto server = native::start_native_server(io, config, scene_->model, clock);
+  ASSERT_TRUE(server) << server.error().text();
+  const Client client(options_for(native::bound_port(**server)));
+  ASSERT_TRUE(wait_until([&] {
+    io.poll();
+    return client.statistics().connected;
+  }));
+  const std::shared_ptr<SceneFrame> scene = scene_;
+  const auto send = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      ++scene->number;
+      (*server)->publish(scene);
+      ASSERT_TRUE(client.wait_for_frame(scene->number - 1, kPatience));
+    }
+  };
+  send(50);
+  // The renewal once a second is a new message each time; 300 frames that allocated would show far more.
+  constexpr std::uint64_t kOfARenewal = 100;
+  const AllocationCounter allocations;
+  send(300);
+  EXPECT_LT(allocations.count(), kOfARenewal);
 }
 
 TEST_F(ClientServerTest, AClientWithoutServerEndsAtOnce) {
