@@ -57,6 +57,11 @@ StepJacobians step_mean(FilterState& state, MotionSinceImage& motion, const Iner
   out.G_w.middleRows<3>(kBiasW).setZero();
   out.G_f = F.middleCols<3>(kBiasF);
   out.G_f.middleRows<3>(kBiasF).setZero();
+  if (!input.has_accelerometer) {
+    // No sensor, no bias: only the white acceleration itself remains.
+    F.middleCols<3>(kBiasF).setZero();
+    F.block<3, 3>(kBiasF, kBiasF).setIdentity();
+  }
   return out;
 }
 
