@@ -1,5 +1,5 @@
 // The web room with three fake robots in a fake hall of 24 tags, for the browser test and for working on the page:
-//   page_test_server [--port N] [--root FOLDER] [--bodies N]
+//   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
 // Prints the port, serves until its input ends.
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -45,7 +45,7 @@ MapTag tag(int id, const Pose& X_WT) {
   made.tag.tag_id = id;
   made.tag.edge_m = id < 8 ? 0.4 : 0.25;
   made.tag.X_WT = X_WT;
-  made.tag.covariance = Matrix6d::Identity() * (id < 16 ? 4e-6 : 9e-4);
+  made.tag.covariance = Matrix6d::Identity() * (id < 18 ? 4e-6 : 4e-4);
   made.state = id < 4 ? TagState::kSurveyed : id < 18 ? TagState::kCalibrated : TagState::kLocal;
   if (id == 23) made.state = TagState::kQuarantined;
   made.sightings = 40 * (24 - id);
@@ -112,20 +112,33 @@ void lose_sometimes(BodyPose& made, double t) {
   if (made.state == BodyState::kCoasting) made.covariance.topLeftCorner<6, 6>() *= 1 + 40 * (within - 22);
 }
 
+// The second robot was never placed, the third is lost for good.
+void trouble(std::vector<BodyPose>& bodies) {
+  for (std::size_t i = 1; i < std::min<std::size_t>(bodies.size(), 3); ++i) {
+    bodies[i].valid = false;
+    bodies[i].state = i == 1 ? BodyState::kSearching : BodyState::kLost;
+    bodies[i].tags_in_view = 0;
+  }
+}
+
 class Hall final {
  public:
-  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model)
-      : timer_(io), server_(server), model_(std::move(model)) {}
+  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model, bool troubled)
+      : timer_(io), server_(server), model_(std::move(model)), troubled_(troubled) {}
 
   void run() {
     timer_.expires_after(kPeriod);
     timer_.async_wait([this](boost::system::error_code error) {
-      if (error) return;
+      if (error || stopped_) return;
       publish();
       run();
     });
   }
-  void stop() { timer_.cancel(); }
+  void stop() {
+    // Cancelling alone misses a tick that already waits in the loop.
+    stopped_ = true;
+    timer_.cancel();
+  }
 
  private:
   void publish() {
@@ -141,6 +154,7 @@ class Hall final {
       frame->bodies.push_back(body(static_cast<int>(i), t));
       if (i == 2) lose_sometimes(frame->bodies.back(), t);
     }
+    if (troubled_) trouble(frame->bodies);
     if (number_ % 700 == 0) log::info("mapping", "tag " + std::to_string(number_ / 700 % 24) + " refined");
     if (number_ % 2300 == 0) log::warning("capture", "drone: image 31 ms late, dropped");
     server_.publish(frame);
@@ -152,6 +166,8 @@ class Hall final {
   std::shared_ptr<const SceneModel> model_;
   std::shared_ptr<const TagMap> map_{hall()};
   std::uint64_t number_{0};
+  bool troubled_;
+  bool stopped_{false};
 };
 
 std::shared_ptr<const SceneModel> robots(int count) {
@@ -169,10 +185,12 @@ int main(int argc, char** argv) {
   web::WebConfig config;
   config.port = 0;
   int bodies = 3;
+  bool troubled = false;
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string_view option = argv[i];
     if (option == "--port") config.port = static_cast<std::uint16_t>(std::atoi(argv[i + 1]));
     if (option == "--root") config.root = argv[i + 1];
+    if (option == "--trouble") troubled = std::string_view(argv[i + 1]) == "1";
     if (option == "--bodies") bodies = std::atoi(argv[i + 1]);
   }
   boost::asio::io_context io;
@@ -200,7 +218,7 @@ int main(int argc, char** argv) {
   std::printf("%d\n", server->port());
   std::fflush(stdout);
 
-  Hall hall(io, *server, model);
+  Hall hall(io, *server, model, troubled);
   hall.run();
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
   char ignored[64];

@@ -6,44 +6,73 @@ import { bodyColour, STATE_WORD } from './theme';
 interface Column {
   name: string;
   title: string;
+  /** Of the 48 grid columns that both rows share. */
+  span: number;
+  /** Beside the heading instead of beside every value. */
+  fixedUnit?: string;
   read(body: BodyFrame): Quantity;
 }
 
-const axis = (name: string, i: 0 | 1 | 2): Column => ({
+const GRID_COLUMNS = 48;
+
+const axis = (name: string, i: 0 | 1 | 2, span: number): Column => ({
   name,
   title: `Position ${name}, workspace axes`,
-  read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: 'm' }),
+  span,
+  fixedUnit: 'm',
+  read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: '' }),
 });
 
-// Two rows per body. Twelve grid columns: four wide cells above six narrow ones.
+// Two rows per body: where it is in large figures, how well that is known below. z and speed rarely need five digits.
 const PLACE: Column[] = [
-  axis('x', 0),
-  axis('y', 1),
-  axis('z', 2),
+  axis('x', 0, 13),
+  axis('y', 1, 13),
+  axis('z', 2, 12),
   {
     name: 'speed',
     title: 'Speed of the body',
-    read: (body) => ({ value: fixed(body.pose?.speed ?? null, 2), unit: 'm/s' }),
+    span: 10,
+    fixedUnit: 'm/s',
+    read: (body) => ({ value: fixed(body.pose?.speed ?? null, 2), unit: '' }),
   },
 ];
 
+const QUALITY_SPAN = 8;
 const QUALITY: Column[] = [
-  { name: '1σ pos', title: 'Position 1-sigma, worst axis', read: (body) => length(body.pose?.sigmaMm ?? null) },
+  {
+    name: '1σ pos',
+    title: 'Position 1-sigma, worst axis',
+    span: QUALITY_SPAN,
+    read: (body) => length(body.pose?.sigmaMm ?? null),
+  },
   {
     name: '1σ rot',
     title: 'Attitude 1-sigma, worst axis',
+    span: QUALITY_SPAN,
     read: (body) => ({ value: compact(body.pose?.sigmaDeg ?? null, 2), unit: '°' }),
   },
-  { name: 'tags', title: 'Tags used in the newest image', read: (body) => ({ value: String(body.tags), unit: '' }) },
-  { name: 'age', title: 'Since the last image with a used tag', read: (body) => duration(body.pose?.ageMs ?? null) },
+  {
+    name: 'tags',
+    title: 'Tags used in the newest image',
+    span: QUALITY_SPAN,
+    read: (body) => ({ value: String(body.tags), unit: '' }),
+  },
+  {
+    name: 'age',
+    title: 'Since the last image with a used tag',
+    span: QUALITY_SPAN,
+    read: (body) => duration(body.pose?.ageMs ?? null),
+  },
   {
     name: 'latency',
     title: 'Arrival of the newest image to its update done',
+    span: QUALITY_SPAN,
     read: (body) => ({ value: compact(body.latencyMs, 1), unit: 'ms' }),
   },
   {
     name: 'images',
     title: 'Images per second',
+    span: QUALITY_SPAN,
     read: (body) => ({ value: compact(body.imageRateHz, 1), unit: 'Hz' }),
   },
 ];
@@ -125,7 +154,7 @@ export class BodiesTable {
     title.append(name, note, state);
     caption.append(title);
     const columns = element('colgroup');
-    for (let i = 0; i < 12; ++i) columns.append(element('col'));
+    for (let i = 0; i < GRID_COLUMNS; ++i) columns.append(element('col'));
     table.append(caption, columns);
     const cells = [...addRows(table, body.id, PLACE, 'place'), ...addRows(table, body.id, QUALITY, 'quality')];
     root.append(table);
@@ -150,7 +179,8 @@ function addRows(table: HTMLTableElement, bodyId: number, columns: Column[], kin
     head.id = `body-${bodyId}-${column.name.replace(/\W/g, '-')}`;
     head.scope = 'col';
     head.title = column.title;
-    head.colSpan = 12 / columns.length;
+    head.colSpan = column.span;
+    if (column.fixedUnit) head.append(element('span', 'unit', column.fixedUnit));
     const cell = element('td');
     cell.headers = head.id;
     cell.colSpan = head.colSpan;

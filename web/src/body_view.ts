@@ -23,8 +23,17 @@ import { ROOM, STATE_WORD } from './theme';
 import { Trail } from './trail';
 
 // A marker is at least this large, and at least this part of its distance: legible from across the lab.
-const SMALLEST_M = 0.22;
-const PART_OF_DISTANCE = 0.03;
+const SMALLEST_M = 0.25;
+const PART_OF_DISTANCE = 0.042;
+const ABOVE_PX = 20;
+
+/** CSS pixels from the upper left corner of the stage. */
+export interface Box {
+  x: number;
+  y: number;
+  width: number;
+  height: number;
+}
 
 /** One body in the room: a dart that points along its x axis, its own axes, a plumb line to the floor, trail and name. */
 export class BodyView {
@@ -45,6 +54,8 @@ export class BodyView {
   private readonly toQ = new Quaternion();
   private readonly stateText = element('span', 'substate');
   private placed = false;
+  // Measured once per text: asking the browser at every step would make it lay out the page.
+  private labelSize: { width: number; height: number } | null = null;
   private frame: BodyFrame | null = null;
   private sigmaScale = 0;
 
@@ -108,14 +119,19 @@ export class BodyView {
     this.ellipsoid.matrix.setPosition(this.shown);
   }
 
-  /** Puts the name beside the marker. @param width, height  of the stage, CSS pixels */
-  placeLabel(camera: Camera, width: number, height: number): void {
+  /** Where the name would like to be: above the marker. null: out of sight. @param width, height  of the stage */
+  labelBox(camera: Camera, width: number, height: number): Box | null {
     const at = this.shown.clone().project(camera);
     this.label.hidden = !this.placed || at.z > 1 || Math.abs(at.x) > 1.05 || Math.abs(at.y) > 1.05;
-    if (this.label.hidden) return;
-    const x = ((at.x + 1) / 2) * width;
-    const y = ((1 - at.y) / 2) * height;
-    this.label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px) translate(-50%, calc(-100% - 20px))`;
+    if (this.label.hidden) return null;
+    if (!this.labelSize) this.labelSize = { width: this.label.offsetWidth, height: this.label.offsetHeight };
+    const middle = ((at.x + 1) / 2) * width;
+    const y = ((1 - at.y) / 2) * height - this.labelSize.height - ABOVE_PX;
+    return { x: middle - this.labelSize.width / 2, y, ...this.labelSize };
+  }
+
+  placeLabel(box: Box): void {
+    this.label.style.transform = `translate(${box.x.toFixed(1)}px, ${box.y.toFixed(1)}px)`;
   }
 
   dispose(): void {
@@ -132,7 +148,9 @@ export class BodyView {
     this.dartMaterial.color.set(frame.valid ? this.colour : ROOM.invalid);
     this.dartMaterial.wireframe = !frame.valid;
     this.label.classList.toggle('invalid', !frame.valid);
-    setText(this.stateText, frame.state === 'tracking' && frame.valid ? '' : noteOf(frame));
+    const note = frame.state === 'tracking' && frame.valid ? '' : noteOf(frame);
+    if (this.stateText.textContent !== note) this.labelSize = null;
+    setText(this.stateText, note);
     const cov = frame.valid ? frame.pose?.cov : null;
     this.ellipsoid.visible = Boolean(cov) && this.sigmaScale > 0;
     if (!cov || !frame.pose) return;

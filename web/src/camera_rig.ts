@@ -1,11 +1,10 @@
-import { PerspectiveCamera, Spherical, Vector3 } from 'three';
+import { Box3, PerspectiveCamera, Spherical, Vector3 } from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import type { Extent } from './room_view';
 
-const OBLIQUE = new Vector3(0.42, -1, 0.78).normalize();
+const OBLIQUE = new Vector3(0.24, -0.9, 0.88).normalize();
 // Not exactly down: up would not be defined.
 const DOWN = new Vector3(0, -0.001, 1).normalize();
-const FILLED = 0.93;
+const FILLED = 0.95;
 const FLIGHT_MS = 450;
 const FOLLOW_DISTANCE_M = 4.5;
 
@@ -50,10 +49,10 @@ export class CameraRig {
     return this.followed !== null;
   }
 
-  /** The whole room, obliquely or from above. @param at  now, ms */
-  show(room: Extent, from: 'oblique' | 'top', at: number | null): void {
+  /** All of `landmarks`, obliquely or from above. @param at  now, ms; null: at once */
+  show(landmarks: Vector3[], from: 'oblique' | 'top', at: number | null): void {
     this.followed = null;
-    const { target, eye } = this.framing(room, from === 'top' ? DOWN : OBLIQUE);
+    const { target, eye } = this.framing(landmarks, from === 'top' ? DOWN : OBLIQUE);
     this.go(eye, target, at);
   }
 
@@ -112,20 +111,17 @@ export class CameraRig {
     if (part === 1) this.flight = null;
   }
 
-  /** The nearest eye in this direction that sees all of the room's box, found by halving, and centred on the screen. */
-  private framing(room: Extent, direction: Vector3): { target: Vector3; eye: Vector3 } {
-    const target = new Vector3((room.x0 + room.x1) / 2, (room.y0 + room.y1) / 2, room.top * 0.25);
+  /** The nearest eye in this direction that sees all landmarks, found by halving, with their middle in the middle. */
+  private framing(landmarks: Vector3[], direction: Vector3): { target: Vector3; eye: Vector3 } {
+    const target = new Box3().setFromPoints(landmarks).getCenter(new Vector3());
     const probe = this.camera.clone();
-    const corners = [room.x0 - 0.4, room.x1 + 0.8].flatMap((x) =>
-      [room.y0 - 0.9, room.y1].flatMap((y) => [0, room.top].map((z) => new Vector3(x, y, z))),
-    );
     const place = (distance: number): void => {
       probe.position.copy(target).addScaledVector(direction, distance);
       probe.lookAt(target);
       probe.updateMatrixWorld();
     };
     const bounds = (): { x: [number, number]; y: [number, number] } => {
-      const seen = corners.map((corner) => corner.clone().project(probe));
+      const seen = landmarks.map((landmark) => landmark.clone().project(probe));
       const xs = seen.map((p) => p.x);
       const ys = seen.map((p) => p.y);
       return { x: [Math.min(...xs), Math.max(...xs)], y: [Math.min(...ys), Math.max(...ys)] };
@@ -135,7 +131,7 @@ export class CameraRig {
     for (let i = 0; i < 24; ++i) {
       const middle = (near + far) / 2;
       place(middle);
-      // Move the target so that the box is in the middle, then ask whether it fits.
+      // Move the target so that the picture is in the middle, then ask whether it fits.
       const { x, y } = bounds();
       const reach = middle * Math.tan((probe.fov * Math.PI) / 360);
       const right = new Vector3().setFromMatrixColumn(probe.matrixWorld, 0);

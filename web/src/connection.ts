@@ -3,6 +3,8 @@ import { parseMessage, type Message } from './protocol';
 export type LinkState = 'connecting' | 'live' | 'stale' | 'offline';
 
 export interface ConnectionEvents {
+  /** A new socket: everything comes again from the start. */
+  opened(): void;
   message(message: Message): void;
   /** @param silentMs since the last frame; null before the first */
   link(state: LinkState, silentMs: number | null): void;
@@ -53,6 +55,7 @@ export class Connection {
     const socket = new WebSocket(this.url);
     this.socket = socket;
     this.lastMessageAt = performance.now();
+    socket.onopen = () => this.events.opened();
     socket.onmessage = (event) => this.receive(socket, event);
     socket.onclose = () => this.closed(socket);
   }

@@ -10,7 +10,7 @@ export class LogPanel {
 
   constructor(private readonly host: HTMLElement) {}
 
-  /** A server that started again counts from one. */
+  /** Everything comes again: a new socket, perhaps of a server that started again and counts from one. */
   restart(): void {
     this.newest = 0;
     this.host.replaceChildren();

@@ -10,7 +10,8 @@ import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
 import { TAG_COLOUR } from './theme';
 
-const CHART_TITLE: Record<ChartQuantity, string> = { sigma: 'Uncertainty 1σ', latency: 'Latency, image to pose' };
+const TAG_STATES: TagState[] = ['surveyed', 'calibrated', 'local', 'quarantined'];
+const CHART_TITLE: Record<ChartQuantity, string> = { sigma: 'Position uncertainty 1σ, mm', latency: 'Latency from image to pose, ms' };
 
 /** Wires the panels to the messages. */
 class Page {
@@ -21,16 +22,14 @@ class Page {
   private readonly chart = new StripChart(byId('chart'));
   private hello: Hello | null = null;
   private map: TagMap | null = null;
-  private lastNumber = 0;
   private chosen: number | null = null;
 
   constructor() {
-    for (const state of ['surveyed', 'calibrated', 'local', 'quarantined'] as TagState[]) {
-      const item = element('li', '', state);
-      item.style.setProperty('--tag', TAG_COLOUR[state]);
-      byId('legend').append(item);
-    }
     this.wireTools();
+  }
+
+  opened(): void {
+    this.log.restart();
   }
 
   receive(message: Message): void {
@@ -54,6 +53,8 @@ class Page {
   }
 
   private onHello(hello: Hello): void {
+    // A wall screen outlives its server: a newer one brings a newer page.
+    if (this.hello && this.hello.version !== hello.version) return location.reload();
     const sameBodies = JSON.stringify(this.hello?.bodies) === JSON.stringify(hello.bodies);
     this.hello = hello;
     setText(byId('server-name'), `${hello.server} ${hello.version}`.trim());
@@ -68,14 +69,15 @@ class Page {
   }
 
   private onMap(map: TagMap): void {
-    if (map !== this.map) this.scene?.setMap(map.tags);
+    if (map !== this.map) {
+      this.scene?.setMap(map.tags);
+      showLegend(map);
+    }
     this.map = map;
     setText(byId('map-line'), mapLine(map, this.hello?.mapMode ?? ''));
   }
 
   private onFrame(frame: Frame): void {
-    if (frame.number < this.lastNumber) this.log.restart(); // the server itself started again
-    this.lastNumber = frame.number;
     this.bodies.update(frame.bodies);
     this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
     this.chart.add(frame.utcMs, frame.bodies);
@@ -131,6 +133,18 @@ class Page {
   }
 }
 
+/** `calibrated 14`, each in its colour; only what there is. */
+function showLegend(map: TagMap): void {
+  const items = TAG_STATES.flatMap((state) => {
+    const number = map.tags.filter((tag) => tag.state === state).length;
+    if (number === 0) return [];
+    const item = element('li', '', `${number} ${state}`);
+    item.style.setProperty('--tag', TAG_COLOUR[state]);
+    return [item];
+  });
+  byId('legend').replaceChildren(...items);
+}
+
 /** Without WebGL everything but the picture still works. */
 function makeScene(): Scene3D | null {
   try {
@@ -161,6 +175,7 @@ function linkText(state: LinkState, silentMs: number | null, rateHz: number | nu
 
 const page = new Page();
 new Connection(liveUrl(document.baseURI), {
+  opened: () => page.opened(),
   message: (message) => page.receive(message),
   link: (state, silentMs) => page.link(state, silentMs),
 }).start();

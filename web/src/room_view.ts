@@ -24,17 +24,16 @@ export interface Extent {
 
 export const EMPTY_ROOM: Extent = { x0: -3, x1: 3, y0: -3, y1: 3, top: 2 };
 
-/** The floor rectangle that holds `points`, with a margin, in whole metres. */
+/** The floor rectangle that holds `points`, and the origin, in whole metres. */
 export function extentOf(points: readonly (readonly [number, number, number])[]): Extent {
   if (points.length === 0) return EMPTY_ROOM;
   const xs = points.map((p) => p[0]);
   const ys = points.map((p) => p[1]);
-  const margin = 0.4;
   return {
-    x0: Math.floor(Math.min(...xs, 0) - margin),
-    x1: Math.ceil(Math.max(...xs, 0) + margin),
-    y0: Math.floor(Math.min(...ys, 0) - margin),
-    y1: Math.ceil(Math.max(...ys, 0) + margin),
+    x0: Math.floor(Math.min(...xs, 0)),
+    x1: Math.ceil(Math.max(...xs, 0)),
+    y0: Math.floor(Math.min(...ys, 0)),
+    y1: Math.ceil(Math.max(...ys, 0)),
     top: Math.max(1, ...points.map((p) => p[2])),
   };
 }
@@ -47,15 +46,16 @@ export function sameExtent(a: Extent, b: Extent): boolean {
 export class RoomView {
   readonly group = new Group();
 
-  set(extent: Extent): void {
+  /** @param narrow  a small screen: fewer marks */
+  set(extent: Extent, narrow: boolean): void {
     disposeChildren(this.group);
     this.group.add(floor(extent), grid(extent), axes());
-    this.addMarks(extent);
+    this.addMarks(extent, narrow);
   }
 
-  private addMarks(extent: Extent): void {
+  private addMarks(extent: Extent, narrow: boolean): void {
     const { x0, x1, y0, y1 } = extent;
-    const step = Math.max(x1 - x0, y1 - y0) > 14 ? 5 : 1;
+    const step = Math.max(x1 - x0, y1 - y0) > 14 ? 5 : narrow ? 2 : 1;
     const look = { px: 13, colour: ROOM.mark };
     const mark = (text: string, x: number, y: number): void => {
       const sprite = textSprite(text, look);

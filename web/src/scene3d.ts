@@ -1,5 +1,5 @@
-import { Color, DirectionalLight, HemisphereLight, Scene, SRGBColorSpace, WebGLRenderer } from 'three';
-import { BodyView } from './body_view';
+import { Color, DirectionalLight, HemisphereLight, Scene, SRGBColorSpace, Vector3, WebGLRenderer } from 'three';
+import { BodyView, type Box } from './body_view';
 import { CameraRig } from './camera_rig';
 import { element } from './dom';
 import type { BodyFrame, BodyName, MapTag } from './protocol';
@@ -12,6 +12,7 @@ const FRAME_MS = 1000 / 30; // smooth enough for robots, half the work of a scre
 const SIGMA_SCALES = [0, 1, 10, 100] as const;
 const SHARPEST = 2;
 const KEY_TURN = 0.12;
+const NARROW_PX = 600;
 
 /** The room in three dimensions. Draws only while something moves. */
 export class Scene3D {
@@ -52,12 +53,11 @@ export class Scene3D {
     sun.position.set(-3, -5, 9);
     this.scene.add(new HemisphereLight('#dfe9f2', '#3a4650', 1.6), sun);
     this.scene.add(this.room.group, this.tags.group);
-    this.room.set(this.extent);
     this.tags.setSigmaScale(this.sigma);
     canvas.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe(host);
     this.resize();
-    this.rig.show(this.extent, 'oblique', null);
+    this.rig.show(this.landmarks(), 'oblique', null);
   }
 
   setBodies(bodies: BodyName[]): void {
@@ -101,7 +101,7 @@ export class Scene3D {
   }
 
   showRoom(from: 'oblique' | 'top'): void {
-    this.rig.show(this.extent, from, performance.now());
+    this.rig.show(this.landmarks(), from, performance.now());
     this.draw();
   }
 
@@ -129,13 +129,20 @@ export class Scene3D {
     return x < x0 || x > x1 || y < y0 || y > y1 || z > top + 1;
   }
 
+  /** What a view of the room must show: the floor with its marks, and every tag. */
+  private landmarks(): Vector3[] {
+    const { x0, x1, y0, y1 } = this.extent;
+    const floor = [x0 - 0.2, x1 + 0.7].flatMap((x) => [y0 - 0.8, y1].map((y) => new Vector3(x, y, 0)));
+    return [...floor, ...this.tagPoints.map(([x, y, z]) => new Vector3(x, y, z + 0.2))];
+  }
+
   private grow(points: [number, number, number][]): void {
     const extent = extentOf(points);
     if (sameExtent(extent, this.extent)) return;
     this.extent = extent;
-    this.room.set(extent);
+    this.room.set(extent, this.width < NARROW_PX);
     fitSprites(this.room.group, this.rig.camera, this.height);
-    if (!this.rig.touched && !this.rig.following) this.rig.show(extent, 'oblique', null);
+    if (!this.rig.touched && !this.rig.following) this.rig.show(this.landmarks(), 'oblique', null);
   }
 
   private resize(): void {
@@ -145,9 +152,11 @@ export class Scene3D {
     this.renderer.setSize(this.width, this.height);
     this.rig.camera.aspect = this.width / this.height;
     this.rig.camera.updateProjectionMatrix();
+    this.room.set(this.extent, this.width < NARROW_PX);
+    this.tags.showLabels(this.width >= NARROW_PX);
     fitSprites(this.scene, this.rig.camera, this.height);
     for (const body of this.bodies.values()) body.trail.resize(this.width, this.height);
-    if (!this.rig.touched && !this.rig.following) this.rig.show(this.extent, 'oblique', null);
+    if (!this.rig.touched && !this.rig.following) this.rig.show(this.landmarks(), 'oblique', null);
     this.draw();
   }
 
@@ -167,6 +176,18 @@ export class Scene3D {
     this.draw();
   }
 
+  /** Names beside their bodies; one that would cover another moves above it. */
+  private placeLabels(): void {
+    const taken: Box[] = [];
+    for (const body of this.bodies.values()) {
+      const box = body.labelBox(this.rig.camera, this.width, this.height);
+      if (!box) continue;
+      for (let blocker; (blocker = taken.find((other) => overlap(box, other))); ) box.y = blocker.y - box.height - 3;
+      body.placeLabel(box);
+      taken.push(box);
+    }
+  }
+
   /** Draws soon. */
   private draw(): void {
     if (this.wanted) return;
@@ -182,7 +203,11 @@ export class Scene3D {
     for (const body of this.bodies.values()) body.move(part, this.rig.camera);
     const moving = this.rig.step(at);
     this.renderer.render(this.scene, this.rig.camera);
-    for (const body of this.bodies.values()) body.placeLabel(this.rig.camera, this.width, this.height);
+    this.placeLabels();
     if (moving || part < 1) this.draw();
   }
+}
+
+function overlap(a: Box, b: Box): boolean {
+  return a.x < b.x + b.width && b.x < a.x + a.width && a.y < b.y + b.height && b.y < a.y + a.height;
 }

@@ -31,9 +31,11 @@ export class TagsView {
   readonly group = new Group();
   private ellipsoids: InstancedMesh | null = null;
   private tags: MapTag[] = [];
+  private readonly labels = new Group();
   private sigmaScale = 0;
 
   set(tags: MapTag[]): void {
+    disposeChildren(this.labels);
     disposeChildren(this.group);
     this.ellipsoids = null;
     this.tags = tags;
@@ -41,10 +43,16 @@ export class TagsView {
     const perRow = Math.ceil(Math.sqrt(tags.length));
     const geometry = squares(tags, perRow);
     const front = new MeshBasicMaterial({ map: atlas(tags, perRow), side: FrontSide });
-    const back = new MeshBasicMaterial({ color: ROOM.lineStrong, side: BackSide });
+    const back = new MeshBasicMaterial({ vertexColors: true, side: BackSide });
     this.group.add(new Mesh(geometry, front), new Mesh(geometry, back));
+    this.group.add(this.labels);
     if (tags.length <= MOST_LABELS) this.addLabels();
     this.setSigmaScale(this.sigmaScale);
+  }
+
+  /** On a small screen the ids are read on the tags themselves. */
+  showLabels(visible: boolean): void {
+    this.labels.visible = visible;
   }
 
   /** @param scale  0: none */
@@ -75,7 +83,7 @@ export class TagsView {
       // A little beyond the upper edge, so that it does not cover the tag.
       const above = new Vector3(0, tag.edgeM * 0.5 + 0.14, 0).applyQuaternion(rotation(tag)).add(new Vector3(...tag.p));
       label.position.copy(above);
-      this.group.add(label);
+      this.labels.add(label);
     }
   }
 }
@@ -104,15 +112,19 @@ const SHEET = 1.5;
 function squares(tags: MapTag[], perRow: number): BufferGeometry {
   const positions: number[] = [];
   const uvs: number[] = [];
+  const backs: number[] = [];
   const indices: number[] = [];
   tags.forEach((tag, i) => {
     const half = (tag.edgeM * SHEET) / 2;
     const turn = rotation(tag);
+    // Seen from behind a tag is dark paper with a breath of its state.
+    const back = new Color(ROOM.line).lerp(new Color(TAG_COLOUR[tag.state]), 0.18);
     const corners: [number, number][] = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
     for (const [cx, cy] of corners) {
       // A hair in front of the floor or wall it hangs on.
       const corner = new Vector3(cx * half, cy * half, 0.004).applyQuaternion(turn);
       positions.push(corner.x + tag.p[0], corner.y + tag.p[1], corner.z + tag.p[2]);
+      backs.push(back.r, back.g, back.b);
       uvs.push(((i % perRow) + (cx + 1) / 2) / perRow, 1 - (Math.floor(i / perRow) + (1 - cy) / 2) / perRow);
     }
     const first = 4 * i;
@@ -121,6 +133,7 @@ function squares(tags: MapTag[], perRow: number): BufferGeometry {
   const geometry = new BufferGeometry();
   geometry.setAttribute('position', new Float32BufferAttribute(positions, 3));
   geometry.setAttribute('uv', new Float32BufferAttribute(uvs, 2));
+  geometry.setAttribute('color', new Float32BufferAttribute(backs, 3));
   geometry.setIndex(indices);
   return geometry;
 }
