@@ -7,6 +7,7 @@
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
+#include "mapping/map_diff.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
@@ -28,16 +29,9 @@ struct StoredExtrinsics {
   Pose X_BV;
 };
 
-/// How far one tag moved between two versions.
-struct TagChange {
-  int tag_id{};
-  enum class Kind { kAdded, kRemoved, kMoved } kind{Kind::kMoved};
-  double distance_mm{};
-  double angle_deg{};
-};
-
 /// Every accepted version of one map, in one SQLite file (WAL, synchronous=FULL). A kill at any instant loses at most
-/// the version being written. One process writes; others may read.
+/// the version being written; a version that `commit` returned is on the disk. One process writes; others may read.
+/// Each version carries the hash of its content, checked when it is loaded. Not thread-safe.
 class MapStore final {
  public:
   /// Opens or creates. A damaged file is an Error that says so and what to do; it is never overwritten.
@@ -46,7 +40,8 @@ class MapStore final {
   MapStore(MapStore&&) noexcept;
   MapStore& operator=(MapStore&&) noexcept;
 
-  /// Writes `map` as the next version in one transaction.
+  /// Writes `map` as the next version in one transaction; `created_utc_ns` is the caller's. Its parent is the version
+  /// `map` came from, so an old version committed again is a roll-back that the history shows.
   /// @return the map with version, parent and hash filled in; Error on a full or read-only disk, the store as it was.
   [[nodiscard]] Expected<TagMap> commit(const TagMap& map, const std::string& comment);
   /// @return the newest version, or an empty map of version 0 when nothing was committed yet.
@@ -61,8 +56,5 @@ class MapStore final {
   explicit MapStore(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
-
-/// Added, removed and moved tags (above 1 µm or 1 µrad), sorted by id.
-[[nodiscard]] std::vector<TagChange> diff(const TagMap& before, const TagMap& after);
 
 }  // namespace fiducap

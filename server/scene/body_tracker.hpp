@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "base/config_check.hpp"
 #include "base/time.hpp"
@@ -22,37 +24,51 @@ struct BodyLimits {
 };
 
 /// The life of one body: searching → tracking → coasting → lost, and whether its pose may be shown.
+///
+/// searching until a used tag ties the body to the workspace; tracking and coasting by the age of the last used tag;
+/// lost from `lose_after_s` on, or when the source ended, until a tag is used again. A pose is valid while tracking or
+/// coasting with both sigmas inside the limits. An invalid pose is history: what the last used tag said.
 /// Not thread-safe; Scene guards it.
 class BodyTracker final {
  public:
   BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
               const EstimatorConfig& estimator);
 
+  /// A reading straight from the device (see OutputPredictor).
   void add_imu(const ImuSample& imu);
+  /// What the filter said to one image, also when no tag was in it.
+  /// @param estimate    nullopt: the filter does not run
   /// @param processing  arrival of the image → now
   void ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report, Duration processing,
               std::uint64_t images_dropped);
-  /// The source ended or failed.
+  /// The source ended or failed: lost until the next image.
   void source_lost();
-  /// The body at one instant, pivot applied (lever arm included), state and validity decided.
+  /// The body at one instant, pivot applied (lever arm included), state and validity decided. Overwrites all of `out`.
   void sample(Instant at, BodyPose& out) const;
-  /// True once after the body became lost: the filter must start again.
+  /// True when the body is lost and its filter still holds on to the old place: call filter.reset() before the next
+  /// update(). Ask once per image, with its exposed_at; true until an estimate that starts anew was ingested.
   [[nodiscard]] bool wants_reset(Instant now) const;
 
  private:
-  [[nodiscard]] BodyState state_at(Instant at, const BodyPose& pose) const;
+  [[nodiscard]] BodyState state_at(Instant at) const;
+  [[nodiscard]] bool unseen_for(Instant at, double seconds) const;
+  [[nodiscard]] bool within_limits(const BodyPose& pose) const;
+  [[nodiscard]] double image_rate_at(Instant at) const;
+  void count_image(Instant exposed_at);
 
   int body_id_;
   Pose X_BP_;
   BodyLimits limits_;
+  double rate_variance_;  ///< (rad/s)², gyro noise of one sample.
   OutputPredictor predictor_;
   bool anchored_{false};
   bool source_lost_{false};
+  std::optional<BodyEstimate> last_seen_;  ///< The anchored estimate of the last used tag.
   std::optional<Instant> last_tag_at_;
   std::optional<Instant> last_image_at_;
+  double image_interval_s_{0};  ///< Smoothed; 0: not known.
   UpdateReport report_;
   Duration processing_{};
-  double image_rate_hz_{0};
   std::uint64_t images_dropped_{0};
 };
 

@@ -19,12 +19,13 @@ struct SceneBody {
   EstimatorConfig estimator;
 };
 
-/// All bodies. The one object that several threads enter: one mutex per body inside, immutable frames out.
+/// All bodies. The one object that several threads enter: one mutex per body inside, held for the few microseconds of
+/// that body's prediction and never two at a time; immutable frames out.
 class Scene final {
  public:
   explicit Scene(const std::vector<SceneBody>& bodies);
 
-  /// @param body  index in the constructor's list
+  /// @param body  index in the constructor's list; what the calls mean is said in BodyTracker
   void add_imu(std::size_t body, const ImuSample& imu);
   void ingest(std::size_t body, const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
               Duration processing, std::uint64_t images_dropped);
@@ -42,6 +43,8 @@ class Scene final {
     BodyTracker tracker;
     explicit Guarded(BodyTracker t) : tracker(std::move(t)) {}
   };
+  [[nodiscard]] Guarded& guarded(std::size_t body) const;
+
   std::shared_ptr<const SceneModel> model_;
   std::vector<std::unique_ptr<Guarded>> bodies_;
   ObjectPool<SceneFrame> frames_;

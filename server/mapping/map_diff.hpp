@@ -1,0 +1,20 @@
+#pragma once
+
+#include <vector>
+
+#include "mapping/tag_map.hpp"
+
+namespace fiducap {
+
+/// How far one tag moved between two versions.
+struct TagChange {
+  int tag_id{};
+  enum class Kind { kAdded, kRemoved, kMoved } kind{Kind::kMoved};
+  double distance_mm{};
+  double angle_deg{};
+};
+
+/// Added, removed and moved tags (above 1 µm or 1 µrad), sorted by id.
+[[nodiscard]] std::vector<TagChange> diff(const TagMap& before, const TagMap& after);
+
+}  // namespace fiducap

@@ -1,0 +1,176 @@
+#include "mapping/sqlite_file.hpp"
+
+#include <sqlite3.h>
+
+#include <utility>
+
+namespace fiducap {
+
+namespace {
+
+constexpr int kBusyTimeout_ms = 500;
+
+Error error_of(int code, const std::string& detail, const std::string& path) {
+  switch (code & 0xff) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return {ErrorCode::kUnavailable, "another process is writing to it; stop that one or try again", path};
+    case SQLITE_FULL:
+      return {ErrorCode::kUnavailable, "the disk is full; nothing was stored, free some space and try again", path};
+    case SQLITE_READONLY:
+      return {ErrorCode::kUnavailable, "is read-only; nothing was stored", path};
+    case SQLITE_CANTOPEN:
+      return {ErrorCode::kUnavailable, "cannot be opened; the folder must exist and be writable", path};
+    case SQLITE_IOERR:
+      return {ErrorCode::kUnavailable, "the disk refuses (" + detail + "); nothing was stored", path};
+    case SQLITE_NOTADB:
+    case SQLITE_CORRUPT:
+      return {ErrorCode::kInvalid,
+              "is damaged or not a map store (" + detail + "); it was not changed: restore a copy of it, or move it away",
+              path};
+    default:
+      return {ErrorCode::kInvalid, "SQLite says: " + detail, path};
+  }
+}
+
+}  // namespace
+
+// --- SqliteStatement ---
+
+void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+
+SqliteStatement::SqliteStatement(sqlite3* file, std::string path, std::string_view sql)
+    : file_(file), path_(std::move(path)) {
+  sqlite3_stmt* statement = nullptr;
+  keep(sqlite3_prepare_v2(file_, sql.data(), static_cast<int>(sql.size()), &statement, nullptr));
+  statement_.reset(statement);
+}
+
+void SqliteStatement::keep(int code) {
+  if (failure_ != SQLITE_OK || code == SQLITE_OK) return;
+  failure_ = code;
+  error_ = error_of(code, sqlite3_errmsg(file_), path_);
+}
+
+SqliteStatement& SqliteStatement::bind(std::int64_t value) {
+  if (failure_ == SQLITE_OK) keep(sqlite3_bind_int64(statement_.get(), ++bound_, value));
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::bind(double value) {
+  if (failure_ == SQLITE_OK) keep(sqlite3_bind_double(statement_.get(), ++bound_, value));
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::bind(const std::string& value) {
+  if (failure_ != SQLITE_OK) return *this;
+  keep(sqlite3_bind_text64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::bind(std::span<const std::byte> value) {
+  if (failure_ != SQLITE_OK) return *this;
+  keep(sqlite3_bind_blob64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT));
+  return *this;
+}
+
+SqliteStatement& SqliteStatement::bind_null() {
+  if (failure_ == SQLITE_OK) keep(sqlite3_bind_null(statement_.get(), ++bound_));
+  return *this;
+}
+
+Expected<bool> SqliteStatement::step() {
+  if (failure_ == SQLITE_OK) {
+    const int code = sqlite3_step(statement_.get());
+    if (code == SQLITE_ROW) return true;
+    if (code == SQLITE_DONE) return false;
+    keep(code);
+  }
+  return tl::unexpected<Error>(error_);
+}
+
+Expected<void> SqliteStatement::run() {
+  if (auto stepped = step(); !stepped) return tl::unexpected<Error>(stepped.error());
+  sqlite3_reset(statement_.get());
+  bound_ = 0;
+  return {};
+}
+
+bool SqliteStatement::is_null(int column) const {
+  return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
+}
+
+std::int64_t SqliteStatement::integer(int column) const { return sqlite3_column_int64(statement_.get(), column); }
+
+double SqliteStatement::real(int column) const { return sqlite3_column_double(statement_.get(), column); }
+
+std::string SqliteStatement::text(int column) const {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
+  if (text == nullptr) return {};
+  return {text, static_cast<std::size_t>(sqlite3_column_bytes(statement_.get(), column))};
+}
+
+std::vector<std::byte> SqliteStatement::blob(int column) const {
+  const auto* bytes = static_cast<const std::byte*>(sqlite3_column_blob(statement_.get(), column));
+  if (bytes == nullptr) return {};
+  return {bytes, bytes + sqlite3_column_bytes(statement_.get(), column)};
+}
+
+// --- SqliteFile ---
+
+void SqliteFile::Close::operator()(sqlite3* file) const { sqlite3_close_v2(file); }
+
+Expected<SqliteFile> SqliteFile::open(const std::string& path) {
+  if (path.empty()) return fail(ErrorCode::kInvalid, "the map store needs a path");
+  SqliteFile opened;
+  opened.path_ = path;
+  sqlite3* file = nullptr;
+  const int code = sqlite3_open_v2(path.c_str(), &file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  opened.file_.reset(file);
+  if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path));
+  sqlite3_extended_result_codes(file, 1);
+  sqlite3_busy_timeout(file, kBusyTimeout_ms);
+  return opened;
+}
+
+Expected<void> SqliteFile::execute(const char* sql) {
+  const int code = sqlite3_exec(file_.get(), sql, nullptr, nullptr, nullptr);
+  if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errmsg(file_.get()), path_));
+  return {};
+}
+
+Expected<std::int64_t> SqliteFile::integer(std::string_view sql) const {
+  auto query = prepare(sql);
+  return query.step().map([&query](bool row) { return row ? query.integer(0) : 0; });
+}
+
+Expected<std::string> SqliteFile::text(std::string_view sql) const {
+  auto query = prepare(sql);
+  return query.step().map([&query](bool row) { return row ? query.text(0) : std::string{}; });
+}
+
+void SqliteFile::write_back_on_close(bool allowed) {
+  sqlite3_db_config(file_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, allowed ? 0 : 1, nullptr);
+}
+
+// --- SqliteTransaction ---
+
+Expected<SqliteTransaction> SqliteTransaction::begin(SqliteFile& file) {
+  return file.execute("BEGIN IMMEDIATE").map([&file] { return SqliteTransaction(file); });
+}
+
+SqliteTransaction::SqliteTransaction(SqliteTransaction&& other) noexcept
+    : file_(std::exchange(other.file_, nullptr)) {}
+
+SqliteTransaction::~SqliteTransaction() {
+  // Fails only when SQLite has rolled back by itself, which is what is wanted.
+  if (file_ != nullptr) (void)file_->execute("ROLLBACK");
+}
+
+Expected<void> SqliteTransaction::commit() {
+  auto done = file_->execute("COMMIT");
+  if (done) file_ = nullptr;
+  return done;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/expected.hpp"
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+namespace fiducap {
+
+/// One SQL statement with its values. Bind all parameters in order, then `step`; the first failure is kept and
+/// reported by `step`. Must not outlive its file.
+class SqliteStatement final {
+ public:
+  SqliteStatement& bind(std::int64_t value);
+  SqliteStatement& bind(double value);
+  SqliteStatement& bind(const std::string& value);
+  SqliteStatement& bind(std::span<const std::byte> value);
+  SqliteStatement& bind_null();
+  /// @return true when a row is there, false at the end.
+  [[nodiscard]] Expected<bool> step();
+  /// Runs a statement that gives no rows and makes it ready for the next values.
+  [[nodiscard]] Expected<void> run();
+
+  [[nodiscard]] bool is_null(int column) const;
+  [[nodiscard]] std::int64_t integer(int column) const;
+  [[nodiscard]] double real(int column) const;
+  [[nodiscard]] std::string text(int column) const;
+  [[nodiscard]] std::vector<std::byte> blob(int column) const;
+
+ private:
+  friend class SqliteFile;
+  struct Finalize {
+    void operator()(sqlite3_stmt* statement) const;
+  };
+  SqliteStatement(sqlite3* file, std::string path, std::string_view sql);
+  void keep(int code);
+
+  sqlite3* file_;
+  std::string path_;
+  std::unique_ptr<sqlite3_stmt, Finalize> statement_;
+  int bound_{0};
+  int failure_{0};
+  Error error_;
+};
+
+/// One open SQLite file. Every failure says what to do about it; none throws.
+class SqliteFile final {
+ public:
+  /// Opens or creates; waits at most half a second for another process's lock.
+  [[nodiscard]] static Expected<SqliteFile> open(const std::string& path);
+
+  [[nodiscard]] Expected<void> execute(const char* sql);
+  [[nodiscard]] SqliteStatement prepare(std::string_view sql) const { return {file_.get(), path_, sql}; }
+  /// The one value of a query such as a PRAGMA.
+  [[nodiscard]] Expected<std::int64_t> integer(std::string_view sql) const;
+  [[nodiscard]] Expected<std::string> text(std::string_view sql) const;
+  /// False: closing writes nothing, so that a file that is not ours stays as it is.
+  void write_back_on_close(bool allowed);
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  struct Close {
+    void operator()(sqlite3* file) const;
+  };
+  SqliteFile() = default;
+
+  std::unique_ptr<sqlite3, Close> file_;
+  std::string path_;
+};
+
+/// Rolls back unless committed.
+class SqliteTransaction final {
+ public:
+  /// Takes the write lock at once.
+  [[nodiscard]] static Expected<SqliteTransaction> begin(SqliteFile& file);
+  SqliteTransaction(SqliteTransaction&& other) noexcept;
+  SqliteTransaction& operator=(SqliteTransaction&&) = delete;
+  ~SqliteTransaction();
+  [[nodiscard]] Expected<void> commit();
+
+ private:
+  explicit SqliteTransaction(SqliteFile& file) : file_(&file) {}
+  SqliteFile* file_;
+};
+
+}  // namespace fiducap

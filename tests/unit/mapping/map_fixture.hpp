@@ -1,0 +1,56 @@
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "base/so3.hpp"
+#include "mapping/tag_map.hpp"
+
+namespace fiducap {
+
+/// A map with tags `ids` (sorted), each somewhere else, with full covariance and history.
+inline TagMap make_map(const std::vector<int>& ids) {
+  TagMap map;
+  map.X_RW = {exp_so3({0, 0, 0.25}), {10.5, -3.25, 0.125}};
+  map.created_utc_ns = 1'700'000'000'123'456'789;
+  for (const int id : ids) {
+    const double k = id;
+    MapTag entry;
+    entry.tag.tag_id = id;
+    entry.tag.edge_m = 0.16 + 0.01 * k;
+    entry.tag.X_WT = {exp_so3({0.1 * k, -0.3, 1.0 / (k + 1)}), {k / 3.0, -k / 7.0, 1.5 + 0.1 * k}};
+    const Matrix6d A = Matrix6d::Identity() + Matrix6d::Constant(0.1 / (k + 1));
+    entry.tag.covariance = 1e-6 * A * A.transpose();
+    entry.state = TagState::kCalibrated;
+    entry.first_seen_utc_ns = 1'699'999'999'000'000'001;
+    entry.last_seen_utc_ns = 1'700'000'000'000'000'003;
+    entry.sightings = 100 + id;
+    map.tags.push_back(entry);
+  }
+  return map;
+}
+
+/// Corner i in tag axes (x right, y up, z out of the face), bottom-left, bottom-right, top-right, top-left.
+inline Eigen::Vector3d printed_corner(int i, double edge_m) {
+  const double h = 0.5 * edge_m;
+  return {i == 1 || i == 2 ? h : -h, i >= 2 ? h : -h, 0};
+}
+
+/// The largest distance between equal corners of equal tags, metres; infinite when the ids differ.
+inline double worst_corner_m(const TagMap& a, const TagMap& b) {
+  if (a.tags.size() != b.tags.size()) return std::numeric_limits<double>::infinity();
+  double worst = 0;
+  for (const MapTag& entry : a.tags) {
+    const MapTag* other = b.find(entry.tag.tag_id);
+    if (other == nullptr) return std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 4; ++i) {
+      worst = std::max(worst, (entry.tag.X_WT * printed_corner(i, entry.tag.edge_m) -
+                               other->tag.X_WT * printed_corner(i, other->tag.edge_m))
+                                  .norm());
+    }
+  }
+  return worst;
+}
+
+}  // namespace fiducap

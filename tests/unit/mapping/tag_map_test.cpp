@@ -1,0 +1,102 @@
+#include "mapping/tag_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+TEST(TagMap, FindsATagByItsId) {
+  const auto map = make_map({2, 5, 9});
+  ASSERT_NE(map.find(5), nullptr);
+  EXPECT_EQ(map.find(5)->tag.tag_id, 5);
+  EXPECT_EQ(map.find(1), nullptr);
+  EXPECT_EQ(map.find(6), nullptr);
+  EXPECT_EQ(map.find(10), nullptr);
+  EXPECT_EQ(TagMap{}.find(0), nullptr);
+}
+
+TEST(TagMap, GivesAFilterOnlyTagsItMayLeanOn) {
+  auto map = make_map({2, 5, 9, 11});
+  map.tags[1].state = TagState::kQuarantined;
+  map.tags[2].component = 3;
+  TagObservations seen;
+  for (const int id : {1, 2, 5, 9, 11}) seen.tags.push_back({.tag_id = id});
+  std::vector<KnownTag> known(7);
+  map.known_among(seen, known);
+  ASSERT_EQ(known.size(), 2u);
+  EXPECT_EQ(known[0].tag_id, 2);
+  EXPECT_EQ(known[1].tag_id, 11);
+  EXPECT_EQ(known[1].X_WT.p, map.find(11)->tag.X_WT.p);
+}
+
+TEST(TagState, NamesGoThereAndBack) {
+  for (const auto state : {TagState::kLocal, TagState::kCalibrated, TagState::kSurveyed, TagState::kQuarantined}) {
+    EXPECT_EQ(tag_state_from(name_of(state)), state);
+  }
+  EXPECT_EQ(tag_state_from("Local"), std::nullopt);
+  EXPECT_EQ(tag_state_from(""), std::nullopt);
+}
+
+struct Fault {
+  const char* says;
+  void (*make)(TagMap&);
+};
+
+class TagMapFault : public testing::TestWithParam<Fault> {};
+
+TEST_P(TagMapFault, IsNamed) {
+  auto map = make_map({2, 5});
+  ASSERT_EQ(fault_in(map), std::nullopt);
+  GetParam().make(map);
+  ASSERT_TRUE(fault_in(map));
+  EXPECT_NE(fault_in(map)->find(GetParam().says), std::string::npos) << *fault_in(map);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, TagMapFault,
+    testing::Values(Fault{"tag 5: id is there twice", [](TagMap& m) { m.tags[0].tag.tag_id = 5; }},
+                    Fault{"sorted", [](TagMap& m) { m.tags[0].tag.tag_id = 7; }},
+                    Fault{"id = -2: must be >= 0", [](TagMap& m) { m.tags[0].tag.tag_id = -2; }},
+                    Fault{"tag 5: edge_m = 0", [](TagMap& m) { m.tags[1].tag.edge_m = 0; }},
+                    Fault{"position must be finite",
+                          [](TagMap& m) { m.tags[1].tag.X_WT.p.x() = std::numeric_limits<double>::infinity(); }},
+                    Fault{"quaternion has length", [](TagMap& m) { m.tags[1].tag.X_WT.q.w() += 0.1; }},
+                    Fault{"negative variance", [](TagMap& m) { m.tags[1].tag.covariance(3, 3) = -1; }},
+                    Fault{"alignment to the room", [](TagMap& m) { m.X_RW.q.coeffs().setZero(); }}));
+
+TEST(ContentHash, ChangesWithEveryPartOfTheContentAndNothingElse) {
+  const auto map = make_map({2, 5});
+  const auto hash = content_hash(map);
+  EXPECT_EQ(hash.size(), 16u);
+  auto same = map;
+  same.version = 8;
+  same.parent = 7;
+  same.hash = "x";
+  same.comment = "y";
+  same.created_utc_ns = 5;
+  EXPECT_EQ(content_hash(same), hash);
+  const auto changes = {+[](TagMap& m) { m.family = "tag25h9"; }, +[](TagMap& m) { m.reference_tag = 0; },
+                        +[](TagMap& m) { m.X_RW.p.z() = 1; },     +[](TagMap& m) { m.tags.pop_back(); },
+                        +[](TagMap& m) { m.tags[1].tag.X_WT.p.x() += 1e-12; },
+                        +[](TagMap& m) { m.tags[1].tag.covariance(2, 4) += 1e-12; },
+                        +[](TagMap& m) { m.tags[1].state = TagState::kSurveyed; },
+                        +[](TagMap& m) { m.tags[1].last_seen_utc_ns += 1; },
+                        +[](TagMap& m) { m.tags[0].sightings += 1; }};
+  for (const auto& change : changes) {
+    auto other = map;
+    change(other);
+    EXPECT_NE(content_hash(other), hash);
+  }
+}
+
+TEST(ContentHash, OfTheEmptyMapIsWhatFnv1aGives) {
+  // Independent value: FNV-1a 64 over length 8 + "tag36h11", a zero byte, eight zero bytes, p = 0 0 0, q = 1 0 0 0.
+  EXPECT_EQ(content_hash(TagMap{}), "74e9373e09fb37e9");
+}
+
+}  // namespace
+}  // namespace fiducap
