@@ -13,7 +13,8 @@ inline constexpr std::size_t kLongestMapText = std::size_t{64} << 20;
 
 [[nodiscard]] Expected<void> check_length(const std::string& text, const std::string& context);
 
-/// Makes a quaternion that its writer rounded unit again; one that is unit to the last digits stays as it is.
+/// Makes a quaternion that its writer rounded unit again; one that is unit to the last digits stays
+/// as it is.
 void restore_unit(Pose& pose);
 
 /// Adds one tag that was read from a text, its quaternion unit again.

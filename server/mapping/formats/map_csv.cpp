@@ -11,7 +11,8 @@ namespace fiducap {
 namespace {
 
 constexpr std::string_view kHeader = "id,size,px,py,pz,qw,qx,qy,qz";
-constexpr std::array<std::string_view, 9> kColumns{"id", "size", "px", "py", "pz", "qw", "qx", "qy", "qz"};
+constexpr std::array<std::string_view, 9> kColumns{"id", "size", "px", "py", "pz",
+                                                   "qw", "qx",   "qy", "qz"};
 
 std::string_view trimmed(std::string_view text) {
   const auto is_blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
@@ -28,8 +29,10 @@ std::string_view take_until(std::string_view& rest, char end) {
   return taken;
 }
 
-tl::unexpected<Error> broken(std::size_t column, std::string_view field, const char* rule, const std::string& context) {
-  return fail(ErrorCode::kInvalid, std::string(kColumns[column]) + " = '" + std::string(field) + "': " + rule, context);
+tl::unexpected<Error> broken(std::size_t column, std::string_view field, const char* rule,
+                             const std::string& context) {
+  return fail(ErrorCode::kInvalid,
+              std::string(kColumns[column]) + " = '" + std::string(field) + "': " + rule, context);
 }
 
 Expected<MapTag> tag_from(std::string_view line, const std::string& context) {
@@ -37,7 +40,8 @@ Expected<MapTag> tag_from(std::string_view line, const std::string& context) {
   for (std::size_t i = 0; i < fields.size(); ++i) {
     if (line.empty()) {
       return fail(ErrorCode::kInvalid,
-                  "expected 9 columns (" + std::string(kHeader) + "), found " + std::to_string(i), context);
+                  "expected 9 columns (" + std::string(kHeader) + "), found " + std::to_string(i),
+                  context);
     }
     fields[i] = trimmed(take_until(line, ','));
   }
@@ -80,7 +84,8 @@ Expected<TagMap> map_from_csv(const std::string& text, const std::string& contex
   if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
   std::string_view rest = text;
   if (const auto header = trimmed(take_until(rest, '\n')); header != kHeader) {
-    return fail(ErrorCode::kInvalid, "expected the header '" + std::string(kHeader) + "'", context + ":1");
+    return fail(ErrorCode::kInvalid, "expected the header '" + std::string(kHeader) + "'",
+                context + ":1");
   }
   TagMap map;
   for (int line_number = 2; !rest.empty(); ++line_number) {
@@ -89,7 +94,8 @@ Expected<TagMap> map_from_csv(const std::string& text, const std::string& contex
     const std::string place = context + ":" + std::to_string(line_number);
     auto entry = tag_from(line, place);
     if (!entry) return tl::unexpected<Error>(entry.error());
-    if (auto added = add_imported(map, std::move(*entry), place); !added) return tl::unexpected<Error>(added.error());
+    if (auto added = add_imported(map, std::move(*entry), place); !added)
+      return tl::unexpected<Error>(added.error());
   }
   return map;
 }

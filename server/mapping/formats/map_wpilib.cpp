@@ -14,21 +14,25 @@ using nlohmann::json;
 // No family has more; keeps larger numbers away from the cast.
 constexpr double kHighestId = 1e6;
 
-/// Tag axes of the field layout (x out of the face, y to the viewer's right, z up) from ours (x right, y up, z out):
-/// our x is its y, our y its z, our z its x.
+/// Tag axes of the field layout (x out of the face, y to the viewer's right, z up) from ours (x
+/// right, y up, z out): our x is its y, our y its z, our z its x.
 const Eigen::Quaterniond kq_FieldTag_Tag(0.5, 0.5, 0.5, 0.5);
 
 Expected<const json*> member(const json& parent, const char* name, const std::string& context) {
-  if (!parent.is_object()) return fail(ErrorCode::kInvalid, "expected an object with '" + std::string(name) + "'", context);
+  if (!parent.is_object())
+    return fail(ErrorCode::kInvalid, "expected an object with '" + std::string(name) + "'",
+                context);
   const auto found = parent.find(name);
-  if (found == parent.end()) return fail(ErrorCode::kInvalid, "'" + std::string(name) + "' is missing", context);
+  if (found == parent.end())
+    return fail(ErrorCode::kInvalid, "'" + std::string(name) + "' is missing", context);
   return &*found;
 }
 
 Expected<double> number(const json& parent, const char* name, const std::string& context) {
   const auto value = member(parent, name, context);
   if (!value) return tl::unexpected<Error>(value.error());
-  if (!(*value)->is_number()) return fail(ErrorCode::kInvalid, "'" + std::string(name) + "' must be a number", context);
+  if (!(*value)->is_number())
+    return fail(ErrorCode::kInvalid, "'" + std::string(name) + "' must be a number", context);
   return (*value)->get<double>();
 }
 
@@ -55,7 +59,8 @@ Expected<Pose> pose_from(const json& tag, const std::string& context) {
   if (!quaternion) return tl::unexpected<Error>(quaternion.error());
   const auto p = numbers<3>(**translation, {"x", "y", "z"}, context + "/pose/translation");
   if (!p) return tl::unexpected<Error>(p.error());
-  const auto q = numbers<4>(**quaternion, {"W", "X", "Y", "Z"}, context + "/pose/rotation/quaternion");
+  const auto q =
+      numbers<4>(**quaternion, {"W", "X", "Y", "Z"}, context + "/pose/rotation/quaternion");
   if (!q) return tl::unexpected<Error>(q.error());
   const auto& [w, x, y, z] = *q;
   return Pose{Eigen::Quaterniond(w, x, y, z), {(*p)[0], (*p)[1], (*p)[2]}};
@@ -64,8 +69,10 @@ Expected<Pose> pose_from(const json& tag, const std::string& context) {
 Expected<MapTag> tag_from(const json& tag, double edge_m, const std::string& context) {
   const auto id = member(tag, "ID", context);
   if (!id) return tl::unexpected<Error>(id.error());
-  if (!(*id)->is_number_integer() || (*id)->get<double>() < 0 || (*id)->get<double>() > kHighestId) {
-    return fail(ErrorCode::kInvalid, "'ID' = " + (*id)->dump() + ": must be a whole number from 0 to 1000000", context);
+  if (!(*id)->is_number_integer() || (*id)->get<double>() < 0 ||
+      (*id)->get<double>() > kHighestId) {
+    return fail(ErrorCode::kInvalid,
+                "'ID' = " + (*id)->dump() + ": must be a whole number from 0 to 1000000", context);
   }
   const auto X_WF = pose_from(tag, context);
   if (!X_WF) return tl::unexpected<Error>(X_WF.error());
@@ -80,7 +87,8 @@ Expected<MapTag> tag_from(const json& tag, double edge_m, const std::string& con
 
 }  // namespace
 
-Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m, const std::string& context) {
+Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
+                                      const std::string& context) {
   if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
   json layout;
   try {
@@ -96,7 +104,8 @@ Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m, co
     const std::string place = context + " /tags/" + std::to_string(i);
     auto entry = tag_from((**tags)[i], edge_m, place);
     if (!entry) return tl::unexpected<Error>(entry.error());
-    if (auto added = add_imported(map, std::move(*entry), place); !added) return tl::unexpected<Error>(added.error());
+    if (auto added = add_imported(map, std::move(*entry), place); !added)
+      return tl::unexpected<Error>(added.error());
   }
   return map;
 }

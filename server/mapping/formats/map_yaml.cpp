@@ -2,8 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <initializer_list>
 #include <set>
 #include <string_view>
@@ -22,11 +22,16 @@ constexpr int kFormatVersion = 1;
 
 constexpr const char* kConvention =
     "# Where the tags of a workspace are.\n"
-    "# Workspace axes: z up. Tag axes: origin in the centre of the black square, x right, y up, z out of the printed face;\n"
-    "# edge_m is the edge of the black square, so the bottom-left corner is (-edge/2, -edge/2, 0) in tag axes.\n"
-    "# position and quaternion_wxyz turn tag axes into workspace axes (metres, Hamilton, w first).\n"
-    "# covariance: upper triangle, row by row, of position (m, workspace axes) then attitude (rad, rotation vector in\n"
-    "# workspace axes); without it the tag is exact. state: local, calibrated, surveyed or quarantined.\n";
+    "# Workspace axes: z up. Tag axes: origin in the centre of the black square, x right, y up, z "
+    "out of the printed face;\n"
+    "# edge_m is the edge of the black square, so the bottom-left corner is (-edge/2, -edge/2, 0) "
+    "in tag axes.\n"
+    "# position and quaternion_wxyz turn tag axes into workspace axes (metres, Hamilton, w "
+    "first).\n"
+    "# covariance: upper triangle, row by row, of position (m, workspace axes) then attitude (rad, "
+    "rotation vector in\n"
+    "# workspace axes); without it the tag is exact. state: local, calibrated, surveyed or "
+    "quarantined.\n";
 
 /// Double-quoted, so that any text survives.
 std::string quoted(std::string_view text) {
@@ -80,7 +85,8 @@ std::string tag_lines(const MapTag& entry) {
 
 // --- reading ---
 
-/// First fault of the text; thrown and caught inside this file only, so that the readers below stay readable.
+/// First fault of the text; thrown and caught inside this file only, so that the readers below stay
+/// readable.
 struct Fault {
   int line;  ///< From 1; 0: not known.
   std::string what;
@@ -100,12 +106,15 @@ class Section final {
       if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
         throw Fault{line_of(item.first), path(key) + ": unknown key"};
       }
-      if (!seen.insert(key).second) throw Fault{line_of(item.first), path(key) + ": is there twice"};
+      if (!seen.insert(key).second)
+        throw Fault{line_of(item.first), path(key) + ": is there twice"};
     }
   }
 
   [[nodiscard]] bool has(const std::string& key) const { return node_[key].IsDefined(); }
-  [[nodiscard]] std::string path(const std::string& key) const { return name_.empty() ? key : name_ + "." + key; }
+  [[nodiscard]] std::string path(const std::string& key) const {
+    return name_.empty() ? key : name_ + "." + key;
+  }
   [[nodiscard]] int line() const { return line_of(node_); }
 
   [[nodiscard]] YAML::Node child(const std::string& key) const {
@@ -126,7 +135,8 @@ class Section final {
   [[nodiscard]] std::array<double, N> numbers(const std::string& key) const {
     const auto found = child(key);
     if (!found.IsSequence() || found.size() != N) {
-      throw Fault{line_of(found), path(key) + ": must be a list of " + std::to_string(N) + " numbers"};
+      throw Fault{line_of(found),
+                  path(key) + ": must be a list of " + std::to_string(N) + " numbers"};
     }
     std::array<double, N> values{};
     for (std::size_t i = 0; i < N; ++i) {
@@ -147,8 +157,9 @@ class Section final {
     const auto value = node.IsScalar() ? number_from<T>(node.Scalar()) : std::nullopt;
     if (value) return *value;
     const std::string found = node.IsScalar() ? " = '" + node.Scalar() + "'" : "";
-    throw Fault{line_of(node),
-                path + found + (std::is_integral_v<T> ? ": must be a whole number" : ": must be a finite number")};
+    throw Fault{line_of(node), path + found +
+                                   (std::is_integral_v<T> ? ": must be a whole number"
+                                                          : ": must be a finite number")};
   }
 
   YAML::Node node_;
@@ -169,8 +180,10 @@ MapTag tag_of(const Section& section) {
   entry.state = *state;
   if (section.has("component")) entry.component = section.number<int>("component");
   if (section.has("sightings")) entry.sightings = section.number<int>("sightings");
-  if (section.has("first_seen_utc_ns")) entry.first_seen_utc_ns = section.number<std::int64_t>("first_seen_utc_ns");
-  if (section.has("last_seen_utc_ns")) entry.last_seen_utc_ns = section.number<std::int64_t>("last_seen_utc_ns");
+  if (section.has("first_seen_utc_ns"))
+    entry.first_seen_utc_ns = section.number<std::int64_t>("first_seen_utc_ns");
+  if (section.has("last_seen_utc_ns"))
+    entry.last_seen_utc_ns = section.number<std::int64_t>("last_seen_utc_ns");
   if (!section.has("covariance")) return entry;
   const auto upper = section.numbers<21>("covariance");
   std::size_t next = 0;
@@ -188,8 +201,8 @@ void read_tags(const YAML::Node& tags, TagMap& map) {
   for (const YAML::Node& node : tags) {
     const std::string name = "tags[" + std::to_string(index++) + "]";
     const Section section(node, name,
-                          {"id", "edge_m", "position", "quaternion_wxyz", "state", "component", "sightings",
-                           "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
+                          {"id", "edge_m", "position", "quaternion_wxyz", "state", "component",
+                           "sightings", "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
     if (auto added = add_imported(map, tag_of(section), {}); !added) {
       throw Fault{section.line(), name + ": " + added.error().what};
     }
@@ -198,8 +211,8 @@ void read_tags(const YAML::Node& tags, TagMap& map) {
 
 TagMap read_map(const YAML::Node& root) {
   const Section top(root, "",
-                    {"format", "format_version", "family", "reference_tag", "version", "parent", "hash",
-                     "created_utc_ns", "comment", "room_from_workspace", "tags"});
+                    {"format", "format_version", "family", "reference_tag", "version", "parent",
+                     "hash", "created_utc_ns", "comment", "room_from_workspace", "tags"});
   if (const auto format = top.text("format"); format != kFormat) {
     throw Fault{line_of(top.child("format")), "format = '" + format + "': must be " + kFormat};
   }
@@ -215,7 +228,9 @@ TagMap read_map(const YAML::Node& root) {
   if (top.has("created_utc_ns")) map.created_utc_ns = top.number<std::int64_t>("created_utc_ns");
   if (top.has("comment")) map.comment = top.text("comment");
   if (top.has("room_from_workspace")) {
-    map.X_RW = Section(top.child("room_from_workspace"), "room_from_workspace", {"position", "quaternion_wxyz"}).pose();
+    map.X_RW = Section(top.child("room_from_workspace"), "room_from_workspace",
+                       {"position", "quaternion_wxyz"})
+                   .pose();
   }
   read_tags(top.child("tags"), map);
   if (const auto fault = fault_in(map)) throw Fault{0, *fault};
@@ -233,10 +248,12 @@ tl::unexpected<Error> failure(int line, const std::string& what, const std::stri
 
 std::string map_to_yaml(const TagMap& map) {
   std::string out = kConvention;
-  out += std::string("format: ") + kFormat + "\nformat_version: " + std::to_string(kFormatVersion) + "\n";
+  out += std::string("format: ") + kFormat + "\nformat_version: " + std::to_string(kFormatVersion) +
+         "\n";
   out += "family: " + quoted(map.family) + "\n";
   if (map.reference_tag) out += "reference_tag: " + std::to_string(*map.reference_tag) + "\n";
-  out += "version: " + std::to_string(map.version) + "\nparent: " + std::to_string(map.parent) + "\n";
+  out +=
+      "version: " + std::to_string(map.version) + "\nparent: " + std::to_string(map.parent) + "\n";
   out += "hash: " + quoted(map.hash) + "\n";
   out += "created_utc_ns: " + std::to_string(map.created_utc_ns) + "\n";
   out += "comment: " + quoted(map.comment) + "\n";
@@ -253,7 +270,8 @@ Expected<TagMap> map_from_yaml(const std::string& text, const std::string& conte
   } catch (const Fault& fault) {
     return failure(fault.line, fault.what, context);
   } catch (const YAML::Exception& error) {
-    return failure(error.mark.is_null() ? 0 : error.mark.line + 1, "is not YAML: " + error.msg, context);
+    return failure(error.mark.is_null() ? 0 : error.mark.line + 1, "is not YAML: " + error.msg,
+                   context);
   }
 }
 

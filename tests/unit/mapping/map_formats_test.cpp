@@ -29,7 +29,9 @@ TagMap random_map(unsigned seed) {
     MapTag entry;
     entry.tag.tag_id = 3 * id;
     entry.tag.edge_m = 0.05 + std::abs(normal(random));
-    entry.tag.X_WT.q = Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random)).normalized();
+    entry.tag.X_WT.q =
+        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+            .normalized();
     entry.tag.X_WT.p = {100 * normal(random), 100 * normal(random), normal(random) * 1e-7};
     map.tags.push_back(entry);
   }
@@ -100,16 +102,20 @@ TEST(MapYaml, AShortTextByHandIsEnough) {
 TEST(MapYaml, PutsThePrintedCornersWhereTheConventionSays) {
   const auto map = map_from_yaml(kHandWritten, "hand.yaml");
   const auto& tag = map->find(4)->tag;
-  EXPECT_LT((tag.X_WT * printed_corner(0, tag.edge_m) - Vector3d(1.1, 1.9, 3)).norm(), 1e-9);   // bottom-left
-  EXPECT_LT((tag.X_WT * printed_corner(1, tag.edge_m) - Vector3d(1.1, 2.1, 3)).norm(), 1e-9);   // bottom-right
-  EXPECT_LT((tag.X_WT * printed_corner(3, tag.edge_m) - Vector3d(0.9, 1.9, 3)).norm(), 1e-9);   // top-left
+  EXPECT_LT((tag.X_WT * printed_corner(0, tag.edge_m) - Vector3d(1.1, 1.9, 3)).norm(),
+            1e-9);  // bottom-left
+  EXPECT_LT((tag.X_WT * printed_corner(1, tag.edge_m) - Vector3d(1.1, 2.1, 3)).norm(),
+            1e-9);  // bottom-right
+  EXPECT_LT((tag.X_WT * printed_corner(3, tag.edge_m) - Vector3d(0.9, 1.9, 3)).norm(),
+            1e-9);  // top-left
 }
 
 TEST(MapYaml, AnEditedTextLosesTheHashOfTheVersion) {
   auto map = make_map({1});
   map.hash = content_hash(map);
   map.version = 3;
-  const auto edited = map_from_yaml(replaced(map_to_yaml(map), "sightings: 101", "sightings: 102"), "");
+  const auto edited =
+      map_from_yaml(replaced(map_to_yaml(map), "sightings: 101", "sightings: 102"), "");
   ASSERT_TRUE(edited);
   EXPECT_EQ(edited->hash, "");
   EXPECT_EQ(edited->version, 3);
@@ -140,25 +146,33 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"format_version: 1", "format_version: 2", "hand.yaml:2", "this Fiducap reads 1"},
         Mistake{"family: tag36h11\n", "", "hand.yaml:1", "family: is missing"},
         Mistake{"family: tag36h11", "famly: tag36h11", "hand.yaml:3", "famly: unknown key"},
-        Mistake{"family: tag36h11", "format_version: 1", "hand.yaml:3", "format_version: is there twice"},
-        Mistake{"edge_m: 0.2", "edge_m: -1", "hand.yaml:5", "tags[0]: edge_m = -1: must be finite and > 0"},
-        Mistake{"edge_m: 0.2", "edge_m: wide", "hand.yaml:5", "tags[0].edge_m = 'wide': must be a finite number"},
+        Mistake{"family: tag36h11", "format_version: 1", "hand.yaml:3",
+                "format_version: is there twice"},
+        Mistake{"edge_m: 0.2", "edge_m: -1", "hand.yaml:5",
+                "tags[0]: edge_m = -1: must be finite and > 0"},
+        Mistake{"edge_m: 0.2", "edge_m: wide", "hand.yaml:5",
+                "tags[0].edge_m = 'wide': must be a finite number"},
         Mistake{"edge_m: 0.1", "edge_m: .nan", "hand.yaml:6", "tags[1].edge_m = '.nan'"},
         Mistake{"edge_m: 0.1", "edge: 0.1", "hand.yaml:6", "tags[1].edge: unknown key"},
         Mistake{"id: 2", "id: 2.5", "hand.yaml:6", "tags[1].id = '2.5': must be a whole number"},
         Mistake{"id: 2", "id: 99999999999999", "hand.yaml:6", "tags[1].id"},
         Mistake{"id: 2", "id: 4", "hand.yaml:6", "tag id 4 is there twice"},
-        Mistake{"position: [0, 0, 0]", "position: [0, 0]", "hand.yaml:6", "must be a list of 3 numbers"},
-        Mistake{"position: [0, 0, 0]", "position: [0, [], 0]", "hand.yaml:6", "tags[1].position[1]"},
+        Mistake{"position: [0, 0, 0]", "position: [0, 0]", "hand.yaml:6",
+                "must be a list of 3 numbers"},
+        Mistake{"position: [0, 0, 0]", "position: [0, [], 0]", "hand.yaml:6",
+                "tags[1].position[1]"},
         Mistake{"quaternion_wxyz: [1, 0, 0, 0]", "quaternion_wxyz: [1, 1, 0, 0]", "hand.yaml:6",
                 "quaternion has length 1.414"},
-        Mistake{"state: surveyed}\n  - {id: 2", "state: good}\n  - {id: 2", "hand.yaml:5", "tags[0].state = 'good'"},
+        Mistake{"state: surveyed}\n  - {id: 2", "state: good}\n  - {id: 2", "hand.yaml:5",
+                "tags[0].state = 'good'"},
         Mistake{"- {id: 2", "- {id: [2", "hand.yaml:6", "is not YAML"},
         Mistake{"tags:", "tags: {}\ncomment:", "hand.yaml:6", "comment: must be a text"},
-        Mistake{"tags:", "comment: x\nreference_tag:", "hand.yaml:6", "reference_tag: must be a whole number"}));
+        Mistake{"tags:", "comment: x\nreference_tag:", "hand.yaml:6",
+                "reference_tag: must be a whole number"}));
 
 TEST(MapYaml, TextThatIsNoMapAtAllIsAnError) {
-  for (const std::string text : {"", "just words", "- 1\n- 2", "\t\x01\x02", "{{{{{{", "&a [*a]", "tags: !!binary x"}) {
+  for (const std::string text :
+       {"", "just words", "- 1\n- 2", "\t\x01\x02", "{{{{{{", "&a [*a]", "tags: !!binary x"}) {
     const auto map = map_from_yaml(text, "x.yaml");
     ASSERT_FALSE(map) << text;
     EXPECT_FALSE(map.error().what.empty());
@@ -184,7 +198,9 @@ TEST(MapYaml, ATruncatedTextNeverMovesATag) {
 // --- CSV ---
 
 TEST(MapCsv, ReadsTheRecordingsFormat) {
-  const auto map = map_from_csv("id,size,px,py,pz,qw,qx,qy,qz\r\n7,0.16,1,2,3,1,0,0,0\r\n\n3,0.2,0,0,0,0,1,0,0\n", "tags.csv");
+  const auto map = map_from_csv(
+      "id,size,px,py,pz,qw,qx,qy,qz\r\n7,0.16,1,2,3,1,0,0,0\r\n\n3,0.2,0,0,0,0,1,0,0\n",
+      "tags.csv");
   ASSERT_TRUE(map) << map.error().text();
   ASSERT_EQ(map->tags.size(), 2u);
   EXPECT_EQ(map->tags[0].tag.tag_id, 3);
@@ -204,12 +220,15 @@ TEST(MapCsv, NamesLineAndColumn) {
   EXPECT_EQ(refused("id,size\n"), "tags.csv:1: expected the header 'id,size,px,py,pz,qw,qx,qy,qz'");
   EXPECT_EQ(refused(header + "1,0.1,0,0,0,1,0,0,0\n2,0.1,x,0,0,1,0,0,0\n"),
             "tags.csv:3: px = 'x': must be a finite number");
-  EXPECT_EQ(refused(header + "1e20,0.1,0,0,0,1,0,0,0\n"), "tags.csv:2: id = '1e20': must be a whole number");
+  EXPECT_EQ(refused(header + "1e20,0.1,0,0,0,1,0,0,0\n"),
+            "tags.csv:2: id = '1e20': must be a whole number");
   EXPECT_EQ(refused(header + "1,0.1,0,0,0,1,0\n"),
             "tags.csv:2: expected 9 columns (id,size,px,py,pz,qw,qx,qy,qz), found 7");
   EXPECT_EQ(refused(header + "1,0.1,0,0,0,1,0,0,0,5\n"), "tags.csv:2: more than 9 columns");
-  EXPECT_EQ(refused(header + "1,0.1,0,0,0,1,0,0,nan\n"), "tags.csv:2: qz = 'nan': must be a finite number");
-  EXPECT_EQ(refused(header + "1,0,0,0,0,1,0,0,0\n"), "tags.csv:2: edge_m = 0: must be finite and > 0");
+  EXPECT_EQ(refused(header + "1,0.1,0,0,0,1,0,0,nan\n"),
+            "tags.csv:2: qz = 'nan': must be a finite number");
+  EXPECT_EQ(refused(header + "1,0,0,0,0,1,0,0,0\n"),
+            "tags.csv:2: edge_m = 0: must be finite and > 0");
 }
 
 TEST(MapCsv, ReadsTheTruthOfARecording) {
@@ -231,23 +250,28 @@ std::string field_tag(int id, const std::string& xyz, const std::string& wxyz) {
 }
 
 const std::string kField =
-    R"({"tags": [)" + field_tag(2, R"({"x": 0, "y": 5, "z": 1.5})", R"({"W": 1, "X": 0, "Y": 0, "Z": 0})") + "," +
+    R"({"tags": [)" +
+    field_tag(2, R"({"x": 0, "y": 5, "z": 1.5})", R"({"W": 1, "X": 0, "Y": 0, "Z": 0})") + "," +
     field_tag(1, R"({"x": 16, "y": 5, "z": 1.5})", R"({"W": 0, "X": 0, "Y": 0, "Z": 1})") +
     R"(], "field": {"length": 16.5, "width": 8.2}})";
 
-// Tag 2 hangs on the wall x = 0 and looks along +x into the field. Who stands in the field and looks at it has +y on
-// the right hand and z overhead.
+// Tag 2 hangs on the wall x = 0 and looks along +x into the field. Who stands in the field and
+// looks at it has +y on the right hand and z overhead.
 TEST(MapWpilib, PutsThePrintedCornersWhereAViewerSeesThem) {
   constexpr double kEdge_m = 0.2;
   constexpr double kRounding_m = 1e-12;
   const auto map = map_from_wpilib_json(kField, kEdge_m, "field.json");
   ASSERT_TRUE(map) << map.error().text();
   const Pose& X_WT = map->find(2)->tag.X_WT;
-  EXPECT_LT((X_WT * printed_corner(0, kEdge_m) - Vector3d(0, 4.9, 1.4)).norm(), kRounding_m);  // bottom-left
-  EXPECT_LT((X_WT * printed_corner(1, kEdge_m) - Vector3d(0, 5.1, 1.4)).norm(), kRounding_m);  // bottom-right
-  EXPECT_LT((X_WT * printed_corner(2, kEdge_m) - Vector3d(0, 5.1, 1.6)).norm(), kRounding_m);  // top-right
-  EXPECT_LT((X_WT * printed_corner(3, kEdge_m) - Vector3d(0, 4.9, 1.6)).norm(), kRounding_m);  // top-left
-  EXPECT_LT((X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kRounding_m);             // the face
+  EXPECT_LT((X_WT * printed_corner(0, kEdge_m) - Vector3d(0, 4.9, 1.4)).norm(),
+            kRounding_m);  // bottom-left
+  EXPECT_LT((X_WT * printed_corner(1, kEdge_m) - Vector3d(0, 5.1, 1.4)).norm(),
+            kRounding_m);  // bottom-right
+  EXPECT_LT((X_WT * printed_corner(2, kEdge_m) - Vector3d(0, 5.1, 1.6)).norm(),
+            kRounding_m);  // top-right
+  EXPECT_LT((X_WT * printed_corner(3, kEdge_m) - Vector3d(0, 4.9, 1.6)).norm(),
+            kRounding_m);                                                           // top-left
+  EXPECT_LT((X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kRounding_m);  // the face
   // The opposite wall: the viewer looks along +x and has -y on the right hand.
   const Pose& opposite = map->find(1)->tag.X_WT;
   EXPECT_LT((opposite * printed_corner(1, kEdge_m) - Vector3d(16, 4.9, 1.4)).norm(), kRounding_m);
@@ -269,8 +293,10 @@ TEST(MapWpilib, NamesWhatIsMissing) {
             "field.json /tags/0/pose/translation: 'y' must be a number");
   EXPECT_EQ(refused(replaced(kField, R"("ID": 1)", R"("ID": 4294967298)")),
             "field.json /tags/1: 'ID' = 4294967298: must be a whole number from 0 to 1000000");
-  EXPECT_EQ(refused(replaced(kField, R"("ID": 1)", R"("ID": 2)")), "field.json /tags/1: tag id 2 is there twice");
-  EXPECT_NE(refused(replaced(kField, R"("W": 1)", R"("W": 2)")).find("quaternion has length 2"), std::string::npos);
+  EXPECT_EQ(refused(replaced(kField, R"("ID": 1)", R"("ID": 2)")),
+            "field.json /tags/1: tag id 2 is there twice");
+  EXPECT_NE(refused(replaced(kField, R"("W": 1)", R"("W": 2)")).find("quaternion has length 2"),
+            std::string::npos);
   EXPECT_NE(refused(kField.substr(0, 50)).find("is not JSON"), std::string::npos);
   EXPECT_NE(refused(replaced(kField, "16.5", "1e999")).find("is not JSON"), std::string::npos);
 }
