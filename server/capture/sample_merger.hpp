@@ -1,9 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <optional>
+#include <vector>
 
 #include "base/time.hpp"
 #include "capture/sensor_source.hpp"
@@ -12,29 +13,38 @@ namespace fiducap {
 
 struct MergerConfig {
   bool has_imu{true};
-  Duration window{std::chrono::milliseconds(250)};  ///< An image waits at most this long (in sample time) for its IMU samples.
-  std::size_t max_images{8};                        ///< More images than this waiting: the oldest goes.
-  std::size_t max_imu{4096};                        ///< More IMU samples than this waiting: the body is lost.
+  Duration window{std::chrono::milliseconds(
+      250)};  ///< An image waits at most this long (in sample time) for its IMU samples.
+  std::size_t max_images{8};  ///< More images than this waiting: the oldest goes.
+  std::size_t max_imu{4096};  ///< More IMU samples than this waiting: the body is lost.
 };
 
 /// Counts of what did not pass; never reset.
 struct MergerStatistics {
-  std::uint64_t images_dropped{};    ///< Queue full, the oldest went.
-  std::uint64_t late_dropped{};      ///< Older than what was already released.
-  std::uint64_t backwards_dropped{}; ///< Time of one sensor did not increase.
-  std::uint64_t bad_dropped{};       ///< NaN or infinite numbers.
-  std::uint64_t imu_waits_expired{}; ///< Image released without the IMU sample that closes its interval.
+  std::uint64_t images_dropped{};     ///< Queue full, the oldest went.
+  std::uint64_t late_dropped{};       ///< Older than what was already released.
+  std::uint64_t backwards_dropped{};  ///< Time of one sensor did not increase.
+  std::uint64_t bad_dropped{};        ///< NaN or infinite numbers.
+  std::uint64_t
+      imu_waits_expired{};  ///< Image released without the IMU sample that closes its interval.
 };
 
 /// Puts the samples of one body's sensors into the order in which the filter wants them.
 ///
-/// Order given out: IMU samples by time; an image exposed at t comes right *after the first* IMU sample at or after t,
-/// so that the filter can interpolate up to t and never has to guess. Without IMU: images by time.
-/// Equal images of several cameras: by camera index. Not thread-safe; app/ guards it.
+/// Order given out: IMU samples by time; an image exposed at t comes right *after the first* IMU
+/// sample at or after t, so that the filter can interpolate up to t and never has to guess. Without
+/// IMU: images by time. Equal images of several cameras: by camera index. Not thread-safe; app/
+/// guards it.
+///
+/// Images come later than the IMU samples of their time, so IMU samples are held back until every
+/// camera that was heard of within the window has shown that no earlier image is on its way, or
+/// until the window has passed. The output does not lag for that: OutputPredictor gets the IMU
+/// samples before the merger does.
 class SampleMerger final {
  public:
   explicit SampleMerger(const MergerConfig& config);
-  /// In order of arrival. Bad, backward and late samples are counted and dropped.
+  /// In order of arrival. Bad, backward and late samples are counted and dropped; IMU samples are
+  /// ignored when the configuration has no IMU. Allocates nothing.
   /// @return false when the IMU queue is full: the consumer is dead.
   bool push(SensorSample sample);
   /// Nothing more will come: `pop` gives the rest without waiting.
@@ -44,13 +54,32 @@ class SampleMerger final {
   [[nodiscard]] const MergerStatistics& statistics() const { return statistics_; }
 
  private:
+  static constexpr std::size_t kMaxCameras = 16;
+
+  bool push_imu(const ImuSample& sample);
+  void push_image(SensorSample sample);
+  SensorSample take_imu();
+  SensorSample take_image();
+  void see(Instant at);
+  [[nodiscard]] bool has_passed_window(Instant at) const;
+  [[nodiscard]] bool some_camera_is_alive() const;
+  [[nodiscard]] bool no_camera_owes_an_image_before(Instant at) const;
+  [[nodiscard]] bool image_is_due() const;
+  [[nodiscard]] bool imu_is_due() const;
+  [[nodiscard]] bool imu_wait_is_over() const;
+
   MergerConfig config_;
   MergerStatistics statistics_;
-  std::deque<ImuSample> imu_;
-  std::deque<SensorSample> images_;
-  std::optional<Instant> released_imu_;
+  std::vector<ImuSample> imu_;  ///< Ring of max_imu.
+  std::size_t imu_begin_{0};
+  std::size_t imu_waiting_{0};
+  std::vector<SensorSample> images_;  ///< By time, then camera.
+  std::array<std::optional<Instant>, kMaxCameras> newest_image_;
   std::optional<Instant> newest_imu_;
   std::optional<Instant> newest_seen_;
+  std::optional<Instant> released_imu_;
+  std::optional<Instant> released_imu_before_;  ///< The one before `released_imu_`.
+  std::optional<Instant> released_image_;
   bool finished_{false};
 };
 

@@ -14,6 +14,7 @@ struct TagSetConfig {
   double size_m{0.16};            ///< Edge between black and white border, unless the id is in `sizes_m`.
   std::map<int, double> sizes_m{};
   std::vector<int> ignore{};      ///< Ids known to be false or doubled.
+  int max_hamming{3};             ///< Sightings with more corrected bits are not used (recordings and on-board detectors).
 
   [[nodiscard]] double edge_of(int tag_id) const {
     const auto found = sizes_m.find(tag_id);

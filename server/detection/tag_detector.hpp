@@ -19,8 +19,8 @@ class TagDetector final {
   TagDetector(TagDetector&&) noexcept;
   TagDetector& operator=(TagDetector&&) noexcept;
 
-  /// @return one sighting per decoded tag, sorted by id, ids unique (an id seen twice is left out: nobody can know
-  ///         which one is meant); empty is a normal answer. Never throws for image content.
+  /// @return one sighting per decoded tag, sorted by id; an id printed twice comes twice (`observe` drops both).
+  ///         Empty is a normal answer. Never throws for image content.
   [[nodiscard]] CornerFrame detect(const CameraFrame& frame);
 
  private:

@@ -4,6 +4,7 @@
 
 #include "base/pose.hpp"
 #include "capture/camera_model.hpp"
+#include "detection/corner_projection.hpp"
 #include "detection/tag_observation.hpp"
 
 namespace fiducap {
@@ -18,8 +19,5 @@ struct TagPose {
 /// Method: T. Collins, A. Bartoli, "Infinitesimal plane-based pose estimation", IJCV 2014 (OpenCV IPPE_SQUARE),
 /// each polished by Gauss–Newton on the corners.
 [[nodiscard]] std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraModel& camera);
-
-/// Corner i of a tag with this edge in tag axes T (x right, y up, z out of the face); lower-left first.
-[[nodiscard]] Eigen::Vector3d tag_corner(int i, double edge_m);
 
 }  // namespace fiducap

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
@@ -42,7 +43,10 @@ struct UpdateReport {
   double nis{};               ///< Normalised innovation squared of all used tags together.
   int nis_dof{};
   double reprojection_px{};   ///< RMS over the used corners after the update, raw pixels; 0 when none.
+  int tags_dropped{};         ///< Left the state because they kept contradicting the others (moved or wrong).
   bool running{};             ///< The filter has started.
+  /// Set when W was re-defined (first reference or known tag): poses given out before are X_new = *gauge_shift * X_old.
+  std::optional<Pose> gauge_shift;
 };
 
 }  // namespace fiducap

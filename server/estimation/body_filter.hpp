@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -49,8 +50,9 @@ class BodyFilter {
   /// enters the state, its prior is fused as a measurement of X_WT.
   virtual void set_tag_priors(std::vector<KnownTag> priors) = 0;
 
-  /// Forgets the motion and the tags, keeps extrinsics and biases.
-  virtual void reset() = 0;
+  /// The motion is unknown from here on (body was lost): no estimate until a tag is seen again. Tags in the state,
+  /// extrinsics and biases stay.
+  virtual void lose_motion() = 0;
 
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <string_view>
+
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "base/pose.hpp"
 #include "scene/scene_frame.hpp"
@@ -8,9 +11,14 @@
 namespace fiducap {
 
 /// Which way is up for a client. Inside it is always z.
+/// y-up: x' = x, y' = z, z' = -y, that is the axes of the world turned by -90 degrees about x.
 enum class UpAxis { kZ, kY };
 /// What turns with the world: only the world axes (q' = F q), or the body's own axes too (q' = F q F*).
 enum class AxesScope { kWorld, kWorldAndBody };
+
+[[nodiscard]] constexpr std::string_view name_of(UpAxis up) {
+  return up == UpAxis::kZ ? "z-up" : "y-up";
+}
 
 /// One client's conventions. Units, axes and quaternion order are changed here and nowhere else,
 /// position + attitude + twist + covariance together.
@@ -21,6 +29,28 @@ struct OutputAxes {
 };
 
 /// The pose, velocity, rate, acceleration and covariance in the client's axes and units.
+/// State, stamps and counters are copied.
 [[nodiscard]] BodyPose to_client(const BodyPose& body, const OutputAxes& axes);
+
+/// The same change quantity by quantity, for wires that carry only some of them.
+/// C are the client's world axes, P' the body axes as the client sees them (P, or P turned like the world).
+class AxesChange final {
+ public:
+  explicit AxesChange(const OutputAxes& axes);
+
+  [[nodiscard]] Pose pose(const Pose& X_WP) const;                              ///< X_CP', p in client units.
+  [[nodiscard]] Eigen::Vector3d length(const Eigen::Vector3d& v_W) const;       ///< Point, velocity or acceleration.
+  [[nodiscard]] Eigen::Vector3d world_rate(const Eigen::Vector3d& w_W) const;   ///< rad/s, W → C axes.
+  [[nodiscard]] Eigen::Vector3d body_rate(const Eigen::Vector3d& w_P) const;    ///< rad/s, P → P' axes.
+  /// Blocks as in BodyPose::covariance.
+  [[nodiscard]] Matrix12d covariance(const Matrix12d& P) const;
+
+ private:
+  Eigen::Matrix3d R_CW_;
+  Eigen::Quaterniond q_CW_;
+  bool turns_world_;
+  bool turns_body_;
+  double units_per_m_;
+};
 
 }  // namespace fiducap

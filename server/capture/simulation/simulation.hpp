@@ -21,8 +21,8 @@ namespace fiducap::simulation {
 struct RoomConfig {
   std::string preset{"hall"};  ///< `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes of data/; `custom`: `tags` only.
   std::string family{"tag36h11"};
-  double tag_size_m{0.4};
-  std::vector<RecordedTag> tags;  ///< Added to (or with `custom`: instead of) the preset's.
+  double tag_size_m{0.4};         ///< Of `hall` and of `tags` whose edge is 0; the classes of data/ have their own.
+  std::vector<RecordedTag> tags;  ///< Added to (or with `custom`: instead of) the preset's; an equal id replaces.
   double gravity_m_s2{9.81};
 };
 
@@ -104,13 +104,18 @@ class Trajectory {
   [[nodiscard]] virtual Point at(double t_s) const = 0;
 };
 
+/// Camera axes of a camera that looks along the body's x axis, image top along its z axis.
+[[nodiscard]] Pose forward_camera();
+
+/// @param X_BV  nominal place of the camera that shall see the tags; the body is moved so that this camera looks well.
 [[nodiscard]] Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& config,
-                                                                    const RoomConfig& room);
+                                                                    const RoomConfig& room,
+                                                                    const Pose& X_BV = forward_camera());
 
 /// A source with the truth behind it. Deterministic: same configuration, same samples, whatever the pace.
 class SimulatedSource : public SensorSource {
  public:
-  /// The true state at an instant of the source's own time line.
+  /// The true state at an instant of the source's own time line, past or future. Thread-safe.
   [[nodiscard]] virtual TruthSample truth(Instant at) const = 0;
   [[nodiscard]] virtual Instant start() const = 0;
 };

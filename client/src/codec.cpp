@@ -1,0 +1,212 @@
+#include "src/codec.hpp"
+
+#include <google/protobuf/arena.h>
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "fiducap/v1/envelope.pb.h"
+
+namespace fiducap::sdk {
+
+namespace {
+
+constexpr std::uint32_t kProtocol = 0x31434446;  // "FDC1"
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+// A quaternion further from unit length than this was not made by rounding.
+constexpr double kUnitTolerance = 1e-3;
+constexpr int kCovarianceSize = 21;
+
+/// Place of one part, checked. @return false when it lies outside its list.
+template <typename Message>
+bool read_place(const Message& in, PartPlace& out) {
+  out = {in.part_index(), in.part_count(), in.first_body(), in.body_count()};
+  const auto here = static_cast<std::uint64_t>(in.bodies_size());
+  return out.count >= 1 && out.count <= kMaxParts && out.index < out.count && out.body_count <= kMaxBodies &&
+         out.first_body + here <= out.body_count;
+}
+
+template <typename Vector>
+bool read_vector(const Vector& in, std::array<double, 3>& out) {
+  out = {in.x(), in.y(), in.z()};
+  return std::isfinite(out[0]) && std::isfinite(out[1]) && std::isfinite(out[2]);
+}
+
+bool read_orientation(const v1::Quaternion& in, std::array<double, 4>& out) {
+  const double norm = std::sqrt(in.w() * in.w() + in.x() * in.x() + in.y() * in.y() + in.z() * in.z());
+  if (!(std::abs(norm - 1.0) <= kUnitTolerance)) return false;
+  out = {in.w(), in.x(), in.y(), in.z()};
+  return true;
+}
+
+bool read_pose(const v1::Body& in, Body& out) {
+  if (!in.has_position() || !in.has_orientation() || in.pose_covariance_size() != kCovarianceSize) return false;
+  for (int i = 0; i < kCovarianceSize; ++i) {
+    if (!std::isfinite(in.pose_covariance(i))) return false;
+    out.pose_covariance[static_cast<std::size_t>(i)] = in.pose_covariance(i);
+  }
+  out.position_sigma_m = in.position_sigma();
+  out.rotation_sigma_rad = in.rotation_sigma();
+  return read_vector(in.position(), out.position_m) && read_orientation(in.orientation(), out.orientation_wxyz) &&
+         read_vector(in.velocity(), out.velocity_m_s) && read_vector(in.body_rate(), out.body_rate_rad_s) &&
+         read_vector(in.acceleration(), out.acceleration_m_s2) && out.position_sigma_m >= 0 &&
+         std::isfinite(out.position_sigma_m) && out.rotation_sigma_rad >= 0 && std::isfinite(out.rotation_sigma_rad);
+}
+
+void clear_pose(Body& out) {
+  out.position_m.fill(kNan);
+  out.orientation_wxyz.fill(kNan);
+  out.velocity_m_s.fill(kNan);
+  out.body_rate_rad_s.fill(kNan);
+  out.acceleration_m_s2.fill(kNan);
+  out.position_sigma_m = kNan;
+  out.rotation_sigma_rad = kNan;
+  out.pose_covariance.fill(std::numeric_limits<float>::quiet_NaN());
+}
+
+Tracking read_state(v1::Body::State state) {
+  switch (state) {
+    case v1::Body::STATE_SEARCHING: return Tracking::kSearching;
+    case v1::Body::STATE_TRACKING: return Tracking::kTracking;
+    case v1::Body::STATE_COASTING: return Tracking::kCoasting;
+    default: return Tracking::kLost;  // STATE_LOST, and whatever a later version invents: do not trust it
+  }
+}
+
+bool fits_int(std::uint32_t value) { return value <= static_cast<std::uint32_t>(std::numeric_limits<int>::max()); }
+
+bool read_body(const v1::Body& in, Body& out) {
+  if (in.id() == 0 || !fits_int(in.id()) || !fits_int(in.tags_in_view())) return false;
+  out.id = static_cast<int>(in.id());
+  out.tracking = read_state(in.state());
+  out.valid = in.valid();
+  out.age_s = static_cast<double>(in.age_ns()) * 1e-9;
+  out.tags_in_view = static_cast<int>(in.tags_in_view());
+  if (out.valid) return read_pose(in, out);
+  clear_pose(out);
+  return true;
+}
+
+bool read_frame(const v1::Frame& in, FramePart& out) {
+  if (in.session() == 0 || in.number() == 0 || in.model_generation() == 0 || !read_place(in, out.place)) return false;
+  out.session = in.session();
+  out.model_generation = in.model_generation();
+  Frame& frame = out.frame;
+  frame.number = in.number();
+  frame.at_server_ns = in.at_ns();
+  // Unsigned on the way: hostile numbers may overflow, which is defined there.
+  frame.at_utc_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(in.at_ns()) +
+                                              static_cast<std::uint64_t>(in.utc_offset_ns()));
+  frame.published_server_ns = in.published_at_ns();
+  frame.map_version = in.map_version();
+  frame.rate_hz = in.rate_hz();
+  if (!(frame.rate_hz >= 0) || !std::isfinite(frame.rate_hz)) return false;
+  frame.bodies.resize(static_cast<std::size_t>(in.bodies_size()));
+  for (int i = 0; i < in.bodies_size(); ++i) {
+    if (!read_body(in.bodies(i), frame.bodies[static_cast<std::size_t>(i)])) return false;
+  }
+  return true;
+}
+
+bool read_model(const v1::Model& in, ModelPart& out) {
+  if (in.session() == 0 || in.generation() == 0 || !read_place(in, out.place)) return false;
+  out.session = in.session();
+  out.generation = in.generation();
+  out.bodies.clear();
+  for (const auto& body : in.bodies()) {
+    if (body.id() == 0 || !fits_int(body.id()) || body.name().empty()) return false;
+    out.bodies.emplace_back(static_cast<int>(body.id()), body.name());
+  }
+  return true;
+}
+
+bool read_lease(const v1::Lease& in, Lease& out) {
+  out = {in.session(), in.nonce(), in.token(), in.lease_ms() * kMillisecond, in.model_generation()};
+  return out.session != 0 && out.token != 0 && out.lease > 0 && out.model_generation != 0;
+}
+
+std::vector<std::uint8_t> to_bytes(v1::Envelope& envelope) {
+  envelope.set_protocol(kProtocol);
+  std::vector<std::uint8_t> bytes(envelope.ByteSizeLong());
+  if (!envelope.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()))) {
+    throw std::logic_error("fiducap: a request does not fit its own size");
+  }
+  return bytes;
+}
+
+}  // namespace
+
+/// One arena in one block that fits every honest datagram; a dishonest one makes it grow for that one datagram.
+class Decoder::Scratch {
+ public:
+  Scratch() : block_(32 * 1024), arena_(options(block_)) {}
+
+  /// @return nullptr when the bytes are not an envelope of this protocol
+  const v1::Envelope* parse(const std::uint8_t* bytes, std::size_t size) {
+    arena_.Reset();
+    envelope_ = google::protobuf::Arena::CreateMessage<v1::Envelope>(&arena_);
+    if (size > kMaxDatagram || !envelope_->ParseFromArray(bytes, static_cast<int>(size))) return nullptr;
+    return envelope_->protocol() == kProtocol ? envelope_ : nullptr;
+  }
+  const v1::Envelope& envelope() const { return *envelope_; }
+
+ private:
+  static google::protobuf::ArenaOptions options(std::vector<char>& block) {
+    google::protobuf::ArenaOptions made;
+    made.initial_block = block.data();
+    made.initial_block_size = block.size();
+    return made;
+  }
+
+  std::vector<char> block_;
+  google::protobuf::Arena arena_;
+  v1::Envelope* envelope_{nullptr};
+};
+
+Decoder::Decoder() : scratch_(std::make_unique<Scratch>()) {}
+
+Decoder::~Decoder() = default;
+
+MessageKind Decoder::decode(const std::uint8_t* bytes, std::size_t size) {
+  if (scratch_->parse(bytes, size) == nullptr) return MessageKind::kNone;
+  return read(*scratch_);
+}
+
+MessageKind Decoder::read(const Scratch& scratch) {
+  const v1::Envelope& in = scratch.envelope();
+  switch (in.message_case()) {
+    case v1::Envelope::kChallenge:
+      challenge_ = {in.challenge().token(), in.challenge().nonce(), in.challenge().session()};
+      return challenge_.token != 0 && challenge_.session != 0 ? MessageKind::kChallenge : MessageKind::kNone;
+    case v1::Envelope::kLease: return read_lease(in.lease(), lease_) ? MessageKind::kLease : MessageKind::kNone;
+    case v1::Envelope::kModel: return read_model(in.model(), model_) ? MessageKind::kModel : MessageKind::kNone;
+    case v1::Envelope::kFrame: return read_frame(in.frame(), frame_) ? MessageKind::kFrame : MessageKind::kNone;
+    case v1::Envelope::kNotice:
+      notice_ = {in.notice().session(), in.notice().nonce(),
+                 in.notice().reason() == v1::Notice::REASON_SHUTTING_DOWN, in.notice().text()};
+      return notice_.session != 0 ? MessageKind::kNotice : MessageKind::kNone;
+    default: return MessageKind::kNone;
+  }
+}
+
+std::vector<std::uint8_t> encode(const SubscribeRequest& request) {
+  v1::Envelope envelope;
+  auto& out = *envelope.mutable_subscribe();
+  out.set_token(request.token);
+  out.set_nonce(request.nonce);
+  out.set_model_generation(request.model_generation);
+  out.set_client_name(request.client_name.substr(0, kMaxClientName));
+  out.set_frames_received(request.frames_received);
+  out.set_frames_lost(request.frames_lost);
+  out.set_padding(std::string(kMinSubscribe, '\0'));
+  return to_bytes(envelope);
+}
+
+std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token) {
+  v1::Envelope envelope;
+  envelope.mutable_unsubscribe()->set_token(token);
+  return to_bytes(envelope);
+}
+
+}  // namespace fiducap::sdk

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "src/messages.hpp"
+
+namespace fiducap::sdk {
+
+enum class MessageKind { kNone, kChallenge, kLease, kModel, kFrame, kNotice };
+
+/// Datagrams of a server → messages. Keeps its memory: decoding frames allocates nothing after warm-up.
+class Decoder {
+ public:
+  Decoder();
+  ~Decoder();
+
+  /// @return what came, readable below until the next call; kNone for whatever no server would send: wrong protocol,
+  ///         cut, places outside their list, a valid body without a finite pose.
+  MessageKind decode(const std::uint8_t* bytes, std::size_t size);
+
+  const Challenge& challenge() const { return challenge_; }
+  const Lease& lease() const { return lease_; }
+  const Notice& notice() const { return notice_; }
+  const ModelPart& model() const { return model_; }
+  const FramePart& frame() const { return frame_; }
+
+ private:
+  class Scratch;  // protobuf stays in the source file
+  MessageKind read(const Scratch& scratch);
+
+  std::unique_ptr<Scratch> scratch_;
+  Challenge challenge_;
+  Lease lease_;
+  Notice notice_;
+  ModelPart model_;
+  FramePart frame_;
+};
+
+/// Padded to kMinSubscribe.
+std::vector<std::uint8_t> encode(const SubscribeRequest& request);
+std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token);
+
+}  // namespace fiducap::sdk

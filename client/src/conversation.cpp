@@ -1,0 +1,119 @@
+#include "src/conversation.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace fiducap::sdk {
+
+namespace {
+
+// With a lease, a server that says nothing for this long is asked whether it is still there …
+constexpr Nanoseconds kProbeAfter = 250 * kMillisecond;
+// … and after four unanswered questions it is not.
+constexpr Nanoseconds kSilentAfter = 4 * kProbeAfter;
+// An answer on a local network takes far less; a lost datagram costs this much.
+constexpr Nanoseconds kAnswerTimeout = 100 * kMillisecond;
+// A server that answers every question with a challenge must not make us spin.
+constexpr Nanoseconds kChallengePause = 50 * kMillisecond;
+
+}  // namespace
+
+Conversation::Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name)
+    : retry_(retry), nonce_(nonce), client_name_(std::move(client_name)) {}
+
+void Conversation::start(Nanoseconds now) {
+  leased_ = false;
+  token_ = 0;
+  unanswered_ = 0;
+  challenge_used_at_ = now - kChallengePause;
+  ask_at_ = now;
+}
+
+void Conversation::on(const Challenge& challenge, Nanoseconds now) {
+  if (challenge.nonce != nonce_) return;
+  if (challenge.session != session_) end_lease("the server started again");
+  session_ = challenge.session;
+  unanswered_ = 0;
+  token_ = challenge.token;
+  heard_at_ = now;
+  ask_at_ = std::max(now, challenge_used_at_ + kChallengePause);
+  challenge_used_at_ = ask_at_;
+}
+
+bool Conversation::on(const Lease& lease, Nanoseconds now) {
+  if (lease.nonce != nonce_) return false;
+  unanswered_ = 0;
+  leased_ = true;
+  problem_.clear();
+  session_ = lease.session;
+  token_ = lease.token;
+  lease_ = lease.lease;
+  lease_until_ = now + lease.lease;
+  model_generation_ = lease.model_generation;
+  heard_at_ = now;
+  return true;
+}
+
+void Conversation::on(const Notice& notice, Nanoseconds now) {
+  const bool answers_us = notice.nonce == nonce_;
+  const bool ends_us = leased_ && notice.shutting_down && notice.session == session_;
+  if (!answers_us && !ends_us) return;
+  unanswered_ = 0;
+  end_lease("the server refused");
+  problem_ = notice.text.empty() ? "the server refused without a reason" : notice.text;
+  ask_at_ = now + retry_;
+}
+
+bool Conversation::heard(std::uint64_t session, Nanoseconds now) {
+  if (!leased_ || session != session_) return false;
+  heard_at_ = now;
+  return true;
+}
+
+void Conversation::refused(Nanoseconds now) {
+  end_lease("nobody listens there: is fiducapd running, and is its native port this one?");
+  ask_at_ = now + retry_;
+}
+
+void Conversation::tick(Nanoseconds now) {
+  if (!leased_) return;
+  if (now >= lease_until_ || now - heard_at_ >= kSilentAfter) {
+    end_lease("the server fell silent");
+    ask_at_ = std::min(ask_at_, now);
+  } else if (now - heard_at_ >= kProbeAfter && now - asked_at_ >= kProbeAfter) {
+    ask_at_ = now;
+  }
+}
+
+SubscribeRequest Conversation::question(std::uint64_t model_generation, Nanoseconds now) {
+  ++unanswered_;
+  asked_at_ = now;
+  ask_at_ = now + pause_after_question(model_generation != 0 && model_generation == model_generation_);
+  if (!leased_ && unanswered_ > 1 && problem_.empty()) problem_ = "no answer";
+  SubscribeRequest request;
+  request.token = token_;
+  request.nonce = nonce_;
+  request.model_generation = model_generation;
+  request.client_name = client_name_;
+  return request;
+}
+
+Nanoseconds Conversation::wake_at() const {
+  if (!leased_) return ask_at_;
+  const Nanoseconds probe_at = std::max(heard_at_, asked_at_) + kProbeAfter;
+  return std::min({ask_at_, probe_at, heard_at_ + kSilentAfter, lease_until_});
+}
+
+void Conversation::end_lease(const char* problem) {
+  leased_ = false;
+  problem_ = problem;
+}
+
+Nanoseconds Conversation::pause_after_question(bool model_complete) const {
+  constexpr int kQuickQuestions = 5;  // about a lost datagram; then the server is away
+  if (leased_ && model_complete) return std::max(lease_ / 3, kAnswerTimeout);
+  if (token_ != 0 && unanswered_ <= kQuickQuestions) return std::min(retry_, kAnswerTimeout);
+  return retry_;
+}
+
+}  // namespace fiducap::sdk

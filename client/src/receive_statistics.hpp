@@ -1,0 +1,32 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "src/messages.hpp"
+
+namespace fiducap::sdk {
+
+/// Rate and latency of the last frames. Fixed memory, not thread-safe; a copy is a snapshot.
+class ReceiveStatistics {
+ public:
+  /// @param latency_s  instant of the pose → arrival; NaN when the clocks are not the same
+  void add(Nanoseconds received, double latency_s);
+  /// Frames that arrived in the second before `now`.
+  double rate_hz(Nanoseconds now) const;
+  /// The share of the last 1000 latencies that is not above the answer, e.g. 0.99. NaN without any.
+  double latency_quantile_s(double share) const;
+
+ private:
+  static constexpr std::size_t kKept = 1000;
+  struct Arrival {
+    Nanoseconds received{0};
+    double latency_s{0};
+  };
+  std::array<Arrival, kKept> arrivals_{};
+  std::size_t next_{0};
+  std::size_t count_{0};
+};
+
+}  // namespace fiducap::sdk

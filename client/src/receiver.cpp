@@ -1,0 +1,258 @@
+#include "src/receiver.hpp"
+
+#include <poll.h>
+#include <pthread.h>
+#include <signal.h>
+#include <time.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace fiducap::sdk {
+
+namespace {
+
+// Datagrams taken before a due question gets its turn.
+constexpr int kDatagramsPerTurn = 256;
+// Unanswered questions until another address of the host, or a new look-up of its name, is tried.
+constexpr int kQuestionsPerAddress = 6;
+// A latency beyond this is no latency: the server's time line is that of a recording.
+constexpr double kPlausibleLatency_s = 10.0;
+
+Nanoseconds retry_of(const ClientOptions& options) {
+  const double wanted_s = std::isfinite(options.reconnect_s) ? options.reconnect_s : 0.5;
+  return static_cast<Nanoseconds>(std::clamp(wanted_s, 0.05, 60.0) * 1e9);
+}
+
+std::uint64_t random_word() {
+  std::random_device device;
+  return std::uint64_t{device()} << 32 | device();
+}
+
+/// The application's signals are not for this thread.
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before_);
+  }
+  ~SignalsBlocked() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
+}  // namespace
+
+Nanoseconds monotonic_now() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return now.tv_sec * kSecond + now.tv_nsec;
+}
+
+Receiver::Receiver(const ClientOptions& options)
+    : where_(options.server + ":" + std::to_string(options.port)),
+      retry_(retry_of(options)),
+      wake_(std::make_shared<Wake>()),
+      addresses_(options.server, options.port, wake_),
+      conversation_(retry_, random_word(), options.name) {
+  set_problem("not asked yet");
+  const SignalsBlocked blocked;
+  thread_ = std::thread([this] { run(); });
+}
+
+Receiver::~Receiver() {
+  stopping_.store(true);
+  wake_->ring();
+  thread_.join();
+}
+
+bool Receiver::wait_for_frame(std::uint64_t after_number, std::chrono::milliseconds timeout) const {
+  std::unique_lock<std::mutex> lock(mutex_);
+  return newer_frame_.wait_for(lock, timeout, [&] {
+    const bool before_restart = after_number > newest_number_ && after_number <= highest_before_restart_;
+    return newest_number_ > after_number || before_restart;
+  });
+}
+
+void Receiver::on_frame(std::function<void(const Frame&)> callback) {
+  using Callback = const std::function<void(const Frame&)>;
+  auto shared = callback ? std::make_shared<Callback>(std::move(callback)) : nullptr;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  frame_callback_.swap(shared);
+}
+
+void Receiver::on_connection(std::function<void(bool)> callback) {
+  using Callback = const std::function<void(bool)>;
+  auto shared = callback ? std::make_shared<Callback>(std::move(callback)) : nullptr;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  connection_callback_.swap(shared);
+}
+
+ClientStatistics Receiver::statistics() const {
+  std::unique_lock<std::mutex> lock(mutex_);
+  ClientStatistics statistics = counters_;
+  const ReceiveStatistics received = received_;
+  lock.unlock();
+  statistics.rate_hz = received.rate_hz(monotonic_now());
+  statistics.latency_p50_s = received.latency_quantile_s(0.50);
+  statistics.latency_p99_s = received.latency_quantile_s(0.99);
+  return statistics;
+}
+
+void Receiver::run() {
+  ::pthread_setname_np(::pthread_self(), "fiducap-client");
+  while (!stopping_.load()) {
+    const Nanoseconds now = monotonic_now();
+    open_socket(now);
+    if (socket_.is_open()) {
+      conversation_.tick(now);
+      report_connection();
+      if (conversation_.due(now)) ask(now);
+    }
+    wait(monotonic_now());
+    read_datagrams();
+  }
+  if (socket_.is_open() && conversation_.leased()) socket_.send(encode_unsubscribe(conversation_.token()));
+}
+
+void Receiver::open_socket(Nanoseconds now) {
+  if (socket_.is_open() || now < open_at_) return;
+  Address address;
+  std::string problem;
+  const auto state = addresses_.next(address, problem);
+  if (state == AddressBook::State::kReady) problem = socket_.open(address);
+  if (!problem.empty()) {
+    set_problem(where_ + ": " + problem);
+    open_at_ = addresses_.exhausted() ? now + retry_ : now;
+  }
+  if (socket_.is_open()) conversation_.start(now);
+  if (state == AddressBook::State::kLooking) open_at_ = std::numeric_limits<Nanoseconds>::max();
+}
+
+void Receiver::give_up_address(Nanoseconds now) {
+  socket_.close();
+  open_at_ = addresses_.exhausted() ? now + retry_ : now;
+}
+
+void Receiver::ask(Nanoseconds now) {
+  if (conversation_.unanswered() >= kQuestionsPerAddress) {
+    give_up_address(now);
+    return;
+  }
+  const bool same_run = conversation_.session() == session_;  // else names and numbers are those of a server gone
+  auto question = conversation_.question(same_run ? assembler_.model_generation() : 0, now);
+  question.frames_received = assembler_.received();
+  question.frames_lost = assembler_.lost();
+  if (socket_.send(encode(question)) == UdpSocket::Result::kRefused) {
+    conversation_.refused(now);
+    report_connection();
+    give_up_address(now);
+  }
+}
+
+void Receiver::wait(Nanoseconds now) {
+  const Nanoseconds until = socket_.is_open() ? conversation_.wake_at() : open_at_;
+  const Nanoseconds pause = std::clamp<Nanoseconds>(until - now, 0, kSecond);
+  const timespec timeout{pause / kSecond, pause % kSecond};
+  std::array<pollfd, 2> wanted{{{wake_->descriptor(), POLLIN, 0}, {socket_.descriptor(), POLLIN, 0}}};
+  if (::ppoll(wanted.data(), wanted.size(), &timeout, nullptr) > 0 && wanted[0].revents != 0) {
+    wake_->drain();
+    open_at_ = std::min(open_at_, now);  // a look-up has ended
+  }
+}
+
+void Receiver::read_datagrams() {
+  std::array<std::uint8_t, kMaxDatagram + 1> bytes;  // one more: a longer datagram is seen as too long
+  for (int i = 0; i < kDatagramsPerTurn && socket_.is_open(); ++i) {
+    std::size_t size = bytes.size();
+    const auto result = socket_.receive(bytes.data(), size);
+    if (result == UdpSocket::Result::kNothing) return;
+    const Nanoseconds now = monotonic_now();
+    if (result == UdpSocket::Result::kRefused) {
+      conversation_.refused(now);
+      give_up_address(now);
+    } else {
+      take(bytes.data(), size, now);
+    }
+    report_connection();
+  }
+}
+
+void Receiver::take(const std::uint8_t* bytes, std::size_t size, Nanoseconds now) {
+  switch (decoder_.decode(bytes, size)) {
+    case MessageKind::kChallenge: return conversation_.on(decoder_.challenge(), now);
+    case MessageKind::kNotice: return conversation_.on(decoder_.notice(), now);
+    case MessageKind::kLease: return take_lease(now);
+    case MessageKind::kModel:
+      if (conversation_.heard(decoder_.model().session, now)) assembler_.add(decoder_.model());
+      return;
+    case MessageKind::kFrame:
+      if (!conversation_.heard(decoder_.frame().session, now)) return;
+      if (Frame* frame = assembler_.add(decoder_.frame())) deliver(*frame, now);
+      return;
+    case MessageKind::kNone: return;
+  }
+}
+
+void Receiver::take_lease(Nanoseconds now) {
+  if (!conversation_.on(decoder_.lease(), now)) return;
+  if (conversation_.session() == session_) return;
+  session_ = conversation_.session();
+  assembler_.begin(session_);
+}
+
+void Receiver::deliver(Frame& frame, Nanoseconds now) {
+  report_connection();  // a connection comes before its first frame
+  frame.received_ns = now;
+  const double latency_s = static_cast<double>(now - frame.at_server_ns) * 1e-9;
+  const bool same_clock = socket_.server_is_local() && std::abs(latency_s) < kPlausibleLatency_s;
+  const std::uint64_t number = frame.number;
+  const Frame* published = latest_.publish(frame);
+  std::shared_ptr<const std::function<void(const Frame&)>> callback;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    received_.add(now, same_clock ? latency_s : std::numeric_limits<double>::quiet_NaN());
+    ++counters_.frames;
+    if (number < newest_number_) {
+      highest_before_restart_ = std::max(highest_before_restart_, newest_number_);
+    } else if (counters_.frames > 1 && assembler_.received() > 1) {
+      counters_.lost += number - newest_number_ - 1;
+    }
+    newest_number_ = number;
+    callback = frame_callback_;
+  }
+  newer_frame_.notify_all();
+  if (callback) (*callback)(published != nullptr ? *published : frame);
+}
+
+void Receiver::report_connection() {
+  const bool connected = conversation_.leased() && assembler_.model_generation() != 0;
+  if (!connected && socket_.is_open()) set_problem(where_ + ": " + conversation_.problem());
+  if (connected == connected_) return;
+  connected_ = connected;
+  std::shared_ptr<const std::function<void(bool)>> callback;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    counters_.connected = connected;
+    if (connected) counters_.problem.clear();
+    if (connected && was_connected_) ++counters_.reconnects;
+    callback = connection_callback_;
+  }
+  was_connected_ = was_connected_ || connected;
+  if (callback) (*callback)(connected);
+}
+
+void Receiver::set_problem(const std::string& problem) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (counters_.problem != problem) counters_.problem = problem;
+}
+
+}  // namespace fiducap::sdk

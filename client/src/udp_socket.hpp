@@ -1,0 +1,43 @@
+#pragma once
+
+#include <sys/socket.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace fiducap::sdk {
+
+struct Address {
+  sockaddr_storage bytes{};
+  socklen_t size{};
+};
+
+/// One UDP socket towards one server; datagrams of others never arrive. Never waits.
+class UdpSocket {
+ public:
+  UdpSocket() = default;
+  ~UdpSocket() { close(); }
+  UdpSocket(const UdpSocket&) = delete;
+  UdpSocket& operator=(const UdpSocket&) = delete;
+
+  /// @return empty, or why not.
+  std::string open(const Address& server);
+  void close();
+  bool is_open() const { return fd_ >= 0; }
+  int descriptor() const { return fd_; }
+  /// The server runs on this machine: its monotonic clock is ours.
+  bool server_is_local() const { return server_is_local_; }
+
+  enum class Result { kDone, kNothing, kRefused };
+  Result send(const std::vector<std::uint8_t>& datagram);
+  /// @param size  in: room; out: bytes of the datagram, never more than the room
+  Result receive(std::uint8_t* bytes, std::size_t& size);
+
+ private:
+  int fd_{-1};
+  bool server_is_local_{false};
+};
+
+}  // namespace fiducap::sdk

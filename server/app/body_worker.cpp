@@ -1,0 +1,157 @@
+#include "app/body_worker.hpp"
+
+#include <exception>
+#include <sstream>
+#include <utility>
+
+#include "app/system_clock.hpp"
+#include "base/log.hpp"
+#include "detection/observe.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr Duration kRememberPeriod = std::chrono::seconds(2);
+
+MergerConfig merger_config(const BodySensors& sensors) {
+  MergerConfig config;
+  config.has_imu = sensors.imu.has_value();
+  config.max_images = 4 * sensors.cameras.size();  // older ones would only make the newest late
+  return config;
+}
+
+/// Adds the CPU time between its birth and its death.
+class CpuMeter final {
+ public:
+  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
+  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
+  CpuMeter(const CpuMeter&) = delete;
+  CpuMeter& operator=(const CpuMeter&) = delete;
+
+ private:
+  Duration& sum_;
+  Duration begin_;
+};
+
+}  // namespace
+
+BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
+    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {}
+
+void BodyWorker::read(std::stop_token stop) {
+  try {
+    read_samples(stop);
+  } catch (const std::exception& failure) {
+    log::error("capture", parts_.name + ": " + failure.what());
+  }
+  inbox_.finish();
+  reading_ = false;
+}
+
+void BodyWorker::read_samples(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    auto sample = parts_.source->next(stop);
+    if (!sample) return log::error("capture", parts_.name + ": source lost: " + sample.error().text());
+    if (!sample->has_value()) {
+      if (!stop.stop_requested()) log::info("capture", parts_.name + ": source has ended");
+      return;
+    }
+    const auto* imu = std::get_if<ImuSample>(&**sample);
+    if (imu != nullptr && !parts_.sensors.imu) continue;
+    if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite()) shared_.scene.add_imu(parts_.index, *imu);
+    if (!inbox_.push(std::move(**sample), shared_.clock.now())) {
+      return log::error("capture", parts_.name + ": the worker does not keep up with the IMU; the body is lost");
+    }
+  }
+}
+
+void BodyWorker::work(std::stop_token stop) {
+  try {
+    work_samples(stop);
+  } catch (const std::exception& failure) {
+    log::error("app", parts_.name + ": " + failure.what());
+  }
+  inbox_.close();
+  statistics_.merger = inbox_.statistics();
+  ended_ = true;
+  if (stop.stop_requested()) return;
+  shared_.scene.source_lost(parts_.index);
+  log::warning("app", parts_.name + " is lost: its source gives nothing more; the server goes on");
+}
+
+void BodyWorker::work_samples(std::stop_token stop) {
+  while (const auto delivery = inbox_.pop(stop)) {
+    if (const auto* imu = std::get_if<ImuSample>(&delivery->sample)) {
+      const CpuMeter meter(statistics_.propagate_cpu);
+      parts_.filter->propagate(*imu);
+      ++statistics_.imu_samples;
+      continue;
+    }
+    take_frame(*delivery);
+  }
+}
+
+void BodyWorker::take_frame(const Delivery& delivery) {
+  const CornerFrame& corners = corners_of(delivery.sample);
+  const auto camera = static_cast<std::size_t>(corners.camera);
+  if (camera >= parts_.sensors.cameras.size()) return;  // a source with more cameras than the body knows
+  const CpuMeter meter(statistics_.update_cpu);
+  auto& filter = *parts_.filter;
+  observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
+  if (shared_.scene.wants_reset(parts_.index, seen_.exposed_at)) {
+    filter.lose_motion();
+    ++statistics_.resets;
+  }
+  shared_.map.snapshot()->known_among(seen_, known_);
+  const UpdateReport report = filter.update(seen_, known_);
+  filter.tag_beliefs(beliefs_);
+  shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
+  std::optional<BodyEstimate> estimate;
+  if (filter.running()) estimate = filter.estimate();
+  const std::uint64_t dropped = inbox_.statistics().images_dropped;
+  shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived, dropped);
+  ++statistics_.frames;
+  statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
+  if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
+  if (filter.running()) remember_extrinsics(seen_.exposed_at);
+}
+
+const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
+  if (const auto* corners = std::get_if<CornerFrame>(&sample)) return *corners;
+  const CpuMeter meter(statistics_.detect_cpu);
+  if (!detector_) detector_.emplace(shared_.tags, shared_.detector);
+  detected_ = detector_->detect(std::get<CameraFrame>(sample));
+  return detected_;
+}
+
+void BodyWorker::remember_extrinsics(Instant now) {
+  if (now - learned_at_ < kRememberPeriod) return;
+  learned_at_ = now;
+  auto newest = parts_.filter->extrinsics();
+  const std::lock_guard lock(learned_mutex_);
+  learned_ = std::move(newest);
+}
+
+BodyStatistics BodyWorker::statistics() const { return statistics_; }
+
+std::vector<ExtrinsicsEstimate> BodyWorker::learned() const {
+  const std::lock_guard lock(learned_mutex_);
+  return learned_;
+}
+
+std::string BodyStatistics::text() const {
+  const auto per = [](Duration cpu, std::uint64_t runs) {
+    return runs == 0 ? 0.0 : to_seconds(cpu) * 1e3 / static_cast<double>(runs);
+  };
+  std::ostringstream line;
+  line.precision(3);
+  line << frames << " frames (" << frames_with_pose << " with pose), " << tags_used << " tags used, " << imu_samples
+       << " IMU samples; CPU per frame: detect " << per(detect_cpu, frames) << " ms, update "
+       << per(update_cpu, frames) << " ms, propagate " << per(propagate_cpu, frames) << " ms; dropped: "
+       << merger.images_dropped << " images when busy, " << merger.late_dropped << " late, "
+       << merger.backwards_dropped << " backwards, " << merger.bad_dropped << " bad; " << resets << " restarts";
+  return line.str();
+}
+
+}  // namespace fiducap

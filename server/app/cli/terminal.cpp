@@ -1,0 +1,32 @@
+#include "app/cli/terminal.hpp"
+
+#include <array>
+#include <cstdio>
+
+namespace fiducap {
+
+int report(const Terminal& terminal, const Error& error) {
+  terminal.err << "fiducap: " << error.text() << std::endl;
+  return kExitFailed;
+}
+
+ProgressLine::~ProgressLine() {
+  if (shown_) terminal_.err << "\r\x1b[K" << std::flush;
+}
+
+void ProgressLine::show(const std::string& text) {
+  if (!terminal_.err_is_live) return;
+  const auto now = std::chrono::steady_clock::now();
+  if (shown_ && now - last_ < std::chrono::milliseconds(200)) return;
+  terminal_.err << '\r' << text << "\x1b[K" << std::flush;
+  last_ = now;
+  shown_ = true;
+}
+
+std::string fixed(double value, int decimals) {
+  std::array<char, 352> text{};  // the longest double has 309 digits before the point
+  std::snprintf(text.data(), text.size(), "%.*f", decimals, value);
+  return text.data();
+}
+
+}  // namespace fiducap

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+#include "base/expected.hpp"
+
+namespace fiducap {
+
+inline constexpr std::size_t kMaxTextFileBytes = std::size_t{256} << 20;
+
+/// Writes `content` beside `path` and renames it over: a reader sees the old file or the whole new one, never a part.
+/// Folders on the way are made.
+[[nodiscard]] Expected<void> write_whole_file(const std::string& path, std::string_view content);
+
+/// @return Error when the file is missing, unreadable or larger than `max_bytes`.
+[[nodiscard]] Expected<std::string> read_whole_file(const std::string& path,
+                                                    std::size_t max_bytes = kMaxTextFileBytes);
+
+}  // namespace fiducap

@@ -1,0 +1,155 @@
+// The rules of all rooms, and those that only the whole configuration can break.
+#include <algorithm>
+#include <cctype>
+#include <set>
+
+#include "app/config_file.hpp"
+
+namespace fiducap {
+
+namespace {
+
+using Errors = std::vector<ConfigError>;
+
+/// Rooms name their own section (`vrpn.port`); the file has it further down (`streaming.vrpn.port`).
+void append(Errors& all, Errors more, const std::string& prefix) {
+  for (auto& error : more) {
+    for (std::size_t from = 0; from != std::string::npos; from = prefix.find('.', from)) {
+      if (from > 0) ++from;
+      const std::string tail = prefix.substr(from);
+      if (error.path.rfind(tail, 0) != 0) continue;
+      error.path = prefix + error.path.substr(tail.size());
+      break;
+    }
+    all.push_back(std::move(error));
+  }
+}
+
+bool is_name(const std::string& name) {
+  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.'; };
+  return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
+}
+
+void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
+  append(all,
+         Checker{prefix}
+             .positive("gyro_noise_rad_s_rtHz", noise.gyro_noise_rad_s_rtHz)
+             .not_negative("gyro_walk_rad_s2_rtHz", noise.gyro_walk_rad_s2_rtHz)
+             .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
+             .not_negative("accel_walk_m_s3_rtHz", noise.accel_walk_m_s3_rtHz)
+             .positive("rate_hz", noise.rate_hz)
+             .errors,
+         prefix);
+}
+
+void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
+  append(all,
+         Checker{prefix}
+             .not_negative("position_sigma_m", mount.position_sigma_m)
+             .not_negative("rotation_sigma_rad", mount.rotation_sigma_rad)
+             .positive("rate_hz", mount.rate_hz)
+             .errors,
+         prefix);
+  if (!has_file) append(all, mount.model.check(), prefix + "model.");
+}
+
+void check_source(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  switch (body.source.type) {
+    case SourceType::kSimulator: {
+      // Cameras that a file describes are checked when the file has been read.
+      const bool by_file = std::any_of(body.cameras.begin(), body.cameras.end(),
+                                       [](const CameraConfig& camera) { return !camera.calibration.empty(); });
+      auto robot = body.source.simulator;
+      if (robot.cameras.empty() && by_file) break;
+      if (robot.cameras.empty()) {
+        for (const auto& camera : body.cameras) robot.cameras.push_back(camera.mount);
+      }
+      append(all, simulation::check(robot, prefix), prefix);
+      break;
+    }
+    case SourceType::kRecording:
+      append(all,
+             Checker{prefix}
+                 .require(!body.source.recording.folder.empty(), "folder", "\"\"", "must name a recording")
+                 .positive("speed", body.source.recording.speed)
+                 .errors,
+             prefix);
+      break;
+    case SourceType::kCamera: append(all, body.source.camera.check(prefix), prefix); break;
+  }
+}
+
+void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  const bool camera = body.source.type == SourceType::kCamera;
+  Checker rules{prefix};
+  rules.require(is_name(body.name), "name", '"' + body.name + '"', "must have 1 to 63 of a-z A-Z 0-9 _ - .")
+      .require(body.id >= 1, "id", body.id, "must be >= 1")
+      .require(body.filter == "robocentric", "filter", body.filter, "must be robocentric")
+      .require(!camera || body.cameras.size() == 1, "cameras", std::to_string(body.cameras.size()) + " entries",
+               "a camera source has exactly one camera")
+      .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}", "a camera source has no IMU")
+      .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
+               "a simulated body needs at least one camera");
+  append(all, rules.errors, prefix);
+  check_source(all, body, prefix + "source.");
+  for (std::size_t i = 0; i < body.cameras.size(); ++i) {
+    const auto& [calibration, mount] = body.cameras[i];
+    check_mount(all, mount, !calibration.empty(), prefix + "cameras." + std::to_string(i) + ".");
+  }
+  if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
+  append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
+}
+
+void check_streaming(Errors& all, const StreamingConfig& streaming) {
+  Checker rules{"streaming."};
+  rules.within("rate_hz", streaming.rate_hz, 1, 1000);
+  for (const auto& name : streaming.optional) {
+    rules.require(name == "vrpn" || name == "native" || name == "web", "optional", name,
+                  "must be some of vrpn, native, web");
+  }
+  append(all, rules.errors, "streaming.");
+  append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.native.check(), "streaming.native.");
+  append(all, streaming.web.check(), "streaming.web.");
+}
+
+void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
+  std::set<std::string> names;
+  std::set<int> ids;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    Checker rules{"bodies." + std::to_string(i) + "."};
+    rules.require(names.insert(bodies[i].name).second, "name", '"' + bodies[i].name + '"', "is taken by another body")
+        .require(ids.insert(bodies[i].id).second, "id", bodies[i].id, "is taken by another body");
+    append(all, rules.errors, "bodies.");
+  }
+}
+
+void check_map(Errors& all, const MapSettings& map) {
+  append(all, map.builder.check(), "map.");
+  append(all,
+         Checker{"map."}
+             .positive("file_tag_size_m", map.file_tag_size_m)
+             .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
+                      "needs reference_tag: whose pose is it?")
+             .errors,
+         "map.");
+}
+
+}  // namespace
+
+std::vector<ConfigError> check(const ServerConfig& config) {
+  Errors all;
+  append(all, config.tags.check(), "tags.");
+  append(all, config.detector.check(), "detector.");
+  append(all, config.estimator.check(), "estimator.");
+  check_map(all, config.map);
+  append(all, simulation::check(config.simulation, "simulation."), "simulation.");
+  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
+    check_body(all, config.bodies[i], "bodies." + std::to_string(i) + ".");
+  }
+  check_unique(all, config.bodies);
+  check_streaming(all, config.streaming);
+  return all;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "app/config_file.hpp"
+
+/// The words a configuration uses for each enum.
+namespace fiducap::words {
+
+template <typename E>
+struct Word {
+  std::string_view text;
+  E value;
+};
+
+inline constexpr std::array<Word<log::Level>, 4> kLogLevel{{{"debug", log::Level::kDebug},
+                                                            {"info", log::Level::kInfo},
+                                                            {"warning", log::Level::kWarning},
+                                                            {"error", log::Level::kError}}};
+inline constexpr std::array<Word<MapMode>, 2> kMapMode{{{"mapping", MapMode::kMapping}, {"frozen", MapMode::kFrozen}}};
+inline constexpr std::array<Word<Distortion>, 3> kDistortion{{{"none", Distortion::kNone},
+                                                              {"radial-tangential", Distortion::kRadialTangential},
+                                                              {"equidistant", Distortion::kEquidistant}}};
+inline constexpr std::array<Word<SourceType>, 3> kSourceType{{{"simulator", SourceType::kSimulator},
+                                                              {"recording", SourceType::kRecording},
+                                                              {"camera", SourceType::kCamera}}};
+inline constexpr std::array<Word<UpAxis>, 2> kUpAxis{{{"z", UpAxis::kZ}, {"y", UpAxis::kY}}};
+inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
+    {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
+
+}  // namespace fiducap::words

@@ -1,0 +1,90 @@
+#pragma once
+
+#include "app/config/config_schema.hpp"
+#include "app/config/simulation_schema.hpp"
+
+/// The rest of what a configuration file may say: bodies, streaming and the whole.
+namespace fiducap {
+
+/// `type` comes first: it decides which other keys there are.
+template <class V>
+void describe(V& v, SourceConfig& c) {
+  v.word("type", c.type, words::kSourceType);
+  switch (c.type) {
+    case SourceType::kSimulator: describe(v, c.simulator); break;
+    case SourceType::kRecording: describe(v, c.recording); break;
+    case SourceType::kCamera: describe(v, c.camera); break;
+  }
+}
+
+template <class V>
+void describe(V& v, BodyConfig& c) {
+  v.value("name", c.name);
+  v.value("id", c.id);
+  v.value("filter", c.filter);
+  v.section("source", c.source);
+  v.list("cameras", c.cameras);
+  v.value("use_imu", c.use_imu);
+  v.path("kalibr_imu", c.kalibr_imu);
+  v.optional_section("imu", c.imu);
+  v.value("pivot", c.pivot);
+  v.section("limits", c.limits);
+}
+
+template <class V>
+void describe(V& v, vrpn::VrpnConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("udp_reports", c.udp_reports);
+  v.value("velocity", c.velocity);
+  v.value("acceleration", c.acceleration);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.value("minor_version", c.minor_version);
+  v.value("workspace_box_m", c.workspace_box_m);
+}
+
+template <class V>
+void describe(V& v, native::NativeConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.value("lease_s", c.lease_s);
+}
+
+template <class V>
+void describe(V& v, web::WebConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("rate_hz", c.rate_hz);
+  v.value("max_clients", c.max_clients);
+  v.path("root", c.root);
+}
+
+template <class V>
+void describe(V& v, StreamingConfig& c) {
+  v.value("rate_hz", c.rate_hz);
+  v.value("optional", c.optional);
+  v.section("vrpn", c.vrpn);
+  v.section("native", c.native);
+  v.section("web", c.web);
+}
+
+template <class V>
+void describe(V& v, ServerConfig& c) {
+  v.word("log_level", c.log_level, words::kLogLevel);
+  v.section("tags", c.tags);
+  v.section("detector", c.detector);
+  v.section("estimator", c.estimator);
+  v.section("map", c.map);
+  v.section("simulation", c.simulation);
+  v.list("bodies", c.bodies);
+  v.section("streaming", c.streaming);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "scene/scene_frame.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace fiducap {
+
+/// Hands the newest frame from the publisher's thread to the I/O thread. One place: a frame that was not fetched in
+/// time is replaced, so that a busy I/O thread never works on old poses. Nothing is allocated per frame.
+class FrameMailbox final {
+ public:
+  using Receiver = std::function<void(const std::shared_ptr<const SceneFrame>&)>;
+
+  /// @param receiver  called on the thread that runs `io`
+  FrameMailbox(boost::asio::io_context& io, Receiver receiver);
+  ~FrameMailbox();
+  FrameMailbox(const FrameMailbox&) = delete;
+  FrameMailbox& operator=(const FrameMailbox&) = delete;
+
+  /// From any thread; never waits.
+  void put(std::shared_ptr<const SceneFrame> frame);
+  /// On the I/O thread: no frame is delivered after this.
+  void close();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace fiducap

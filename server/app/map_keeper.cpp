@@ -1,0 +1,57 @@
+#include "app/map_keeper.hpp"
+
+#include <exception>
+#include <utility>
+
+#include "base/log.hpp"
+
+namespace fiducap {
+
+MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock, Learned learned)
+    : store_(std::move(store)),
+      map_(map),
+      period_(from_seconds(commit_period_s)),
+      clock_(clock),
+      learned_(std::move(learned)) {}
+
+void MapKeeper::run(std::stop_token stop) {
+  try {
+    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_) commit();
+    commit();
+  } catch (const std::exception& failure) {
+    log::error("mapping", std::string("the map is no longer stored: ") + failure.what());
+  }
+}
+
+void MapKeeper::commit() {
+  if (map_.mode() != MapMode::kMapping || !map_.changed()) return;
+  const auto done = store_all();
+  if (done) {
+    if (failing_) log::info("mapping", "the map is stored again");
+    failing_ = false;
+    return;
+  }
+  if (!failing_) {
+    log::error("mapping", "the map was not stored (tried again every " + std::to_string(to_seconds(period_)) +
+                              " s; what is stored stays): " + done.error().text());
+  }
+  failing_ = true;
+}
+
+Expected<void> MapKeeper::store_all() {
+  const auto snapshot = map_.snapshot();
+  const auto stored = store_.commit(*snapshot, "mapped by fiducapd");
+  if (!stored) return tl::unexpected(stored.error());
+  map_.mark_stored(*stored);
+  log::info("mapping", "map version " + std::to_string(stored->version) + " stored: " +
+                           std::to_string(stored->tags.size()) + " tags");
+  for (const auto& body : learned_()) {
+    for (std::size_t k = 0; k < body.cameras.size(); ++k) {
+      const auto saved = store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
+      if (!saved) return saved;
+    }
+  }
+  return {};
+}
+
+}  // namespace fiducap

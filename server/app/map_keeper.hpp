@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "base/clock.hpp"
+#include "capture/camera_model.hpp"
+#include "estimation/body_filter.hpp"
+#include "mapping/map_builder.hpp"
+#include "mapping/map_store.hpp"
+
+namespace fiducap {
+
+/// What a body has learned about its cameras.
+struct LearnedBody {
+  std::string name;
+  std::vector<ExtrinsicsEstimate> cameras;
+};
+
+/// Writes the map to its store: every `commit_period_s` when it has changed, and at the end. Only in `mapping` mode.
+/// A store that cannot be written is said once, then tried again each period; what is stored stays as it was.
+class MapKeeper final {
+ public:
+  using Learned = std::function<std::vector<LearnedBody>()>;
+
+  /// @param learned  called on the keeper's thread before each commit
+  MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock, Learned learned);
+
+  /// Commits until stopped, and once more then.
+  void run(std::stop_token stop);
+  /// One round, if the map has changed.
+  void commit();
+
+ private:
+  [[nodiscard]] Expected<void> store_all();
+
+  MapStore store_;
+  MapBuilder& map_;
+  Duration period_;
+  const Clock& clock_;
+  Learned learned_;
+  bool failing_{false};
+};
+
+}  // namespace fiducap

@@ -1,0 +1,254 @@
+#include "app/server.hpp"
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <algorithm>
+#include <csignal>
+#include <exception>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "app/body_setup.hpp"
+#include "app/body_threads.hpp"
+#include "app/frame_mailbox.hpp"
+#include "app/map_start.hpp"
+#include "app/publisher.hpp"
+#include "app/system_clock.hpp"
+#include "base/log.hpp"
+#include "scene/scene.hpp"
+#include "streaming/stream_hub.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
+constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
+
+}  // namespace
+
+class Server::Impl final {
+ public:
+  Impl(const ServerConfig& config, const ServerOptions& options, const Clock& clock)
+      : config_(config), options_(options), clock_(clock), goodbye_(io_), signals_(io_), bodies_(clock) {}
+
+  Expected<void> build();
+  bool run();
+  void stop();
+  [[nodiscard]] std::uint16_t web_port() const { return web_port_; }
+
+ private:
+  struct Body {
+    BodySetup setup;
+    std::unique_ptr<SensorSource> source;
+  };
+
+  Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  void build_scene(const std::vector<Body>& bodies);
+  void build_workers(std::vector<Body> bodies);
+  Expected<void> build_streaming();
+  Expected<void> accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name);
+  void start_threads();
+  void serve();
+  bool shut_down();
+
+  ServerConfig config_;
+  ServerOptions options_;
+  const Clock& clock_;
+  boost::asio::io_context io_{1};
+  boost::asio::steady_timer goodbye_;
+  boost::asio::signal_set signals_;
+  std::optional<MapBuilder> map_;
+  std::optional<Scene> scene_;
+  BodyThreads bodies_;
+  std::optional<MapKeeper> keeper_;
+  StreamHub hub_;
+  std::uint16_t web_port_{0};
+  std::optional<FrameMailbox> mailbox_;
+  std::optional<Publisher> publisher_;
+  std::jthread keeping_;
+  std::jthread publishing_;
+};
+
+Expected<void> Server::Impl::build() {
+  if (config_.bodies.empty()) return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
+  auto start = open_start_map(config_.map, config_.tags);
+  if (!start) return tl::unexpected(start.error());
+  auto bodies = open_bodies(*start);
+  if (!bodies) return tl::unexpected(bodies.error());
+  log::info("mapping", "map version " + std::to_string(start->map.version) + " with " +
+                           std::to_string(start->map.tags.size()) + " tags");
+  map_.emplace(config_.map.builder, std::move(start->map));
+  if (start->store) {
+    keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
+                    [this] { return bodies_.learned(); });
+  }
+  build_scene(*bodies);
+  build_workers(std::move(*bodies));
+  return build_streaming();
+}
+
+Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartMap& start) {
+  std::vector<Body> bodies;
+  std::optional<Error> first_failure;
+  std::size_t opened = 0;
+  const Instant begin = clock_.now();
+  for (const auto& config : config_.bodies) {
+    auto setup = read_body_setup(config, config_.simulation);
+    if (!setup) return tl::unexpected(Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
+    if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors.cameras);
+    auto source = open_source(config, *setup, config_.simulation, begin, clock_);
+    if (source) {
+      ++opened;
+    } else {
+      if (!first_failure) first_failure = Error{source.error().code, config.name + ": " + source.error().text(), {}};
+      source = failed_source(source.error());
+    }
+    bodies.push_back({std::move(*setup), std::move(*source)});
+  }
+  if (opened == 0) return tl::unexpected(*first_failure);
+  return bodies;
+}
+
+void Server::Impl::build_scene(const std::vector<Body>& bodies) {
+  std::vector<SceneBody> described;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const BodyConfig& config = config_.bodies[i];
+    described.push_back({{config.id, config.name}, config.pivot, config.limits, bodies[i].setup.sensors,
+                         config_.estimator});
+  }
+  scene_.emplace(described);
+}
+
+void Server::Impl::build_workers(std::vector<Body> bodies) {
+  const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_};
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const BodyConfig& config = config_.bodies[i];
+    BodySensors& sensors = bodies[i].setup.sensors;
+    auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
+    if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
+    bodies_.add(std::make_unique<BodyWorker>(BodyParts{i, config.id, config.name, std::move(sensors),
+                                                       std::move(bodies[i].source), std::move(filter)},
+                                             shared));
+  }
+}
+
+Expected<void> Server::Impl::build_streaming() {
+  const auto model = scene_->model();
+  const StreamingConfig& streaming = config_.streaming;
+  if (streaming.vrpn.enabled) {
+    const auto done = accept(vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_), "vrpn");
+    if (!done) return done;
+  }
+  if (streaming.native.enabled) {
+    const auto done = accept(native::start_native_server(io_, streaming.native, model, clock_), "native");
+    if (!done) return done;
+  }
+  if (streaming.web.enabled) {
+    web::WebSources sources;
+    sources.clients = [this] { return hub_.clients(); };
+    sources.version = FIDUCAP_VERSION;
+    sources.map_mode = config_.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
+    auto page = web::start_web_server(io_, streaming.web, std::move(sources), model, clock_);
+    if (page) web_port_ = (*page)->port();
+    const auto done = accept(std::move(page), "web");
+    if (!done) return done;
+  }
+  mailbox_.emplace(io_, [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
+  publisher_.emplace(streaming.rate_hz, *scene_, *map_, clock_,
+                     [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
+  return {};
+}
+
+Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name) {
+  if (streamer) {
+    hub_.add(std::move(*streamer));
+    return {};
+  }
+  const auto& dispensable = config_.streaming.optional;
+  if (std::find(dispensable.begin(), dispensable.end(), name) == dispensable.end()) {
+    return tl::unexpected(streamer.error());
+  }
+  log::warning(name, "not served: " + streamer.error().text());
+  return {};
+}
+
+void Server::Impl::start_threads() {
+  bodies_.start([this] {
+    log::info("app", "every source has ended");
+    if (options_.exit_at_end) stop();
+  });
+  if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
+  publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
+}
+
+bool Server::Impl::run() {
+  if (options_.stop_on_signals) {
+    signals_.add(SIGINT);
+    signals_.add(SIGTERM);
+    signals_.async_wait([this](const boost::system::error_code& failure, int) {
+      if (!failure) stop();
+    });
+  }
+  start_threads();
+  log::info("app", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
+                       (web_port_ == 0 ? "" : ", page on http://" + config_.streaming.web.address + ":" +
+                                                  std::to_string(web_port_) + "/"));
+  serve();
+  return shut_down();
+}
+
+void Server::Impl::serve() {
+  for (;;) {
+    try {
+      io_.run();
+      return;
+    } catch (const std::exception& failure) {
+      log::error("streaming", failure.what());  // of one handler; the others go on
+    }
+  }
+}
+
+void Server::Impl::stop() {
+  boost::asio::post(io_, [this] {
+    mailbox_->close();
+    hub_.stop();
+    boost::system::error_code ignored;
+    signals_.cancel(ignored);
+    goodbye_.expires_after(kGoodbye);
+    goodbye_.async_wait([this](const boost::system::error_code&) { io_.stop(); });
+  });
+}
+
+bool Server::Impl::shut_down() {
+  publishing_.request_stop();
+  const bool all = bodies_.stop(kSourcePatience);
+  publishing_.join();
+  if (keeping_.joinable()) {
+    keeping_.request_stop();
+    keeping_.join();
+  }
+  bodies_.log_statistics();
+  log::info("app", std::to_string(publisher_->frames()) + " frames published, " +
+                       std::to_string(publisher_->missed()) + " ticks missed; stopped");
+  return all;
+}
+
+Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config, const ServerOptions& options,
+                                                const Clock& clock) {
+  auto impl = std::make_unique<Impl>(config, options, clock);
+  if (const auto built = impl->build(); !built) return tl::unexpected(built.error());
+  return std::unique_ptr<Server>(new Server(std::move(impl)));
+}
+
+Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Server::~Server() = default;
+bool Server::run() { return impl_->run(); }
+void Server::stop() { impl_->stop(); }
+std::uint16_t Server::web_port() const { return impl_->web_port(); }
+
+}  // namespace fiducap

@@ -1,0 +1,55 @@
+#include "capture/gray_decoder.hpp"
+
+#include <fstream>
+#include <string>
+
+#include <opencv2/imgcodecs.hpp>
+
+namespace fiducap {
+namespace {
+
+constexpr std::uintmax_t kMaxImageFile_bytes = 256 << 20;
+
+Expected<void> read_file(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return fail(ErrorCode::kNotFound, "no such image", path.string());
+  if (size == 0 || size > kMaxImageFile_bytes) {
+    return fail(ErrorCode::kInvalid, "is no image: " + std::to_string(size) + " bytes",
+                path.string());
+  }
+  bytes.resize(static_cast<std::size_t>(size));
+  std::ifstream file(path, std::ios::binary);
+  if (file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size)))
+    return {};
+  return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
+}
+
+}  // namespace
+
+Expected<void> decode_gray_file(const std::filesystem::path& file,
+                                std::vector<std::uint8_t>& scratch, GrayImage& out) {
+  if (const auto read = read_file(file, scratch); !read) return read;
+  // A rotation tag of a JPEG would turn the image away from its calibration. Not decoded straight
+  // into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when the bytes are no
+  // image.
+  cv::Mat decoded;
+  try {
+    decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "is no image that can be read: " + broken.err, file.string());
+  }
+  if (decoded.empty())
+    return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
+  if (decoded.cols != out.width || decoded.rows != out.height) {
+    return fail(ErrorCode::kInvalid,
+                "is " + std::to_string(decoded.cols) + " x " + std::to_string(decoded.rows) +
+                    ", the calibration is for " + std::to_string(out.width) + " x " +
+                    std::to_string(out.height),
+                file.string());
+  }
+  decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  return {};
+}
+
+}  // namespace fiducap

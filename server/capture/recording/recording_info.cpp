@@ -1,0 +1,148 @@
+#include <cmath>
+
+#include "base/log.hpp"
+#include "capture/pinhole_yaml.hpp"
+#include "capture/recording/recording.hpp"
+#include "capture/recording/recording_layout.hpp"
+#include "capture/yaml_section.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kLargestTimeShift_s = 10;
+
+Expected<CameraMount> read_camera(const std::filesystem::path& path) {
+  const Expected<YamlSection> yaml = YamlSection::load(path);
+  if (!yaml) return tl::unexpected(yaml.error());
+  CameraMount mount;
+  mount.model = read_pinhole(*yaml, "distortion_coefficients");
+  mount.X_BV = yaml->required_pose("T_BS");
+  mount.rate_hz = yaml->number("rate_hz").value_or(mount.rate_hz);
+  const YamlSection sigma = yaml->section("T_BS_sigma");
+  mount.position_sigma_m = sigma.number("translation_m").value_or(mount.position_sigma_m);
+  mount.rotation_sigma_rad = sigma.number("rotation_rad").value_or(mount.rotation_sigma_rad);
+  const double shift = yaml->number("timeshift_cam_imu").value_or(0);
+  if (std::abs(shift) > kLargestTimeShift_s)
+    yaml->complain("timeshift_cam_imu", "is more than 10 s");
+  mount.time_shift = from_seconds(std::clamp(shift, -kLargestTimeShift_s, kLargestTimeShift_s));
+  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
+  return mount;
+}
+
+Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) {
+  const Expected<YamlSection> yaml = YamlSection::load(path);
+  if (!yaml) return tl::unexpected(yaml.error());
+  ImuNoise noise;
+  noise.gyro_noise_rad_s_rtHz = yaml->required_number("gyroscope_noise_density");
+  noise.gyro_walk_rad_s2_rtHz = yaml->required_number("gyroscope_random_walk");
+  noise.accel_noise_m_s2_rtHz = yaml->required_number("accelerometer_noise_density");
+  noise.accel_walk_m_s3_rtHz = yaml->required_number("accelerometer_random_walk");
+  noise.rate_hz = yaml->number("rate_hz").value_or(noise.rate_hz);
+  info.imu = noise;
+  info.X_BI = yaml->pose("T_BS").value_or(Pose{});
+  if (info.X_BI.p.norm() > 1e-3) {
+    log::warning("capture",
+                 path.string() +
+                     ": the IMU is not in the origin of the body axes (T_BS); its samples are "
+                     "turned into body axes, but not moved");
+  }
+  return yaml->check();
+}
+
+RecordedTag read_known_tag(const YamlSection& yaml, double default_size_m) {
+  RecordedTag tag;
+  tag.tag_id = yaml.required_integer("id");
+  tag.edge_m = yaml.number("size_m").value_or(default_size_m);
+  const std::vector<double> p = yaml.required_numbers("position", 3);
+  const std::vector<double> q = yaml.required_numbers("orientation_wxyz", 4);
+  const Eigen::Quaterniond q_WT(q[0], q[1], q[2], q[3]);
+  if (std::abs(q_WT.norm() - 1) > 1e-2) {
+    yaml.complain("orientation_wxyz", "is not a unit quaternion");
+  } else {
+    tag.X_WT = {q_WT.normalized(), {p[0], p[1], p[2]}};
+  }
+  tag.position_sigma_m = yaml.number("position_sigma_m").value_or(0);
+  tag.rotation_sigma_rad = yaml.number("rotation_sigma_rad").value_or(0);
+  if (tag.edge_m <= 0) yaml.complain("size_m", "must be > 0");
+  if (tag.position_sigma_m < 0) yaml.complain("position_sigma_m", "must be >= 0");
+  if (tag.rotation_sigma_rad < 0) yaml.complain("rotation_sigma_rad", "must be >= 0");
+  return tag;
+}
+
+// Keys of other programs (planes, boards, comments) are none of ours.
+Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info) {
+  const Expected<YamlSection> yaml = YamlSection::load(path);
+  if (!yaml) return tl::unexpected(yaml.error());
+  info.tag_family = yaml->text("family").value_or(info.tag_family);
+  info.tag_size_m = yaml->number("default_size_m").value_or(info.tag_size_m);
+  if (info.tag_size_m <= 0) yaml->complain("default_size_m", "must be > 0");
+  for (const auto& [id, size_m] : yaml->numbers_by_id("sizes_m")) {
+    if (!(size_m > 0)) yaml->complain("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
+    info.tag_sizes_m[id] = size_m;
+  }
+  for (const double id : yaml->numbers("ignore_tags"))
+    info.ignore_tags.push_back(static_cast<int>(id));
+  info.max_hamming = yaml->integer("max_hamming");
+  info.reference_tag = yaml->integer("reference_tag");
+  for (const YamlSection& known : yaml->sections("known_tags")) {
+    info.known_tags.push_back(read_known_tag(known, info.tag_size_m));
+  }
+  return yaml->check();
+}
+
+Expected<void> read_cameras(const RecordingLayout& layout, RecordingInfo& info) {
+  for (std::size_t k = 0; is_folder(layout.camera(k)); ++k) {
+    Expected<CameraMount> mount = read_camera(layout.camera_yaml(k));
+    if (!mount) return tl::unexpected(mount.error());
+    info.cameras.push_back(*mount);
+    info.has_images.push_back(is_file(layout.images_csv(k)) && is_folder(layout.images(k)));
+    info.has_corners.push_back(is_file(layout.corners_csv(k)));
+    if (is_folder(layout.images(k)) && !is_file(layout.images_csv(k))) {
+      log::warning("capture", layout.images(k).string() +
+                                  " is not used: " + layout.images_csv(k).string() +
+                                  ", which gives the times of its images, is missing");
+    }
+  }
+  if (!info.cameras.empty()) return {};
+  return fail(ErrorCode::kNotFound, "no camera: cam0/sensor.yaml is missing",
+              layout.mav().string());
+}
+
+}  // namespace
+
+Expected<RecordingLayout> RecordingLayout::find(const std::filesystem::path& folder) {
+  if (!is_folder(folder)) return fail(ErrorCode::kNotFound, "no such folder", folder.string());
+  if (is_folder(folder / "mav0")) return RecordingLayout(folder);
+  std::error_code ignored;
+  const std::filesystem::path full = std::filesystem::weakly_canonical(folder, ignored);
+  if (full.filename() == "mav0") return RecordingLayout(full.parent_path());
+  return fail(ErrorCode::kNotFound, "is not a recording in the EuRoC layout: it has no folder mav0",
+              folder.string());
+}
+
+Expected<RecordingInfo> read_recording_info(const std::string& folder) {
+  const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
+  if (!layout) return tl::unexpected(layout.error());
+  RecordingInfo info;
+  info.folder = folder;
+  std::error_code ignored;
+  info.name = std::filesystem::weakly_canonical(layout->folder(), ignored).filename().string();
+  if (info.name.empty()) {
+    info.name = std::filesystem::weakly_canonical(layout->folder(), ignored)
+                    .parent_path()
+                    .filename()
+                    .string();
+  }
+  if (const auto read = read_cameras(*layout, info); !read) return tl::unexpected(read.error());
+  if (is_file(layout->imu_csv())) {
+    if (const auto read = read_imu(layout->imu_yaml(), info); !read)
+      return tl::unexpected(read.error());
+  }
+  if (is_file(layout->tags_yaml())) {
+    if (const auto read = read_tags(layout->tags_yaml(), info); !read)
+      return tl::unexpected(read.error());
+  }
+  return info;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,173 @@
+#include "capture/sample_merger.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/assert.hpp"
+
+namespace fiducap {
+namespace {
+
+int camera_of(const SensorSample& image) {
+  if (const auto* frame = std::get_if<CameraFrame>(&image)) return frame->camera;
+  return std::get<CornerFrame>(image).camera;
+}
+
+bool is_sound(const CameraFrame& frame) {
+  return frame.image && frame.image->width > 0 && frame.image->height > 0 &&
+         frame.image->pixels.size() == static_cast<std::size_t>(frame.image->width) *
+                                           static_cast<std::size_t>(frame.image->height);
+}
+
+bool is_sound(const CornerFrame& frame) {
+  return std::all_of(frame.tags.begin(), frame.tags.end(), [](const TagSighting& tag) {
+    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
+                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
+  });
+}
+
+bool is_sound(const SensorSample& image) {
+  if (const auto* frame = std::get_if<CameraFrame>(&image)) return is_sound(*frame);
+  return is_sound(std::get<CornerFrame>(image));
+}
+
+bool comes_before(const SensorSample& a, const SensorSample& b) {
+  return std::pair(time_of(a), camera_of(a)) < std::pair(time_of(b), camera_of(b));
+}
+
+}  // namespace
+
+SampleMerger::SampleMerger(const MergerConfig& config) : config_(config) {
+  FIDUCAP_ASSERT(config.max_images > 0 && config.max_imu > 0 && config.window > Duration{0});
+  if (config_.has_imu) imu_.resize(config_.max_imu);
+  images_.reserve(config_.max_images + 1);
+}
+
+bool SampleMerger::push(SensorSample sample) {
+  FIDUCAP_ASSERT(!finished_);
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) return !config_.has_imu || push_imu(*imu);
+  push_image(std::move(sample));
+  return true;
+}
+
+bool SampleMerger::push_imu(const ImuSample& sample) {
+  if (!sample.w_WB_B.allFinite() || !sample.f_B.allFinite()) {
+    ++statistics_.bad_dropped;
+    return true;
+  }
+  if (newest_imu_ && sample.sampled_at <= *newest_imu_) {
+    ++statistics_.backwards_dropped;
+    return true;
+  }
+  if (imu_waiting_ == imu_.size()) return false;
+  newest_imu_ = sample.sampled_at;
+  see(sample.sampled_at);
+  if (released_image_ &&
+      sample.sampled_at < *released_image_) {  // that image could not wait for it
+    ++statistics_.late_dropped;
+    return true;
+  }
+  imu_[(imu_begin_ + imu_waiting_) % imu_.size()] = sample;
+  ++imu_waiting_;
+  return true;
+}
+
+void SampleMerger::push_image(SensorSample sample) {
+  const int camera = camera_of(sample);
+  if (camera < 0 || camera >= static_cast<int>(kMaxCameras) || !is_sound(sample)) {
+    ++statistics_.bad_dropped;
+    return;
+  }
+  const Instant at = time_of(sample);
+  std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)];
+  if (newest && at <= *newest) {
+    ++statistics_.backwards_dropped;
+    return;
+  }
+  newest = at;
+  see(at);
+  if ((released_image_ && at < *released_image_) ||
+      (released_imu_before_ && at <= *released_imu_before_)) {
+    ++statistics_.late_dropped;
+    return;
+  }
+  images_.insert(std::upper_bound(images_.begin(), images_.end(), sample, comes_before),
+                 std::move(sample));
+  if (images_.size() > config_.max_images) {
+    images_.erase(images_.begin());
+    ++statistics_.images_dropped;
+  }
+}
+
+void SampleMerger::finish() { finished_ = true; }
+
+std::optional<SensorSample> SampleMerger::pop() {
+  if (image_is_due()) return take_image();
+  if (imu_is_due()) return take_imu();
+  if (imu_wait_is_over()) {
+    ++statistics_.imu_waits_expired;
+    return take_image();
+  }
+  return std::nullopt;
+}
+
+bool SampleMerger::image_is_due() const {
+  if (images_.empty()) return false;
+  const Instant at = time_of(images_.front());
+  if (config_.has_imu && !(released_imu_ && *released_imu_ >= at)) return false;
+  return finished_ || no_camera_owes_an_image_before(at);
+}
+
+bool SampleMerger::imu_is_due() const {
+  if (imu_waiting_ == 0) return false;
+  if (finished_ || !released_imu_) return true;
+  // Up to the IMU sample last released images may still be on their way; they belong before the
+  // next one.
+  if (!images_.empty() && time_of(images_.front()) <= *released_imu_) return false;
+  if (has_passed_window(*released_imu_)) return true;
+  return some_camera_is_alive() && no_camera_owes_an_image_before(*released_imu_);
+}
+
+bool SampleMerger::imu_wait_is_over() const {
+  if (!config_.has_imu || images_.empty() || imu_waiting_ > 0) return false;
+  const Instant at = time_of(images_.front());
+  if (released_imu_ && *released_imu_ >= at)
+    return false;  // waits for another camera, not for the IMU
+  return finished_ || has_passed_window(at);
+}
+
+bool SampleMerger::some_camera_is_alive() const {
+  return std::any_of(newest_image_.begin(), newest_image_.end(),
+                     [this](const auto& newest) { return newest && !has_passed_window(*newest); });
+}
+
+bool SampleMerger::no_camera_owes_an_image_before(Instant at) const {
+  return std::all_of(newest_image_.begin(), newest_image_.end(), [&](const auto& newest) {
+    return !newest || *newest >= at || has_passed_window(*newest);
+  });
+}
+
+SensorSample SampleMerger::take_imu() {
+  const ImuSample sample = imu_[imu_begin_];
+  imu_begin_ = (imu_begin_ + 1) % imu_.size();
+  --imu_waiting_;
+  released_imu_before_ = std::exchange(released_imu_, sample.sampled_at);
+  return sample;
+}
+
+SensorSample SampleMerger::take_image() {
+  SensorSample image = std::move(images_.front());
+  images_.erase(images_.begin());
+  released_image_ = time_of(image);
+  return image;
+}
+
+void SampleMerger::see(Instant at) {
+  if (!newest_seen_ || at > *newest_seen_) newest_seen_ = at;
+}
+
+bool SampleMerger::has_passed_window(Instant at) const {
+  return newest_seen_ && *newest_seen_ - at > config_.window;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "capture/camera_frame.hpp"
+#include "capture/camera_model.hpp"
+#include "capture/simulation/simulation.hpp"
+
+namespace fiducap::simulation {
+
+/// Which image: keys its noise.
+struct ImageKey {
+  std::uint64_t seed{};
+  int camera{};
+  std::uint64_t k{};  ///< Counts the exposures of this camera, dropped ones too.
+};
+
+/// The sightings that a detector would report, without rendering: projected corners with white noise, by the rules of
+/// CameraSimulation (all corners inside the image, side, tilt, chance). Sorted by id; an id that appears twice is left
+/// out, as TagDetector does.
+/// @param tags  as they hang in this image, ids as printed
+void sight_corners(const CameraModel& model, const Pose& X_WV, const std::vector<RecordedTag>& tags,
+                   const CameraSimulation& rules, const ImageKey& key, std::vector<TagSighting>& out);
+
+}  // namespace fiducap::simulation

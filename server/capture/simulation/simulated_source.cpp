@@ -1,0 +1,140 @@
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "capture/simulation/corner_camera.hpp"
+#include "capture/simulation/faults.hpp"
+#include "capture/simulation/imu_model.hpp"
+#include "capture/simulation/simulation.hpp"
+#include "capture/simulation/tag_family.hpp"
+
+namespace fiducap::simulation {
+
+namespace {
+
+/// Images do not fall on IMU samples: a real camera does not do that favour either.
+constexpr Duration kFirstExposure = std::chrono::microseconds(1300);
+constexpr int kImu = -1;
+
+/// The sample that a sensor delivers next.
+struct Pending {
+  int sensor{kImu};      ///< kImu or the camera's index.
+  double rate_hz{};
+  Duration first{0};
+  std::uint64_t k{0};
+  Duration taken{0};     ///< When it is true, after the start.
+  Duration arrives{0};   ///< When it comes out, after the start; never before the one before it.
+};
+
+class Simulation final : public SimulatedSource {
+ public:
+  Simulation(const RoomConfig& room, const SimulatedBodyConfig& body, std::unique_ptr<Trajectory> trajectory, int ids,
+             Instant start, const Clock* clock)
+      : body_(body),
+        tags_(tags_of(room)),
+        trajectory_(std::move(trajectory)),
+        imu_(body.imu, room.gravity_m_s2, body.seed),
+        faults_(body.faults, ids, body.seed),
+        start_(start),
+        clock_(clock) {
+    if (body_.has_imu) pending_.push_back({kImu, body_.imu.noise.rate_hz});
+    for (std::size_t i = 0; i < body_.cameras.size(); ++i) {
+      pending_.push_back({static_cast<int>(i), body_.cameras[i].rate_hz, kFirstExposure});
+    }
+    for (Pending& sensor : pending_) schedule(sensor, 0);
+  }
+
+  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
+    while (!stop.stop_requested()) {
+      Pending& first = first_to_arrive();
+      if (ended(first)) return std::nullopt;
+      if (clock_ != nullptr && !clock_->wait_until(start_ + first.arrives, stop)) return std::nullopt;
+      const Pending now = first;
+      schedule(first, now.k + 1);
+      if (!dropped(now)) return std::optional<SensorSample>(take(now));
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] TruthSample truth(Instant at) const override {
+    const double t_s = to_seconds(at - start_);
+    const Trajectory::Point point = trajectory_->at(t_s);
+    const ImuBias bias = imu_.bias_at(t_s);
+    return {at, point.X_WB, point.v_WB, bias.w, bias.f};
+  }
+
+  [[nodiscard]] Instant start() const override { return start_; }
+
+ private:
+  /// Of those that arrive together the IMU comes first, then the cameras by index.
+  [[nodiscard]] Pending& first_to_arrive() {
+    Pending* first = &pending_.front();
+    for (Pending& sensor : pending_) {
+      if (sensor.arrives < first->arrives) first = &sensor;
+    }
+    return *first;
+  }
+
+  [[nodiscard]] bool ended(const Pending& sample) const {
+    return body_.trajectory.duration_s > 0 && to_seconds(sample.taken) > body_.trajectory.duration_s;
+  }
+
+  void schedule(Pending& sensor, std::uint64_t k) const {
+    sensor.k = k;
+    sensor.taken = sensor.first + Duration{std::llround(static_cast<double>(k) * 1e9 / sensor.rate_hz)};
+    const Duration late = sensor.sensor == kImu
+                              ? faults_.imu_delay(k)
+                              : from_seconds(body_.camera.latency_s) + faults_.image_delay(sensor.sensor, k);
+    sensor.arrives = std::max(sensor.arrives, sensor.taken + late);
+    if (ended(sensor)) sensor.arrives = Duration::max();
+  }
+
+  [[nodiscard]] bool dropped(const Pending& sample) const {
+    return sample.sensor == kImu ? faults_.drops_imu(sample.k)
+                                 : faults_.drops_image(sample.sensor, sample.k, to_seconds(sample.taken));
+  }
+
+  [[nodiscard]] SensorSample take(const Pending& sample) {
+    const double t_s = to_seconds(sample.taken);
+    if (sample.sensor == kImu) {
+      ImuSample imu = imu_.measure(sample.k, trajectory_->at(t_s));
+      imu.sampled_at = start_ + sample.taken;
+      return imu;
+    }
+    const CameraMount& mount = body_.cameras[static_cast<std::size_t>(sample.sensor)];
+    frame_tags_ = tags_;
+    faults_.touch(sample.sensor, sample.k, t_s, frame_tags_);
+    CornerFrame frame{sample.sensor, start_ + sample.taken, {}};
+    sight_corners(mount.model, trajectory_->at(t_s).X_WB * mount.X_BV, frame_tags_, body_.camera,
+                  {body_.seed, sample.sensor, sample.k}, frame.tags);
+    return frame;
+  }
+
+  SimulatedBodyConfig body_;
+  std::vector<RecordedTag> tags_;
+  std::unique_ptr<Trajectory> trajectory_;
+  ImuModel imu_;
+  Faults faults_;
+  Instant start_;
+  const Clock* clock_;
+  std::vector<Pending> pending_;
+  std::vector<RecordedTag> frame_tags_;  ///< Kept for its memory.
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(const RoomConfig& room,
+                                                                 const SimulatedBodyConfig& body, Instant start,
+                                                                 const Clock* clock) {
+  std::vector<ConfigError> errors = check(room, "room.");
+  const std::vector<ConfigError> body_errors = check(body, "body.");
+  errors.insert(errors.end(), body_errors.begin(), body_errors.end());
+  if (!errors.empty()) return fail(ErrorCode::kInvalid, errors.front().text(), "simulation");
+  const Pose X_BV = body.cameras.empty() ? forward_camera() : body.cameras.front().X_BV;
+  auto trajectory = make_trajectory(body.trajectory, room, X_BV);
+  if (!trajectory) return tl::unexpected(trajectory.error());
+  const int ids = TagFamily::named(room.family)->ids();
+  return std::make_unique<Simulation>(room, body, std::move(*trajectory), ids, start, clock);
+}
+
+}  // namespace fiducap::simulation

@@ -1,0 +1,27 @@
+#include "detection/detector_config.hpp"
+
+#include "detection/tag_family.hpp"
+
+namespace fiducap {
+
+std::vector<ConfigError> TagSetConfig::check() const {
+  Checker checker{"tags."};
+  checker.require(is_tag_family(family), "family", family, "must be one of " + tag_family_names())
+      .positive("size_m", size_m)
+      .within("max_hamming", max_hamming, 0, 3);
+  for (const auto& [id, size] : sizes_m) checker.positive("sizes_m." + std::to_string(id), size);
+  return checker.errors;
+}
+
+std::vector<ConfigError> DetectorConfig::check() const {
+  return Checker{"detector."}
+      .within("decimate", decimate, 1, 8)
+      .within("blur_sigma_px", blur_sigma_px, 0, 5)
+      .within("max_hamming", max_hamming, 0, 2)
+      .within("min_decision_margin", min_decision_margin, 0, 255)
+      .within("min_white_black_diff", min_white_black_diff, 1, 100)
+      .within("threads", threads, 1, 16)
+      .errors;
+}
+
+}  // namespace fiducap

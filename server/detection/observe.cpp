@@ -1,0 +1,62 @@
+#include "detection/observe.hpp"
+
+#include <algorithm>
+
+namespace fiducap {
+
+namespace {
+
+/// A printed tag seen from the front: its four corners run counter-clockwise on paper, and so in the image.
+bool is_front_view(const std::array<Eigen::Vector2d, 4>& px) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d a = px[(i + 1) % 4] - px[i];
+    const Eigen::Vector2d b = px[(i + 2) % 4] - px[(i + 1) % 4];
+    if (!(a.x() * b.y() - a.y() * b.x() < 0)) return false;  // v grows down; NaN fails too
+  }
+  return true;
+}
+
+bool undistort_corners(const TagSighting& sighting, const CameraModel& camera, TagObservation& out) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto pixel = undistort(camera, sighting.corners_px[i]);
+    if (!pixel) return false;
+    out.corners_px[i] = pixel->px;
+    out.ideal_from_raw[i] = pixel->ideal_from_raw;
+  }
+  return is_front_view(out.corners_px);
+}
+
+void drop_doubled_ids(std::vector<TagObservation>& tags) {
+  std::sort(tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  auto keep = tags.begin();
+  for (auto run = tags.begin(); run != tags.end();) {
+    const auto end = std::find_if(run, tags.end(), [&](const auto& t) { return t.tag_id != run->tag_id; });
+    if (end - run == 1) *keep++ = *run;
+    run = end;
+  }
+  tags.erase(keep, tags.end());
+}
+
+}  // namespace
+
+void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
+             const DetectorConfig& config, TagObservations& out) {
+  out.camera = frame.camera;
+  out.exposed_at = frame.exposed_at;
+  out.tags.clear();
+  for (const TagSighting& sighting : frame.tags) {
+    if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end()) continue;
+    if (sighting.hamming > tags.max_hamming) continue;
+    // 0: the source has no margin to judge by.
+    if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin) continue;
+    TagObservation tag;
+    tag.tag_id = sighting.tag_id;
+    tag.hamming = sighting.hamming;
+    tag.decision_margin = sighting.decision_margin;
+    tag.edge_m = tags.edge_of(sighting.tag_id);
+    if (undistort_corners(sighting, camera, tag)) out.tags.push_back(tag);
+  }
+  drop_doubled_ids(out.tags);
+}
+
+}  // namespace fiducap

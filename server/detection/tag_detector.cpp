@@ -1,0 +1,122 @@
+#include "detection/tag_detector.hpp"
+
+extern "C" {
+#include <apriltag/apriltag.h>
+#include <apriltag/tag16h5.h>
+#include <apriltag/tag25h9.h>
+#include <apriltag/tag36h11.h>
+#include <apriltag/tagCircle21h7.h>
+#include <apriltag/tagStandard41h12.h>
+#include <apriltag/tagStandard52h13.h>
+}
+
+#include <algorithm>
+#include <array>
+
+#include "base/assert.hpp"
+#include "detection/tag_family.hpp"
+
+namespace fiducap {
+
+namespace {
+
+struct Family {
+  const char* name;
+  apriltag_family_t* (*create)();
+  void (*destroy)(apriltag_family_t*);
+};
+
+constexpr std::array kFamilies{
+    Family{"tag36h11", tag36h11_create, tag36h11_destroy},
+    Family{"tag25h9", tag25h9_create, tag25h9_destroy},
+    Family{"tag16h5", tag16h5_create, tag16h5_destroy},
+    Family{"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
+    Family{"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+    Family{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
+};
+
+const Family* find_family(const std::string& name) {
+  const auto found = std::find_if(kFamilies.begin(), kFamilies.end(), [&](const Family& f) { return name == f.name; });
+  return found == kFamilies.end() ? nullptr : &*found;
+}
+
+/// The library counts pixel *edges*, we count centres.
+constexpr double kEdgeToCentre_px = 0.5;
+
+TagSighting to_sighting(const apriltag_detection_t& d) {
+  TagSighting out;
+  out.tag_id = d.id;
+  out.hamming = d.hamming;
+  out.decision_margin = static_cast<double>(d.decision_margin);
+  // The library's order is ours: lower-left, lower-right, upper-right, upper-left of the printed tag.
+  for (std::size_t i = 0; i < 4; ++i) {
+    out.corners_px[i] = {d.p[i][0] - kEdgeToCentre_px, d.p[i][1] - kEdgeToCentre_px};
+  }
+  return out;
+}
+
+}  // namespace
+
+bool is_tag_family(const std::string& name) { return find_family(name) != nullptr; }
+
+std::string tag_family_names() {
+  std::string names;
+  for (const Family& f : kFamilies) names += (names.empty() ? "" : ", ") + std::string(f.name);
+  return names;
+}
+
+class TagDetector::Impl {
+ public:
+  Impl(const TagSetConfig& tags, const DetectorConfig& config)
+      : family_(find_family(tags.family)), min_margin_(config.min_decision_margin) {
+    FIDUCAP_ASSERT(family_ != nullptr);
+    codes_ = family_->create();
+    detector_ = apriltag_detector_create();
+    apriltag_detector_add_family_bits(detector_, codes_, config.max_hamming);
+    detector_->nthreads = config.threads;
+    detector_->quad_decimate = static_cast<float>(config.decimate);
+    detector_->quad_sigma = static_cast<float>(config.blur_sigma_px);
+    detector_->refine_edges = config.refine_edges;
+    detector_->qtp.min_white_black_diff = config.min_white_black_diff;
+  }
+  ~Impl() {
+    apriltag_detector_destroy(detector_);
+    family_->destroy(codes_);
+  }
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  void detect(const GrayImage& image, std::vector<TagSighting>& out) {
+    // The library takes a non-const pointer but only reads the original image.
+    image_u8_t view{image.width, image.height, image.width, const_cast<std::uint8_t*>(image.pixels.data())};
+    zarray_t* found = apriltag_detector_detect(detector_, &view);
+    for (int i = 0; i < zarray_size(found); ++i) {
+      apriltag_detection_t* d = nullptr;
+      zarray_get(found, i, &d);
+      if (static_cast<double>(d->decision_margin) >= min_margin_) out.push_back(to_sighting(*d));
+    }
+    apriltag_detections_destroy(found);
+  }
+
+ private:
+  const Family* family_;
+  double min_margin_;
+  apriltag_family_t* codes_{nullptr};
+  apriltag_detector_t* detector_{nullptr};
+};
+
+TagDetector::TagDetector(const TagSetConfig& tags, const DetectorConfig& config)
+    : impl_(std::make_unique<Impl>(tags, config)) {}
+TagDetector::~TagDetector() = default;
+TagDetector::TagDetector(TagDetector&&) noexcept = default;
+TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
+
+CornerFrame TagDetector::detect(const CameraFrame& frame) {
+  CornerFrame out{frame.camera, frame.exposed_at, {}};
+  if (frame.image == nullptr || frame.image->pixels.empty()) return out;
+  impl_->detect(*frame.image, out.tags);
+  std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  return out;
+}
+
+}  // namespace fiducap

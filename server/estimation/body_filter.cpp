@@ -1,0 +1,14 @@
+#include "estimation/body_filter.hpp"
+
+#include "base/assert.hpp"
+#include "estimation/robocentric/robocentric_filter.hpp"
+
+namespace fiducap {
+
+std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
+                                             const WorkspaceGauge& gauge, const EstimatorConfig& config) {
+  FIDUCAP_ASSERT(name == "robocentric");  // the configuration admits no other
+  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,94 @@
+#include "estimation/robocentric/filter_state.hpp"
+
+#include <algorithm>
+
+#include "base/so3.hpp"
+
+namespace fiducap::robocentric {
+
+namespace {
+
+void add_left(Pose& X, const Eigen::Ref<const Eigen::VectorXd>& error) {
+  X.p += error.head<3>();
+  X.q = (exp_so3(error.tail<3>()) * X.q).normalized();
+}
+
+void left_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> error) {
+  error.head<3>() = to.p - from.p;
+  error.tail<3>() = log_so3(to.q * from.q.conjugate());
+}
+
+}  // namespace
+
+int FilterState::find(int tag_id) const {
+  const auto found = std::find_if(tags.begin(), tags.end(), [&](const LocalTag& t) { return t.tag_id == tag_id; });
+  return found == tags.end() ? -1 : static_cast<int>(found - tags.begin());
+}
+
+void FilterState::resize_covariance() {
+  covariance_ = Eigen::MatrixXd::Zero(size(), size());
+}
+
+void FilterState::copy_mean(const FilterState& other) {
+  time = other.time;
+  p_WB_B = other.p_WB_B;
+  v_WB_B = other.v_WB_B;
+  q_WB = other.q_WB;
+  bias_f = other.bias_f;
+  bias_w = other.bias_w;
+  X_BV = other.X_BV;
+  for (std::size_t i = 0; i < tags.size(); ++i) tags[i].X_VT = other.tags[i].X_VT;
+}
+
+void FilterState::add_tag(const LocalTag& tag, const Matrix6d& covariance) {
+  const int at = size();
+  tags.push_back(tag);
+  if (size() > covariance_.rows()) {
+    // Grows by half, so that a growing map does not copy itself for each tag.
+    const Eigen::Index room = std::max<Eigen::Index>(size(), covariance_.rows() * 3 / 2);
+    Eigen::MatrixXd larger = Eigen::MatrixXd::Zero(room, room);
+    larger.topLeftCorner(at, at) = covariance_.topLeftCorner(at, at);
+    covariance_.swap(larger);
+  }
+  covariance_.block(at, 0, layout::kPoseSize, size()).setZero();
+  covariance_.block(0, at, size(), layout::kPoseSize).setZero();
+  covariance_.block<6, 6>(at, at) = covariance;
+}
+
+void FilterState::remove_tag(std::size_t i) {
+  const int at = tag_at(i);
+  const int behind = size() - at - layout::kPoseSize;
+  auto P = covariance_.topLeftCorner(size(), size());
+  for (int k = 0; k < behind; ++k) P.row(at + k) = P.row(at + layout::kPoseSize + k);
+  for (int k = 0; k < behind; ++k) P.col(at + k) = P.col(at + layout::kPoseSize + k);
+  tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
+}
+
+void FilterState::add_error(const Eigen::Ref<const Eigen::VectorXd>& error) {
+  p_WB_B += error.segment<3>(layout::kPosition);
+  v_WB_B += error.segment<3>(layout::kVelocity);
+  q_WB = (q_WB * exp_so3(error.segment<3>(layout::kAttitude))).normalized();
+  bias_f += error.segment<3>(layout::kBiasF);
+  bias_w += error.segment<3>(layout::kBiasW);
+  for (int c = 0; c < cameras(); ++c) {
+    add_left(X_BV[static_cast<std::size_t>(c)], error.segment<6>(layout::extrinsics(c)));
+  }
+  for (std::size_t i = 0; i < tags.size(); ++i) add_left(tags[i].X_VT, error.segment<6>(tag_at(i)));
+}
+
+Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
+  Eigen::VectorXd error(size());
+  error.segment<3>(layout::kPosition) = other.p_WB_B - p_WB_B;
+  error.segment<3>(layout::kVelocity) = other.v_WB_B - v_WB_B;
+  error.segment<3>(layout::kAttitude) = log_so3(q_WB.conjugate() * other.q_WB);
+  error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
+  error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
+  for (int c = 0; c < cameras(); ++c) {
+    const auto k = static_cast<std::size_t>(c);
+    left_error(X_BV[k], other.X_BV[k], error.segment<6>(layout::extrinsics(c)));
+  }
+  for (std::size_t i = 0; i < tags.size(); ++i) left_error(tags[i].X_VT, other.tags[i].X_VT, error.segment<6>(tag_at(i)));
+  return error;
+}
+
+}  // namespace fiducap::robocentric

@@ -1,0 +1,19 @@
+#include "estimation/robocentric/redefine.hpp"
+
+namespace fiducap::robocentric {
+
+void redefine(FilterState& state, int first, int second, std::span<const LinearTerm> terms, const Matrix6d& noise) {
+  auto P = state.P();
+  Eigen::Matrix<double, 6, Eigen::Dynamic> rows = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, state.size());
+  for (const LinearTerm& term : terms) rows.noalias() += term.J * P.middleRows<3>(term.at);
+  Matrix6d self = noise;
+  for (const LinearTerm& term : terms) self.noalias() += rows.middleCols<3>(term.at) * term.J.transpose();
+  rows.middleCols<3>(first) = self.leftCols<3>();
+  rows.middleCols<3>(second) = self.rightCols<3>();
+  P.middleRows<3>(first) = rows.topRows<3>();
+  P.middleRows<3>(second) = rows.bottomRows<3>();
+  P.middleCols<3>(first) = rows.topRows<3>().transpose();
+  P.middleCols<3>(second) = rows.bottomRows<3>().transpose();
+}
+
+}  // namespace fiducap::robocentric

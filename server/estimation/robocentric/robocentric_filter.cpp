@@ -1,0 +1,451 @@
+#include "estimation/robocentric/robocentric_filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "base/so3.hpp"
+#include "estimation/chi_square.hpp"
+#include "estimation/robocentric/tag_augmentation.hpp"
+
+namespace fiducap::robocentric {
+
+using namespace layout;  // NOLINT: the block names are the subject of this file
+
+namespace {
+
+// How little is known at the start, 1-sigma.
+constexpr double kStartTilt_rad = 0.1;
+constexpr double kStartVelocity_m_s = 1.0;
+constexpr double kStartRate_rad_s = 1.0;  // without IMU
+constexpr double kStartBiasF_m_s2 = 0.2;
+constexpr double kStartBiasW_rad_s = 0.02;
+// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
+constexpr double kAdriftWithImu_s = 10.0;
+constexpr double kAdriftWithoutImu_s = 1.0;
+// Longest inertial steps: rotation and force change little within them.
+constexpr double kStepWithImu_s = 0.02;
+constexpr double kStepWithoutImu_s = 0.05;
+// An update far from the linearisation point is iterated.
+constexpr int kFirstIterations = 5;
+constexpr int kCornerStepIterations = 2;
+// Contradictions in a row before something is given up.
+constexpr int kRejectionsToDrop = 10;
+constexpr int kBarrenToRestart = 20;
+// Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
+constexpr int kForceWithImu = 40;
+constexpr int kForceWithoutImu = 5;
+// "Unknown" motion after being adrift.
+constexpr double kUnknownStep_m = 30.0;
+constexpr double kUnknownTurn_rad = 2.0;
+constexpr double kGyroTurn_rad = 0.1;
+// An IMU gap is bridged with this rate uncertainty.
+constexpr double kGapRate_rad_s_rtHz = 1.0;
+
+bool is_finite(const ImuSample& s) { return s.w_WB_B.allFinite() && s.f_B.allFinite(); }
+
+}  // namespace
+
+RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
+    : sensors_(std::move(sensors)),
+      gauge_(gauge),
+      config_(config),
+      gate_(chi_square_quantile(8, config.gate_probability)),
+      gravity_W_(0, 0, -sensors_.gravity_m_s2),
+      candidates_(config) {
+  FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  restart();
+}
+
+const CameraModel& RobocentricFilter::model_of(int camera) const {
+  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(sensors_.cameras.size()));
+  return sensors_.cameras[static_cast<std::size_t>(camera)].model;
+}
+
+void RobocentricFilter::restart() {
+  state_ = FilterState{};
+  for (const CameraMount& mount : sensors_.cameras) state_.X_BV.push_back(mount.X_BV);
+  state_.resize_covariance();
+  auto P = state_.P();
+  for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
+    const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
+    P.diagonal().segment<3>(layout::extrinsics(c)).setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    P.diagonal().segment<3>(layout::extrinsics(c) + 3).setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+  }
+  mode_ = Mode::kStarting;
+  anchor_ = Anchor::kNone;
+  motion_.restart();
+  attitude_.restart();
+  candidates_.forget_all();
+  heading_rule_.reset();
+  gauge_tag_.reset();
+  last_used_at_.reset();
+  barren_updates_ = 0;
+}
+
+void RobocentricFilter::set_tag_priors(std::vector<KnownTag> priors) {
+  priors_.clear();
+  for (const KnownTag& prior : priors) priors_[prior.tag_id] = prior;
+}
+
+void RobocentricFilter::lose_motion() {
+  if (mode_ != Mode::kRunning) return;
+  mode_ = Mode::kAdrift;
+  motion_.restart();
+  attitude_.restart();
+  candidates_.forget_all();
+  return_attempts_ = 0;
+}
+
+void RobocentricFilter::start(Instant at) {
+  auto P = state_.P();
+  P.topRows<kBodySize>().setZero();
+  P.leftCols<kBodySize>().setZero();
+  state_.time = at;
+  state_.p_WB_B.setZero();
+  state_.v_WB_B.setZero();
+  P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (has_imu()) {
+    state_.q_WB = attitude_.q_WB(at, state_.bias_w);
+    const Eigen::Vector3d up_B = state_.q_WB.conjugate() * Eigen::Vector3d::UnitZ();
+    P.block<3, 3>(kAttitude, kAttitude) =
+        kStartTilt_rad * kStartTilt_rad * (Eigen::Matrix3d::Identity() - up_B * up_B.transpose());
+    P.diagonal().segment<3>(kBiasF).setConstant(kStartBiasF_m_s2 * kStartBiasF_m_s2);
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartBiasW_rad_s * kStartBiasW_rad_s);
+  } else {
+    state_.q_WB.setIdentity();
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  motion_.restart();
+  mode_ = Mode::kRunning;
+  last_used_at_ = at;
+}
+
+void RobocentricFilter::propagate(const ImuSample& imu) {
+  if (!has_imu() || !is_finite(imu)) return;
+  if (newest_ && imu.sampled_at <= newest_->sampled_at) return;
+  if (newest_) {
+    attitude_.add(*newest_, state_.bias_w, state_.bias_f);
+    if (mode_ == Mode::kRunning) integrate_to(newest_->sampled_at);
+  }
+  previous_ = newest_;
+  newest_ = imu;
+}
+
+InertialInput RobocentricFilter::input_between(Instant from, Instant to) const {
+  InertialInput input;
+  if (!has_imu()) {
+    input.has_accelerometer = false;
+    input.accel_noise = config_.motion_accel_m_s2_rtHz;
+    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
+    return input;
+  }
+  const ImuNoise& noise = *sensors_.imu;
+  input.gyro_noise = noise.gyro_noise_rad_s_rtHz;
+  input.accel_noise = noise.accel_noise_m_s2_rtHz;
+  input.gyro_walk = noise.gyro_walk_rad_s2_rtHz;
+  input.accel_walk = noise.accel_walk_m_s3_rtHz;
+  const ImuSample& b = *newest_;
+  const ImuSample& a = previous_ ? *previous_ : b;
+  const Duration span = b.sampled_at - a.sampled_at;
+  const Instant middle = from + (to - from) / 2;
+  const double share =
+      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0) : 1.0;
+  input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
+  input.f_B = a.f_B + share * (b.f_B - a.f_B);
+  const bool gap = to_seconds(span) > config_.max_imu_gap_s || to_seconds(to - b.sampled_at) > config_.max_imu_gap_s;
+  if (gap) {
+    input.gyro_noise = std::hypot(input.gyro_noise, kGapRate_rad_s_rtHz);
+    input.accel_noise = std::hypot(input.accel_noise, config_.motion_accel_m_s2_rtHz);
+  }
+  return input;
+}
+
+void RobocentricFilter::integrate_to(Instant to) {
+  const Duration longest = from_seconds(has_imu() ? kStepWithImu_s : kStepWithoutImu_s);
+  while (state_.time < to) {
+    const Instant end = std::min(to, state_.time + longest);
+    robocentric::propagate(state_, motion_, input_between(state_.time, end), gravity_W_, to_seconds(end - state_.time));
+    state_.time = end;
+  }
+}
+
+void RobocentricFilter::sort_tags(const TagObservations& seen, std::span<const KnownTag> known) {
+  usable_.clear();
+  fresh_.clear();
+  for (const TagObservation& tag : seen.tags) {
+    const auto given = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
+    const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
+    (usable ? usable_ : fresh_).push_back(use);
+  }
+}
+
+UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<const KnownTag> known) {
+  UpdateReport report;
+  report.exposed_at = seen.exposed_at;
+  report.tags_seen = static_cast<int>(seen.tags.size());
+  report.running = mode_ == Mode::kRunning;
+  if (report.running && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
+
+  sort_tags(seen, known);
+  const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
+  if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
+
+  linearisation_.reset();
+  bool at_image = false;  // the state stands at this image
+  int iterations = 1;
+  if (mode_ == Mode::kRunning) {
+    at_image = move_to(seen);
+    if (linearisation_) iterations = kCornerStepIterations;
+  } else if (mode_ == Mode::kAdrift && !usable_.empty()) {
+    at_image = come_back(seen);
+    iterations = kFirstIterations;
+  }
+  if (at_image && !usable_.empty()) correct(seen, report, iterations);
+  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (mode_ == Mode::kRunning) tie_workspace(report);
+  report.running = mode_ == Mode::kRunning;
+  return report;
+}
+
+bool RobocentricFilter::move_to(const TagObservations& seen) {
+  if (seen.exposed_at == state_.time) return true;  // another camera of the same instant
+  if (!has_imu()) return !usable_.empty() && move_by_corners(seen);
+  integrate_to(seen.exposed_at);
+  transition_.apply(state_, motion_);
+  return true;
+}
+
+bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
+  const double dt = to_seconds(seen.exposed_at - state_.time);
+  const double wander = config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
+  const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
+  const StepGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
+  const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
+  if (!found) return false;
+  // The velocity and rate that lead exactly there are where the motion model is linearised …
+  const Eigen::Vector3d v_before = state_.v_WB_B;
+  const Eigen::Vector3d bias_before = state_.bias_w;
+  state_.v_WB_B = found->X_B0B.p / dt;
+  state_.bias_w = -log_so3(found->X_B0B.q) / dt;
+  Eigen::Matrix<double, kBodySize, 1> offset = Eigen::Matrix<double, kBodySize, 1>::Zero();
+  offset.segment<3>(kVelocity) = v_before - state_.v_WB_B;
+  offset.segment<3>(kBiasW) = bias_before - state_.bias_w;
+  integrate_to(seen.exposed_at);
+  const Eigen::Matrix<double, kMotionSize, 1> moved = motion_.Phi * offset;
+  transition_.apply(state_, motion_);
+  linearisation_ = state_;
+  // … and the prior mean is where the old velocity and rate would have led.
+  state_.add_error(transition_.spread(state_, moved));
+  return true;
+}
+
+bool RobocentricFilter::come_back(const TagObservations& seen) {
+  StepGuess guess{Pose{}, kUnknownStep_m, has_imu() ? kGyroTurn_rad : kUnknownTurn_rad};
+  if (has_imu()) {
+    if (!attitude_.ready()) return false;
+    guess.X_B0B.q = attitude_.q_LB(seen.exposed_at, state_.bias_w);
+  }
+  const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
+  ++return_attempts_;
+  const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
+
+  // The step is linearised where the corners say it is, so it may be as uncertain as it likes.
+  const Pose& D = found->X_B0B;
+  const Eigen::Matrix3d R_back = D.rotation().transpose();
+  state_.p_WB_B = R_back * (state_.p_WB_B + D.p);
+  state_.q_WB = (state_.q_WB * D.q).normalized();
+  state_.v_WB_B.setZero();
+  motion_.restart();
+  motion_.X_B0B = D;
+  motion_.Phi.block<3, 3>(kPosition, kPosition) = R_back;
+  motion_.Phi.block<3, 3>(kAttitude, kAttitude) = R_back;
+  motion_.Phi.block<3, 3>(kVelocity, kVelocity).setZero();
+  Eigen::Matrix<double, kMotionSize, 6> from_step = Eigen::Matrix<double, kMotionSize, 6>::Zero();
+  from_step.block<3, 3>(kPosition, 0).setIdentity();
+  from_step.block<3, 3>(kPosition, 3) = skew(state_.p_WB_B);
+  from_step.block<3, 3>(kAttitude, 3).setIdentity();
+  from_step.block<6, 6>(kStepPosition, 0).setIdentity();
+  Matrix6d S = Matrix6d::Zero();
+  S.diagonal() << Eigen::Vector3d::Constant(kUnknownStep_m * kUnknownStep_m),
+      Eigen::Vector3d::Constant(kUnknownTurn_rad * kUnknownTurn_rad);
+  motion_.Q = from_step * S * from_step.transpose();
+  motion_.Q.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (!has_imu()) {
+    state_.bias_w.setZero();
+    motion_.Phi.block<3, 3>(kBiasW, kBiasW).setZero();
+    motion_.Q.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  transition_.apply(state_, motion_);
+  state_.time = seen.exposed_at;
+  mode_ = Mode::kRunning;
+  return true;
+}
+
+void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
+  CornerUpdate::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  report.tags_used = done.tags_used;
+  report.tags_rejected = done.tags_rejected;
+  report.nis = done.nis;
+  report.nis_dof = done.nis_dof;
+  report.reprojection_px = done.reprojection_px;
+  count_rejections(accepted_, report);
+}
+
+void RobocentricFilter::count_rejections(const std::vector<bool>& accepted, UpdateReport& report) {
+  const bool any = report.tags_used > 0;
+  barren_updates_ = any ? 0 : barren_updates_ + 1;
+  if (any) last_used_at_ = report.exposed_at;
+  for (std::size_t i = 0; i < usable_.size(); ++i) {
+    if (usable_[i].local < 0) continue;
+    LocalTag& tag = state_.tags[static_cast<std::size_t>(usable_[i].local)];
+    if (accepted[i]) {
+      ++tag.sightings;
+      tag.last_seen = report.exposed_at;
+      tag.rejected_in_row = 0;
+    } else if (any) {
+      ++tag.rejected_in_row;
+    }
+  }
+  // A tag that keeps contradicting the others is gone from its place; it may join again like a new one.
+  for (std::size_t i = state_.tags.size(); i-- > 0;) {
+    if (state_.tags[i].rejected_in_row < kRejectionsToDrop) continue;
+    if (gauge_tag_ == state_.tags[i].tag_id) gauge_tag_.reset();
+    state_.remove_tag(i);
+    ++report.tags_dropped;
+  }
+  if (barren_updates_ >= kBarrenToRestart) restart();
+}
+
+std::optional<CameraAttitude> RobocentricFilter::camera_attitude(int camera, Instant at) const {
+  const Eigen::Quaterniond& q_BV = state_.X_BV[static_cast<std::size_t>(camera)].q;
+  if (has_imu()) return CameraAttitude{attitude_.q_LB(at, state_.bias_w) * q_BV};
+  if (mode_ == Mode::kRunning) return CameraAttitude{state_.q_WB * q_BV};
+  return std::nullopt;
+}
+
+void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
+  if (has_imu() && !attitude_.ready()) return;
+  const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
+  const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
+  for (const TagToUse& tag : fresh_) {
+    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
+    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, forced_after);
+    if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
+  }
+}
+
+bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+  if (mode_ == Mode::kAdrift) {
+    // Nothing links this tag to the old ones; a place in the map does, else we begin anew.
+    if (tag.known == nullptr && !priors_.contains(tag.seen->tag_id)) return false;
+    restart();
+  }
+  if (mode_ == Mode::kStarting) start(seen.exposed_at);
+  if (tag.known != nullptr) {
+    if (anchor_ != Anchor::kWorkspace) {
+      shift_workspace(tie_to_known(state_, seen.camera, X_VT, tag.known->X_WT, has_imu()), report);
+      anchor_ = Anchor::kWorkspace;
+      gauge_tag_.reset();
+    }
+    usable_.assign(1, tag);
+    usable_.front().local = -1;
+    linearisation_.reset();
+    correct(seen, report, kFirstIterations);
+    return true;
+  }
+  if (static_cast<int>(state_.tags.size()) >= config_.max_local_tags) return false;
+  augment(state_, seen.camera, model_of(seen.camera), *tag.seen, X_VT, config_.corner_noise_px);
+  state_.tags.back().first_seen = seen.exposed_at;
+  state_.tags.back().last_seen = seen.exposed_at;
+  ++report.tags_added;
+  last_used_at_ = seen.exposed_at;
+  apply_priors(seen.camera, tag.seen->tag_id, X_VT, report);
+  return true;
+}
+
+void RobocentricFilter::apply_priors(int camera, int tag_id, const Pose& X_VT, UpdateReport& report) {
+  const auto prior = priors_.find(tag_id);
+  if (prior == priors_.end()) return;
+  if (anchor_ != Anchor::kWorkspace) {
+    shift_workspace(tie_to_known(state_, camera, X_VT, prior->second.X_WT, has_imu()), report);
+    anchor_ = Anchor::kWorkspace;
+    gauge_tag_.reset();
+  }
+  fuse_prior(state_, state_.tags.size() - 1, prior->second);
+}
+
+void RobocentricFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
+  report.gauge_shift = report.gauge_shift ? X_new_old * *report.gauge_shift : X_new_old;
+  if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
+}
+
+void RobocentricFilter::tie_workspace(UpdateReport& report) {
+  if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
+    const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
+    if (wanted < 0) return;
+    const auto tag = static_cast<std::size_t>(wanted);
+    heading_rule_ = make_heading_rule(gauge_, tag_in_workspace(state_, tag).X_WT.q);
+    gauge_tag_ = state_.tags[tag].tag_id;
+    anchor_ = gauge_.reference_tag ? Anchor::kWorkspace : Anchor::kFirstTag;
+    shift_workspace(tie_to_reference(state_, tag, *heading_rule_, has_imu()), report);
+    return;
+  }
+  if (!gauge_tag_) return;
+  // Exact by definition, so this only takes back what linearisation let slip.
+  const int tag = state_.find(*gauge_tag_);
+  if (tag >= 0) tie_to_reference(state_, static_cast<std::size_t>(tag), *heading_rule_, has_imu());
+}
+
+BodyEstimate RobocentricFilter::estimate() const {
+  FIDUCAP_ASSERT(running());
+  BodyEstimate out;
+  const Eigen::Matrix3d R = state_.q_WB.toRotationMatrix();
+  out.at = state_.time;
+  out.X_WB = state_.X_WB();
+  out.v_WB = R * state_.v_WB_B;
+  out.bias_f = state_.bias_f;
+  out.bias_w = state_.bias_w;
+  out.anchored = anchor_ != Anchor::kNone;
+  out.w_WB_B = -state_.bias_w;
+  if (has_imu() && newest_) {
+    const InertialInput input = input_between(state_.time, state_.time);
+    out.w_WB_B = input.w_B - state_.bias_w;
+    out.a_WB = R * (input.f_B - state_.bias_f) + gravity_W_;
+  }
+  namespace eb = estimate_block;
+  Eigen::Matrix<double, 15, kBodySize> J = Eigen::Matrix<double, 15, kBodySize>::Zero();
+  J.block<3, 3>(eb::kPosition, kPosition) = R;
+  J.block<3, 3>(eb::kPosition, kAttitude) = -R * skew(state_.p_WB_B);
+  J.block<3, 3>(eb::kAttitude, kAttitude) = R;
+  J.block<3, 3>(eb::kVelocity, kVelocity) = R;
+  J.block<3, 3>(eb::kVelocity, kAttitude) = -R * skew(state_.v_WB_B);
+  J.block<3, 3>(eb::kBiasF, kBiasF).setIdentity();
+  J.block<3, 3>(eb::kBiasW, kBiasW).setIdentity();
+  const BodyMatrix P_bb = state_.P().topLeftCorner<kBodySize, kBodySize>();
+  out.covariance = J * P_bb * J.transpose();
+  return out;
+}
+
+void RobocentricFilter::tag_beliefs(std::vector<TagBelief>& out) const {
+  out.clear();
+  if (anchor_ == Anchor::kNone) return;
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    const LocalTag& tag = state_.tags[i];
+    out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
+  }
+}
+
+std::vector<ExtrinsicsEstimate> RobocentricFilter::extrinsics() const {
+  std::vector<ExtrinsicsEstimate> out;
+  for (int c = 0; c < state_.cameras(); ++c) {
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)],
+                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c))});
+  }
+  return out;
+}
+
+}  // namespace fiducap::robocentric

@@ -1,0 +1,110 @@
+#include "estimation/robocentric/tag_candidates.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/so3.hpp"
+
+namespace fiducap::robocentric {
+
+namespace {
+
+constexpr int kFitSteps = 5;
+// Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
+constexpr double kSameBranch_rad = 0.05;
+// A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands still.
+constexpr double kHopelessCostPerNumber = 25.0;
+
+}  // namespace
+
+void TagCandidates::forget(int tag_id) {
+  std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
+}
+
+std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
+                                         const std::optional<CameraAttitude>& attitude, int forced_after) {
+  const auto poses = solve_tag_pose(seen, model);
+  if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
+  Candidate& candidate = candidates_[{seen.tag_id, camera}];
+  ++candidate.seen_times;
+  const bool forced = forced_after > 0 && candidate.seen_times >= forced_after;
+  const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
+                                : judge_alone(candidate, poses, forced);
+  if (decided) forget(seen.tag_id);
+  return decided;
+}
+
+std::optional<Pose> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
+                                                 const CameraModel& model, const std::array<TagPose, 2>& poses,
+                                                 const Eigen::Quaterniond& q_WV, bool forced) {
+  auto& views = candidate.views;
+  if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
+  views.push_back({seen, q_WV, poses[0].X_VT.p});
+  Branch best = fit(views, model, q_WV * poses[0].X_VT.q);
+  Branch rival = fit(views, model, q_WV * poses[1].X_VT.q);
+  if (rival.cost < best.cost) std::swap(best, rival);
+
+  const double numbers = 8.0 * static_cast<double>(views.size());
+  if (best.cost > kHopelessCostPerNumber * numbers) {
+    candidate = Candidate{};
+    return std::nullopt;
+  }
+  const bool one_branch = angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad;
+  if (!one_branch && !forced && rival.cost - best.cost < config_.branch_evidence) return std::nullopt;
+  // The newest image alone fixes the pose; the views only said which of its two valleys is the right one.
+  const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
+  const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
+  return poses[first ? 0 : 1].X_VT;
+}
+
+TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
+                                         Eigen::Quaterniond q_WT) const {
+  const double weight = 1.0 / (config_.corner_noise_px * config_.corner_noise_px);
+  double cost = 0;
+  for (int step = 0; step < kFitSteps; ++step) {
+    // Normal equations of the shared attitude, each view's own position eliminated (Schur complement).
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    cost = 0;
+    for (View& view : views) {
+      const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
+      const CornerResidual r = corner_residual(view.seen, X_VT, model);
+      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
+      const auto H_p = r.H.leftCols<3>();
+      const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
+      const Eigen::LDLT<Eigen::Matrix3d> pp((H_p.transpose() * H_p).eval());
+      const Eigen::Matrix3d pq = H_p.transpose() * H_q;
+      const Eigen::Vector3d own = pp.solve(H_p.transpose() * r.y);
+      A += H_q.transpose() * H_q - pq.transpose() * pp.solve(pq);
+      b += H_q.transpose() * r.y - pq.transpose() * own;
+      cost += weight * (r.y - H_p * own).squaredNorm();
+      view.p_VT += own;
+    }
+    A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
+    Eigen::Vector3d d = A.ldlt().solve(b);
+    const double size = d.norm();
+    if (size > 0.3) d *= 0.3 / size;  // stay in the valley
+    q_WT = (exp_so3(d) * q_WT).normalized();
+  }
+  return {q_WT, cost};
+}
+
+std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
+  const double weight = 4.0 / (config_.corner_noise_px * config_.corner_noise_px);
+  const double difference =
+      weight * (poses[1].rms_px * poses[1].rms_px - poses[0].rms_px * poses[0].rms_px);
+  // Follow the branch that turned least since the last view; the first view follows its better one.
+  bool follows_better = true;
+  if (candidate.seen_times > 1) {
+    follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
+                     angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
+  }
+  candidate.lone_evidence += follows_better ? difference : -difference;
+  candidate.followed_q_VT = poses[follows_better ? 0 : 1].X_VT.q;
+  if (!forced && !(std::abs(candidate.lone_evidence) >= config_.branch_evidence)) return std::nullopt;
+  return poses[(candidate.lone_evidence >= 0) == follows_better ? 0 : 1].X_VT;
+}
+
+}  // namespace fiducap::robocentric

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "capture/camera_model.hpp"
+#include "detection/tag_pose.hpp"
+#include "estimation/estimator_config.hpp"
+
+namespace fiducap::robocentric {
+
+/// What is known about the camera while a tag is being judged.
+struct CameraAttitude {
+  Eigen::Quaterniond q_WV;  ///< In any axes that stand still over the views.
+};
+
+/// Tags that were seen but whose pose branch is not yet certain.
+///
+/// Four coplanar corners allow two poses. Both are kept; every further view judges them: the tag stands still in the
+/// room, the gyro knows how the camera turned, so the wrong branch would need a tag that turns. A branch wins when the
+/// other costs more than `branch_evidence` in chi-square. Each view keeps its own distance, only the tag's attitude is
+/// shared, so no knowledge of the camera's path is needed.
+class TagCandidates final {
+ public:
+  explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
+
+  /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
+  /// @param forced_after  a branch is taken without enough evidence after so many views; 0: never
+  /// @return the tag in the camera's axes once its branch is certain, else nullopt
+  [[nodiscard]] std::optional<Pose> judge(int camera, const TagObservation& seen, const CameraModel& model,
+                                          const std::optional<CameraAttitude>& attitude, int forced_after);
+  void forget(int tag_id);
+  void forget_all() { candidates_.clear(); }
+  [[nodiscard]] std::size_t size() const { return candidates_.size(); }
+
+ private:
+  struct View {
+    TagObservation seen;
+    Eigen::Quaterniond q_WV;
+    Eigen::Vector3d p_VT;
+  };
+  struct Branch {
+    Eigen::Quaterniond q_WT;
+    double cost{};  ///< chi-square over the views
+  };
+  struct Candidate {
+    std::vector<View> views;        ///< With attitude: the newest `branch_views`.
+    int seen_times{0};
+    double lone_evidence{0};        ///< Without attitude: Σ chi-square of the rival − of the followed branch.
+    Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
+  };
+  [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;
+  [[nodiscard]] std::optional<Pose> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
+                                                  const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
+                                                  bool forced);
+  [[nodiscard]] std::optional<Pose> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
+
+  EstimatorConfig config_;
+  std::map<std::pair<int, int>, Candidate> candidates_;  ///< By tag id and camera.
+};
+
+}  // namespace fiducap::robocentric

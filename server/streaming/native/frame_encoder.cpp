@@ -1,0 +1,181 @@
+#include "streaming/native/frame_encoder.hpp"
+
+#include <google/protobuf/arena.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "fiducap/v1/envelope.pb.h"
+#include "streaming/native/wire.hpp"
+
+namespace fiducap::native {
+
+namespace {
+
+// Left for bodies beside the header of a Frame datagram: protocol 5, envelope 3, session 9, number 11, parts 4 × 4,
+// three times 9, rate 5, versions 2 × 11 = 98 bytes at most.
+constexpr std::size_t kFrameBudget = kMaxDatagram - 100;
+
+v1::Body::State to_wire(BodyState state) {
+  switch (state) {
+    case BodyState::kSearching: return v1::Body::STATE_SEARCHING;
+    case BodyState::kTracking: return v1::Body::STATE_TRACKING;
+    case BodyState::kCoasting: return v1::Body::STATE_COASTING;
+    case BodyState::kLost: return v1::Body::STATE_LOST;
+  }
+  return v1::Body::STATE_LOST;
+}
+
+// False for NaN, too, and for what would become infinite as a float.
+template <typename Derived>
+bool is_sane(const Eigen::MatrixBase<Derived>& numbers) {
+  constexpr double kLargest = 1e30;
+  return (numbers.array().abs() < kLargest).all();
+}
+
+bool is_sane(const BodyPose& body) {
+  return is_sane(body.X_WP.p) && is_sane(body.X_WP.q.coeffs()) && is_sane(body.v_WP) && is_sane(body.w_WP_P) &&
+         is_sane(body.a_WP) && is_sane(body.covariance.topLeftCorner<6, 6>());
+}
+
+void put(const Eigen::Vector3d& in, v1::Vector3f& out) {
+  out.set_x(static_cast<float>(in.x()));
+  out.set_y(static_cast<float>(in.y()));
+  out.set_z(static_cast<float>(in.z()));
+}
+
+float worst_sigma(const Eigen::Vector3d& variances) {
+  return static_cast<float>(std::sqrt(std::max(0.0, variances.maxCoeff())));
+}
+
+void put_pose(const BodyPose& body, v1::Body& out) {
+  auto& position = *out.mutable_position();
+  position.set_x(body.X_WP.p.x());
+  position.set_y(body.X_WP.p.y());
+  position.set_z(body.X_WP.p.z());
+  auto& orientation = *out.mutable_orientation();
+  orientation.set_w(body.X_WP.q.w());
+  orientation.set_x(body.X_WP.q.x());
+  orientation.set_y(body.X_WP.q.y());
+  orientation.set_z(body.X_WP.q.z());
+  put(body.v_WP, *out.mutable_velocity());
+  put(body.w_WP_P, *out.mutable_body_rate());
+  put(body.a_WP, *out.mutable_acceleration());
+  out.set_position_sigma(worst_sigma(body.covariance.diagonal().segment<3>(0)));
+  out.set_rotation_sigma(worst_sigma(body.covariance.diagonal().segment<3>(3)));
+  auto& upper = *out.mutable_pose_covariance();
+  upper.Reserve(21);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      upper.AddAlreadyReserved(static_cast<float>(body.covariance(row, column)));
+    }
+  }
+}
+
+void put(const BodyPose& body, v1::Body& out) {
+  const bool valid = body.valid && is_sane(body);
+  out.set_id(static_cast<std::uint32_t>(body.body_id));
+  out.set_state(to_wire(body.state));
+  out.set_valid(valid);
+  out.set_age_ns(body.age.count());
+  out.set_tags_in_view(static_cast<std::uint32_t>(std::max(0, body.tags_in_view)));
+  if (valid) put_pose(body, out);
+}
+
+void put_header(const SceneFrame& frame, std::uint64_t session, v1::Frame& out) {
+  out.set_session(session);
+  out.set_number(frame.number);
+  out.set_body_count(static_cast<std::uint32_t>(frame.bodies.size()));
+  out.set_at_ns(to_ns(frame.at));
+  out.set_published_at_ns(to_ns(frame.published_at));
+  out.set_utc_offset_ns(frame.utc_offset.count());
+  out.set_rate_hz(static_cast<float>(frame.rate_hz));
+  out.set_map_version(frame.map ? frame.map->version : 0);
+  out.set_model_generation(frame.model->generation);
+}
+
+}  // namespace
+
+/// The messages of one frame on an arena whose one block grows to what the largest frame needed.
+class FrameEncoder::Messages final {
+ public:
+  struct Part {
+    v1::Envelope* envelope;
+    std::size_t size;
+  };
+
+  std::span<const Part> build(const SceneFrame& frame, std::uint64_t session) {
+    start();
+    parts_.clear();
+    std::size_t used = kFrameBudget + 1;  // over the budget: the first body, or none, opens the first part
+    for (std::size_t i = 0; i < frame.bodies.size(); ++i) {
+      auto* body = google::protobuf::Arena::CreateMessage<v1::Body>(arena_.get());
+      put(frame.bodies[i], *body);
+      const std::size_t size = body->ByteSizeLong() + 3;  // with tag and length
+      if (used + size > kFrameBudget) {
+        open_part(frame, session, i);
+        used = 0;
+      }
+      used += size;
+      parts_.back().envelope->mutable_frame()->mutable_bodies()->UnsafeArenaAddAllocated(body);
+    }
+    if (parts_.empty()) open_part(frame, session, 0);
+    for (auto& part : parts_) {
+      part.envelope->mutable_frame()->set_part_count(static_cast<std::uint32_t>(parts_.size()));
+      part.size = part.envelope->ByteSizeLong();
+    }
+    return parts_;
+  }
+
+ private:
+  void start() {
+    if (arena_) {
+      const auto needed = static_cast<std::size_t>(arena_->SpaceAllocated());
+      arena_->Reset();
+      if (needed <= block_.size()) return;
+      arena_.reset();
+      block_.resize(2 * needed);
+    }
+    google::protobuf::ArenaOptions options;
+    options.initial_block = block_.data();
+    options.initial_block_size = block_.size();
+    arena_ = std::make_unique<google::protobuf::Arena>(options);
+  }
+  void open_part(const SceneFrame& frame, std::uint64_t session, std::size_t first_body) {
+    auto* envelope = google::protobuf::Arena::CreateMessage<v1::Envelope>(arena_.get());
+    envelope->set_protocol(kProtocol);
+    auto& out = *envelope->mutable_frame();
+    put_header(frame, session, out);
+    out.set_part_index(static_cast<std::uint32_t>(parts_.size()));
+    out.set_first_body(static_cast<std::uint32_t>(first_body));
+    parts_.push_back({envelope, 0});
+  }
+
+  std::vector<char> block_ = std::vector<char>(16 * 1024);
+  std::unique_ptr<google::protobuf::Arena> arena_;
+  std::vector<Part> parts_;
+};
+
+FrameEncoder::FrameEncoder(std::uint64_t session)
+    : session_(session), messages_(std::make_unique<Messages>()) {}
+
+FrameEncoder::~FrameEncoder() = default;
+
+std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame) {
+  FIDUCAP_ASSERT(frame.model != nullptr && frame.bodies.size() <= kMaxBodies);
+  const auto parts = messages_->build(frame, session_);
+  FIDUCAP_ASSERT(parts.size() <= kMaxParts);
+  bytes_.resize(parts.size() * kMaxDatagram);
+  datagrams_.clear();
+  std::byte* at = bytes_.data();
+  for (const auto& part : parts) {
+    FIDUCAP_ASSERT(part.size <= kMaxDatagram);
+    part.envelope->SerializeWithCachedSizesToArray(reinterpret_cast<std::uint8_t*>(at));
+    datagrams_.emplace_back(at, part.size);
+    at += kMaxDatagram;
+  }
+  return datagrams_;
+}
+
+}  // namespace fiducap::native

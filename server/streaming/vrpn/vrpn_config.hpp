@@ -1,0 +1,30 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+#include "streaming/axes.hpp"
+
+namespace fiducap::vrpn {
+
+struct VrpnConfig {
+  bool enabled{true};
+  std::string address{"127.0.0.1"};  ///< IPv4; VRPN knows no other. 0.0.0.0: all interfaces.
+  std::uint16_t port{3883};          ///< TCP and UDP. 0: any free one, see VrpnStreamer::port.
+  int max_clients{64};
+  bool udp_reports{true};            ///< False: everything by TCP (firewalls).
+  bool velocity{true};
+  bool acceleration{false};
+  UpAxis up{UpAxis::kZ};
+  AxesScope scope{AxesScope::kWorld};
+  int minor_version{35};             ///< In the cookie `vrpn: ver. 07.<minor>`.
+  std::array<double, 6> workspace_box_m{-10, -10, 0, 10, 10, 5};  ///< min x y z, max x y z, W axes.
+
+  [[nodiscard]] OutputAxes axes() const { return {up, scope, 1.0}; }
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+}  // namespace fiducap::vrpn

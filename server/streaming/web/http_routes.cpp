@@ -1,0 +1,101 @@
+#include "streaming/web/http_routes.hpp"
+
+#include <algorithm>
+#include <cctype>
+
+namespace fiducap::web {
+
+namespace {
+
+constexpr std::string_view kNoPage = R"(<!doctype html>
+<html lang="en"><meta charset="utf-8"><title>Fiducap: no page</title>
+<h1>Fiducap is running, its page is not built</h1>
+<p>The bundle of the status page was not found beside the program. To build it, install Node 18 or newer with npm, then</p>
+<pre>cmake --preset release -DFIDUCAP_WEB=ON
+cmake --build --preset release</pre>
+<p>and start the server again; or let <code>streaming.web.root</code> name the folder of a bundle built elsewhere.</p>
+<p>Everything else works: <a href="/api/v1/state">/api/v1/state</a> is the present state as JSON,
+<a href="/healthz">/healthz</a> tells whether frames flow, and <code>/api/v1/live</code> is the live WebSocket.</p>
+</html>
+)";
+
+HttpResponse file_response(const PageFile& file, std::string_view if_none_match) {
+  HttpResponse response;
+  response.content_type = file.content_type;
+  response.etag = file.etag;
+  response.cache_control = file.never_changes ? "public, max-age=31536000, immutable" : "no-cache";
+  if (if_none_match.find(file.etag) != std::string_view::npos) {
+    response.status = 304;
+    response.body = std::make_shared<const std::string>();
+  } else {
+    response.body = file.body;
+  }
+  return response;
+}
+
+HttpResponse json_response(int status, std::string json) {
+  HttpResponse response = plain_response(status, std::move(json));
+  response.content_type = "application/json";
+  return response;
+}
+
+HttpResponse health_response(const std::string& trouble) {
+  if (trouble.empty()) return json_response(200, "{\"status\":\"ok\"}\n");
+  return json_response(503, "{\"status\":\"" + trouble + "\"}\n");
+}
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return out;
+}
+
+// `hall` with scheme http is `hall:80`; `[::1]` has colons that are no port.
+std::string with_port(std::string host, std::string_view port) {
+  const auto colon = host.rfind(':');
+  const auto bracket = host.rfind(']');
+  const bool has_port = colon != std::string::npos && (bracket == std::string::npos || colon > bracket);
+  return has_port ? host : host + ":" + std::string(port);
+}
+
+}  // namespace
+
+HttpResponse plain_response(int status, std::string text) {
+  HttpResponse response;
+  response.status = status;
+  response.body = std::make_shared<const std::string>(std::move(text));
+  return response;
+}
+
+std::string_view path_of(std::string_view target) { return target.substr(0, target.find_first_of("?#")); }
+
+HttpResponse answer(const HttpRequest& request, const PageFiles& page, const RouteSources& sources) {
+  if (request.method != "GET" && request.method != "HEAD") {
+    return plain_response(405, "expected GET or HEAD\n");
+  }
+  const std::string_view path = path_of(request.target);
+  if (path == "/api/v1/state") return json_response(200, sources.state());
+  if (path == "/healthz") return health_response(sources.health());
+  if (path == kLivePath) return plain_response(426, "expected a WebSocket upgrade\n");
+  if (const PageFile* file = page.find(path)) return file_response(*file, request.if_none_match);
+  if (page.empty() && (path == "/" || path == "/index.html")) {
+    HttpResponse response = plain_response(503, std::string(kNoPage));
+    response.content_type = "text/html; charset=utf-8";
+    return response;
+  }
+  return plain_response(404, "nothing here; the page is at /\n");
+}
+
+bool same_origin(std::string_view origin, std::string_view host) {
+  if (origin.empty()) return true;
+  const std::string from = lower(origin);
+  for (const auto& [scheme, port] : {std::pair{"http://", "80"}, std::pair{"https://", "443"}}) {
+    if (from.rfind(scheme, 0) != 0) continue;
+    const std::string from_host = from.substr(std::string_view(scheme).size());
+    return !from_host.empty() && with_port(from_host, port) == with_port(lower(host), port);
+  }
+  return false;
+}
+
+}  // namespace fiducap::web

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "base/clock.hpp"
+#include "streaming/web/http_routes.hpp"
+#include "streaming/web/live_feed.hpp"
+#include "streaming/web/page_files.hpp"
+
+namespace fiducap::web {
+
+/// Everything a session asks its server, without a socket. Shared by the sessions, so that it outlives the last of them.
+class WebDesk final {
+ public:
+  WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model, const Clock& clock)
+      : page_(PageFiles::load(page_root(config.root))),
+        feed_(config, std::move(sources), std::move(model)),
+        most_pages_(static_cast<std::size_t>(config.max_clients)),
+        clock_(clock) {}
+
+  [[nodiscard]] HttpResponse answer(const HttpRequest& request) const {
+    return web::answer(request, page_,
+                       {[this] { return feed_.state(); }, [this] { return feed_.trouble(now()); }});
+  }
+  [[nodiscard]] bool has_room() const { return feed_.connections().size() < most_pages_; }
+  [[nodiscard]] bool has_page() const { return !page_.empty(); }
+  [[nodiscard]] LiveFeed& feed() { return feed_; }
+  [[nodiscard]] const LiveFeed& feed() const { return feed_; }
+  [[nodiscard]] Instant now() const { return clock_.now(); }
+
+ private:
+  PageFiles page_;
+  LiveFeed feed_;
+  std::size_t most_pages_;
+  const Clock& clock_;
+};
+
+}  // namespace fiducap::web

@@ -1,0 +1,268 @@
+#include "capture/camera_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <opencv2/calib3d.hpp>
+
+#include "support/jacobian_check.hpp"
+
+namespace fiducap {
+namespace {
+
+// Newton stops at 1e-12 of focal length 1; f < 2000 px.
+constexpr double kRoundTrip_px = 1e-8;
+// OpenCV projects in the same arithmetic.
+constexpr double kSameFormula_px = 1e-9;
+// OpenCV's own iteration ends at 1e-12 of focal length 1 *per step*, and converges linearly.
+constexpr double kSameSolution_px = 1e-6;
+
+struct NamedCamera {
+  const char* name;
+  CameraModel model;
+};
+std::ostream& operator<<(std::ostream& out, const NamedCamera& camera) {
+  return out << camera.name;
+}
+
+const NamedCamera kFisheye{"Fisheye",
+                           {1280,
+                            1024,
+                            465.609,
+                            465.632,
+                            622.637,
+                            513.902,
+                            Distortion::kEquidistant,
+                            {-0.0229515, 0.01625, -0.00961832, 0.00176252, 0}}};
+const NamedCamera kTangential{"RadTanWithTangential",
+                              {1920,
+                               1200,
+                               1405.76,
+                               1404.8,
+                               958.042,
+                               607.615,
+                               Distortion::kRadialTangential,
+                               {-0.167373, 0.110745, 8.1e-5, 7.3e-5, -0.0286819}}};
+const NamedCamera kWebcam{"RadTanWebcam",
+                          {1920,
+                           1080,
+                           1826.12,
+                           1821.48,
+                           983.16,
+                           538.745,
+                           Distortion::kRadialTangential,
+                           {0.161179, -0.819752, 0, 0, 0}}};
+const NamedCamera kEuroc{"RadTanStrongBarrel",
+                         {752,
+                          480,
+                          458.654,
+                          457.296,
+                          367.215,
+                          248.375,
+                          Distortion::kRadialTangential,
+                          {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05, 0}}};
+const NamedCamera kPlain{"NoDistortion", {752, 480, 460, 455, 376, 240, Distortion::kNone, {}}};
+
+cv::Mat matrix_of(const CameraModel& c) {
+  return (cv::Mat_<double>(3, 3) << c.fu, 0, c.cu, 0, c.fv, c.cv, 0, 0, 1);
+}
+cv::Mat coefficients_of(const CameraModel& c) {
+  const int n = c.distortion == Distortion::kEquidistant ? 4 : 5;
+  cv::Mat k(1, n, CV_64F);
+  for (int i = 0; i < n; ++i) k.at<double>(i) = c.coefficients[static_cast<std::size_t>(i)];
+  return k;
+}
+
+Eigen::Vector2d project_by_opencv(const CameraModel& c, const Eigen::Vector3d& p) {
+  const std::vector<cv::Point3d> points{{p.x(), p.y(), p.z()}};
+  std::vector<cv::Point2d> out;
+  const cv::Vec3d zero(0, 0, 0);
+  if (c.distortion == Distortion::kEquidistant) {
+    cv::fisheye::projectPoints(points, out, zero, zero, matrix_of(c), coefficients_of(c));
+  } else {
+    cv::projectPoints(points, zero, zero, matrix_of(c), coefficients_of(c), out);
+  }
+  return {out[0].x, out[0].y};
+}
+
+Eigen::Vector2d undistort_by_opencv(const CameraModel& c, const Eigen::Vector2d& px) {
+  const std::vector<cv::Point2d> points{{px.x(), px.y()}};
+  std::vector<cv::Point2d> out;
+  const cv::TermCriteria to_the_end(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 500, 1e-14);
+  if (c.distortion == Distortion::kEquidistant) {
+    cv::fisheye::undistortPoints(points, out, matrix_of(c), coefficients_of(c), cv::noArray(),
+                                 matrix_of(c));
+  } else {
+    cv::undistortPoints(points, out, matrix_of(c), coefficients_of(c), cv::noArray(), matrix_of(c),
+                        to_the_end);
+  }
+  return {out[0].x, out[0].y};
+}
+
+Eigen::Vector3d ray_of(const CameraModel& c, const Eigen::Vector2d& ideal_px) {
+  return {(ideal_px.x() - c.cu) / c.fu, (ideal_px.y() - c.cv) / c.fv, 1};
+}
+
+class LensTest : public testing::TestWithParam<NamedCamera> {
+ protected:
+  const CameraModel& camera() const { return GetParam().model; }
+
+  // Visits a grid over the whole image, edges included, as far as it sees less than 1.45 rad off
+  // the axis: the corners of the fisheye look backwards.
+  template <typename Visit>
+  int over_the_image(Visit visit) const {
+    constexpr int kSteps = 24;
+    const Eigen::Vector2d centre(camera().cu, camera().cv);
+    const auto rim = camera().project({std::sin(1.449), 0, std::cos(1.449)});
+    const double rim_px = rim ? (*rim - centre).norm() : 1e9;
+    int visited = 0;
+    for (int i = 0; i <= kSteps; ++i) {
+      for (int j = 0; j <= kSteps; ++j) {
+        const Eigen::Vector2d raw((camera().width - 1.0) * i / kSteps,
+                                  (camera().height - 1.0) * j / kSteps);
+        if ((raw - centre).norm() > rim_px) continue;
+        ++visited;
+        visit(raw);
+      }
+    }
+    return visited;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Cameras, LensTest,
+                         testing::Values(kFisheye, kTangential, kWebcam, kEuroc, kPlain),
+                         [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST_P(LensTest, IsAcceptedByItsOwnCheck) { EXPECT_TRUE(camera().check().empty()); }
+
+TEST_P(LensTest, ProjectingAnUndistortedPixelGivesTheRawPixelBack) {
+  const int visited = over_the_image([&](const Eigen::Vector2d& raw) {
+    const auto ideal = undistort(camera(), raw);
+    ASSERT_TRUE(ideal) << raw.transpose();
+    const auto back = camera().project(4.0 * ray_of(camera(), ideal->px));
+    ASSERT_TRUE(back) << raw.transpose();
+    EXPECT_NEAR((*back - raw).norm(), 0, kRoundTrip_px) << raw.transpose();
+  });
+  EXPECT_GT(visited, 500);
+}
+
+TEST_P(LensTest, ProjectsLikeOpenCv) {
+  over_the_image([&](const Eigen::Vector2d& raw) {
+    const Eigen::Vector3d p = 2.5 * ray_of(camera(), undistort(camera(), raw).value().px);
+    EXPECT_NEAR((camera().project(p).value() - project_by_opencv(camera(), p)).norm(), 0,
+                kSameFormula_px);
+  });
+}
+
+TEST_P(LensTest, UndistortsLikeOpenCvWhereOpenCvConverges) {
+  int compared = 0;
+  over_the_image([&](const Eigen::Vector2d& raw) {
+    const Eigen::Vector2d other = undistort_by_opencv(camera(), raw);
+    // OpenCV does not say when it failed: only an answer that projects back onto the raw pixel is
+    // one.
+    if ((project_by_opencv(camera(), ray_of(camera(), other)) - raw).norm() > 1e-8) return;
+    ++compared;
+    EXPECT_NEAR((undistort(camera(), raw).value().px - other).norm(), 0, kSameSolution_px)
+        << raw.transpose();
+  });
+  EXPECT_GT(compared, 300);
+}
+
+TEST_P(LensTest, JacobianAgreesWithCentralDifferences) {
+  over_the_image([&](const Eigen::Vector2d& raw) {
+    const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      return undistort(camera(), raw + Eigen::Vector2d(d)).value().px;
+    };
+    // Differences over 0.02 px: truncation ~1e-8, rounding ~1e-10 / 0.02.
+    expect_jacobian(undistort(camera(), raw).value().ideal_from_raw, f, 1e-6, 1e-2);
+  });
+}
+
+TEST_P(LensTest, ThePrincipalPointStaysWhereItIs) {
+  const Eigen::Vector2d centre(camera().cu, camera().cv);
+  const auto ideal = undistort(camera(), centre).value();
+  EXPECT_NEAR((ideal.px - centre).norm(), 0, kRoundTrip_px);
+  EXPECT_NEAR((ideal.ideal_from_raw - Eigen::Matrix2d::Identity()).norm(), 0, 1e-9);
+}
+
+TEST_P(LensTest, NothingBehindTheCameraHasAPixel) {
+  EXPECT_FALSE(camera().project({0.1, 0.1, -1}));
+  EXPECT_FALSE(camera().project({0.1, 0.1, 0}));
+  EXPECT_FALSE(camera().project({0, 0, std::numeric_limits<double>::quiet_NaN()}));
+}
+
+TEST_P(LensTest, APixelThatIsNotANumberHasNoRay) {
+  EXPECT_FALSE(undistort(camera(), {std::numeric_limits<double>::quiet_NaN(), 3}));
+  EXPECT_FALSE(undistort(camera(), {3, std::numeric_limits<double>::infinity()}));
+}
+
+TEST(CameraModel, RaysBeyondTheGivenAngleAreRefused) {
+  const double angle = 0.5;
+  const CameraModel& fisheye = kFisheye.model;
+  const auto edge = [&](double theta) {
+    return fisheye.project({std::sin(theta), 0, std::cos(theta)}).value();
+  };
+  EXPECT_TRUE(undistort(fisheye, edge(angle - 1e-6), angle));
+  EXPECT_FALSE(undistort(fisheye, edge(angle + 1e-6), angle));
+  const CameraModel& plain = kPlain.model;
+  EXPECT_TRUE(undistort(plain, plain.pinhole({std::sin(angle - 1e-6), 0, std::cos(angle)}), angle));
+  EXPECT_FALSE(undistort(plain, plain.pinhole({std::tan(angle + 1e-6), 0, 1}), angle));
+}
+
+// k1 = -0.3 alone: r (1 - 0.3 r²) has its summit at r = 1 / sqrt(0.9) with the value 2/3 r.
+class FoldedLensTest : public testing::Test {
+ protected:
+  CameraModel camera_{
+      800, 800, 400, 400, 400, 400, Distortion::kRadialTangential, {-0.3, 0, 0, 0, 0}};
+  const double summit_ = 1 / std::sqrt(0.9);
+};
+
+TEST_F(FoldedLensTest, APointBeyondTheSummitIsNotProjected) {
+  EXPECT_TRUE(camera_.project({summit_ - 1e-6, 0, 1}));
+  EXPECT_FALSE(camera_.project({summit_ + 1e-6, 0, 1}));
+  EXPECT_FALSE(camera_.project({30, 0, 1}));
+}
+
+TEST_F(FoldedLensTest, APixelOutsideTheSummitIsNotUndistorted) {
+  const double raw_summit_px = 400 * summit_ * 2 / 3;
+  EXPECT_TRUE(undistort(camera_, {400 + raw_summit_px - 1e-3, 400}));
+  EXPECT_FALSE(undistort(camera_, {400 + raw_summit_px + 1e-3, 400}));
+}
+
+TEST_F(FoldedLensTest, AFoldBetweenCentreAndPointIsFoundEvenWhenThePolynomialRisesAgain) {
+  camera_.coefficients = {-1.0, 0.4, 0, 0,
+                          0};  // slope 1 - 3s + 2s²: below zero only for r in 0.71 … 1
+  EXPECT_TRUE(camera_.project({0.6, 0, 1}));
+  EXPECT_FALSE(camera_.project({0.8, 0, 1}));
+  EXPECT_FALSE(camera_.project({1.2, 0, 1}));  // rises here, but an inner point has the same pixel
+}
+
+TEST_F(FoldedLensTest, AnEquidistantLensFoldsToo) {
+  camera_.distortion = Distortion::kEquidistant;
+  camera_.coefficients = {-0.3, 0, 0, 0, 0};
+  const auto at = [&](double theta) {
+    return camera_.project({0, std::sin(theta), std::cos(theta)});
+  };
+  EXPECT_TRUE(at(summit_ - 1e-6));
+  EXPECT_FALSE(at(summit_ + 1e-6));
+}
+
+TEST(CameraModel, CheckNamesEveryBrokenRule) {
+  CameraModel camera;
+  camera.cu = std::numeric_limits<double>::quiet_NaN();
+  camera.coefficients[1] = std::numeric_limits<double>::infinity();
+  std::vector<std::string> paths;
+  for (const ConfigError& error : camera.check()) paths.push_back(error.path);
+  EXPECT_EQ(paths,
+            (std::vector<std::string>{"width", "height", "fu", "fv", "cu", "coefficients[1]"}));
+}
+
+TEST(CameraModel, AFifthCoefficientOfAnEquidistantLensIsAMistake) {
+  CameraModel camera = kFisheye.model;
+  camera.coefficients[4] = 0.1;
+  ASSERT_EQ(camera.check().size(), 1u);
+  EXPECT_EQ(camera.check()[0].path, "coefficients[4]");
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,439 @@
+#include "capture/recording/recording.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "base/log.hpp"
+#include "base/so3.hpp"
+#include "support/fake_clock.hpp"
+#include "temp_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+constexpr const char* kCamera =
+    "sensor_type: camera\n"
+    "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, 0, 0, 1, 0.3, 0, 0, 0, 1]\n"
+    "rate_hz: 10\nresolution: [40, 30]\ncamera_model: pinhole\nintrinsics: [20, 21, 19.5, 14.5]\n"
+    "distortion_model: radial-tangential\ndistortion_coefficients: [-0.1, 0.01, 0.001, 0.002]\n"
+    "timeshift_cam_imu: 0.002\nT_BS_sigma: {translation_m: 0.01, rotation_rad: 0.02}\n";
+constexpr const char* kImu =
+    "sensor_type: imu\n"
+    "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+    "rate_hz: 200\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\n"
+    "accelerometer_noise_density: 3e-3\naccelerometer_random_walk: 4e-4\n";
+constexpr const char* kTags =
+    "family: tag25h9\ndefault_size_m: 0.2\nreference_tag: 3\nsizes_m: {7: 0.05}\nignore_tags: [9, "
+    "11]  # twins\n"
+    "max_hamming: 1\nplane: {tags: [1, 2], normal: [0, 0, 1]}\nboards:\n  - {anything: 1}\n"
+    "known_tags:\n  - {id: 3, size_m: 0.2, position: [1, 2, 3], orientation_wxyz: [0.5, 0.5, 0.5, "
+    "0.5],"
+    " position_sigma_m: 0.01, rotation_sigma_rad: 0.02}\n";
+constexpr const char* kCorners =
+    "#timestamp [ns],tag_id [],hamming [],u0 [px],v0 [px],u1 [px],v1 [px],u2 [px],v2 [px],u3 "
+    "[px],v3 [px]\n"
+    "1000100000000,5,0,1.5,2.5,3,4,5,6,7,8\n"
+    "1000100000000,6,1,11,12,13,14,15,16,17,18\n"
+    "1000300000000,5,2,1,2,3,4,5,6,7,8.25\n";
+constexpr const char* kFrames =
+    "#timestamp [ns],detections "
+    "[]\n1000000000000,0\n1000100000000,2\n1000200000000,0\n1000300000000,1\n";
+
+class RecordingTest : public testing::Test {
+ protected:
+  void write_basics() {
+    folder_.write("mav0/cam0/sensor.yaml", kCamera);
+    folder_.write("mav0/tags.yaml", kTags);
+  }
+  void write_corners(const std::string& corners = kCorners, const std::string& frames = kFrames) {
+    write_basics();
+    folder_.write("mav0/tags0/data.csv", corners);
+    if (!frames.empty()) folder_.write("mav0/tags0/frames.csv", frames);
+  }
+  void write_imu(const std::string& rows) {
+    folder_.write("mav0/imu0/sensor.yaml", kImu);
+    folder_.write("mav0/imu0/data.csv", "#timestamp [ns],w,w,w,a,a,a\n" + rows);
+  }
+  void write_image(const std::string& name, int width = 40, int height = 30) {
+    std::filesystem::create_directories(folder_.path() / "mav0/cam0/data");
+    cv::Mat image(height, width, CV_8UC1);
+    for (int v = 0; v < height; ++v) {
+      for (int u = 0; u < width; ++u)
+        image.at<std::uint8_t>(v, u) = static_cast<std::uint8_t>(3 * u + 2 * v);
+    }
+    ASSERT_TRUE(cv::imwrite((folder_.path() / "mav0/cam0/data" / name).string(), image));
+  }
+  std::unique_ptr<SensorSource> open(const RecordingPlayback& playback = {}) {
+    const auto info = read_recording_info(folder_.text());
+    EXPECT_TRUE(info) << info.error().text();
+    auto source = open_recording(info.value(), playback, clock_);
+    EXPECT_TRUE(source) << source.error().text();
+    return std::move(source.value());
+  }
+  std::vector<SensorSample> play(const RecordingPlayback& playback = {},
+                                 std::size_t at_most = 1000) {
+    const auto source = open(playback);
+    std::vector<SensorSample> samples;
+    while (samples.size() < at_most) {
+      auto sample = source->next({});
+      EXPECT_TRUE(sample);
+      if (!sample || !*sample) break;
+      samples.push_back(std::move(**sample));
+    }
+    return samples;
+  }
+  static std::vector<std::int64_t> stamps_ms(const std::vector<SensorSample>& samples) {
+    std::vector<std::int64_t> stamps;
+    for (const SensorSample& sample : samples) stamps.push_back(to_ns(time_of(sample)) / 1'000'000);
+    return stamps;
+  }
+  // What the log said since the test began.
+  std::string log_text() const {
+    std::string all;
+    for (const log::Line& line : log::lines_after(first_log_line_)) all += line.text + "\n";
+    return all;
+  }
+
+  TempFolder folder_;
+  FakeClock clock_{instant_from_ns(5'000'000'000)};
+
+ private:
+  static std::uint64_t newest_log_line() {
+    const auto lines = log::lines_after(0);
+    return lines.empty() ? 0 : lines.back().number;
+  }
+  std::uint64_t first_log_line_{newest_log_line()};
+};
+
+TEST_F(RecordingTest, SaysWhatItsFilesSay) {
+  write_corners();
+  write_imu("");
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_TRUE(info) << info.error().text();
+  EXPECT_EQ(info->name, folder_.path().filename().string());
+  ASSERT_EQ(info->cameras.size(), 1u);
+  const CameraMount& mount = info->cameras[0];
+  EXPECT_EQ(mount.model.width, 40);
+  EXPECT_EQ(mount.model.height, 30);
+  EXPECT_EQ(mount.model.fv, 21);
+  EXPECT_EQ(mount.model.cu, 19.5);
+  EXPECT_EQ(mount.model.distortion, Distortion::kRadialTangential);
+  EXPECT_EQ(mount.model.coefficients, (std::array<double, 5>{-0.1, 0.01, 0.001, 0.002, 0}));
+  EXPECT_NEAR((mount.X_BV.q * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 0,
+              1e-12);
+  EXPECT_EQ(mount.X_BV.p, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(mount.time_shift, std::chrono::milliseconds(2));
+  EXPECT_EQ(mount.position_sigma_m, 0.01);
+  EXPECT_EQ(mount.rotation_sigma_rad, 0.02);
+  EXPECT_EQ(mount.rate_hz, 10);
+  EXPECT_THAT(info->has_images, ElementsAre(false));
+  EXPECT_THAT(info->has_corners, ElementsAre(true));
+  ASSERT_TRUE(info->imu);
+  EXPECT_EQ(info->imu->accel_walk_m_s3_rtHz, 4e-4);
+  EXPECT_EQ(info->imu->gyro_noise_rad_s_rtHz, 1e-4);
+}
+
+TEST_F(RecordingTest, SaysWhatTagsYamlSaysAndToleratesTheKeysOfOthers) {
+  write_corners();
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_TRUE(info) << info.error().text();
+  EXPECT_EQ(info->tag_family, "tag25h9");
+  EXPECT_EQ(info->tag_size_m, 0.2);
+  EXPECT_EQ(info->tag_sizes_m, (std::map<int, double>{{7, 0.05}}));
+  EXPECT_THAT(info->ignore_tags, ElementsAre(9, 11));
+  EXPECT_EQ(info->max_hamming, 1);
+  EXPECT_EQ(info->reference_tag, 3);
+  ASSERT_EQ(info->known_tags.size(), 1u);
+  EXPECT_EQ(info->known_tags[0].X_WT.p, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(info->known_tags[0].X_WT.q.w(), 0.5);
+  EXPECT_EQ(info->known_tags[0].rotation_sigma_rad, 0.02);
+}
+
+TEST_F(RecordingTest, OpensByItsMavFolderToo) {
+  write_corners();
+  const auto info = read_recording_info((folder_.path() / "mav0").string());
+  ASSERT_TRUE(info) << info.error().text();
+  EXPECT_EQ(info->name, folder_.path().filename().string());
+  EXPECT_TRUE(open_recording(*info, {}, clock_));
+}
+
+TEST_F(RecordingTest, CornersOfOneStampAreOneFrameAndFramesWithoutTagsComeOutEmpty) {
+  write_corners();
+  const auto samples = play();
+  EXPECT_THAT(stamps_ms(samples), ElementsAre(1'000'002, 1'000'102, 1'000'202, 1'000'302))
+      << "time shift 2 ms";
+  std::vector<std::size_t> tags;
+  for (const SensorSample& sample : samples)
+    tags.push_back(std::get<CornerFrame>(sample).tags.size());
+  EXPECT_THAT(tags, ElementsAre(0, 2, 0, 1));
+  const TagSighting& tag = std::get<CornerFrame>(samples[1]).tags[0];
+  EXPECT_EQ(tag.tag_id, 5);
+  EXPECT_EQ(tag.corners_px[0], Eigen::Vector2d(1.5, 2.5));
+  EXPECT_EQ(tag.corners_px[3], Eigen::Vector2d(7, 8));
+  EXPECT_EQ(std::get<CornerFrame>(samples[1]).tags[1].hamming, 1);
+}
+
+TEST_F(RecordingTest, WithoutFramesCsvTheFramesComeFromTheDetections) {
+  write_corners(kCorners, "");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'102, 1'000'302));
+}
+
+TEST_F(RecordingTest, ImuSamplesAreTurnedIntoBodyAxesAndMergedByTime) {
+  write_corners();
+  write_imu(
+      "1000101000000,1,2,3,4,5,6\n1000102000000,0,0,0,0,0,9.81\n1000150000000,0,0,0,0,0,9.81\n");
+  const auto samples = play();
+  EXPECT_THAT(stamps_ms(samples), ElementsAre(1'000'002, 1'000'101, 1'000'102, 1'000'102, 1'000'150,
+                                              1'000'202, 1'000'302));
+  const ImuSample& imu = std::get<ImuSample>(samples[1]);
+  EXPECT_NEAR((imu.w_WB_B - Eigen::Vector3d(-2, 1, 3)).norm(), 0, 1e-12);
+  EXPECT_NEAR((imu.f_B - Eigen::Vector3d(-5, 4, 6)).norm(), 0, 1e-12);
+  EXPECT_TRUE(std::holds_alternative<ImuSample>(samples[2]))
+      << "the IMU first where times are equal";
+}
+
+TEST_F(RecordingTest, SeveralCamerasComeMergedByTime) {
+  write_corners();
+  folder_.write("mav0/cam1/sensor.yaml", kCamera);
+  folder_.write("mav0/tags1/data.csv", "1000150000000,5,0,1,2,3,4,5,6,7,8\n");
+  std::vector<int> cameras;
+  for (const SensorSample& sample : play()) cameras.push_back(std::get<CornerFrame>(sample).camera);
+  EXPECT_THAT(cameras, ElementsAre(0, 0, 1, 0, 0));
+}
+
+TEST_F(RecordingTest, ImagesOfAPlainEurocFolderComeOutGray) {
+  folder_.write("mav0/cam0/sensor.yaml", kCamera);
+  folder_.write(
+      "mav0/cam0/data.csv",
+      "#timestamp "
+      "[ns],filename\n1000000000000,1000000000000.png\n1000100000000,1000100000000.png\n");
+  write_image("1000000000000.png");
+  write_image("1000100000000.png");
+  const auto samples = play();
+  EXPECT_THAT(stamps_ms(samples), ElementsAre(1'000'002, 1'000'102));
+  const CameraFrame& frame = std::get<CameraFrame>(samples[0]);
+  ASSERT_TRUE(frame.image);
+  EXPECT_EQ(frame.image->width, 40);
+  EXPECT_EQ(frame.image->height, 30);
+  EXPECT_EQ(frame.image->pixels[0], 0);
+  EXPECT_EQ(frame.image->pixels[2 * 40 + 10], 34);
+}
+
+TEST_F(RecordingTest, ImagesWinOverCorners) {
+  write_corners();
+  folder_.write("mav0/cam0/data.csv", "1000000000000,a.jpg\n");
+  write_image("a.jpg");
+  const auto samples = play();
+  ASSERT_EQ(samples.size(), 1u);
+  EXPECT_TRUE(std::holds_alternative<CameraFrame>(samples[0]));
+}
+
+TEST_F(RecordingTest, AListWithoutFileNamesMeansImagesNamedByTheirStamp) {
+  write_basics();
+  folder_.write("mav0/cam0/data.csv", "1000000000000\n1000100000000\n");
+  write_image("1000000000000.jpg");
+  write_image("1000100000000.png");
+  EXPECT_EQ(play().size(), 2u);
+}
+
+TEST_F(RecordingTest, AnImageThatIsNoImageIsDroppedCountedAndSaid) {
+  write_basics();
+  folder_.write("mav0/cam0/data.csv",
+                "1000000000000,broken.png\n1000100000000,missing.png\n1000200000000,small.png\n"
+                "1000300000000,../sensor.yaml\n1000400000000,good.png\n1000500000000,empty.png\n");
+  folder_.write("mav0/cam0/data/broken.png", "this is no picture");
+  folder_.write("mav0/cam0/data/empty.png", "");
+  write_image("small.png", 20, 30);
+  write_image("good.png");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'402));
+  EXPECT_THAT(log_text(), HasSubstr("broken.png: is no image"));
+  EXPECT_THAT(log_text(), HasSubstr("4 images left out"));
+  EXPECT_THAT(log_text(), HasSubstr("1 damaged lines left out"));
+}
+
+TEST_F(RecordingTest, DamagedLinesAreLeftOutAndCounted) {
+  write_corners();
+  write_imu(
+      "1000101000000,1,2,3,4,5,6\nrubbish\n1000102000000,1,2,3,4,5\n1000103000000,1,2,x,4,5,6\n"
+      "-5,1,2,3,4,5,6\n9999999999999999999999,1,2,3,4,5,6\n" +
+      std::string(200'000, '7') + "\n1000104000000,1,2,3,4,5,6\r\n");
+  std::size_t imu = 0;
+  for (const SensorSample& sample : play()) imu += std::holds_alternative<ImuSample>(sample);
+  EXPECT_EQ(imu, 2u);
+  EXPECT_THAT(log_text(),
+              HasSubstr("imu0/data.csv: 6 damaged lines left out, the first is line 3"));
+}
+
+TEST_F(RecordingTest, AFileThatEndsInTheMiddleOfALineGivesAllLinesBeforeIt) {
+  write_basics();
+  write_corners("1000100000000,5,0,1,2,3,4,5,6,7,8\n1000200000000,5,0,1,2,3,4,5,6,7,8", "");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'102)) << "the last 8 may have been 812.5";
+}
+
+TEST_F(RecordingTest, NumbersThatAreNoNumbersArePassedOnForTheMergerToCount) {
+  write_basics();
+  write_imu("1000101000000,nan,2,3,4,5,6\n");
+  const auto samples = play();
+  ASSERT_EQ(samples.size(), 1u);
+  EXPECT_FALSE(std::get<ImuSample>(samples[0]).w_WB_B.allFinite());
+}
+
+TEST_F(RecordingTest, TimeThatRunsBackwardsIsPassedOnAndTheRestStillComes) {
+  write_basics();
+  write_imu("1000101000000,1,2,3,4,5,6\n1000050000000,1,2,3,4,5,6\n1000102000000,1,2,3,4,5,6\n");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'101, 1'000'050, 1'000'102));
+}
+
+TEST_F(RecordingTest, AStampFarInTheFutureIsDamageAndDoesNotHangThePlayback) {
+  write_basics();
+  write_imu(
+      "1000101000000,1,2,3,4,5,6\n3999999999999999999,1,2,3,4,5,6\n1000102000000,1,2,3,4,5,6\n");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'101, 1'000'102));
+}
+
+TEST_F(RecordingTest, PacedPlaybackMovesTheStampsToTheClockAndWaitsForThem) {
+  write_corners();
+  const auto source = open({.paced = true});
+  for (const int expected_ms : {5000, 5100, 5200, 5300}) {
+    const auto sample = source->next({}).value().value();
+    EXPECT_EQ(time_of(sample), instant_from_ns(expected_ms * 1'000'000LL));
+    EXPECT_EQ(clock_.now(), time_of(sample));
+  }
+  EXPECT_FALSE(source->next({}).value());
+}
+
+TEST_F(RecordingTest, PacedPlaybackAtDoubleSpeedTakesHalfTheTime) {
+  write_corners();
+  const auto samples = play({.paced = true, .speed = 2.0});
+  EXPECT_THAT(stamps_ms(samples), ElementsAre(5000, 5050, 5100, 5150));
+}
+
+TEST_F(RecordingTest, ASpeedThatWouldFalsifyTheImuIsRefused) {
+  write_corners();
+  write_imu("1000101000000,1,2,3,4,5,6\n");
+  const auto info = read_recording_info(folder_.text()).value();
+  const auto refused = open_recording(info, {.paced = true, .speed = 2.0}, clock_);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().text(), HasSubstr("speed must be 1"));
+  EXPECT_FALSE(open_recording(info, {.paced = true, .speed = 0}, clock_));
+}
+
+TEST_F(RecordingTest, ALoopGoesOnWithStrictlyIncreasingStamps) {
+  write_corners();
+  // 10 Hz camera: the next pass begins 100 ms after the last frame.
+  EXPECT_THAT(stamps_ms(play({.loop = true}, 9)),
+              ElementsAre(1'000'002, 1'000'102, 1'000'202, 1'000'302, 1'000'402, 1'000'502,
+                          1'000'602, 1'000'702, 1'000'802));
+  EXPECT_THAT(stamps_ms(play({.paced = true, .loop = true}, 6)),
+              ElementsAre(5000, 5100, 5200, 5300, 5400, 5500));
+}
+
+TEST_F(RecordingTest, ALoopOverARecordingWithoutAnySampleEnds) {
+  write_corners("", "");
+  EXPECT_TRUE(play({.loop = true}).empty());
+}
+
+TEST_F(RecordingTest, AStopEndsThePlayback) {
+  write_corners();
+  std::stop_source stop;
+  const auto source = open({.paced = true});
+  ASSERT_TRUE(source->next(stop.get_token()).value());
+  stop.request_stop();
+  EXPECT_FALSE(source->next(stop.get_token()).value());
+}
+
+TEST_F(RecordingTest, MissingPiecesAreNamed) {
+  const auto error_of = [&] {
+    const auto info = read_recording_info(folder_.text());
+    return info ? std::string("none") : info.error().text();
+  };
+  EXPECT_THAT(read_recording_info(folder_.text() + "/nowhere").error().text(),
+              HasSubstr("no such folder"));
+  EXPECT_THAT(error_of(), HasSubstr("no folder mav0"));
+  folder_.write("mav0/body.yaml", "comment: x\n");
+  EXPECT_THAT(error_of(), HasSubstr("cam0/sensor.yaml is missing"));
+  folder_.write("mav0/cam0/data.csv", "");
+  EXPECT_THAT(error_of(), HasSubstr("cam0/sensor.yaml: no such file"));
+  write_basics();
+  EXPECT_EQ(error_of(), "none");
+  folder_.write("mav0/imu0/data.csv", "");
+  EXPECT_THAT(error_of(), HasSubstr("imu0/sensor.yaml: no such file"));
+}
+
+TEST_F(RecordingTest, ARecordingWithoutAnySensorDataIsRefused) {
+  write_basics();
+  const auto refused = open_recording(read_recording_info(folder_.text()).value(), {}, clock_);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().text(), HasSubstr("neither images"));
+}
+
+TEST_F(RecordingTest, AllFaultsOfACalibrationAreNamedAtOnce) {
+  folder_.write(
+      "mav0/cam0/sensor.yaml",
+      "camera_model: pinhole\nresolution: [40]\nintrinsics: [1, 2, x, 4]\ndistortion_model: ds\n"
+      "T_BS: {rows: 4, cols: 4, data: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n");
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_FALSE(info);
+  for (const char* fault : {"resolution needs 2 numbers, has 1", "intrinsics must be a list",
+                            "distortion model ds is not supported", "T_BS has no rotation"}) {
+    EXPECT_THAT(info.error().text(), HasSubstr(fault));
+  }
+  folder_.write("mav0/cam0/sensor.yaml", "a: [1, 2\nb: }");
+  EXPECT_THAT(read_recording_info(folder_.text()).error().text(), HasSubstr("is not YAML"));
+}
+
+TEST_F(RecordingTest, TruthIsReadWithVelocityAndBiasesAndWithoutThem) {
+  write_corners();
+  folder_.write("mav0/state_groundtruth_estimate0/data.csv",
+                "#header\n1000000000000,1,2,3,0,1,0,0,4,5,6,7,8,9,10,11,12\n1000100000000,1,2,3,0,"
+                "0,0,0,4,5,6\n");
+  folder_.write("truth/reference_poses.csv", "#header\n1000000000000,1,2,3,0.5,0.5,0.5,0.5\n");
+  const auto truth = read_truth(folder_.text());
+  ASSERT_TRUE(truth);
+  ASSERT_EQ(truth->size(), 1u) << "a quaternion of zeros is none";
+  EXPECT_EQ(truth->front().X_WB.q.x(), 1);
+  EXPECT_EQ(truth->front().v_WB, Eigen::Vector3d(4, 5, 6));
+  EXPECT_EQ(truth->front().bias_w, Eigen::Vector3d(7, 8, 9));
+  EXPECT_EQ(truth->front().bias_f, Eigen::Vector3d(10, 11, 12));
+  const auto reference = read_reference_poses(folder_.text());
+  ASSERT_TRUE(reference);
+  ASSERT_EQ(reference->size(), 1u);
+  EXPECT_EQ(reference->front().v_WB, Eigen::Vector3d(0, 0, 0));
+}
+
+TEST_F(RecordingTest, TrueTagsAndExtrinsicsAreRead) {
+  write_corners();
+  folder_.write("truth/tags.csv",
+                "id,size,px,py,pz,qw,qx,qy,qz\n3,0.16,1,2,3,1,0,0,0\n4,0.2,1,2,3,0,1,0,0");
+  folder_.write(
+      "truth/extrinsics.yaml",
+      "cam0:\n  T_BS: {cols: 4, rows: 4, data: [1, 0, 0, 5, 0, 1, 0, 6, 0, 0, 1, 7, 0, 0, 0, 1]}\n"
+      "timeshift_cam_imu: 0\n");
+  const auto tags = read_truth_tags(folder_.text());
+  ASSERT_TRUE(tags);
+  ASSERT_EQ(tags->size(), 2u);
+  EXPECT_EQ(tags->at(1).tag_id, 4);
+  EXPECT_EQ(tags->at(1).edge_m, 0.2);
+  EXPECT_EQ(tags->at(1).X_WT.q.x(), 1);
+  const auto X_BV = read_truth_extrinsics(folder_.text());
+  ASSERT_TRUE(X_BV);
+  ASSERT_EQ(X_BV->size(), 1u);
+  EXPECT_EQ(X_BV->front().p, Eigen::Vector3d(5, 6, 7));
+}
+
+TEST_F(RecordingTest, WithoutTruthThereIsNoneAndThatIsNoError) {
+  write_corners();
+  EXPECT_TRUE(read_truth(folder_.text()).value().empty());
+  EXPECT_TRUE(read_reference_poses(folder_.text()).value().empty());
+  EXPECT_TRUE(read_truth_tags(folder_.text()).value().empty());
+  EXPECT_TRUE(read_truth_extrinsics(folder_.text()).value().empty());
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,60 @@
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "robot.hpp"
+
+namespace fiducap::simulation {
+namespace {
+
+TEST(SimulationConfig, DefaultsAreUsable) {
+  EXPECT_TRUE(check(RoomConfig{}, "room.").empty());
+  EXPECT_TRUE(check(corner_robot("survey"), "body.").empty());
+}
+
+TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
+  const std::vector<std::pair<std::string, std::function<void(RoomConfig&)>>> faults{
+      {"room.preset", [](RoomConfig& r) { r.preset = "cellar"; }},
+      {"room.family", [](RoomConfig& r) { r.family = "qr"; }},
+      {"room.tag_size_m", [](RoomConfig& r) { r.tag_size_m = 0; }},
+      {"room.gravity_m_s2", [](RoomConfig& r) { r.gravity_m_s2 = -1; }},
+      {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
+      {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
+      {"room.tags[1].tag_id", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1), tag_at(5, 0.1)}; }},
+      {"room.tags[0].edge_m", [](RoomConfig& r) { r.tags = {tag_at(5, -0.1)}; }},
+      {"room.tags[0].X_WT", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1)}; r.tags[0].X_WT.q.w() = 2; }}};
+  for (const auto& [path, break_it] : faults) {
+    RoomConfig room;
+    break_it(room);
+    const auto errors = check(room, "room.");
+    ASSERT_EQ(errors.size(), 1u) << path;
+    EXPECT_EQ(errors[0].path, path);
+  }
+}
+
+TEST(SimulationConfig, EveryBrokenBodyRuleIsNamed) {
+  const std::vector<std::pair<std::string, std::function<void(SimulatedBodyConfig&)>>> faults{
+      {"body.cameras", [](auto& b) { b.cameras.clear(); b.has_imu = false; }},
+      {"body.cameras[0].rate_hz", [](auto& b) { b.cameras[0].rate_hz = 0; }},
+      {"body.cameras[0].model.fu", [](auto& b) { b.cameras[0].model.fu = -3; }},
+      {"body.imu.noise.rate_hz", [](auto& b) { b.imu.noise.rate_hz = 0; }},
+      {"body.imu.gyro_bias", [](auto& b) { b.imu.gyro_bias.x() = std::numeric_limits<double>::quiet_NaN(); }},
+      {"body.camera.pixel_noise", [](auto& b) { b.camera.pixel_noise = -1; }},
+      {"body.camera.exposure_s", [](auto& b) { b.camera.exposure_s = 0.06; }},
+      {"body.trajectory.kind", [](auto& b) { b.trajectory.kind = "teleport"; }},
+      {"body.trajectory.file", [](auto& b) { b.trajectory.kind = "file"; }},
+      {"body.trajectory.speed", [](auto& b) { b.trajectory.speed = 0; }},
+      {"body.faults.drop_image", [](auto& b) { b.faults.drop_image = 1.5; }},
+      {"body.faults.blackout_s", [](auto& b) { b.faults.blackout_s = 2; }}};
+  for (const auto& [path, break_it] : faults) {
+    SimulatedBodyConfig body = corner_robot("survey");
+    break_it(body);
+    const auto errors = check(body, "body.");
+    ASSERT_EQ(errors.size(), 1u) << path;
+    EXPECT_EQ(errors[0].path, path);
+  }
+}
+
+}  // namespace
+}  // namespace fiducap::simulation

@@ -1,0 +1,188 @@
+#include "streaming/axes.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "base/so3.hpp"
+
+namespace fiducap {
+namespace {
+
+// Products of a handful of rotations: only rounding is allowed.
+constexpr double kRounding = 1e-12;
+// Sample covariance of 4000 draws against the transformed one: 1/sqrt(4000) = 1.6 %, five sigma.
+constexpr double kSampling = 0.08;
+
+const Eigen::Matrix3d kYUp = (Eigen::Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
+
+Eigen::Vector3d random_vector(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  return {normal(random), normal(random), normal(random)};
+}
+
+BodyPose random_body(std::mt19937& random) {
+  BodyPose body;
+  body.body_id = 7;
+  body.state = BodyState::kCoasting;
+  body.valid = true;
+  body.X_WP = {exp_so3(random_vector(random)), random_vector(random)};
+  body.v_WP = random_vector(random);
+  body.w_WP_P = random_vector(random);
+  body.a_WP = random_vector(random);
+  const Matrix12d root = Matrix12d::NullaryExpr([&] { return 1e-3 * std::normal_distribution<double>()(random); });
+  body.covariance = root * root.transpose();
+  return body;
+}
+
+std::vector<OutputAxes> all_axes() {
+  std::vector<OutputAxes> all;
+  for (const UpAxis up : {UpAxis::kZ, UpAxis::kY}) {
+    for (const AxesScope scope : {AxesScope::kWorld, AxesScope::kWorldAndBody}) {
+      for (const double units : {1.0, 1000.0}) all.push_back({up, scope, units});
+    }
+  }
+  return all;
+}
+
+/// World axes of the client from W, by definition and not by the code under test.
+Eigen::Matrix3d world(const OutputAxes& axes) {
+  return axes.up == UpAxis::kY ? kYUp : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+}
+Eigen::Matrix3d body_axes(const OutputAxes& axes) {
+  return axes.scope == AxesScope::kWorldAndBody ? world(axes) : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+}
+
+TEST(Axes, ZUpInMetresChangesNothing) {
+  std::mt19937 random(1);
+  const BodyPose body = random_body(random);
+  const BodyPose out = to_client(body, {});
+  EXPECT_EQ(out.X_WP.p, body.X_WP.p);
+  EXPECT_EQ(out.X_WP.q.coeffs(), body.X_WP.q.coeffs());
+  EXPECT_EQ(out.v_WP, body.v_WP);
+  EXPECT_EQ(out.w_WP_P, body.w_WP_P);
+  EXPECT_EQ(out.a_WP, body.a_WP);
+  EXPECT_EQ(out.covariance, body.covariance);
+  EXPECT_EQ(out.state, BodyState::kCoasting);
+  EXPECT_EQ(out.body_id, 7);
+}
+
+TEST(Axes, YUpPutsTheHeightIntoY) {
+  BodyPose body;
+  body.X_WP.p = {1, 2, 3};
+  EXPECT_EQ(to_client(body, {UpAxis::kY}).X_WP.p, Eigen::Vector3d(1, 3, -2));
+  EXPECT_EQ(to_client(body, {UpAxis::kY, AxesScope::kWorld, 1000}).X_WP.p, Eigen::Vector3d(1000, 3000, -2000));
+}
+
+TEST(Axes, ALevelBodyIsLevelInYUpWorldAndBody) {
+  BodyPose body;
+  body.X_WP.q = exp_so3({0, 0, 0.7});  // heading 0.7 rad
+  const auto world_only = to_client(body, {UpAxis::kY, AxesScope::kWorld});
+  const auto both = to_client(body, {UpAxis::kY, AxesScope::kWorldAndBody});
+  // The body's own z stays its up in the first case, in the second its y is up.
+  EXPECT_LT((world_only.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), kRounding);
+  EXPECT_LT((both.X_WP.q * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitY()).norm(), kRounding);
+  EXPECT_LT(angle_between(both.X_WP.q, exp_so3({0, 0.7, 0})), 1e-9);
+}
+
+TEST(Axes, AVectorFixedInTheBodyTurnsLikeTheWorld) {
+  std::mt19937 random(2);
+  for (const auto& axes : all_axes()) {
+    for (int i = 0; i < 20; ++i) {
+      const BodyPose body = random_body(random);
+      const BodyPose out = to_client(body, axes);
+      const Eigen::Vector3d arm_P = random_vector(random);
+      const Eigen::Vector3d tip_W = body.X_WP * arm_P;
+      // The client places the same arm, in its units and its body axes, on the pose it got.
+      const Eigen::Vector3d tip_client = out.X_WP * Eigen::Vector3d(axes.units_per_m * (body_axes(axes) * arm_P));
+      EXPECT_LT((tip_client - axes.units_per_m * (world(axes) * tip_W)).norm(), kRounding * axes.units_per_m * 10);
+      EXPECT_NEAR(out.X_WP.q.norm(), 1.0, kRounding);
+    }
+  }
+}
+
+TEST(Axes, VelocityAndRateMoveTheTipLikeTheWorld) {
+  std::mt19937 random(3);
+  for (const auto& axes : all_axes()) {
+    const BodyPose body = random_body(random);
+    const BodyPose out = to_client(body, axes);
+    const Eigen::Vector3d arm_P = random_vector(random);
+    const Eigen::Vector3d speed_W = body.v_WP + body.X_WP.q * body.w_WP_P.cross(arm_P);
+    const Eigen::Vector3d arm_client = axes.units_per_m * (body_axes(axes) * arm_P);
+    const Eigen::Vector3d speed_client = out.v_WP + out.X_WP.q * out.w_WP_P.cross(arm_client);
+    EXPECT_LT((speed_client - axes.units_per_m * (world(axes) * speed_W)).norm(), kRounding * axes.units_per_m * 10);
+    EXPECT_LT((out.a_WP - axes.units_per_m * (world(axes) * body.a_WP)).norm(), kRounding * axes.units_per_m * 10);
+  }
+}
+
+TEST(Axes, WorldRateIsTheBodyRateSeenFromTheWorld) {
+  std::mt19937 random(4);
+  for (const auto& axes : all_axes()) {
+    const BodyPose body = random_body(random);
+    const BodyPose out = to_client(body, axes);
+    const Eigen::Vector3d w_C = AxesChange(axes).world_rate(body.X_WP.q * body.w_WP_P);
+    EXPECT_LT((out.X_WP.q * out.w_WP_P - w_C).norm(), kRounding * 10);
+  }
+}
+
+/// What the client would see of one body that differs from `mean` by the error `e` (blocks of BodyPose::covariance).
+BodyPose disturbed(const BodyPose& mean, const Eigen::Matrix<double, 12, 1>& e) {
+  BodyPose body = mean;
+  body.X_WP.p += e.segment<3>(0);
+  body.X_WP.q = exp_so3(e.segment<3>(3)) * mean.X_WP.q;
+  body.v_WP += e.segment<3>(6);
+  body.w_WP_P += e.segment<3>(9);
+  return body;
+}
+
+Eigen::Matrix<double, 12, 1> difference(const BodyPose& a, const BodyPose& mean) {
+  Eigen::Matrix<double, 12, 1> e;
+  e << a.X_WP.p - mean.X_WP.p, log_so3(a.X_WP.q * mean.X_WP.q.conjugate()), a.v_WP - mean.v_WP,
+      a.w_WP_P - mean.w_WP_P;
+  return e;
+}
+
+TEST(Axes, CovarianceIsThatOfTransformedSamples) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (const auto& axes : all_axes()) {
+    const BodyPose mean = random_body(random);
+    const Matrix12d root = mean.covariance.llt().matrixL();
+    const BodyPose mean_out = to_client(mean, axes);
+    constexpr int kDraws = 4000;
+    Matrix12d sampled = Matrix12d::Zero();
+    for (int i = 0; i < kDraws; ++i) {
+      const Eigen::Matrix<double, 12, 1> e =
+          root * Eigen::Matrix<double, 12, 1>::NullaryExpr([&] { return normal(random); });
+      const auto d = difference(to_client(disturbed(mean, e), axes), mean_out);
+      sampled += d * d.transpose() / kDraws;
+    }
+    // In units of the standard deviations, so that every block counts.
+    const Eigen::Matrix<double, 12, 1> sigma = mean_out.covariance.diagonal().cwiseSqrt();
+    const Matrix12d error = sigma.cwiseInverse().asDiagonal() * (sampled - mean_out.covariance) *
+                            sigma.cwiseInverse().asDiagonal();
+    EXPECT_LT(error.cwiseAbs().maxCoeff(), kSampling);
+  }
+}
+
+TEST(Axes, CanBeUndone) {
+  std::mt19937 random(6);
+  for (const auto& axes : all_axes()) {
+    const BodyPose body = random_body(random);
+    const BodyPose out = to_client(body, axes);
+    const Eigen::Matrix3d F = world(axes).transpose();
+    const Eigen::Matrix3d G = body_axes(axes);
+    EXPECT_LT((F * out.X_WP.p / axes.units_per_m - body.X_WP.p).norm(), kRounding);
+    EXPECT_LT((F * out.X_WP.rotation() * G - body.X_WP.rotation()).norm(), kRounding * 10);
+    EXPECT_LT((F * out.v_WP / axes.units_per_m - body.v_WP).norm(), kRounding);
+    EXPECT_LT((G.transpose() * out.w_WP_P - body.w_WP_P).norm(), kRounding);
+    const double scale = body.covariance.trace();
+    EXPECT_NEAR(out.covariance.block<3, 3>(3, 3).trace() + out.covariance.block<3, 3>(9, 9).trace(),
+                body.covariance.block<3, 3>(3, 3).trace() + body.covariance.block<3, 3>(9, 9).trace(),
+                kRounding * scale);
+    EXPECT_LT((out.covariance - out.covariance.transpose()).norm(), kRounding * out.covariance.norm());
+  }
+}
+
+}  // namespace
+}  // namespace fiducap

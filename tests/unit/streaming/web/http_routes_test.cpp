@@ -1,0 +1,100 @@
+#include "streaming/web/http_routes.hpp"
+
+#include <gtest/gtest.h>
+
+#include "temporary_page.hpp"
+
+namespace fiducap::web {
+namespace {
+
+class HttpRoutesTest : public testing::Test {
+ protected:
+  HttpResponse get(std::string_view target, std::string_view method = "GET", std::string_view etag = {}) {
+    return answer({method, target, etag}, page_, {[] { return "{}"; }, [this] { return trouble_; }});
+  }
+
+  TemporaryPage files_;
+  PageFiles page_ = PageFiles::load(files_.root());
+  std::string trouble_;
+};
+
+TEST_F(HttpRoutesTest, RootIsTheIndex) {
+  const auto response = get("/?lab=1");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
+  EXPECT_EQ(*response.body, "<!doctype html><title>page</title>");
+  EXPECT_EQ(response.cache_control, "no-cache");
+}
+
+TEST_F(HttpRoutesTest, FileNamedByItsContentIsKeptForever) {
+  const auto response = get("/assets/index-1a2b.js");
+  EXPECT_EQ(response.content_type, "text/javascript; charset=utf-8");
+  EXPECT_NE(response.cache_control.find("immutable"), std::string::npos);
+}
+
+TEST_F(HttpRoutesTest, KnownEtagIsAnsweredWithoutTheContent) {
+  const auto first = get("/");
+  const auto again = get("/", "GET", "\"older\", " + first.etag);
+  EXPECT_EQ(again.status, 304);
+  EXPECT_TRUE(again.body->empty());
+  EXPECT_EQ(get("/", "GET", "\"older\"").status, 200);
+}
+
+TEST_F(HttpRoutesTest, NoPathLeadsOutOfThePage) {
+  for (const char* target : {"/../secret.txt", "/..%2fsecret.txt", "/%2e%2e/secret.txt", "/assets/../../secret.txt",
+                             "/./../secret.txt", "//etc/passwd", "/etc/passwd", "\\..\\secret.txt", "/assets", "/assets/",
+                             "", "*", "http://elsewhere/"}) {
+    EXPECT_EQ(get(target).status, 404) << target;
+  }
+}
+
+TEST_F(HttpRoutesTest, OnlyReadingIsPossible) {
+  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "TRACE", "<unknown>"}) {
+    EXPECT_EQ(get("/", method).status, 405) << method;
+  }
+  EXPECT_EQ(get("/", "HEAD").status, 200);
+}
+
+TEST_F(HttpRoutesTest, StateIsJsonThatNobodyKeeps) {
+  const auto response = get("/api/v1/state");
+  EXPECT_EQ(response.content_type, "application/json");
+  EXPECT_EQ(response.cache_control, "no-store");
+}
+
+TEST_F(HttpRoutesTest, HealthFollowsTheFrames) {
+  EXPECT_EQ(get("/healthz").status, 200);
+  trouble_ = "frames stopped";
+  EXPECT_EQ(get("/healthz").status, 503);
+  EXPECT_NE(get("/healthz").body->find("frames stopped"), std::string::npos);
+}
+
+TEST_F(HttpRoutesTest, LivePathWithoutUpgradeSaysWhatItWants) { EXPECT_EQ(get("/api/v1/live").status, 426); }
+
+TEST_F(HttpRoutesTest, MissingBundleGivesAPageThatSaysHowToBuildIt) {
+  page_ = PageFiles::load(files_.root() / "nowhere");
+  const auto response = get("/");
+  EXPECT_EQ(response.status, 503);
+  EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
+  EXPECT_NE(response.body->find("FIDUCAP_WEB=ON"), std::string::npos);
+  EXPECT_EQ(get("/api/v1/state").status, 200);
+}
+
+TEST(SameOrigin, HoldsForThePageItselfAndForProgramsWithoutOrigin) {
+  EXPECT_TRUE(same_origin("http://hall:8080", "hall:8080"));
+  EXPECT_TRUE(same_origin("http://HALL:8080", "hall:8080"));
+  EXPECT_TRUE(same_origin("http://hall", "hall:80"));
+  EXPECT_TRUE(same_origin("https://hall", "hall"));
+  EXPECT_TRUE(same_origin("http://[::1]:8080", "[::1]:8080"));
+  EXPECT_TRUE(same_origin("http://[::1]", "[::1]:80"));
+  EXPECT_TRUE(same_origin("", "hall:8080"));
+}
+
+TEST(SameOrigin, FailsForEveryOtherPage) {
+  for (const char* origin : {"http://elsewhere:8080", "http://hall:8081", "http://hall", "null", "hall:8080", "http://",
+                             "file://hall:8080", "http://hall:8080.elsewhere", "http://hall:8080/"}) {
+    EXPECT_FALSE(same_origin(origin, "hall:8080")) << origin;
+  }
+}
+
+}  // namespace
+}  // namespace fiducap::web

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <boost/asio/buffer.hpp>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/write.hpp>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+
+namespace fiducap::web {
+
+/// Runs the server until `done`, at most five seconds. @return whether it came true.
+inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& done) {
+  using namespace std::chrono_literals;
+  const auto deadline = std::chrono::steady_clock::now() + 5s;
+  while (!done()) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
+    io.restart();
+    io.run_for(1ms);
+  }
+  return true;
+}
+
+/// A peer of the server under test, byte by byte: it can also do what a browser never would.
+class LoopbackClient final {
+ public:
+  LoopbackClient(boost::asio::io_context& io, std::uint16_t port, int receive_buffer = 0) : io_(io), socket_(io) {
+    const boost::asio::ip::tcp::endpoint at(boost::asio::ip::address_v4::loopback(), port);
+    socket_.open(at.protocol());
+    if (receive_buffer > 0) socket_.set_option(boost::asio::socket_base::receive_buffer_size(receive_buffer));
+    socket_.connect(at);
+    socket_.non_blocking(true);
+  }
+
+  /// Errors do not matter: the server may have closed already.
+  void send(const std::string& bytes) {
+    boost::system::error_code ignored;
+    socket_.non_blocking(false);
+    boost::asio::write(socket_, boost::asio::buffer(bytes), ignored);
+    socket_.non_blocking(true);
+  }
+  void get(const std::string& target, const std::string& headers = "") {
+    send("GET " + target + " HTTP/1.1\r\nHost: hall:8080\r\n" + headers + "\r\n");
+  }
+  void upgrade(const std::string& headers = "") {
+    get("/api/v1/live",
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" + headers);
+  }
+
+  /// Reads what is there; @return everything read and not yet taken.
+  std::string& received() {
+    boost::system::error_code error;
+    while (!error) {
+      char chunk[65536];
+      const std::size_t n = socket_.read_some(boost::asio::buffer(chunk), error);
+      received_.append(chunk, n);
+    }
+    if (error != boost::asio::error::would_block) closed_ = true;
+    return received_;
+  }
+  [[nodiscard]] bool closed() {
+    received();
+    return closed_;
+  }
+  bool wait_for(const std::string& text) {
+    return run_until(io_, [&] { return received().find(text) != std::string::npos; });
+  }
+  bool wait_for_close() {
+    return run_until(io_, [&] { return closed(); });
+  }
+  /// Leaves the answer's header behind. @pre the upgrade was accepted
+  bool wait_for_upgrade() {
+    if (!wait_for("\r\n\r\n") || received_.rfind("HTTP/1.1 101", 0) != 0) return false;
+    received_.erase(0, received_.find("\r\n\r\n") + 4);
+    return true;
+  }
+  /// The text of the next WebSocket message, nullopt after five seconds.
+  std::optional<std::string> next_message() {
+    std::optional<std::string> message;
+    run_until(io_, [&] { return (message = take_message()).has_value(); });
+    return message;
+  }
+
+ private:
+  // RFC 6455 5.2; the server's messages are single unmasked frames.
+  std::optional<std::string> take_message() {
+    const std::string& in = received();
+    if (in.size() < 2) return std::nullopt;
+    const auto byte = [&](std::size_t i) { return static_cast<std::uint64_t>(static_cast<unsigned char>(in[i])); };
+    const std::size_t extra = byte(1) == 127 ? 8 : byte(1) == 126 ? 2 : 0;
+    if (in.size() < 2 + extra) return std::nullopt;
+    std::uint64_t length = extra == 0 ? byte(1) : 0;
+    for (std::size_t i = 0; i < extra; ++i) length = length << 8 | byte(2 + i);
+    if (in.size() < 2 + extra + length) return std::nullopt;
+    const std::string message = in.substr(2 + extra, length);
+    received_.erase(0, 2 + extra + length);
+    return message;
+  }
+
+  boost::asio::io_context& io_;
+  boost::asio::ip::tcp::socket socket_;
+  std::string received_;
+  bool closed_{false};
+};
+
+}  // namespace fiducap::web
