@@ -1,5 +1,6 @@
 #include "capture/yaml_section.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
@@ -53,6 +54,8 @@ Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
   Expected<std::string> text = read_calibration_text(path);
   if (!text) return tl::unexpected(text.error());
   if (text->starts_with("%YAML")) text->erase(0, text->find('\n'));
+  // YAML forbids the tabs with which some programs indent their JSON.
+  if (text->starts_with("{")) std::replace(text->begin(), text->end(), '\t', ' ');
   try {
     YAML::Node root = YAML::Load(*text);
     if (!root.IsMap())
@@ -76,6 +79,8 @@ bool YamlSection::has(const std::string& key) const {
   const YAML::Node found = find(key);
   return found.IsDefined() && !found.IsNull();
 }
+
+bool YamlSection::is_map(const std::string& key) const { return has(key) && find(key).IsMap(); }
 
 YamlSection YamlSection::section(const std::string& key) const {
   if (!has(key)) return {YAML::Node(YAML::NodeType::Map), place_ + key + ".", faults_};

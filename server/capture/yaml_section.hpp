@@ -19,10 +19,11 @@ namespace fiducap {
 /// format.
 class YamlSection final {
  public:
-  /// Accepts OpenCV's `%YAML:1.0` first line.
+  /// Accepts OpenCV's `%YAML:1.0` first line, and JSON, which is a kind of YAML.
   [[nodiscard]] static Expected<YamlSection> load(const std::filesystem::path& path);
 
   [[nodiscard]] bool has(const std::string& key) const;
+  [[nodiscard]] bool is_map(const std::string& key) const;
   /// The map below `key`; a section without keys when there is none.
   [[nodiscard]] YamlSection section(const std::string& key) const;
   /// The maps of the list below `key`; empty when there is none.

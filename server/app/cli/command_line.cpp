@@ -135,7 +135,7 @@ void add_simulate(CLI::App& app, CommandLine& line) {
   verb->add_option("--corner-noise-px", a.corner_noise_px, "With --corners: 1-sigma of each coordinate")
       ->check(CLI::NonNegativeNumber)->capture_default_str();
   auto* images = verb->add_flag("--images", a.images, "Render images");
-  verb->add_flag("--corners", "Corners only (the default): a thousand times quicker")->excludes(images);
+  verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")->excludes(images);
   verb->add_flag("!--no-imu", a.imu, "A robot without IMU");
   verb->footer("Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_simulate(a, t); }; });

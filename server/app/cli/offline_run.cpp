@@ -115,17 +115,36 @@ class OfflineRun final {
     s.nis_sum += report.nis;
     s.nis_dof += report.nis_dof;
     if (report.tags_used > 0) reprojections_px_.push_back(report.reprojection_px);
+    if (report.gauge_shift) shift_gauge(*report.gauge_shift);
     if (!filter_->running()) return;
     const BodyEstimate estimate = filter_->estimate();
-    if (!estimate.anchored || !estimate.X_WB.p.allFinite()) return;
-    ++s.frames_with_pose;
-    s.frames_with_tags_and_pose += with_tags ? 1 : 0;
-    const StampedPose pose{seen_.exposed_at, estimate.X_WB};
-    // Cameras that expose together share one line; the last of them has corrected the pose.
-    if (!result_.trajectory.empty() && result_.trajectory.back().at == pose.at)
-      result_.trajectory.back() = pose;
+    if (!estimate.X_WB.p.allFinite()) return;
+    ++unplaced_.frames;
+    unplaced_.frames_with_tags += with_tags ? 1 : 0;
+    add_pose({seen_.exposed_at, estimate.X_WB});
+    if (estimate.anchored) place();
+  }
+
+  /// Cameras that expose together share one line; the last of them has corrected the pose.
+  void add_pose(const StampedPose& pose) {
+    std::vector<StampedPose>& poses = result_.trajectory;
+    if (!poses.empty() && poses.back().at == pose.at)
+      poses.back() = pose;
     else
-      result_.trajectory.push_back(pose);
+      poses.push_back(pose);
+  }
+
+  /// W was re-defined: the poses so far move with it. They stay causal, only their common axes come later.
+  void shift_gauge(const Pose& X_new_old) {
+    for (StampedPose& pose : result_.trajectory) pose.X_WB = X_new_old * pose.X_WB;
+  }
+
+  /// From here on W is the workspace: all poses up to here count.
+  void place() {
+    result_.statistics.frames_with_pose += unplaced_.frames;
+    result_.statistics.frames_with_tags_and_pose += unplaced_.frames_with_tags;
+    unplaced_ = {};
+    placed_poses_ = result_.trajectory.size();
   }
 
   OfflineResult finish() {
@@ -138,6 +157,7 @@ class OfflineRun final {
     s.reprojection_median_px = quantile(reprojections_px_, 0.5);
     s.reprojection_p95_px = quantile(std::move(reprojections_px_), 0.95);
     s.merger = merger_.statistics();
+    result_.trajectory.resize(placed_poses_);  // the rest never learned where the workspace is
     result_.known = setup_.known;
     filter_->tag_beliefs(result_.tags);
     result_.extrinsics = filter_->extrinsics();
@@ -160,6 +180,11 @@ class OfflineRun final {
   std::optional<Instant> first_;
   std::optional<Instant> last_;
   bool exhausted_{false};
+  struct Unplaced {
+    int frames{};
+    int frames_with_tags{};
+  } unplaced_;
+  std::size_t placed_poses_{0};
   OfflineResult result_;
 };
 

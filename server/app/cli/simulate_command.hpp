@@ -12,7 +12,8 @@ struct SimulateArguments {
   std::string room{"hall"};
   double seconds{60};
   std::uint64_t seed{1};
-  bool images{false};   ///< False: corners only, at a thousandth of the cost.
+  bool images{false};   ///< Render images …
+  bool corners{false};  ///< … or corners only, which is also what happens when nobody says anything.
   bool imu{true};
   double speed{1.0};
   double corner_noise_px{0.4};

@@ -16,13 +16,21 @@ constexpr std::chrono::seconds kPatience{2};  // this long without an answer, th
 constexpr std::chrono::milliseconds kLivePeriod{100};
 constexpr std::chrono::seconds kLinePeriod{1};
 
+ClientOptions options(const ServerAddress& address) {
+  ClientOptions options;
+  options.server = address.host;
+  options.port = address.port;
+  options.name = "fiducap watch";
+  return options;
+}
+
 class Watch final {
  public:
   Watch(const ServerAddress& address, bool json, const Terminal& terminal)
       : name_(address.host + ":" + std::to_string(address.port)),
         json_(json),
         terminal_(terminal),
-        client_({.server = address.host, .port = address.port}) {}
+        client_(options(address)) {}
 
   int run(std::optional<SteadyTime> end) {
     while (!interrupted() && terminal_.out) {
@@ -46,9 +54,10 @@ class Watch final {
   void complain() {
     if (complained_) return;
     complained_ = true;
-    terminal_.err << "fiducap: no Fiducap server answers at " << name_
+    const std::string problem = client_.statistics().problem;
+    terminal_.err << "fiducap: no Fiducap server answers at " << name_ << (problem.empty() ? "" : " (" + problem + ")")
                   << ". Is it running there (fiducapd --config config/demo.yaml), with streaming.native on this address "
-                     "and port? Name another with --server HOST:PORT. Waiting."
+                     "and port? Name another with --server HOST:PORT."
                   << std::endl;
     lines_shown_ = 0;  // what is on the screen has moved
   }

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "base/log.hpp"
+#include "capture/pinhole_yaml.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/yaml_section.hpp"
@@ -10,49 +11,11 @@ namespace {
 
 constexpr double kLargestTimeShift_s = 10;
 
-std::optional<Distortion> distortion_of(const std::string& name) {
-  if (name == "none") return Distortion::kNone;
-  if (name == "radial-tangential" || name == "radtan" || name == "plumb_bob")
-    return Distortion::kRadialTangential;
-  if (name == "equidistant") return Distortion::kEquidistant;
-  return std::nullopt;
-}
-
-void read_lens(const YamlSection& yaml, CameraModel& model) {
-  const std::string name = yaml.text("distortion_model").value_or("none");
-  const std::optional<Distortion> kind = distortion_of(name);
-  if (!kind)
-    yaml.complain("distortion_model",
-                  "is " + name + ", known are none, radial-tangential, equidistant");
-  model.distortion = kind.value_or(Distortion::kNone);
-  const std::vector<double> k = yaml.numbers("distortion_coefficients");
-  if (model.distortion == Distortion::kNone) return;
-  const bool may_have_five = model.distortion == Distortion::kRadialTangential;
-  if (k.size() != 4 && !(may_have_five && k.size() == 5)) {
-    yaml.complain("distortion_coefficients", std::string("needs 4") +
-                                                 (may_have_five ? " or 5" : "") + " numbers, has " +
-                                                 std::to_string(k.size()));
-    return;
-  }
-  std::copy(k.begin(), k.end(), model.coefficients.begin());
-}
-
 Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
   CameraMount mount;
-  if (const auto model = yaml->text("camera_model"); model && *model != "pinhole") {
-    yaml->complain("camera_model", "is " + *model + ", only pinhole is known");
-  }
-  const std::vector<double> size = yaml->required_numbers("resolution", 2);
-  const std::vector<double> pinhole = yaml->required_numbers("intrinsics", 4);
-  mount.model.width = static_cast<int>(std::clamp(size[0], 0.0, 1e6));
-  mount.model.height = static_cast<int>(std::clamp(size[1], 0.0, 1e6));
-  mount.model.fu = pinhole[0];
-  mount.model.fv = pinhole[1];
-  mount.model.cu = pinhole[2];
-  mount.model.cv = pinhole[3];
-  read_lens(*yaml, mount.model);
+  mount.model = read_pinhole(*yaml, "distortion_coefficients");
   mount.X_BV = yaml->required_pose("T_BS");
   mount.rate_hz = yaml->number("rate_hz").value_or(mount.rate_hz);
   const YamlSection sigma = yaml->section("T_BS_sigma");
@@ -62,9 +25,6 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   if (std::abs(shift) > kLargestTimeShift_s)
     yaml->complain("timeshift_cam_imu", "is more than 10 s");
   mount.time_shift = from_seconds(std::clamp(shift, -kLargestTimeShift_s, kLargestTimeShift_s));
-  if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  for (const ConfigError& error : mount.model.check())
-    yaml->complain(error.path, "= " + error.value + " " + error.rule);
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
   return mount;
 }
