@@ -29,21 +29,25 @@ std::optional<std::string> fault_in(const Pose& pose) {
 
 using Writer = ByteWriter<std::endian::little>;
 
+/// -0 and 0 are the same number to SQLite and to us.
+void write_number(Writer& writer, double value) { writer.f64(value + 0.0); }
+
 void write_text(Writer& writer, const std::string& text) {
   writer.u64(text.size()).text(text);
 }
 
 void write_pose(Writer& writer, const Pose& pose) {
   for (const double v : {pose.p.x(), pose.p.y(), pose.p.z(), pose.q.w(), pose.q.x(), pose.q.y(), pose.q.z()}) {
-    writer.f64(v);
+    write_number(writer, v);
   }
 }
 
 void write_tag(Writer& writer, const MapTag& entry) {
-  writer.i64(entry.tag.tag_id).f64(entry.tag.edge_m);
+  writer.i64(entry.tag.tag_id);
+  write_number(writer, entry.tag.edge_m);
   write_pose(writer, entry.tag.X_WT);
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) writer.f64(entry.tag.covariance(row, column));
+    for (int column = row; column < 6; ++column) write_number(writer, entry.tag.covariance(row, column));
   }
   write_text(writer, std::string(name_of(entry.state)));
   writer.i64(entry.first_seen_utc_ns).i64(entry.last_seen_utc_ns).i64(entry.sightings).i64(entry.component);

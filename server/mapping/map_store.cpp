@@ -1,6 +1,10 @@
 #include "mapping/map_store.hpp"
 
+#include <array>
 #include <cstddef>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
 #include <utility>
 
 #include "base/byte_reader.hpp"
@@ -13,6 +17,7 @@ namespace {
 
 constexpr std::int64_t kApplicationId = 0x46444350;  // "FDCP"
 constexpr std::int64_t kSchema = 1;
+constexpr const char* kWhatToDo = "; it was not changed: restore a copy of it, or move it away";
 
 constexpr const char* kCreate = R"(
 CREATE TABLE IF NOT EXISTS version (
@@ -70,6 +75,28 @@ Expected<Matrix6d> covariance_from(const std::vector<std::byte>& bytes, const st
 
 tl::unexpected<Error> pass_on(const Error& error) { return tl::unexpected<Error>(error); }
 
+/// SQLite takes a file with less than one page for an empty one and fills a cut last page with zeros. Not ours to
+/// repair, unless a write-ahead log is there: then a crash during its write-back looks the same and SQLite knows how.
+Expected<void> check_shape(const std::string& path) {
+  std::error_code absent;
+  const auto size = std::filesystem::file_size(path, absent);
+  if (absent || size == 0) return {};
+  const auto log_size = std::filesystem::file_size(path + "-wal", absent);
+  if (!absent && log_size > 0) return {};
+  std::array<char, 18> head{};
+  std::ifstream(path, std::ios::binary).read(head.data(), head.size());
+  if (std::string_view(head.data(), 16) != std::string_view("SQLite format 3\0", 16)) {
+    return fail(ErrorCode::kInvalid, std::string("is damaged or not a map store (no SQLite header)") + kWhatToDo, path);
+  }
+  const auto high = static_cast<unsigned char>(head[16]);
+  const auto low = static_cast<unsigned char>(head[17]);
+  const unsigned page = high * 256u + low == 1 ? 65536u : high * 256u + low;
+  if (page == 0 || size % page != 0) {
+    return fail(ErrorCode::kInvalid, std::string("is damaged (cut off inside a page)") + kWhatToDo, path);
+  }
+  return {};
+}
+
 /// Nothing of the file is touched before it is known to be ours and sound.
 Expected<bool> is_fresh(const SqliteFile& file) {
   const auto application = file.integer("PRAGMA application_id");
@@ -93,7 +120,7 @@ Expected<bool> is_fresh(const SqliteFile& file) {
   if (!verdict) return pass_on(verdict.error());
   if (*verdict != "ok" || *schema != kSchema) {
     return fail(ErrorCode::kInvalid,
-                "is damaged (" + *verdict + "); it was not changed: restore a copy of it, or move it away", file.path());
+                "is damaged (" + *verdict + ")" + kWhatToDo, file.path());
   }
   return false;
 }
@@ -180,6 +207,7 @@ MapStore::MapStore(MapStore&&) noexcept = default;
 MapStore& MapStore::operator=(MapStore&&) noexcept = default;
 
 Expected<MapStore> MapStore::open(const std::string& path) {
+  if (auto shape = check_shape(path); !shape) return pass_on(shape.error());
   auto file = SqliteFile::open(path);
   if (!file) return pass_on(file.error());
   file->write_back_on_close(false);

@@ -1,0 +1,280 @@
+#include "mapping/map_store.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "mapping/sqlite_file.hpp"
+#include "support/temporary_folder.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  return bytes.str();
+}
+
+void write_bytes(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary | std::ios::trunc) << bytes;
+}
+
+class MapStoreTest : public testing::Test {
+ protected:
+  MapStore open() {
+    auto store = MapStore::open(path_);
+    EXPECT_TRUE(store) << store.error().text();
+    return std::move(*store);
+  }
+  TagMap commit(const TagMap& map, const std::string& comment = {}) {
+    auto store = open();
+    auto stored = store.commit(map, comment);
+    EXPECT_TRUE(stored) << stored.error().text();
+    return *stored;
+  }
+  void expect_refused(ErrorCode code, const std::string& says) {
+    const auto before = bytes_of(path_);
+    const auto store = MapStore::open(path_);
+    ASSERT_FALSE(store);
+    EXPECT_EQ(store.error().code, code) << store.error().text();
+    EXPECT_NE(store.error().text().find(says), std::string::npos) << store.error().text();
+    EXPECT_EQ(store.error().context, path_);
+    EXPECT_EQ(bytes_of(path_), before) << "the refused file was changed";
+  }
+
+  TemporaryFolder folder_;
+  std::string path_{folder_.file("hall.map")};
+};
+
+TEST_F(MapStoreTest, StartsEmpty) {
+  auto store = open();
+  ASSERT_TRUE(store.newest());
+  EXPECT_EQ(store.newest()->version, 0);
+  EXPECT_TRUE(store.newest()->tags.empty());
+  EXPECT_TRUE(store.log()->empty());
+  EXPECT_TRUE(store.extrinsics()->empty());
+}
+
+TEST_F(MapStoreTest, GivesBackExactlyWhatWasCommitted) {
+  auto map = make_map({0, 5, 9});
+  map.reference_tag = 5;
+  map.family = "tag16h5";
+  map.tags[1].state = TagState::kQuarantined;
+  map.tags[2].component = 2;
+  const auto stored = commit(map, "first light");
+  EXPECT_EQ(stored.version, 1);
+  EXPECT_EQ(stored.parent, 0);
+  EXPECT_EQ(stored.hash, content_hash(map));
+  const auto loaded = open().newest();
+  ASSERT_TRUE(loaded) << loaded.error().text();
+  EXPECT_EQ(loaded->version, 1);
+  EXPECT_EQ(loaded->hash, stored.hash);
+  EXPECT_EQ(content_hash(*loaded), stored.hash);  // every number, bit for bit
+  EXPECT_EQ(loaded->comment, "first light");
+  EXPECT_EQ(loaded->created_utc_ns, map.created_utc_ns);
+  EXPECT_EQ(loaded->reference_tag, 5);
+  EXPECT_EQ(loaded->tags[1].state, TagState::kQuarantined);
+  EXPECT_EQ(worst_corner_m(*loaded, map), 0);
+}
+
+TEST_F(MapStoreTest, KeepsEveryVersion) {
+  auto store = open();
+  TagMap map = make_map({1});
+  for (int i = 0; i < 5; ++i) {
+    map.tags[0].tag.X_WT.p.x() = i;
+    map = *store.commit(map, "step " + std::to_string(i));
+  }
+  const auto log = store.log();
+  ASSERT_EQ(log->size(), 5u);
+  EXPECT_EQ(log->front().version, 5);
+  EXPECT_EQ(log->front().parent, 4);
+  EXPECT_EQ(log->front().comment, "step 4");
+  EXPECT_EQ(log->front().tags, 1);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(store.load(i + 1)->tags[0].tag.X_WT.p.x(), i);
+}
+
+TEST_F(MapStoreTest, AnOldVersionCommittedAgainIsARollBack) {
+  commit(make_map({1}));
+  commit(make_map({1, 2}));
+  auto store = open();
+  const auto again = store.commit(*store.load(1), "back");
+  EXPECT_EQ(again->version, 3);
+  EXPECT_EQ(again->parent, 1);
+  EXPECT_EQ(again->hash, store.log()->back().hash);
+}
+
+TEST_F(MapStoreTest, AMapFromElsewhereHasNoParentHere) {
+  auto foreign = make_map({1});
+  foreign.version = 17;
+  EXPECT_EQ(commit(foreign).parent, 0);
+}
+
+TEST_F(MapStoreTest, SaysWhichVersionIsMissing) {
+  const auto missing = open().load(3);
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
+  EXPECT_NE(missing.error().context.find("version 3"), std::string::npos);
+}
+
+TEST_F(MapStoreTest, RefusesWhatIsNotAMap) {
+  auto store = open();
+  auto map = make_map({1, 2});
+  map.tags[1].tag.X_WT.p.x() = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = store.commit(map, "");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kInvalid);
+  EXPECT_NE(refused.error().what.find("tag 2: position must be finite"), std::string::npos);
+  EXPECT_TRUE(store.log()->empty());
+}
+
+TEST_F(MapStoreTest, KeepsTheNewestExtrinsicsOfEachCamera) {
+  {
+    auto store = open();
+    ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{}}));
+    ASSERT_TRUE(store.save_extrinsics({"alpha", 1, Pose{exp_so3({1, 2, 3}), {0.1, 0.2, 0.3}}}));
+    ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{{}, {7, 8, 9}}}));
+  }
+  const auto all = open().extrinsics();
+  ASSERT_EQ(all->size(), 2u);
+  EXPECT_EQ((*all)[0].body, "alpha");
+  EXPECT_EQ((*all)[0].camera, 1);
+  EXPECT_EQ((*all)[0].X_BV.q.coeffs(), exp_so3({1, 2, 3}).coeffs());
+  EXPECT_EQ((*all)[1].X_BV.p, Eigen::Vector3d(7, 8, 9));
+}
+
+TEST_F(MapStoreTest, AReaderSeesWhatAWriterHasCommitted) {
+  auto writer = open();
+  auto reader = open();
+  ASSERT_TRUE(writer.commit(make_map({1}), ""));
+  EXPECT_EQ(reader.newest()->version, 1);
+}
+
+TEST_F(MapStoreTest, ASecondWriterIsToldThatItIsOne) {
+  auto store = open();
+  auto other = SqliteFile::open(path_);
+  const auto lock = SqliteTransaction::begin(*other);
+  ASSERT_TRUE(lock);
+  const auto refused = store.commit(make_map({1}), "");
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
+  EXPECT_NE(refused.error().text().find("another process is writing"), std::string::npos) << refused.error().text();
+}
+
+// The limit on file size stops the write-ahead log half way through a version, as a full disk does.
+TEST_F(MapStoreTest, AWriteThatFailsLeavesTheStoreAsItWas) {
+  std::vector<int> many;
+  for (int id = 0; id < 2000; ++id) many.push_back(id);
+  {
+    auto store = open();
+    ASSERT_TRUE(store.commit(make_map({1}), "small"));
+    rlimit before{};
+    getrlimit(RLIMIT_FSIZE, &before);
+    const auto old_handler = signal(SIGXFSZ, SIG_IGN);
+    rlimit tight = before;
+    tight.rlim_cur = 300'000;  // 2000 tags need about 600 kB
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &tight), 0);
+    const auto refused = store.commit(make_map(many), "too much");
+    setrlimit(RLIMIT_FSIZE, &before);
+    signal(SIGXFSZ, old_handler);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable) << refused.error().text();
+    EXPECT_EQ(store.newest()->version, 1);
+    EXPECT_TRUE(store.commit(make_map({1, 2}), "there is room again"));
+  }
+  const auto store = open();
+  EXPECT_EQ(store.log()->size(), 2u);
+  EXPECT_EQ(store.load(1)->tags.size(), 1u);
+  EXPECT_EQ(store.newest()->tags.size(), 2u);
+}
+
+TEST_F(MapStoreTest, GarbageIsRefusedAndNotTouched) {
+  write_bytes(path_, std::string(5000, 'x'));
+  expect_refused(ErrorCode::kInvalid, "is damaged or not a map store");
+  write_bytes(path_, "x");
+  expect_refused(ErrorCode::kInvalid, "move it away");
+}
+
+TEST_F(MapStoreTest, AnotherProgramsDatabaseIsRefusedAndNotTouched) {
+  {
+    auto file = SqliteFile::open(path_);
+    ASSERT_TRUE(file->execute("CREATE TABLE t (a); INSERT INTO t VALUES (1)"));
+  }
+  expect_refused(ErrorCode::kInvalid, "database of another program");
+}
+
+TEST_F(MapStoreTest, ANewerSchemaIsRefusedAndNotTouched) {
+  commit(make_map({1}));
+  ASSERT_TRUE(SqliteFile::open(path_)->execute("PRAGMA user_version = 2"));
+  expect_refused(ErrorCode::kUnsupported, "newer Fiducap (schema 2, this one knows up to 1)");
+}
+
+TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {
+  commit(make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20}));
+  const auto whole = bytes_of(path_);
+  ASSERT_GT(whole.size(), 8192u);
+  for (const std::size_t left : {std::size_t{1}, std::size_t{50}, std::size_t{100}, std::size_t{4095},
+                                 std::size_t{4096}, whole.size() / 2, whole.size() - 4096, whole.size() - 1}) {
+    SCOPED_TRACE(left);
+    write_bytes(path_, whole.substr(0, left));
+    expect_refused(ErrorCode::kInvalid, "move it away");
+  }
+}
+
+TEST_F(MapStoreTest, ADamagedByteNeverGivesAnotherMap) {
+  const auto map = make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10});
+  const auto hash = commit(map).hash;
+  const auto whole = bytes_of(path_);
+  int noticed = 0;
+  for (std::size_t at = 0; at < whole.size(); at += 97) {
+    auto damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x41);
+    write_bytes(path_, damaged);
+    const auto store = MapStore::open(path_);
+    const auto loaded = store ? store->load(1) : Expected<TagMap>(tl::unexpected(store.error()));
+    if (!loaded) {
+      ++noticed;
+      EXPECT_FALSE(loaded.error().text().empty());
+    } else {
+      EXPECT_EQ(content_hash(*loaded), hash) << "byte " << at;
+    }
+  }
+  EXPECT_GT(noticed, 5);
+}
+
+TEST_F(MapStoreTest, AFolderThatIsNotThereIsNamed) {
+  const auto store = MapStore::open(folder_.file("nowhere/hall.map"));
+  ASSERT_FALSE(store);
+  EXPECT_NE(store.error().text().find("the folder must exist"), std::string::npos);
+  EXPECT_FALSE(MapStore::open(""));
+  EXPECT_FALSE(MapStore::open(":memory:"));
+}
+
+TEST(MapDiff, NamesAddedRemovedAndMovedTags) {
+  const auto before = make_map({1, 2, 3, 5});
+  auto after = make_map({2, 3, 4, 5});
+  after.tags[0].tag.X_WT.p.y() += 0.002;
+  after.tags[1].tag.X_WT.q = after.tags[1].tag.X_WT.q * exp_so3({0, 0, M_PI / 180});
+  after.tags[3].tag.X_WT.p.y() += 0.9e-6;  // below what counts
+  const auto changes = diff(before, after);
+  ASSERT_EQ(changes.size(), 4u);
+  EXPECT_EQ(changes[0].tag_id, 1);
+  EXPECT_EQ(changes[0].kind, TagChange::Kind::kRemoved);
+  EXPECT_EQ(changes[1].tag_id, 2);
+  EXPECT_EQ(changes[1].kind, TagChange::Kind::kMoved);
+  EXPECT_NEAR(changes[1].distance_mm, 2.0, 1e-9);
+  EXPECT_NEAR(changes[1].angle_deg, 0.0, 1e-6);
+  EXPECT_EQ(changes[2].tag_id, 3);
+  EXPECT_NEAR(changes[2].angle_deg, 1.0, 1e-6);
+  EXPECT_EQ(changes[3].tag_id, 4);
+  EXPECT_EQ(changes[3].kind, TagChange::Kind::kAdded);
+  EXPECT_TRUE(diff(before, before).empty());
+}
+
+}  // namespace
+}  // namespace fiducap
