@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "capture/camera_calibration_file.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/kalibr_file.hpp"
 #include "capture/simulation/simulation.hpp"

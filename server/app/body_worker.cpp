@@ -100,7 +100,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   auto& filter = *parts_.filter;
   observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
   if (shared_.scene.wants_reset(parts_.index, seen_.exposed_at)) {
-    filter.reset();
+    filter.lose_motion();
     ++statistics_.resets;
   }
   shared_.map.snapshot()->known_among(seen_, known_);

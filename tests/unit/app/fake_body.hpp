@@ -61,7 +61,7 @@ class RecordingFilter final : public BodyFilter {
     return report;
   }
   void set_tag_priors(std::vector<KnownTag>) override {}
-  void reset() override { ++log_.resets; }
+  void lose_motion() override { ++log_.resets; }
   [[nodiscard]] bool running() const override { return true; }
   [[nodiscard]] BodyEstimate estimate() const override {
     BodyEstimate estimate = estimate_;
