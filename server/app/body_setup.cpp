@@ -1,6 +1,6 @@
 #include "app/body_setup.hpp"
 
-#include <filesystem>
+#include <fstream>
 #include <utility>
 
 #include "base/log.hpp"
@@ -13,12 +13,20 @@ namespace fiducap {
 
 namespace {
 
+/// Kalibr's camchain starts each camera with its name.
+bool is_camchain(const std::string& file) {
+  std::ifstream stream(file);
+  for (std::string line; std::getline(stream, line);) {
+    if (line.rfind("cam0:", 0) == 0) return true;
+  }
+  return false;
+}
+
 /// Takes over what the file says; the rest of the mount stays as configured.
 Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) {
   CameraMount mount = camera.mount;
   if (camera.calibration.empty()) return mount;
-  const bool json = std::filesystem::path(camera.calibration).extension() == ".json";
-  if (json) {
+  if (!is_camchain(camera.calibration)) {
     auto model = read_camera_calibration(camera.calibration);
     if (!model) return tl::unexpected(model.error());
     mount.model = *model;

@@ -101,12 +101,13 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
   if (shared_.scene.wants_reset(parts_.index, seen_.exposed_at)) {
     filter.lose_motion();
-    ++statistics_.resets;
+    ++statistics_.restarts;
   }
   shared_.map.snapshot()->known_among(seen_, known_);
   const UpdateReport report = filter.update(seen_, known_);
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
+  for (const auto& event : shared_.map.take_events()) log::info("mapping", event.text);
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
   const std::uint64_t dropped = inbox_.statistics().images_dropped;
@@ -150,7 +151,7 @@ std::string BodyStatistics::text() const {
        << " IMU samples; CPU per frame: detect " << per(detect_cpu, frames) << " ms, update "
        << per(update_cpu, frames) << " ms, propagate " << per(propagate_cpu, frames) << " ms; dropped: "
        << merger.images_dropped << " images when busy, " << merger.late_dropped << " late, "
-       << merger.backwards_dropped << " backwards, " << merger.bad_dropped << " bad; " << resets << " restarts";
+       << merger.backwards_dropped << " backwards, " << merger.bad_dropped << " bad; " << restarts << " restarts";
   return line.str();
 }
 

@@ -43,7 +43,7 @@ struct BodyStatistics {
   std::uint64_t frames_with_pose{};
   std::uint64_t tags_used{};
   std::uint64_t imu_samples{};
-  std::uint64_t resets{};
+  std::uint64_t restarts{};
   Duration detect_cpu{};
   Duration update_cpu{};     ///< Correction with the corners and everything after it.
   Duration propagate_cpu{};

@@ -3,6 +3,7 @@
 #include <exception>
 #include <utility>
 
+#include "app/system_clock.hpp"
 #include "base/log.hpp"
 
 namespace fiducap {
@@ -39,8 +40,9 @@ void MapKeeper::commit() {
 }
 
 Expected<void> MapKeeper::store_all() {
-  const auto snapshot = map_.snapshot();
-  const auto stored = store_.commit(*snapshot, "mapped by fiducapd");
+  TagMap map = *map_.snapshot();
+  map.created_utc_ns = utc_now_ns();
+  const auto stored = store_.commit(map, "mapped by fiducapd");
   if (!stored) return tl::unexpected(stored.error());
   map_.mark_stored(*stored);
   log::info("mapping", "map version " + std::to_string(stored->version) + " stored: " +

@@ -5,6 +5,7 @@
 #include <sstream>
 #include <utility>
 
+#include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "base/so3.hpp"
 #include "mapping/formats/map_yaml.hpp"
@@ -36,6 +37,7 @@ Expected<TagMap> first_map(const MapSettings& settings, const TagSetConfig& tags
     auto imported = import_map(settings.file, settings.file_tag_size_m);
     if (!imported) return imported;
     map = std::move(*imported);
+    map.created_utc_ns = utc_now_ns();
     map.comment = "imported from " + settings.file;
     log::info("mapping", std::to_string(map.tags.size()) + " tags " + map.comment);
   } else {

@@ -15,7 +15,8 @@ constexpr double kOverdueIntervals = 3.0;
 
 double rate_variance_of(const BodySensors& sensors) {
   if (!sensors.imu) return 0.0;
-  return sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->rate_hz;
+  return sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->gyro_noise_rad_s_rtHz *
+         sensors.imu->rate_hz;
 }
 
 }  // namespace
@@ -26,12 +27,13 @@ std::vector<ConfigError> BodyLimits::check(const std::string& prefix) const {
       .positive("max_rotation_sigma_rad", max_rotation_sigma_rad)
       .positive("coast_after_s", coast_after_s)
       .positive("lose_after_s", lose_after_s)
-      .require(lose_after_s > coast_after_s, "lose_after_s", lose_after_s, "must be longer than coast_after_s")
+      .require(lose_after_s > coast_after_s, "lose_after_s", lose_after_s,
+               "must be longer than coast_after_s")
       .errors;
 }
 
-BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
-                         const EstimatorConfig& estimator)
+BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits,
+                         const BodySensors& sensors, const EstimatorConfig& estimator)
     : body_id_(body_id),
       X_BP_(X_BP),
       limits_(limits),
@@ -63,12 +65,14 @@ void BodyTracker::source_lost() { source_lost_ = true; }
 
 void BodyTracker::count_image(Instant exposed_at) {
   const double interval = last_image_at_ ? to_seconds(exposed_at - *last_image_at_) : 0.0;
-  if (last_image_at_ && interval <= 0) return;  // two cameras at the same instant are one image for the rate
+  if (last_image_at_ && interval <= 0)
+    return;  // two cameras at the same instant are one image for the rate
   last_image_at_ = exposed_at;
   if (interval > kLongestInterval_s) {
     image_interval_s_ = 0;
   } else if (interval > 0) {
-    image_interval_s_ += (image_interval_s_ > 0 ? kIntervalSmoothing : 1.0) * (interval - image_interval_s_);
+    image_interval_s_ +=
+        (image_interval_s_ > 0 ? kIntervalSmoothing : 1.0) * (interval - image_interval_s_);
   }
 }
 

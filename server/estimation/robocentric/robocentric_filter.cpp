@@ -203,6 +203,11 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<co
     iterations = kFirstIterations;
   }
   if (at_image && !usable_.empty()) correct(seen, report, iterations);
+  if (linearisation_ && report.tags_used == 0) {
+    // The motion that the corners showed was no motion: forget this image.
+    state_ = before_;
+    at_image = false;
+  }
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
@@ -224,6 +229,7 @@ bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
   const StepGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
   const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
   if (!found) return false;
+  before_ = state_;
   // The velocity and rate that lead exactly there are where the motion model is linearised …
   const Eigen::Vector3d v_before = state_.v_WB_B;
   const Eigen::Vector3d bias_before = state_.bias_w;

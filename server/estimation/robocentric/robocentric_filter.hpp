@@ -95,6 +95,7 @@ class RobocentricFilter final : public BodyFilter {
   std::vector<TagToUse> fresh_;   ///< … and those that may join it.
   std::vector<bool> accepted_;
   std::optional<FilterState> linearisation_;
+  FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
   int barren_updates_{0};   ///< In a row: tags to use, none accepted.
   int return_attempts_{0};  ///< Images since adrift that showed a usable tag.

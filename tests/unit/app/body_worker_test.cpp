@@ -135,12 +135,12 @@ TEST_F(BodyWorkerTest, SurvivesAFilterThatThrowsAndTakesNothingMore) {
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
 }
 
-TEST_F(BodyWorkerTest, StartsTheFilterAgainWhenTagsComeBackAfterTheBodyWasLost) {
+TEST_F(BodyWorkerTest, TellsTheFilterThatMotionWasLostWhenTagsComeBackAfterTheBodyWasLost) {
   const int lost = 1000 + 6000;  // BodyLimits::lose_after_s is 5
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)), imu_at(ms(lost + 5)),
          frame_at(ms(lost + 2))});
   run();
-  EXPECT_EQ(log_.resets, 1);
+  EXPECT_EQ(log_.losses, 1);
   EXPECT_EQ(log_.updated.size(), 2u);
 }
 

@@ -45,7 +45,7 @@ class RecordingFilter final : public BodyFilter {
     std::vector<Instant> propagated;
     std::vector<TagObservations> updated;
     std::vector<std::vector<KnownTag>> known;
-    int resets{0};
+    int losses{0};
   };
   explicit RecordingFilter(Log& log) : log_(log) {}
 
@@ -61,7 +61,7 @@ class RecordingFilter final : public BodyFilter {
     return report;
   }
   void set_tag_priors(std::vector<KnownTag>) override {}
-  void lose_motion() override { ++log_.resets; }
+  void lose_motion() override { ++log_.losses; }
   [[nodiscard]] bool running() const override { return true; }
   [[nodiscard]] BodyEstimate estimate() const override {
     BodyEstimate estimate = estimate_;

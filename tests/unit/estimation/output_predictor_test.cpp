@@ -30,14 +30,18 @@ BodySensors with_imu() {
 
 /// A smooth motion with everything in it: turning about three axes while being pushed about.
 struct Motion {
-  static Vector3d p(double t) { return {std::sin(1.3 * t), 0.5 * std::cos(2.1 * t), 0.3 * std::sin(1.7 * t)}; }
+  static Vector3d p(double t) {
+    return {std::sin(1.3 * t), 0.5 * std::cos(2.1 * t), 0.3 * std::sin(1.7 * t)};
+  }
   static Vector3d v(double t) {
     return {1.3 * std::cos(1.3 * t), -1.05 * std::sin(2.1 * t), 0.51 * std::cos(1.7 * t)};
   }
   static Vector3d a(double t) {
     return {-1.69 * std::sin(1.3 * t), -2.205 * std::cos(2.1 * t), -0.867 * std::sin(1.7 * t)};
   }
-  static Vector3d turn(double t) { return {0.8 * std::sin(1.1 * t), 0.6 * std::sin(1.6 * t + 0.5), 0.9 * t}; }
+  static Vector3d turn(double t) {
+    return {0.8 * std::sin(1.1 * t), 0.6 * std::sin(1.6 * t + 0.5), 0.9 * t};
+  }
   static Eigen::Quaterniond q(double t) { return exp_so3(turn(t)); }
   static Vector3d w(double t) {
     const Vector3d rate(0.88 * std::cos(1.1 * t), 0.96 * std::cos(1.6 * t + 0.5), 0.9);
@@ -61,7 +65,9 @@ struct Motion {
 
 Matrix15d start_covariance(double scale = 1.0) {
   Matrix15d P = Matrix15d::Zero();
-  const auto set = [&P](int block, double sigma) { P.diagonal().segment<3>(block).array() = sigma * sigma; };
+  const auto set = [&P](int block, double sigma) {
+    P.diagonal().segment<3>(block).array() = sigma * sigma;
+  };
   set(estimate_block::kPosition, 0.01 * scale);
   set(estimate_block::kAttitude, 0.01 * scale);
   set(estimate_block::kVelocity, 0.02 * scale);
@@ -83,8 +89,8 @@ BodyEstimate moved(BodyEstimate e, const VectorXd& d) {
 /// The error coordinates that lead from b to a.
 VectorXd difference(const BodyEstimate& a, const BodyEstimate& b) {
   VectorXd d(15);
-  d << a.X_WB.p - b.X_WB.p, log_so3(a.X_WB.q * b.X_WB.q.conjugate()), a.v_WB - b.v_WB, a.bias_f - b.bias_f,
-      a.bias_w - b.bias_w;
+  d << a.X_WB.p - b.X_WB.p, log_so3(a.X_WB.q * b.X_WB.q.conjugate()), a.v_WB - b.v_WB,
+      a.bias_f - b.bias_f, a.bias_w - b.bias_w;
   return d;
 }
 
@@ -130,9 +136,10 @@ TEST(OutputPredictor, FollowsAFastMotionOverOneSecondOfImu) {
   const auto now = predictor.predict(at_s(1.1034));
   ASSERT_TRUE(now);
   const auto truth = Motion::truth(1.1034);
-  constexpr double kMidPoint_m = 1e-4;     // second-order rule at 200 Hz over 1 s; Euler is 100 times worse
+  constexpr double kMidPoint_m =
+      1e-4;  // second-order rule at 200 Hz over 1 s; Euler is 100 times worse
   constexpr double kMidPoint_rad = 5e-5;
-  constexpr double kHeld_m_s2 = 0.08;      // force and rate are 3.4 ms old
+  constexpr double kHeld_m_s2 = 0.08;  // force and rate are 3.4 ms old
   constexpr double kHeld_rad_s = 0.01;
   EXPECT_LT((now->X_WB.p - truth.X_WB.p).norm(), kMidPoint_m);
   EXPECT_LT(angle_between(now->X_WB.q, truth.X_WB.q), kMidPoint_rad);
@@ -220,7 +227,8 @@ TEST(OutputPredictor, CoastsLongerThanItsMemory) {
   OutputPredictor predictor(with_imu(), {});
   predictor.set_estimate(Motion::truth(0));
   feed(predictor, 0, 4);
-  constexpr double kMidPoint_m = 2e-3;  // 4 s of the second-order rule, position error grows with t²
+  constexpr double kMidPoint_m =
+      2e-3;  // 4 s of the second-order rule, position error grows with t²
   EXPECT_LT((predictor.predict(at_s(4))->X_WB.p - Motion::p(4)).norm(), kMidPoint_m);
   EXPECT_LT((predictor.predict(at_s(3.5))->X_WB.p - Motion::p(3.5)).norm(), kMidPoint_m);
 }
@@ -286,13 +294,16 @@ TEST_P(OutputPredictorTransition, MovesTheCovarianceWithTheJacobianOfTheMean) {
       [&](const VectorXd& d) {
         auto e = moved(start, d);
         // The measured rate is fixed; what the bias explains of it is not.
-        e.w_WB_B = c.imu ? Vector3d(start.w_WB_B - d.segment<3>(estimate_block::kBiasW)) : Vector3d(-e.bias_w);
+        e.w_WB_B = c.imu ? Vector3d(start.w_WB_B - d.segment<3>(estimate_block::kBiasW))
+                         : Vector3d(-e.bias_w);
         return difference(carried(e), end);
       },
       15);
   const Eigen::MatrixXd expected = F * start.covariance * F.transpose();
   EXPECT_LT((end.covariance - expected).norm(), 1e-6 * expected.norm())
-      << "analytic:\n" << end.covariance << "\nnumeric:\n" << expected;
+      << "analytic:\n"
+      << end.covariance << "\nnumeric:\n"
+      << expected;
   EXPECT_LT((end.covariance - end.covariance.transpose()).norm(), 1e-12 * expected.norm());
 }
 
@@ -307,7 +318,8 @@ INSTANTIATE_TEST_SUITE_P(Cases, OutputPredictorTransition,
                                          Transition{"WithoutImuMovedBack", false, 0.2, 0, 0.17}),
                          [](const auto& given) { return std::string(given.param.name); });
 
-/// Mean of the normalised estimation error squared over many runs; 15 when the covariance is honest.
+/// Mean of the normalised estimation error squared over many runs; 15 when the covariance is
+/// honest.
 struct Nees {
   double sum{0};
   int runs{0};
@@ -316,7 +328,8 @@ struct Nees {
     ++runs;
   }
   void expect_honest() const {
-    // 4 sigma of the mean of a chi-square with 15 degrees of freedom; the seed is fixed, so this is no lottery.
+    // 4 sigma of the mean of a chi-square with 15 degrees of freedom; the seed is fixed, so this is
+    // no lottery.
     const double band = 4.0 * std::sqrt(2.0 * 15.0 / runs);
     EXPECT_NEAR(sum / runs, 15.0, band);
   }
@@ -325,7 +338,9 @@ struct Nees {
 TEST(OutputPredictor, CovarianceMatchesTheScatterOfNoisyImuRuns) {
   std::mt19937 random(11);
   std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) { return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
+  const auto noise3 = [&](double sigma) {
+    return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
+  };
   auto sensors = with_imu();
   sensors.imu = ImuNoise{5e-3, 1e-2, 5e-2, 5e-2, 200};  // walks large enough to be seen in 0.7 s
   const ImuNoise& n = *sensors.imu;
@@ -360,7 +375,9 @@ TEST(OutputPredictor, CovarianceMatchesTheScatterOfNoisyImuRuns) {
 TEST(OutputPredictor, CovarianceMatchesTheScatterOfMotionNoiseWithoutImu) {
   std::mt19937 random(13);
   std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) { return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
+  const auto noise3 = [&](double sigma) {
+    return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random));
+  };
   EstimatorConfig config;
   config.motion_accel_m_s2_rtHz = 2.0;
   config.motion_angular_rad_s2_rtHz = 1.5;

@@ -8,7 +8,7 @@
 #include "app/cli/evaluation.hpp"
 #include "app/cli/whole_file.hpp"
 #include "base/so3.hpp"
-#include "temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -82,7 +82,7 @@ TEST(Extrinsics, RefuseWhatIsNoRotation) {
 
 TEST(ReadRun, NamesTheFileThatIsMissing) {
   const TemporaryFolder folder;
-  ASSERT_TRUE(write_run_files(folder.path().string(), "table", OfflineSetup{}, result()));
+  ASSERT_TRUE(write_run_files(folder.file(""), "table", OfflineSetup{}, result()));
   std::filesystem::remove(folder.file("extrinsics.yaml"));
   EXPECT_THAT(read_run(folder.file("table.tum"), 1).error().context, HasSubstr("extrinsics.yaml"));
   std::filesystem::remove(folder.file("map.csv"));

@@ -15,7 +15,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "app/cli/whole_file.hpp"
-#include "temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -107,7 +107,7 @@ void expect_printed(const TagSheetOrder& sheet, apriltag_family_t* family, int p
   ASSERT_EQ(std::system(("pdftoppm -gray -r 300 '" + folder.file("tags.pdf") + "' '" + folder.file("p") + "'").c_str()), 0);
   std::map<int, int> times_seen;
   int images = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder.file(""))) {
     if (entry.path().extension() != ".pgm") continue;
     ++images;
     for (const Printed& tag : read_tags(cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE), family)) {

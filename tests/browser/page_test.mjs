@@ -1,0 +1,175 @@
+// The page in a real browser, served by the real web room with fake robots.
+//   node page_test.mjs SERVER WEB_FOLDER CHROMIUM [SCREENSHOT_FOLDER]
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { createRequire } from 'node:module';
+import { join } from 'node:path';
+
+const [serverProgram, webFolder, chromiumProgram, shots] = process.argv.slice(2);
+const { chromium } = createRequire(join(webFolder, 'package.json'))('playwright-core');
+const PATIENCE_MS = 30_000; // the machine may be busy; nothing here waits longer than it must
+
+async function startServer(...options) {
+  const child = spawn(serverProgram, options, { stdio: ['pipe', 'pipe', 'ignore'] });
+  const port = await new Promise((resolve, reject) => {
+    child.stdout.once('data', (text) => resolve(Number.parseInt(text, 10)));
+    child.once('exit', (code) => reject(new Error(`the server ended with ${code}`)));
+  });
+  const stop = async () => {
+    const ended = new Promise((resolve) => child.once('exit', resolve));
+    child.stdin.end();
+    const late = setTimeout(() => child.kill('SIGKILL'), 5000);
+    await ended;
+    clearTimeout(late);
+  };
+  return { port, stop };
+}
+
+async function openPage(browser, port, options) {
+  const context = await browser.newContext(options);
+  const page = await context.newPage();
+  page.setDefaultTimeout(PATIENCE_MS);
+  const faults = [];
+  page.on('console', (line) => line.type() === 'error' && faults.push(line.text()));
+  page.on('pageerror', (error) => faults.push(String(error)));
+  page.on('response', (response) => response.status() >= 400 && faults.push(`${response.status()} ${response.url()}`));
+  await page.goto(`http://127.0.0.1:${port}/`);
+  await page.waitForSelector('body[data-link=live]');
+  return { page, faults };
+}
+
+const cardText = (page, body, selector) => page.textContent(`.card[data-body="${body}"] ${selector}`);
+const positions = (page) =>
+  page.$$eval('.card', (cards) => cards.map((card) => card.querySelector('.place td .value').textContent));
+
+/** How many different colours a part of the page shows: an empty canvas has one. */
+async function colours(page, selector) {
+  const png = (await page.locator(selector).screenshot()).toString('base64');
+  const blank = await page.context().newPage();
+  const number = await blank.evaluate(async (data) => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${data}`;
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.width, image.height);
+    const context = canvas.getContext('2d');
+    context.drawImage(image, 0, 0);
+    return new Set(new Uint32Array(context.getImageData(0, 0, image.width, image.height).data.buffer)).size;
+  }, png);
+  await blank.close();
+  return number;
+}
+
+const steps = [];
+const step = (name, run) => steps.push({ name, run });
+const world = {};
+
+step('loads without errors and shows three bodies', async () => {
+  world.server = await startServer();
+  Object.assign(world, await openPage(world.browser, world.server.port, { viewport: { width: 1440, height: 900 } }));
+  await world.page.waitForFunction(() => document.querySelectorAll('.card[data-state=tracking]').length === 3);
+  assert.equal((await world.page.textContent('#server-rate')).trim(), '100');
+  assert.match(await world.page.textContent('#map-line'), /Version 12 · 24 tags/);
+  assert.deepEqual(world.faults, []);
+});
+
+step('all three bodies move', async () => {
+  const before = await positions(world.page);
+  assert.equal(before.length, 3);
+  await world.page.waitForFunction(
+    (old) => [...document.querySelectorAll('.card')].every((card, i) => card.querySelector('.place td .value').textContent !== old[i]),
+    before,
+  );
+  for (const text of await positions(world.page)) assert.match(text, /^−?\d+\.\d{3}$/);
+});
+
+step('every number has its heading', async () => {
+  const orphans = await world.page.$$eval('.card td', (cells) => cells.filter((cell) => !document.getElementById(cell.headers)).length);
+  assert.equal(orphans, 0);
+});
+
+step('the room is drawn', async () => {
+  assert.ok((await colours(world.page, '.stage canvas')) > 200, 'the canvas is nearly empty');
+  const names = await world.page.$$eval('.tagname:not([hidden]) span:first-child', (spans) => spans.map((span) => span.textContent));
+  assert.deepEqual(names.sort(), ['anymal', 'cart', 'drone']);
+});
+
+step('the keyboard reaches views and buttons', async () => {
+  const before = await world.page.locator('.stage canvas').screenshot();
+  await world.page.keyboard.press('t');
+  await world.page.waitForTimeout(800);
+  assert.notDeepEqual(await world.page.locator('.stage canvas').screenshot(), before);
+  await world.page.keyboard.press('f');
+  assert.equal(await world.page.getAttribute('#view-follow', 'aria-pressed'), 'true');
+  await world.page.keyboard.press('r');
+  assert.equal(await world.page.getAttribute('#view-follow', 'aria-pressed'), 'false');
+  await world.page.keyboard.press('Tab');
+  assert.equal(await world.page.evaluate(() => document.activeElement.className), 'skip');
+});
+
+step('clients and log are listed', async () => {
+  await world.page.waitForFunction(() => document.querySelectorAll('#clients tbody tr').length === 4);
+  assert.match(await world.page.textContent('#clients-summary'), /native 1 · vrpn 2 · web 1 · 214 frames dropped/);
+  assert.match(await world.page.textContent('#log'), /page at http/);
+});
+
+step('the chart draws three lines', async () => {
+  assert.ok((await colours(world.page, '#chart canvas')) > 30);
+  await world.page.click('[data-chart=latency]');
+  assert.match(await world.page.textContent('#chart-title'), /Latency/);
+});
+
+step('says so while the server is away, and greys what it shows', async () => {
+  if (shots) await world.page.screenshot({ path: join(shots, 'page-desktop.png') });
+  await world.server.stop();
+  await world.page.waitForSelector('body[data-link=offline]');
+  assert.match(await world.page.textContent('#link-text'), /Reconnecting/);
+  assert.match(await world.page.$eval('.bodies', (bodies) => getComputedStyle(bodies).filter), /grayscale/);
+});
+
+step('comes back by itself and never shows a lost body as live', async () => {
+  world.server = await startServer('--port', String(world.server.port), '--trouble', '1');
+  await world.page.waitForSelector('body[data-link=live]');
+  await world.page.waitForSelector('.card[data-body="3"][data-state=lost][data-valid=false]');
+  assert.equal(await cardText(world.page, 3, '.note'), 'last known');
+  assert.match(await cardText(world.page, 3, '.place .value'), /\d/);
+  assert.match(await world.page.textContent('.tagname.invalid'), /cart.*last known/);
+});
+
+step('shows no number for a body that was never placed', async () => {
+  assert.equal(await cardText(world.page, 2, '.state'), 'Searching');
+  assert.equal(await cardText(world.page, 2, '.place .value'), '–');
+});
+
+step('has no horizontal scroll at 390 × 844, the room first', async () => {
+  const options = { viewport: { width: 390, height: 844 }, isMobile: true, hasTouch: true, reducedMotion: 'reduce' };
+  const { page, faults } = await openPage(world.browser, world.server.port, options);
+  const [wide, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, window.innerWidth]);
+  assert.ok(wide <= screen, `${wide} px on a screen of ${screen} px`);
+  const tops = await page.evaluate(() => ['.room', '.bodies'].map((name) => document.querySelector(name).getBoundingClientRect().top));
+  assert.ok(tops[0] < tops[1]);
+  if (shots) await page.screenshot({ path: join(shots, 'page-mobile.png') });
+  assert.deepEqual(faults, []);
+  await page.context().close();
+});
+
+async function main() {
+  world.browser = await chromium.launch({
+    executablePath: chromiumProgram,
+    args: ['--no-sandbox', '--enable-unsafe-swiftshader'],
+    timeout: PATIENCE_MS,
+  });
+  try {
+    for (const { name, run } of steps) {
+      await run();
+      console.log(`ok: ${name}`);
+    }
+  } catch (error) {
+    if (world.page && shots) await world.page.screenshot({ path: join(shots, 'page-failed.png') }).catch(() => {});
+    throw error;
+  } finally {
+    await world.browser.close();
+    await world.server?.stop();
+  }
+}
+
+await main();

@@ -1,0 +1,235 @@
+// The web room with three fake robots in a fake hall of 24 tags, for the browser test and for working on the page:
+//   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
+// Prints the port, serves until its input ends.
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <numbers>
+#include <string_view>
+#include <unistd.h>
+
+#include "base/log.hpp"
+#include "base/so3.hpp"
+#include "streaming/web/web_server.hpp"
+
+namespace {
+
+using namespace fiducap;
+using namespace std::chrono_literals;
+
+constexpr auto kPeriod = 10ms;
+constexpr double kTurn = 2 * std::numbers::pi;
+
+class SteadyClock final : public Clock {
+ public:
+  [[nodiscard]] Instant now() const override {
+    return instant_from_ns(std::chrono::steady_clock::now().time_since_epoch().count());
+  }
+  [[nodiscard]] bool wait_until(Instant, std::stop_token) const override { return false; }
+};
+
+// Columns of the attitude: where the tag's x, y and z (out of the print) point in the hall.
+Pose facing(const Eigen::Vector3d& out, const Eigen::Vector3d& up, const Eigen::Vector3d& p) {
+  Eigen::Matrix3d R;
+  R << up.cross(out), up, out;
+  return {Eigen::Quaterniond(R), p};
+}
+
+MapTag tag(int id, const Pose& X_WT) {
+  MapTag made;
+  made.tag.tag_id = id;
+  made.tag.edge_m = id < 8 ? 0.4 : 0.25;
+  made.tag.X_WT = X_WT;
+  made.tag.covariance = Matrix6d::Identity() * (id < 18 ? 4e-6 : 4e-4);
+  made.state = id < 4 ? TagState::kSurveyed : id < 18 ? TagState::kCalibrated : TagState::kLocal;
+  if (id == 23) made.state = TagState::kQuarantined;
+  made.sightings = 40 * (24 - id);
+  return made;
+}
+
+// A hall of 10 m × 6 m: eight tags on the floor, sixteen on the four walls.
+std::shared_ptr<const TagMap> hall() {
+  auto map = std::make_shared<TagMap>();
+  map->version = 12;
+  map->reference_tag = 0;
+  const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
+  for (int i = 0; i < 8; ++i) {
+    map->tags.push_back(tag(i, facing(z, Eigen::Vector3d::UnitY(), {-3.6 + 2.4 * (i % 4), i < 4 ? -1.2 : 1.2, 0})));
+  }
+  for (int i = 0; i < 5; ++i) {
+    const double x = -4 + 2.0 * i;
+    map->tags.push_back(tag(8 + i, facing(Eigen::Vector3d::UnitY(), z, {x, -3, 1.2 + 0.3 * (i % 2)})));
+    map->tags.push_back(tag(13 + i, facing(-Eigen::Vector3d::UnitY(), z, {x, 3, 1.4 - 0.3 * (i % 2)})));
+  }
+  for (int i = 0; i < 3; ++i) {
+    map->tags.push_back(tag(18 + i, facing(Eigen::Vector3d::UnitX(), z, {-5, -1.8 + 1.8 * i, 1.3})));
+    map->tags.push_back(tag(21 + i, facing(-Eigen::Vector3d::UnitX(), z, {5, -1.8 + 1.8 * i, 1.3})));
+  }
+  std::sort(map->tags.begin(), map->tags.end(), [](const auto& a, const auto& b) { return a.tag.tag_id < b.tag.tag_id; });
+  return map;
+}
+
+BodyPose body(int index, double t) {
+  BodyPose made;
+  made.body_id = index + 1;
+  const double radius = 1.2 + 0.55 * (index % 3);
+  const double rate = (index % 2 == 0 ? 0.35 : -0.28) * (1 + 0.1 * index);
+  const double phase = rate * t + index;
+  made.state = BodyState::kTracking;
+  made.valid = true;
+  made.X_WP.p = {1.6 * radius * std::cos(phase), radius * std::sin(phase),
+                 index == 1 ? 1.3 + 0.3 * std::sin(0.7 * t) : 0.35};
+  made.v_WP = {-1.6 * radius * rate * std::sin(phase), radius * rate * std::cos(phase),
+               index == 1 ? 0.21 * std::cos(0.7 * t) : 0};
+  made.X_WP.q = exp_so3({0, 0, std::atan2(made.v_WP.y(), made.v_WP.x())});
+  if (index == 1) made.X_WP.q = made.X_WP.q * exp_so3({0.25 * std::sin(1.3 * t), 0.1, 0});
+  made.w_WP_P = {0, 0, rate};
+  const double sigma = 0.002 + 0.001 * index + 0.0006 * std::sin(2 * t + index);
+  made.covariance.topLeftCorner<3, 3>() =
+      Eigen::Vector3d(sigma * sigma, 0.5 * sigma * sigma, 0.25 * sigma * sigma).asDiagonal();
+  made.covariance.block<3, 3>(3, 3) = Eigen::Matrix3d::Identity() * 4e-6;
+  made.age = std::chrono::milliseconds(12 + static_cast<int>(20 * (0.5 + 0.5 * std::sin(9 * t + index))));
+  made.tags_in_view = 4 + static_cast<int>(2 * std::sin(t + index));
+  made.image_rate_hz = 20.0 - 0.1 * index;
+  made.reprojection_px = 0.21 + 0.05 * index;
+  made.processing = std::chrono::microseconds(7200 + 900 * index + static_cast<int>(800 * std::sin(3 * t)));
+  return made;
+}
+
+// The third robot drives without tags now and then: it coasts, is lost, and comes back.
+void lose_sometimes(BodyPose& made, double t) {
+  const double within = std::fmod(t, 40.0);
+  if (within < 22) return;
+  made.tags_in_view = 0;
+  made.age = from_seconds(within - 22);
+  made.state = within < 30 ? BodyState::kCoasting : within < 36 ? BodyState::kLost : BodyState::kTracking;
+  made.valid = made.state != BodyState::kLost;
+  if (made.state == BodyState::kCoasting) made.covariance.topLeftCorner<6, 6>() *= 1 + 40 * (within - 22);
+}
+
+// The second robot was never placed, the third is lost for good.
+void trouble(std::vector<BodyPose>& bodies) {
+  for (std::size_t i = 1; i < std::min<std::size_t>(bodies.size(), 3); ++i) {
+    bodies[i].valid = false;
+    bodies[i].state = i == 1 ? BodyState::kSearching : BodyState::kLost;
+    bodies[i].tags_in_view = 0;
+  }
+}
+
+class Hall final {
+ public:
+  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model, bool troubled)
+      : timer_(io), server_(server), model_(std::move(model)), troubled_(troubled) {}
+
+  void run() {
+    timer_.expires_after(kPeriod);
+    timer_.async_wait([this](boost::system::error_code error) {
+      if (error || stopped_) return;
+      publish();
+      run();
+    });
+  }
+  void stop() {
+    // Cancelling alone misses a tick that already waits in the loop.
+    stopped_ = true;
+    timer_.cancel();
+  }
+
+ private:
+  void publish() {
+    auto frame = std::make_shared<SceneFrame>();
+    frame->number = ++number_;
+    frame->at = frame->published_at = clock_.now();
+    frame->utc_offset = std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
+    frame->rate_hz = 100;
+    frame->model = model_;
+    frame->map = map_;
+    const double t = static_cast<double>(number_) * to_seconds(kPeriod);
+    for (std::size_t i = 0; i < model_->bodies.size(); ++i) {
+      frame->bodies.push_back(body(static_cast<int>(i), t));
+      if (i == 2) lose_sometimes(frame->bodies.back(), t);
+    }
+    if (troubled_) trouble(frame->bodies);
+    if (number_ % 700 == 0) log::info("mapping", "tag " + std::to_string(number_ / 700 % 24) + " refined");
+    if (number_ % 2300 == 0) log::warning("capture", "drone: image 31 ms late, dropped");
+    server_.publish(frame);
+  }
+
+  SteadyClock clock_;
+  boost::asio::steady_timer timer_;
+  web::WebServer& server_;
+  std::shared_ptr<const SceneModel> model_;
+  std::shared_ptr<const TagMap> map_{hall()};
+  std::uint64_t number_{0};
+  bool troubled_;
+  bool stopped_{false};
+};
+
+std::shared_ptr<const SceneModel> robots(int count) {
+  auto model = std::make_shared<SceneModel>();
+  const char* names[] = {"anymal", "drone", "cart"};
+  for (int i = 0; i < count; ++i) {
+    model->bodies.push_back({i + 1, i < 3 ? names[i] : "robot_" + std::to_string(i + 1)});
+  }
+  return model;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  web::WebConfig config;
+  config.port = 0;
+  int bodies = 3;
+  bool troubled = false;
+  for (int i = 1; i + 1 < argc; i += 2) {
+    const std::string_view option = argv[i];
+    if (option == "--port") config.port = static_cast<std::uint16_t>(std::atoi(argv[i + 1]));
+    if (option == "--root") config.root = argv[i + 1];
+    if (option == "--trouble") troubled = std::string_view(argv[i + 1]) == "1";
+    if (option == "--bodies") bodies = std::atoi(argv[i + 1]);
+  }
+  boost::asio::io_context io;
+  const SteadyClock clock;
+  const auto model = robots(bodies);
+  std::unique_ptr<web::WebServer> server;
+  web::WebSources sources;
+  sources.version = "0.1.0";
+  sources.map_mode = "mapping";
+  sources.clients = [&] {
+    const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
+    const auto sent = static_cast<std::uint64_t>(up * 100);
+    std::vector<ClientStatus> all{{"vrpn", "192.168.1.20:41522 udp", "z-up m, velocity on", sent, 0, up},
+                                  {"vrpn", "192.168.1.31:50212 tcp", "z-up m", sent, 214, up / 2},
+                                  {"native", "127.0.0.1:39011 udp", "3 bodies", sent * 2, 0, up}};
+    server->append_clients(all);
+    return all;
+  };
+  auto started = web::start_web_server(io, config, sources, model, clock);
+  if (!started) {
+    std::fprintf(stderr, "%s\n", started.error().text().c_str());
+    return 1;
+  }
+  server = std::move(*started);
+  std::printf("%d\n", server->port());
+  std::fflush(stdout);
+
+  Hall hall(io, *server, model, troubled);
+  hall.run();
+  boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
+  char ignored[64];
+  std::function<void()> read = [&] {
+    input.async_read_some(boost::asio::buffer(ignored), [&](boost::system::error_code error, std::size_t) {
+      if (!error) return read();
+      hall.stop();
+      server->stop();
+    });
+  };
+  read();
+  io.run();
+  return 0;
+}

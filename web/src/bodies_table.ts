@@ -1,0 +1,197 @@
+import { element, setText } from './dom';
+import { compact, duration, fixed, length, UNKNOWN, type Quantity } from './format';
+import type { BodyFrame, BodyName } from './protocol';
+import { bodyColour, STATE_WORD } from './theme';
+
+interface Column {
+  name: string;
+  title: string;
+  /** Of the 48 grid columns that both rows share. */
+  span: number;
+  /** Beside the heading instead of beside every value. */
+  fixedUnit?: string;
+  read(body: BodyFrame): Quantity;
+}
+
+const GRID_COLUMNS = 48;
+
+const axis = (name: string, i: 0 | 1 | 2, span: number): Column => ({
+  name,
+  title: `Position ${name}, workspace axes`,
+  span,
+  fixedUnit: 'm',
+  read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: '' }),
+});
+
+// Two rows per body: where it is in large figures, how well that is known below. z and speed rarely need five digits.
+const PLACE: Column[] = [
+  axis('x', 0, 13),
+  axis('y', 1, 13),
+  axis('z', 2, 12),
+  {
+    name: 'speed',
+    title: 'Speed of the body',
+    span: 10,
+    fixedUnit: 'm/s',
+    read: (body) => ({ value: fixed(body.pose?.speed ?? null, 2), unit: '' }),
+  },
+];
+
+const QUALITY_SPAN = 8;
+const QUALITY: Column[] = [
+  {
+    name: '1σ pos',
+    title: 'Position 1-sigma, worst axis',
+    span: QUALITY_SPAN,
+    read: (body) => length(body.pose?.sigmaMm ?? null),
+  },
+  {
+    name: '1σ rot',
+    title: 'Attitude 1-sigma, worst axis',
+    span: QUALITY_SPAN,
+    read: (body) => ({ value: compact(body.pose?.sigmaDeg ?? null, 2), unit: '°' }),
+  },
+  {
+    name: 'tags',
+    title: 'Tags used in the newest image',
+    span: QUALITY_SPAN,
+    read: (body) => ({ value: String(body.tags), unit: '' }),
+  },
+  {
+    name: 'age',
+    title: 'Since the last image with a used tag',
+    span: QUALITY_SPAN,
+    read: (body) => duration(body.pose?.ageMs ?? null),
+  },
+  {
+    name: 'latency',
+    title: 'Arrival of the newest image to its update done',
+    span: QUALITY_SPAN,
+    read: (body) => ({ value: compact(body.latencyMs, 1), unit: 'ms' }),
+  },
+  {
+    name: 'images',
+    title: 'Images per second',
+    span: QUALITY_SPAN,
+    read: (body) => ({ value: compact(body.imageRateHz, 1), unit: 'Hz' }),
+  },
+];
+
+interface Cell {
+  column: Column;
+  value: HTMLElement;
+  unit: HTMLElement;
+}
+
+interface Card {
+  root: HTMLElement;
+  state: HTMLElement;
+  note: HTMLElement;
+  name: HTMLButtonElement;
+  cells: Cell[];
+}
+
+/** One card per body: a table with its name as caption. Choosing a card chooses the body in the room as well. */
+export class BodiesTable {
+  private readonly cards = new Map<number, Card>();
+  private chosen: number | null = null;
+
+  constructor(
+    private readonly host: HTMLElement,
+    private readonly onChoose: (id: number) => void,
+  ) {}
+
+  setBodies(bodies: BodyName[]): void {
+    this.cards.clear();
+    this.host.replaceChildren();
+    bodies.forEach((body, place) => {
+      const card = this.makeCard(body, place);
+      this.cards.set(body.id, card);
+      this.host.append(card.root);
+    });
+    this.host.classList.toggle('many', bodies.length > 4);
+    if (bodies.length === 0) this.host.append(element('p', 'empty', 'The configuration names no bodies.'));
+    this.choose(this.chosen);
+  }
+
+  choose(id: number | null): void {
+    this.chosen = id;
+    for (const [cardId, card] of this.cards) {
+      card.root.classList.toggle('chosen', cardId === id);
+      card.name.setAttribute('aria-pressed', String(cardId === id));
+    }
+  }
+
+  update(bodies: BodyFrame[]): void {
+    for (const body of bodies) {
+      const card = this.cards.get(body.id);
+      if (!card) continue;
+      card.root.dataset.state = body.state;
+      card.root.dataset.valid = String(body.valid);
+      setText(card.state, STATE_WORD[body.state]);
+      setText(card.note, noteFor(body));
+      for (const cell of card.cells) {
+        const { value, unit } = cell.column.read(body);
+        setText(cell.value, value);
+        setText(cell.unit, value === UNKNOWN ? '' : unit);
+      }
+    }
+  }
+
+  private makeCard(body: BodyName, place: number): Card {
+    const root = element('article', 'card');
+    root.dataset.body = String(body.id);
+    root.style.setProperty('--body', bodyColour(place));
+    const table = element('table');
+    const caption = element('caption');
+    const title = element('div', 'title');
+    const name = element('button', 'name', body.name);
+    name.type = 'button';
+    name.title = 'Choose this body in the room';
+    name.addEventListener('click', () => this.onChoose(body.id));
+    const note = element('span', 'note');
+    const state = element('span', 'state');
+    title.append(name, note, state);
+    caption.append(title);
+    const columns = element('colgroup');
+    for (let i = 0; i < GRID_COLUMNS; ++i) columns.append(element('col'));
+    table.append(caption, columns);
+    const cells = [...addRows(table, body.id, PLACE, 'place'), ...addRows(table, body.id, QUALITY, 'quality')];
+    root.append(table);
+    return { root, state, note, name, cells };
+  }
+}
+
+/** What the number cells cannot say by themselves. */
+function noteFor(body: BodyFrame): string {
+  if (!body.pose) return 'no pose yet';
+  if (!body.valid) return 'last known';
+  return '';
+}
+
+/** A row of headings and the row of values below it. */
+function addRows(table: HTMLTableElement, bodyId: number, columns: Column[], kind: string): Cell[] {
+  const group = element('tbody', kind);
+  const heads = element('tr', 'heads');
+  const values = element('tr');
+  const cells = columns.map((column) => {
+    const head = element('th', '', column.name);
+    head.id = `body-${bodyId}-${column.name.replace(/\W/g, '-')}`;
+    head.scope = 'col';
+    head.title = column.title;
+    head.colSpan = column.span;
+    if (column.fixedUnit) head.append(element('span', 'unit', column.fixedUnit));
+    const cell = element('td');
+    cell.headers = head.id;
+    cell.colSpan = head.colSpan;
+    const value = element('span', 'value', UNKNOWN);
+    const unit = element('span', 'unit');
+    cell.append(value, unit);
+    heads.append(head);
+    values.append(cell);
+    return { column, value, unit };
+  });
+  group.append(heads, values);
+  table.append(group);
+  return cells;
+}

@@ -1,0 +1,181 @@
+import { BodiesTable } from './bodies_table';
+import { StripChart, type ChartQuantity } from './chart';
+import { ClientsPanel } from './clients_panel';
+import { Connection, liveUrl, type LinkState } from './connection';
+import { byId, element, setText } from './dom';
+import { duration, fixed, timeOfDay } from './format';
+import { LogPanel } from './log_panel';
+import { mapLine } from './map_line';
+import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
+import { Scene3D } from './scene3d';
+import { TAG_COLOUR } from './theme';
+
+const TAG_STATES: TagState[] = ['surveyed', 'calibrated', 'local', 'quarantined'];
+const CHART_TITLE: Record<ChartQuantity, string> = { sigma: 'Position uncertainty 1σ, mm', latency: 'Latency from image to pose, ms' };
+
+/** Wires the panels to the messages. */
+class Page {
+  private readonly scene = makeScene();
+  private readonly bodies = new BodiesTable(byId('bodies'), (id) => this.choose(id));
+  private readonly clients = new ClientsPanel(byId('clients'), byId('clients-summary'));
+  private readonly log = new LogPanel(byId('log'));
+  private readonly chart = new StripChart(byId('chart'));
+  private hello: Hello | null = null;
+  private map: TagMap | null = null;
+  private chosen: number | null = null;
+
+  constructor() {
+    this.wireTools();
+  }
+
+  opened(): void {
+    this.log.restart();
+  }
+
+  receive(message: Message): void {
+    switch (message.type) {
+      case 'hello':
+        return this.onHello(message);
+      case 'map':
+        return this.onMap(message);
+      case 'frame':
+        return this.onFrame(message);
+      case 'clients':
+        return this.clients.update(message.clients, performance.now());
+      case 'log':
+        return this.log.add(message.lines);
+    }
+  }
+
+  link(state: LinkState, silentMs: number | null): void {
+    document.body.dataset.link = state;
+    setText(byId('link-text'), linkText(state, silentMs, this.hello?.pageRateHz ?? null));
+  }
+
+  private onHello(hello: Hello): void {
+    // A wall screen outlives its server: a newer one brings a newer page.
+    if (this.hello && this.hello.version !== hello.version) return location.reload();
+    const sameBodies = JSON.stringify(this.hello?.bodies) === JSON.stringify(hello.bodies);
+    this.hello = hello;
+    setText(byId('server-name'), `${hello.server} ${hello.version}`.trim());
+    document.title = `${hello.server} – Fiducap`;
+    if (!sameBodies) {
+      this.bodies.setBodies(hello.bodies);
+      this.scene?.setBodies(hello.bodies);
+      this.chart.setBodies(hello.bodies);
+      this.showFollowing(false);
+    }
+    if (this.map) this.onMap(this.map);
+  }
+
+  private onMap(map: TagMap): void {
+    if (map !== this.map) {
+      this.scene?.setMap(map.tags);
+      showLegend(map);
+    }
+    this.map = map;
+    setText(byId('map-line'), mapLine(map, this.hello?.mapMode ?? ''));
+  }
+
+  private onFrame(frame: Frame): void {
+    this.bodies.update(frame.bodies);
+    this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
+    this.chart.add(frame.utcMs, frame.bodies);
+    setText(byId('server-rate'), fixed(frame.rateHz, 0));
+    setText(byId('clock'), timeOfDay(frame.utcMs));
+  }
+
+  private choose(id: number): void {
+    this.chosen = this.chosen === id ? null : id;
+    this.bodies.choose(this.chosen);
+    this.scene?.choose(this.chosen);
+  }
+
+  private showFollowing(following: boolean): void {
+    byId('view-follow').setAttribute('aria-pressed', String(following));
+  }
+
+  private wireTools(): void {
+    const tools: Record<string, () => void> = {
+      'view-fit': () => this.showRoom('oblique'),
+      'view-top': () => this.showRoom('top'),
+      'view-follow': () => {
+        const on = byId('view-follow').getAttribute('aria-pressed') !== 'true';
+        this.showFollowing(this.scene?.follow(on) ?? false);
+      },
+      'view-sigma': () => {
+        const scale = this.scene?.nextSigmaScale() ?? 0;
+        setText(byId('view-sigma'), scale === 0 ? '1σ off' : `1σ × ${scale}`);
+      },
+    };
+    for (const [id, act] of Object.entries(tools)) byId(id).addEventListener('click', act);
+    const keys: Record<string, string> = { r: 'view-fit', t: 'view-top', f: 'view-follow', e: 'view-sigma' };
+    document.addEventListener('keydown', (event) => {
+      const id = keys[event.key.toLowerCase()];
+      if (id && !event.ctrlKey && !event.metaKey && !event.altKey) tools[id]?.();
+    });
+    for (const button of document.querySelectorAll<HTMLButtonElement>('[data-chart]')) {
+      button.addEventListener('click', () => this.showChart(button.dataset.chart as ChartQuantity));
+    }
+  }
+
+  private showRoom(from: 'oblique' | 'top'): void {
+    this.scene?.showRoom(from);
+    this.showFollowing(false);
+  }
+
+  private showChart(quantity: ChartQuantity): void {
+    this.chart.show(quantity);
+    setText(byId('chart-title'), CHART_TITLE[quantity]);
+    for (const button of document.querySelectorAll<HTMLButtonElement>('[data-chart]')) {
+      button.setAttribute('aria-pressed', String(button.dataset.chart === quantity));
+    }
+  }
+}
+
+/** `calibrated 14`, each in its colour; only what there is. */
+function showLegend(map: TagMap): void {
+  const items = TAG_STATES.flatMap((state) => {
+    const number = map.tags.filter((tag) => tag.state === state).length;
+    if (number === 0) return [];
+    const item = element('li', '', `${number} ${state}`);
+    item.style.setProperty('--tag', TAG_COLOUR[state]);
+    return [item];
+  });
+  byId('legend').replaceChildren(...items);
+}
+
+/** Without WebGL everything but the picture still works. */
+function makeScene(): Scene3D | null {
+  try {
+    return new Scene3D(byId('stage'), window.matchMedia('(prefers-reduced-motion: reduce)').matches);
+  } catch (error) {
+    console.warn('no 3D view:', error);
+    const notice = byId('stage-notice');
+    notice.hidden = false;
+    setText(notice, 'This browser offers no WebGL, so the room is not drawn. The numbers are complete.');
+    return null;
+  }
+}
+
+function linkText(state: LinkState, silentMs: number | null, rateHz: number | null): string {
+  const { value, unit } = duration(silentMs);
+  const silent = silentMs === null ? '' : ` · data ${value} ${unit} old`;
+  switch (state) {
+    case 'live':
+      return rateHz === null ? 'Live' : `Live · ${fixed(rateHz, 0)} Hz`;
+    case 'stale':
+      return `No new frames${silent}`;
+    case 'offline':
+      return `Reconnecting${silent}`;
+    case 'connecting':
+      return 'Connecting';
+  }
+}
+
+const page = new Page();
+new Connection(liveUrl(document.baseURI), {
+  opened: () => page.opened(),
+  message: (message) => page.receive(message),
+  link: (state, silentMs) => page.link(state, silentMs),
+}).start();

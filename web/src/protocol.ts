@@ -1,0 +1,256 @@
+// The server's messages (server/streaming/web/codec.hpp), checked before anything else sees them.
+
+export type BodyState = 'searching' | 'tracking' | 'coasting' | 'lost';
+export type TagState = 'local' | 'calibrated' | 'surveyed' | 'quarantined';
+export type LogLevel = 'debug' | 'info' | 'warning' | 'error';
+export type Vector3 = [number, number, number];
+/** w x y z, unit. */
+export type Quaternion = [number, number, number, number];
+/** xx xy xz yy yz zz in m². */
+export type Covariance = [number, number, number, number, number, number];
+
+export interface BodyName {
+  id: number;
+  name: string;
+}
+
+export interface Hello {
+  type: 'hello';
+  server: string;
+  version: string;
+  mapMode: string;
+  pageRateHz: number;
+  bodies: BodyName[];
+}
+
+export interface MapTag {
+  id: number;
+  edgeM: number;
+  state: TagState;
+  component: number;
+  sightings: number;
+  p: Vector3;
+  q: Quaternion;
+  sigmaMm: number | null;
+  cov: Covariance | null;
+}
+
+export interface TagMap {
+  type: 'map';
+  version: number;
+  family: string;
+  referenceTag: number | null;
+  tags: MapTag[];
+}
+
+/** Where a body is, or was: `BodyFrame.valid` says which. */
+export interface BodyPose {
+  p: Vector3;
+  q: Quaternion;
+  speed: number | null;
+  sigmaMm: number | null;
+  sigmaDeg: number | null;
+  cov: Covariance | null;
+  ageMs: number | null;
+}
+
+export interface BodyFrame {
+  id: number;
+  state: BodyState;
+  valid: boolean;
+  /** null: never tied to the workspace. */
+  pose: BodyPose | null;
+  latencyMs: number | null;
+  tags: number;
+  imageRateHz: number | null;
+  reprojectionPx: number | null;
+  imagesDropped: number;
+}
+
+export interface Frame {
+  type: 'frame';
+  number: number;
+  utcMs: number;
+  rateHz: number;
+  bodies: BodyFrame[];
+}
+
+export interface Client {
+  protocol: string;
+  peer: string;
+  detail: string;
+  sent: number;
+  dropped: number;
+  connectedS: number;
+}
+
+export interface Clients {
+  type: 'clients';
+  clients: Client[];
+}
+
+export interface LogLine {
+  n: number;
+  utcMs: number;
+  level: LogLevel;
+  room: string;
+  text: string;
+}
+
+export interface Log {
+  type: 'log';
+  lines: LogLine[];
+}
+
+export type Message = Hello | TagMap | Frame | Clients | Log;
+
+type Fields = Record<string, unknown>;
+
+function fields(value: unknown, what: string): Fields {
+  if (typeof value !== 'object' || value === null || Array.isArray(value)) throw new Error(`${what}: expected an object`);
+  return value as Fields;
+}
+
+function list<T>(value: unknown, what: string, one: (item: unknown) => T): T[] {
+  if (!Array.isArray(value)) throw new Error(`${what}: expected a list`);
+  return value.map(one);
+}
+
+function number(value: unknown, what: string): number {
+  if (typeof value !== 'number' || !Number.isFinite(value)) throw new Error(`${what}: expected a number`);
+  return value;
+}
+
+function numberOrNull(value: unknown): number | null {
+  return typeof value === 'number' && Number.isFinite(value) ? value : null;
+}
+
+function text(value: unknown, what: string): string {
+  if (typeof value !== 'string') throw new Error(`${what}: expected a text`);
+  return value;
+}
+
+function oneOf<T extends string>(value: unknown, known: readonly T[], what: string): T {
+  const found = known.find((name) => name === value);
+  if (found === undefined) throw new Error(`${what}: ${String(value)} is none of ${known.join(', ')}`);
+  return found;
+}
+
+/** A tuple of finite numbers; anything else is null: half a position is none. */
+function tuple<T extends number[]>(value: unknown, length: number): T | null {
+  if (!Array.isArray(value) || value.length !== length) return null;
+  return value.every((item) => typeof item === 'number' && Number.isFinite(item)) ? (value as T) : null;
+}
+
+function parsePose(body: Fields): BodyPose | null {
+  const p = tuple<Vector3>(body.p, 3);
+  const q = tuple<Quaternion>(body.q, 4);
+  if (!p || !q) return null;
+  return {
+    p,
+    q,
+    speed: numberOrNull(body.speed),
+    sigmaMm: numberOrNull(body.sigma_mm),
+    sigmaDeg: numberOrNull(body.sigma_deg),
+    cov: tuple<Covariance>(body.cov, 6),
+    ageMs: numberOrNull(body.age_ms),
+  };
+}
+
+function parseBody(value: unknown): BodyFrame {
+  const body = fields(value, 'body');
+  const pose = parsePose(body);
+  return {
+    id: number(body.id, 'body.id'),
+    state: oneOf(body.state, ['searching', 'tracking', 'coasting', 'lost'] as const, 'body.state'),
+    valid: body.valid === true && pose !== null,
+    pose,
+    latencyMs: numberOrNull(body.latency_ms),
+    tags: number(body.tags, 'body.tags'),
+    imageRateHz: numberOrNull(body.image_rate_hz),
+    reprojectionPx: numberOrNull(body.reprojection_px),
+    imagesDropped: number(body.images_dropped, 'body.images_dropped'),
+  };
+}
+
+function parseTag(value: unknown): MapTag | null {
+  const tag = fields(value, 'tag');
+  const p = tuple<Vector3>(tag.p, 3);
+  const q = tuple<Quaternion>(tag.q, 4);
+  if (!p || !q) return null;
+  return {
+    id: number(tag.id, 'tag.id'),
+    edgeM: number(tag.edge_m, 'tag.edge_m'),
+    state: oneOf(tag.state, ['local', 'calibrated', 'surveyed', 'quarantined'] as const, 'tag.state'),
+    component: number(tag.component, 'tag.component'),
+    sightings: number(tag.sightings, 'tag.sightings'),
+    p,
+    q,
+    sigmaMm: numberOrNull(tag.sigma_mm),
+    cov: tuple<Covariance>(tag.cov, 6),
+  };
+}
+
+function parseClient(value: unknown): Client {
+  const client = fields(value, 'client');
+  return {
+    protocol: text(client.protocol, 'client.protocol'),
+    peer: text(client.peer, 'client.peer'),
+    detail: text(client.detail, 'client.detail'),
+    sent: number(client.sent, 'client.sent'),
+    dropped: number(client.dropped, 'client.dropped'),
+    connectedS: number(client.connected_s, 'client.connected_s'),
+  };
+}
+
+function parseLine(value: unknown): LogLine {
+  const line = fields(value, 'line');
+  return {
+    n: number(line.n, 'line.n'),
+    utcMs: number(line.utc_ms, 'line.utc_ms'),
+    level: oneOf(line.level, ['debug', 'info', 'warning', 'error'] as const, 'line.level'),
+    room: text(line.room, 'line.room'),
+    text: text(line.text, 'line.text'),
+  };
+}
+
+/** @returns the message; null for a type this page does not know (a newer server). Throws when a known one is malformed. */
+export function parseMessage(json: string): Message | null {
+  const message = fields(JSON.parse(json), 'message');
+  switch (message.type) {
+    case 'hello':
+      return {
+        type: 'hello',
+        server: text(message.server, 'hello.server'),
+        version: text(message.version, 'hello.version'),
+        mapMode: text(message.map_mode, 'hello.map_mode'),
+        pageRateHz: number(message.page_rate_hz, 'hello.page_rate_hz'),
+        bodies: list(message.bodies, 'hello.bodies', (item) => {
+          const body = fields(item, 'body');
+          return { id: number(body.id, 'body.id'), name: text(body.name, 'body.name') };
+        }),
+      };
+    case 'map':
+      return {
+        type: 'map',
+        version: number(message.version, 'map.version'),
+        family: text(message.family, 'map.family'),
+        referenceTag: numberOrNull(message.reference_tag),
+        tags: list(message.tags, 'map.tags', parseTag).filter((tag): tag is MapTag => tag !== null),
+      };
+    case 'frame':
+      return {
+        type: 'frame',
+        number: number(message.number, 'frame.number'),
+        utcMs: number(message.utc_ms, 'frame.utc_ms'),
+        rateHz: number(message.rate_hz, 'frame.rate_hz'),
+        bodies: list(message.bodies, 'frame.bodies', parseBody),
+      };
+    case 'clients':
+      return { type: 'clients', clients: list(message.clients, 'clients', parseClient) };
+    case 'log':
+      return { type: 'log', lines: list(message.lines, 'log.lines', parseLine) };
+    default:
+      return null;
+  }
+}
