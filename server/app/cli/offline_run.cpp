@@ -118,7 +118,8 @@ class OfflineRun final {
     if (report.gauge_shift) shift_gauge(*report.gauge_shift);
     if (!filter_->running()) return;
     const BodyEstimate estimate = filter_->estimate();
-    if (!estimate.X_WB.p.allFinite()) return;
+    // Without IMU an image without a usable tag does not move the state.
+    if (estimate.at != seen_.exposed_at || !estimate.X_WB.p.allFinite()) return;
     ++unplaced_.frames;
     unplaced_.frames_with_tags += with_tags ? 1 : 0;
     add_pose({seen_.exposed_at, estimate.X_WB});
@@ -195,7 +196,7 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
   setup.tags = {info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags};
-  if (info.max_hamming) setup.detector.max_hamming = *info.max_hamming;
+  if (info.max_hamming) setup.tags.max_hamming = *info.max_hamming;
   setup.gauge.reference_tag = info.reference_tag;
   for (const RecordedTag& tag : info.known_tags) {
     const bool fixed = tag.position_sigma_m < kFixedPosition_m && tag.rotation_sigma_rad < kFixedRotation_rad;

@@ -1,6 +1,5 @@
 #include "estimation/robocentric/relink.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,19 +7,18 @@
 
 #include "base/so3.hpp"
 #include "detection/tag_pose.hpp"
+#include "estimation/resection.hpp"
 
 namespace fiducap::robocentric {
 
 namespace {
 
 // One wrong tag must not outvote the others.
-constexpr double kCostCapPerTag = 8 * 25.0;
+constexpr double kInlierSigmas = 5.0;
+constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
 // Motions closer than this are the same answer.
 constexpr double kSameAngle_rad = 0.05;
-constexpr int kRefineSteps = 4;
-// More than this (m and rad together) is not a refinement.
-constexpr double kLargestRefinement = 1.0;
 
 Pose tag_in_start_body(const FilterState& state, const TagToUse& tag) {
   if (tag.local >= 0) return state.X_BV[0] * state.tags[static_cast<std::size_t>(tag.local)].X_VT;
@@ -40,33 +38,13 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
   return cost;
 }
 
-/// Gauss–Newton over the corners of all tags that fit, tags held where the state has them: ends close to where the
-/// filter's own answer will be, so that the transition is linearised there and not at one tag's noisy pose.
-Pose refine(Pose X_B0B, const FilterState& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-            double noise_px) {
-  const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
-  const Eigen::Matrix3d R_VB = X_BV.rotation().transpose();
-  for (int step = 0; step < kRefineSteps; ++step) {
-    Matrix6d A = Matrix6d::Zero();
-    Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
-    for (const TagToUse& tag : tags) {
-      const Pose X_BT = X_B0B.inverse() * tag_in_start_body(state, tag);
-      const CornerResidual r = corner_residual(*tag.seen, X_BV.inverse() * X_BT, model);
-      if (!r.in_front || r.y.squaredNorm() > kCostCapPerTag * noise_px * noise_px) continue;
-      Matrix86d H;
-      const Eigen::Matrix<double, 8, 3> H_p = r.H.leftCols<3>() * R_VB;
-      const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * R_VB;
-      H << -H_p, H_p * skew(X_BT.p) - H_q;
-      A.noalias() += H.transpose() * H;
-      b.noalias() += H.transpose() * r.y;
-    }
-    if (A.isZero(0)) return X_B0B;
-    const Eigen::Matrix<double, 6, 1> d = A.ldlt().solve(b);
-    if (!d.allFinite() || d.norm() > kLargestRefinement) return X_B0B;
-    X_B0B.p += X_B0B.q * d.head<3>();
-    X_B0B.q = (X_B0B.q * exp_so3(d.tail<3>())).normalized();
-  }
-  return X_B0B;
+/// Least squares over all tags that fit: ends close to where the filter's own answer will be, so that the transition is
+/// linearised there and not at one tag's noisy pose.
+Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
+            std::span<const TagToUse> tags, double noise_px) {
+  std::vector<PlacedTag> placed;
+  for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
+  return resect(X_B0B, state.X_BV[static_cast<std::size_t>(camera)], model, placed, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
