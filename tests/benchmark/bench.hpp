@@ -13,8 +13,8 @@ namespace fiducap::bench {
 /// One line of the table.
 struct Row {
   std::string what;
-  std::string per;       ///< What one operation is.
-  double median_us{};    ///< CPU time of this thread.
+  std::string per;     ///< What one operation is.
+  double median_us{};  ///< CPU time of this thread.
   double p99_us{};
   std::string remark;
 };
@@ -26,7 +26,8 @@ struct Options {
 };
 
 /// Every operation by itself, in the order given. @param times_us  is sorted
-[[nodiscard]] Row row_of(std::string what, std::string per, std::vector<double> times_us, std::string remark = {});
+[[nodiscard]] Row row_of(std::string what, std::string per, std::vector<double> times_us,
+                         std::string remark = {});
 
 /// Measures `operation` `repeats` times, `batch` of them between two looks at the clock.
 template <typename Operation>

@@ -11,7 +11,8 @@ namespace {
 /// Rendered images of a robot that walks through the simulated hall.
 std::vector<CameraFrame> rendered_images(int count) {
   CameraMount camera;
-  camera.model = {752, 480, 460, 460, 376, 240, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  camera.model = {
+      752, 480, 460, 460, 376, 240, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
   camera.X_BV = simulation::forward_camera();
   camera.rate_hz = 2;  // far apart, so that no image repeats the one before
   simulation::SimulatedBodyConfig body;
@@ -44,9 +45,11 @@ void bench_detection(const Options& options, std::vector<Row>& rows) {
       times_us.push_back(to_seconds(thread_cpu_time() - begin) * 1e6);
     }
     char remark[64];
-    std::snprintf(remark, sizeof remark, "%.1f tags per image",
-                  images.empty() ? 0.0 : static_cast<double>(tags) / static_cast<double>(images.size()));
-    rows.push_back(row_of(decimate > 1 ? "detect, decimate 2" : "detect, decimate 1", "image 752x480", std::move(times_us), remark));
+    std::snprintf(
+        remark, sizeof remark, "%.1f tags per image",
+        images.empty() ? 0.0 : static_cast<double>(tags) / static_cast<double>(images.size()));
+    rows.push_back(row_of(decimate > 1 ? "detect, decimate 2" : "detect, decimate 1",
+                          "image 752x480", std::move(times_us), remark));
   }
 }
 

@@ -17,7 +17,8 @@ constexpr int kTagsInView = 6;
 constexpr double kEdge_m = 0.2;
 constexpr double kCornerNoise_px = 0.4;
 
-/// A camera that sways in front of a wall with up to 100 tilted tags. Everything is known, so any of them can be shown.
+/// A camera that sways in front of a wall with up to 100 tilted tags. Everything is known, so any
+/// of them can be shown.
 class Wall final {
  public:
   explicit Wall(int tags) {
@@ -35,11 +36,14 @@ class Wall final {
     }
   }
 
-  [[nodiscard]] BodySensors sensors() const { return {{camera_}, ImuNoise{1.2e-4, 2e-5, 2.3e-3, 5e-4, kImuRate_hz}}; }
+  [[nodiscard]] BodySensors sensors() const {
+    return {{camera_}, ImuNoise{1.2e-4, 2e-5, 2.3e-3, 5e-4, kImuRate_hz}};
+  }
 
   [[nodiscard]] static ImuSample imu(int k) {
     const double t = k / kImuRate_hz;
-    const Eigen::Vector3d a = -sway().cwiseProduct(speed().cwiseProduct(speed())).cwiseProduct(sines(t));
+    const Eigen::Vector3d a =
+        -sway().cwiseProduct(speed().cwiseProduct(speed())).cwiseProduct(sines(t));
     return {instant(t), Eigen::Vector3d::Zero(), a + Eigen::Vector3d(0, 0, 9.81)};
   }
 
@@ -56,8 +60,10 @@ class Wall final {
       tag.edge_m = kEdge_m;
       for (int c = 0; c < 4; ++c) {
         const auto corner = static_cast<std::size_t>(c);
-        tag.corners_px[corner] = camera_.model.pinhole(X_VW * (X_WT_[static_cast<std::size_t>(i)] * tag_corner(c, kEdge_m)));
-        tag.corners_px[corner] += kCornerNoise_px * Eigen::Vector2d(noise_(random_), noise_(random_));
+        tag.corners_px[corner] = camera_.model.pinhole(
+            X_VW * (X_WT_[static_cast<std::size_t>(i)] * tag_corner(c, kEdge_m)));
+        tag.corners_px[corner] +=
+            kCornerNoise_px * Eigen::Vector2d(noise_(random_), noise_(random_));
         tag.ideal_from_raw[corner].setIdentity();
       }
       seen.tags.push_back(tag);
@@ -82,7 +88,8 @@ struct FilterTimes {
   std::size_t tags_in_state{};
 };
 
-/// First the tags enter in groups, then `kTagsInView` of them are seen at a time and the clock runs.
+/// First the tags enter in groups, then `kTagsInView` of them are seen at a time and the clock
+/// runs.
 FilterTimes time_filter(int tags, int images) {
   Wall wall(tags);
   const auto filter = make_body_filter("robocentric", wall.sensors(), {0, std::nullopt}, {});
@@ -103,7 +110,8 @@ FilterTimes time_filter(int tags, int images) {
   for (int i = 0; i < kImagesToEnter; ++i) image(0, kTagsInView, false);  // the motion starts
   for (int first = 0; first < tags; first += kTagsInView)
     for (int i = 0; i < kImagesToEnter; ++i) image(first, kTagsInView, false);
-  for (int i = 0; i < images; ++i) image(tags <= kTagsInView ? 0 : (7 * i) % (tags - kTagsInView + 1), kTagsInView, true);
+  for (int i = 0; i < images; ++i)
+    image(tags <= kTagsInView ? 0 : (7 * i) % (tags - kTagsInView + 1), kTagsInView, true);
   std::vector<TagBelief> beliefs;
   filter->tag_beliefs(beliefs);
   times.tags_in_state = beliefs.size();
@@ -122,9 +130,12 @@ void bench_filter(const Options& options, std::vector<Row>& rows) {
       const Row update = row_of("", "", times.update_us);
       return 1e-6 * (imu.median_us * kImuRate_hz + update.median_us * kImuRate_hz / kImuPerImage);
     }();
-    rows.push_back(row_of("propagate, " + std::to_string(tags) + " local tags", "IMU sample", std::move(times.imu_us), remark));
-    updates.push_back(row_of("update, " + std::to_string(tags) + " local tags", "image with 6 tags", std::move(times.update_us),
-                             std::to_string(per_second).substr(0, 7) + " s CPU per second of data, IMU included"));
+    rows.push_back(row_of("propagate, " + std::to_string(tags) + " local tags", "IMU sample",
+                          std::move(times.imu_us), remark));
+    updates.push_back(row_of(
+        "update, " + std::to_string(tags) + " local tags", "image with 6 tags",
+        std::move(times.update_us),
+        std::to_string(per_second).substr(0, 7) + " s CPU per second of data, IMU included"));
   }
   rows.insert(rows.end(), updates.begin(), updates.end());
 }

@@ -32,9 +32,11 @@ streaming:
 
 void bench_latency(const Options& options, std::vector<Row>& rows) {
   Row row{"latency, instant of pose to client", "frame at 200 Hz", 0, 0, ""};
-  const auto config = parse_config(kConfig, "bench", {"streaming.native.port=" + std::to_string(kPort)});
+  const auto config =
+      parse_config(kConfig, "bench", {"streaming.native.port=" + std::to_string(kPort)});
   const SystemClock clock;
-  auto server = config ? Server::build(*config, {}, clock) : fail(ErrorCode::kInvalid, config.error().front().text());
+  auto server = config ? Server::build(*config, {}, clock)
+                       : fail(ErrorCode::kInvalid, config.error().front().text());
   if (!server) {
     row.remark = "not measured: " + server.error().text();
     rows.push_back(row);
@@ -51,8 +53,8 @@ void bench_latency(const Options& options, std::vector<Row>& rows) {
     row.p99_us = 1e6 * statistics.latency_p99_s;
     char remark[96];
     std::snprintf(remark, sizeof remark, "real time; %llu frames, %llu lost, %.1f Hz",
-                  static_cast<unsigned long long>(statistics.frames), static_cast<unsigned long long>(statistics.lost),
-                  statistics.rate_hz);
+                  static_cast<unsigned long long>(statistics.frames),
+                  static_cast<unsigned long long>(statistics.lost), statistics.rate_hz);
     row.remark = remark;
   }
   (*server)->stop();

@@ -1,5 +1,5 @@
-// fiducap_bench [--quick]: what each stage costs on this machine. CPU time of the thread that does the work, except for the
-// latency, which is real time.
+// fiducap_bench [--quick]: what each stage costs on this machine. CPU time of the thread that does
+// the work, except for the latency, which is real time.
 #include <cstdio>
 #include <cstring>
 
@@ -11,7 +11,9 @@ namespace fiducap::bench {
 Row row_of(std::string what, std::string per, std::vector<double> times_us, std::string remark) {
   if (times_us.empty()) return {std::move(what), std::move(per), 0, 0, "nothing measured"};
   std::sort(times_us.begin(), times_us.end());
-  const auto at = [&](double share) { return times_us[static_cast<std::size_t>(share * static_cast<double>(times_us.size() - 1))]; };
+  const auto at = [&](double share) {
+    return times_us[static_cast<std::size_t>(share * static_cast<double>(times_us.size() - 1))];
+  };
   return {std::move(what), std::move(per), at(0.5), at(0.99), std::move(remark)};
 }
 
@@ -20,8 +22,8 @@ namespace {
 void print(const std::vector<Row>& rows) {
   std::printf("%-34s %-22s %12s %12s  %s\n", "what", "per", "median [us]", "p99 [us]", "remark");
   for (const Row& row : rows)
-    std::printf("%-34s %-22s %12.2f %12.2f  %s\n", row.what.c_str(), row.per.c_str(), row.median_us, row.p99_us,
-                row.remark.c_str());
+    std::printf("%-34s %-22s %12.2f %12.2f  %s\n", row.what.c_str(), row.per.c_str(), row.median_us,
+                row.p99_us, row.remark.c_str());
 }
 
 }  // namespace

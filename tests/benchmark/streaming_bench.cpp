@@ -18,13 +18,15 @@ std::vector<std::string> names() {
 void bench_encoders(const Options& options, std::vector<Row>& rows) {
   const auto frame = make_scene_frame(names());
   native::FrameEncoder native(1);
-  rows.push_back(row_of("encode native", "frame of 8 bodies", measure(options.repeats(2000), 20, [&] { (void)native.encode(*frame); })));
+  rows.push_back(row_of("encode native", "frame of 8 bodies",
+                        measure(options.repeats(2000), 20, [&] { (void)native.encode(*frame); })));
   std::vector<std::int32_t> senders;
   for (int i = 0; i < kBodies; ++i) senders.push_back(i);
   vrpn::EncodedFrame encoded;
   const vrpn::ReportEncoder vrpn({}, {});
-  rows.push_back(row_of("encode vrpn, pose and velocity", "frame of 8 bodies",
-                        measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, encoded); })));
+  rows.push_back(
+      row_of("encode vrpn, pose and velocity", "frame of 8 bodies",
+             measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, encoded); })));
 }
 
 void bench_scene(const Options& options, std::vector<Row>& rows) {
@@ -32,10 +34,12 @@ void bench_scene(const Options& options, std::vector<Row>& rows) {
   BodySensors sensors;
   sensors.cameras.resize(1);
   sensors.imu = ImuNoise{};
-  for (int i = 0; i < kBodies; ++i) bodies.push_back({{i + 1, names()[static_cast<std::size_t>(i)]}, {}, {}, sensors, {}});
+  for (int i = 0; i < kBodies; ++i)
+    bodies.push_back({{i + 1, names()[static_cast<std::size_t>(i)]}, {}, {}, sensors, {}});
   Scene scene(bodies);
   const auto map = std::make_shared<const TagMap>();
-  // An image every 50 ms and IMU samples every 5 ms since: what the predictor has to carry in the worst case.
+  // An image every 50 ms and IMU samples every 5 ms since: what the predictor has to carry in the
+  // worst case.
   Instant now = instant_from_ns(1'000'000'000);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     BodyEstimate estimate;

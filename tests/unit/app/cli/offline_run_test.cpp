@@ -48,7 +48,8 @@ TEST(ReplaySetup, WhatNobodyMentionsStaysAsTheRecordingHasIt) {
   const TemporaryFolder folder;
   ReplayArguments arguments;
   arguments.config = folder.file("c.yaml");
-  ASSERT_TRUE(write_whole_file(arguments.config, "tags: {size_m: 0.3}\nestimator: {corner_noise_px: 0.7}\n"));
+  ASSERT_TRUE(write_whole_file(arguments.config,
+                               "tags: {size_m: 0.3}\nestimator: {corner_noise_px: 0.7}\n"));
   arguments.sets = {"tags.ignore=[5]"};
   const auto setup = replay_setup(arguments, info());
   ASSERT_TRUE(setup) << setup.error().text();
@@ -64,7 +65,8 @@ TEST(ReplaySetup, TagsOfTheMapBecomeInputs) {
   const TemporaryFolder folder;
   ReplayArguments arguments;
   arguments.map = folder.file("m.csv");
-  ASSERT_TRUE(write_whole_file(arguments.map, "id,size,px,py,pz,qw,qx,qy,qz\n2,0.25,7,8,9,1,0,0,0\n"));
+  ASSERT_TRUE(
+      write_whole_file(arguments.map, "id,size,px,py,pz,qw,qx,qy,qz\n2,0.25,7,8,9,1,0,0,0\n"));
   const auto setup = replay_setup(arguments, info());
   ASSERT_TRUE(setup) << setup.error().text();
   ASSERT_EQ(setup->known.size(), 2u);
@@ -83,7 +85,8 @@ TEST(ReplaySetup, RefusesUnknownKeys) {
 /// Gives prepared samples, then ends or fails.
 class ListSource final : public SensorSource {
  public:
-  ListSource(std::vector<SensorSample> samples, bool lost) : samples_(std::move(samples)), lost_(lost) {}
+  ListSource(std::vector<SensorSample> samples, bool lost)
+      : samples_(std::move(samples)), lost_(lost) {}
   Expected<std::optional<SensorSample>> next(std::stop_token) override {
     if (next_ < samples_.size()) return std::optional<SensorSample>(samples_[next_++]);
     if (lost_) return fail(ErrorCode::kUnavailable, "unplugged", "camera");
@@ -98,7 +101,8 @@ class ListSource final : public SensorSource {
 
 TEST(OfflineRun, CountsFramesWithoutTags) {
   std::vector<SensorSample> samples;
-  for (int i = 1; i <= 5; ++i) samples.emplace_back(CornerFrame{0, instant_from_ns(i * 50'000'000), {}});
+  for (int i = 1; i <= 5; ++i)
+    samples.emplace_back(CornerFrame{0, instant_from_ns(i * 50'000'000), {}});
   ListSource source(std::move(samples), false);
   const auto result = run_offline(offline_setup(info()), source);
   ASSERT_TRUE(result);
@@ -120,14 +124,15 @@ int say(std::vector<std::string> words, std::string& out, std::string& err) {
   for (const std::string& word : words) argv.push_back(word.c_str());
   std::ostringstream out_stream;
   std::ostringstream err_stream;
-  const int code = run_command_line(static_cast<int>(argv.size()), argv.data(), {out_stream, err_stream});
+  const int code =
+      run_command_line(static_cast<int>(argv.size()), argv.data(), {out_stream, err_stream});
   out = out_stream.str();
   err = err_stream.str();
   return code;
 }
 
-// Corner noise 0.4 px at about one metre with f = 460 px: a pose error of a few millimetres. Ten times that would be a wrong
-// axis, a swapped corner or a wrong time stamp somewhere on the way.
+// Corner noise 0.4 px at about one metre with f = 460 px: a pose error of a few millimetres. Ten
+// times that would be a wrong axis, a swapped corner or a wrong time stamp somewhere on the way.
 constexpr double kSound_m = 0.03;
 constexpr double kSound_deg = 1.5;
 
@@ -135,12 +140,20 @@ TEST(Verbs, SimulateReplayEvaluateFitTogetherAndRepeatToTheLastBit) {
   const TemporaryFolder folder;
   std::string out;
   std::string err;
-  ASSERT_EQ(say({"simulate", "--out", folder.file("table"), "--room", "table", "--seconds", "15", "--seed", "3"}, out, err), 0) << err;
+  ASSERT_EQ(say({"simulate", "--out", folder.file("table"), "--room", "table", "--seconds", "15",
+                 "--seed", "3"},
+                out, err),
+            0)
+      << err;
   ASSERT_EQ(say({"replay", folder.file("table"), "--out", folder.file("a")}, out, err), 0) << err;
   ASSERT_EQ(say({"replay", folder.file("table"), "--out", folder.file("b")}, out, err), 0) << err;
   for (const char* name : {"table.tum", "map.csv", "extrinsics.yaml"})
-    EXPECT_EQ(read_whole_file(folder.file("a/") + name).value(), read_whole_file(folder.file("b/") + name).value()) << name;
-  ASSERT_EQ(say({"evaluate", folder.file("a/table.tum"), folder.file("table"), "--json"}, out, err), 0) << err;
+    EXPECT_EQ(read_whole_file(folder.file("a/") + name).value(),
+              read_whole_file(folder.file("b/") + name).value())
+        << name;
+  ASSERT_EQ(say({"evaluate", folder.file("a/table.tum"), folder.file("table"), "--json"}, out, err),
+            0)
+      << err;
   const auto figures = nlohmann::json::parse(out);
   EXPECT_EQ(figures["against"], "truth");
   EXPECT_GT(figures["pose"]["samples"], 190);
