@@ -172,7 +172,7 @@ function noteFor(body: BodyFrame): string {
 /** A row of headings and the row of values below it. */
 function addRows(table: HTMLTableElement, bodyId: number, columns: Column[], kind: string): Cell[] {
   const group = element('tbody', kind);
-  const heads = element('tr');
+  const heads = element('tr', 'heads');
   const values = element('tr');
   const cells = columns.map((column) => {
     const head = element('th', '', column.name);

@@ -37,7 +37,7 @@ export function duration(ms: number | null): Quantity {
 export function length(mm: number | null): Quantity {
   if (mm === null || !Number.isFinite(mm)) return { value: UNKNOWN, unit: 'mm' };
   if (Math.abs(mm) >= 999.5) return { value: fixed(mm / 1e3, 2), unit: 'm' };
-  return { value: compact(mm, 1), unit: 'mm' };
+  return { value: fixed(mm, Math.abs(mm) < 9.95 ? 1 : 0), unit: 'mm' };
 }
 
 /** 812, 12.4 k, 3.1 M. */

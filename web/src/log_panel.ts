@@ -8,7 +8,10 @@ const KEPT_LINES = 300;
 export class LogPanel {
   private newest = 0;
 
-  constructor(private readonly host: HTMLElement) {}
+  constructor(private readonly host: HTMLElement) {
+    // A line cut by the upper edge fades out; the first line of all does not.
+    host.addEventListener('scroll', () => host.classList.toggle('scrolled', host.scrollTop > 2), { passive: true });
+  }
 
   /** Everything comes again: a new socket, perhaps of a server that started again and counts from one. */
   restart(): void {

@@ -56,30 +56,29 @@ export class RoomView {
   private addMarks(extent: Extent, narrow: boolean): void {
     const { x0, x1, y0, y1 } = extent;
     const step = Math.max(x1 - x0, y1 - y0) > 14 ? 5 : narrow ? 2 : 1;
-    const look = { px: 13, colour: ROOM.mark };
+    const look = { px: narrow ? 11 : 13, colour: ROOM.mark };
     const mark = (text: string, x: number, y: number): void => {
       const sprite = textSprite(text, look);
       sprite.position.set(x, y, 0);
       this.group.add(sprite);
     };
-    const word = (metres: number): string => String(metres).replace('-', '−');
-    for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) mark(word(x), x, y0 - 0.3);
-    for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) mark(word(y), x1 + 0.3, y);
+    // The last mark of each edge names the axis and the unit.
+    const word = (axis: string, at: number, last: boolean): string => {
+      const metres = String(at).replace('-', '−');
+      return last ? `${axis} ${metres} m` : metres;
+    };
+    for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) mark(word('x', x, x + step > x1), x, y0 - 0.35);
+    for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) mark(word('y', y, y + step > y1), x1 + 0.4, y);
     const names: [string, string, number, number, number][] = [
       ['x', '#ff8f86', 0.78, 0, 0.04],
       ['y', '#7fe0a5', 0, 0.78, 0.04],
       ['z', '#8cbcff', 0, 0, 0.8],
     ];
     for (const [name, colour, x, y, z] of names) {
-      const sprite = textSprite(name, { px: 15, colour, bold: true });
+      const sprite = textSprite(name, { px: narrow ? 12 : 15, colour, bold: true });
       sprite.position.set(x, y, z);
       this.group.add(sprite);
     }
-    const unit = textSprite('x m', { px: 13, colour: ROOM.mark, bold: true });
-    unit.position.set((x0 + x1) / 2, y0 - 0.75, 0);
-    const unitY = textSprite('y m', { px: 13, colour: ROOM.mark, bold: true });
-    unitY.position.set(x1 + 0.8, (y0 + y1) / 2, 0);
-    this.group.add(unit, unitY);
   }
 }
 

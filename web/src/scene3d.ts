@@ -132,7 +132,14 @@ export class Scene3D {
   /** What a view of the room must show: the floor with its marks, and every tag. */
   private landmarks(): Vector3[] {
     const { x0, x1, y0, y1 } = this.extent;
-    const floor = [x0 - 0.2, x1 + 0.7].flatMap((x) => [y0 - 0.8, y1].map((y) => new Vector3(x, y, 0)));
+    const right = x1 + (this.width < NARROW_PX ? 1.2 : 0.8);
+    const floor = [
+      [x0, y0 - 0.6],
+      [x1, y0 - 0.6],
+      [right, y0],
+      [right, y1],
+      [x0, y1],
+    ].map(([x, y]) => new Vector3(x, y, 0));
     return [...floor, ...this.tagPoints.map(([x, y, z]) => new Vector3(x, y, z + 0.2))];
   }
 

@@ -1,7 +1,7 @@
 // Colours that both the style sheet's world and WebGL need. Identity colours keep clear of the state colours.
 import type { BodyState, TagState } from './protocol';
 
-const IDENTITY = ['#7cc4ff', '#c8a2ff', '#ffb28a', '#7fe0d0', '#f3a6c8', '#e6dc8a', '#a9b8ff', '#c9e68f'];
+const IDENTITY = ['#7cc4ff', '#c8a2ff', '#ffb28a', '#7fe0d0', '#f3a6c8', '#e6dc8a', '#a9b8ff', '#c9e68f', '#6f9bd8', '#d7b8e8', '#e0c4a8', '#9fc9c0'];
 
 /** The colour of a body in cards, room and chart. @param place its place in the server's list */
 export function bodyColour(place: number): string {

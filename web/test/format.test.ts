@@ -25,7 +25,7 @@ describe('duration', () => {
 describe('length', () => {
   it('changes to metres where millimetres become long', () => {
     expect(length(2.13)).toEqual({ value: '2.1', unit: 'mm' });
-    expect(length(48.2)).toEqual({ value: '48.2', unit: 'mm' });
+    expect(length(48.2)).toEqual({ value: '48', unit: 'mm' });
     expect(length(1250)).toEqual({ value: '1.25', unit: 'm' });
   });
 });

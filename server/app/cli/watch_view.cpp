@@ -17,10 +17,14 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 
 const char* name_of(Tracking tracking) {
   switch (tracking) {
-    case Tracking::kSearching: return "searching";
-    case Tracking::kTracking: return "tracking";
-    case Tracking::kCoasting: return "coasting";
-    case Tracking::kLost: return "lost";
+    case Tracking::kSearching:
+      return "searching";
+    case Tracking::kTracking:
+      return "tracking";
+    case Tracking::kCoasting:
+      return "coasting";
+    case Tracking::kLost:
+      return "lost";
   }
   return "lost";
 }
@@ -29,12 +33,16 @@ double length(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[
 
 /// Heading, then pitch, then roll (z-y'-x''), degrees.
 std::array<double, 3> yaw_pitch_roll_deg(const std::array<double, 4>& wxyz) {
-  const Eigen::Matrix3d R = Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
-  return {kDegrees * std::atan2(R(1, 0), R(0, 0)), kDegrees * std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0))),
+  const Eigen::Matrix3d R =
+      Eigen::Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]).toRotationMatrix();
+  return {kDegrees * std::atan2(R(1, 0), R(0, 0)),
+          kDegrees * std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0))),
           kDegrees * std::atan2(R(2, 1), R(2, 2))};
 }
 
-std::string milliseconds(double seconds) { return std::isfinite(seconds) ? fixed(1000 * seconds, 2) + " ms" : "unknown"; }
+std::string milliseconds(double seconds) {
+  return std::isfinite(seconds) ? fixed(1000 * seconds, 2) + " ms" : "unknown";
+}
 
 std::string right(const std::string& text, std::size_t width) {
   return text.size() >= width ? text : std::string(width - text.size(), ' ') + text;
@@ -42,7 +50,8 @@ std::string right(const std::string& text, std::size_t width) {
 
 std::string row(const Body& body) {
   std::array<char, 96> head{};
-  std::snprintf(head.data(), head.size(), "%-16.32s %-9s", body.name.c_str(), name_of(body.tracking));
+  std::snprintf(head.data(), head.size(), "%-16.32s %-9s", body.name.c_str(),
+                name_of(body.tracking));
   std::string text = head.data();
   // A pose that may not be used is not shown: a number on the screen is always one to rely on.
   const auto add = [&](double value, int decimals, std::size_t width) {
@@ -60,16 +69,21 @@ std::string row(const Body& body) {
 }
 
 std::string summary(const Frame& frame, const ClientStatistics& s) {
-  return "frame " + std::to_string(frame.number) + "  " + fixed(s.rate_hz, 1) + " Hz  latency p50 " +
-         milliseconds(s.latency_p50_s) + " p99 " + milliseconds(s.latency_p99_s) + "  lost " + std::to_string(s.lost) +
-         "  map v" + std::to_string(frame.map_version);
+  return "frame " + std::to_string(frame.number) + "  " + fixed(s.rate_hz, 1) +
+         " Hz  latency p50 " + milliseconds(s.latency_p50_s) + " p99 " +
+         milliseconds(s.latency_p99_s) + "  lost " + std::to_string(s.lost) + "  map v" +
+         std::to_string(frame.map_version);
 }
 
 }  // namespace
 
-std::string watch_table(const std::string& server, const Frame& frame, const ClientStatistics& statistics) {
-  std::string text = server + (statistics.connected ? "  " : "  NOT ANSWERING  ") + summary(frame, statistics) + "\n";
-  text += "body             state        x [m]    y [m]    z [m] yaw [d] pitch    roll  [m/s]  [d/s] 1s [mm] 1s [d] age[ms] tags\n";
+std::string watch_table(const std::string& server, const Frame& frame,
+                        const ClientStatistics& statistics) {
+  std::string text = server + (statistics.connected ? "  " : "  NOT ANSWERING  ") +
+                     summary(frame, statistics) + "\n";
+  text +=
+      "body             state        x [m]    y [m]    z [m] yaw [d] pitch    roll  [m/s]  [d/s] "
+      "1s [mm] 1s [d] age[ms] tags\n";
   for (const Body& body : frame.bodies) text += row(body);
   if (frame.bodies.empty()) text += "(the server has no bodies)\n";
   return text;

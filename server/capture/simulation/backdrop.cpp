@@ -9,7 +9,7 @@ namespace fiducap::simulation {
 
 namespace {
 
-constexpr int kSize = 512;               // texels along one side of the texture, a power of two
+constexpr int kSize = 512;                // texels along one side of the texture, a power of two
 constexpr float kTexelsPerMetre = 64.0F;  // so it repeats every 8 m
 
 /// Smooth random hills of one wavelength (texels), wrapping round.
@@ -17,7 +17,9 @@ void add_hills(std::vector<float>& texture, Random& random, int wavelength, floa
   const int cells = kSize / wavelength;
   std::vector<float> node(static_cast<std::size_t>(cells * cells));
   for (float& value : node) value = static_cast<float>(random.uniform(-height, height));
-  const auto at = [&](int x, int y) { return node[static_cast<std::size_t>((y % cells) * cells + x % cells)]; };
+  const auto at = [&](int x, int y) {
+    return node[static_cast<std::size_t>((y % cells) * cells + x % cells)];
+  };
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
       const float fx = static_cast<float>(x % wavelength) / static_cast<float>(wavelength);
@@ -56,7 +58,8 @@ std::vector<std::uint8_t> clutter() {
   add_boards(texture, random, 90, 4, 40);
   add_hills(texture, random, 8, 8);
   std::vector<std::uint8_t> rounded;
-  for (const float value : texture) rounded.push_back(static_cast<std::uint8_t>(std::clamp(value, 15.0F, 225.0F)));
+  for (const float value : texture)
+    rounded.push_back(static_cast<std::uint8_t>(std::clamp(value, 15.0F, 225.0F)));
   return rounded;
 }
 
@@ -64,8 +67,11 @@ std::vector<std::uint8_t> halved(const std::vector<std::uint8_t>& fine, int size
   std::vector<std::uint8_t> coarse;
   for (int y = 0; y < size; y += 2) {
     for (int x = 0; x < size; x += 2) {
-      const auto at = [&](int dx, int dy) { return fine[static_cast<std::size_t>((y + dy) * size + x + dx)]; };
-      coarse.push_back(static_cast<std::uint8_t>((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4));
+      const auto at = [&](int dx, int dy) {
+        return fine[static_cast<std::size_t>((y + dy) * size + x + dx)];
+      };
+      coarse.push_back(
+          static_cast<std::uint8_t>((at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1) + 2) / 4));
     }
   }
   return coarse;
@@ -74,7 +80,9 @@ std::vector<std::uint8_t> halved(const std::vector<std::uint8_t>& fine, int size
 }  // namespace
 
 Backdrop::Backdrop(const RoomBox& box, const RayTable& rays, double focal_px)
-    : box_(box), rays_(rays), texels_per_sample_(kTexelsPerMetre * kStep / static_cast<float>(focal_px)) {
+    : box_(box),
+      rays_(rays),
+      texels_per_sample_(kTexelsPerMetre * kStep / static_cast<float>(focal_px)) {
   texture_[0] = clutter();
   for (int level = 1; level < kLevels; ++level) {
     const auto i = static_cast<std::size_t>(level);
@@ -109,13 +117,17 @@ int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
   }
   const Eigen::Vector3f hit = origin_ + distance * direction_W;
   const int axis = face / 2;
-  // Each wall shows another part of the texture; +800 m (a multiple of the 8 m) keeps the numbers positive.
+  // Each wall shows another part of the texture; +800 m (a multiple of the 8 m) keeps the numbers
+  // positive.
   const float a = (axis == 0 ? hit.y() : hit.x()) + static_cast<float>(800 + 3 * face);
   const float b = (axis == 2 ? hit.y() : hit.z()) + static_cast<float>(800 + 5 * face);
   int level = 0;
-  for (float covered = texels_per_sample_ * distance; covered > 1.5F && level + 1 < kLevels; covered *= 0.5F) ++level;
+  for (float covered = texels_per_sample_ * distance; covered > 1.5F && level + 1 < kLevels;
+       covered *= 0.5F)
+    ++level;
   const int gray = texel(level, a * kTexelsPerMetre, b * kTexelsPerMetre);
-  constexpr std::array<int, 6> kLight{120, 128, 110, 124, 90, 140};  // of 128: floor darker, ceiling brighter
+  constexpr std::array<int, 6> kLight{120, 128, 110,
+                                      124, 90,  140};  // of 128: floor darker, ceiling brighter
   return gray * kLight[static_cast<std::size_t>(face)];
 }
 
@@ -124,14 +136,17 @@ int Backdrop::texel(int level, float x, float y) const {
   const int mask = (kSize >> level) - 1;
   const int xf = static_cast<int>(x * 64.0F) >> level;
   const int yf = static_cast<int>(y * 64.0F) >> level;
-  const std::uint8_t* top = texture_[static_cast<std::size_t>(level)].data() + ((yf >> 6) & mask) * (mask + 1);
-  const std::uint8_t* bottom = texture_[static_cast<std::size_t>(level)].data() + (((yf >> 6) + 1) & mask) * (mask + 1);
+  const std::uint8_t* top =
+      texture_[static_cast<std::size_t>(level)].data() + ((yf >> 6) & mask) * (mask + 1);
+  const std::uint8_t* bottom =
+      texture_[static_cast<std::size_t>(level)].data() + (((yf >> 6) + 1) & mask) * (mask + 1);
   const int left = (xf >> 6) & mask;
   const int right = (left + 1) & mask;
   const int across = xf & 63;
   const int down = yf & 63;
   return ((64 - down) * ((64 - across) * top[left] + across * top[right]) +
-          down * ((64 - across) * bottom[left] + across * bottom[right])) >> 12;
+          down * ((64 - across) * bottom[left] + across * bottom[right])) >>
+         12;
 }
 
 void Backdrop::trace_row(int coarse_row, std::vector<std::int32_t>& out) const {

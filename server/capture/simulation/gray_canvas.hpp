@@ -6,7 +6,8 @@
 
 namespace fiducap::simulation {
 
-/// What falls onto the sensor before it is read out: gray values 0..255 with seven bits below the point.
+/// What falls onto the sensor before it is read out: gray values 0..255 with seven bits below the
+/// point.
 struct GrayCanvas {
   static constexpr int kFraction = 128;
 

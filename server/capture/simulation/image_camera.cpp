@@ -11,7 +11,7 @@ namespace fiducap::simulation {
 namespace {
 
 constexpr std::size_t kNoiseLength = 1 << 15;
-constexpr double kStillPixels = 0.5;       // less motion than this within an exposure is drawn sharp
+constexpr double kStillPixels = 0.5;  // less motion than this within an exposure is drawn sharp
 constexpr double kPixelsPerExposure = 0.6;  // else the exposure is split into steps of this size
 
 std::vector<std::uint16_t> make_vignette(const CameraModel& model, double darkening) {
@@ -31,16 +31,18 @@ std::vector<std::int16_t> make_noise(double sigma, int width) {
   Random random(0, Purpose::kPixelNoise);
   std::vector<std::int16_t> noise;
   for (std::size_t i = 0; i < kNoiseLength; ++i) {
-    noise.push_back(static_cast<std::int16_t>(std::clamp(sigma * random.normal(), -100.0, 100.0) * GrayCanvas::kFraction));
+    noise.push_back(static_cast<std::int16_t>(std::clamp(sigma * random.normal(), -100.0, 100.0) *
+                                              GrayCanvas::kFraction));
   }
-  for (int i = 0; i < width; ++i) noise.push_back(noise[static_cast<std::size_t>(i) % kNoiseLength]);
+  for (int i = 0; i < width; ++i)
+    noise.push_back(noise[static_cast<std::size_t>(i) % kNoiseLength]);
   return noise;
 }
 
 }  // namespace
 
-ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomBox& box,
-                         TagFamily family)
+ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& settings,
+                         const RoomBox& box, TagFamily family)
     : mount_(mount),
       settings_(settings),
       rays_(mount.model),
@@ -58,7 +60,8 @@ void ImageCamera::begin(const ImageKey& key, const Trajectory& trajectory, doubl
   };
   const int count = exposures_needed(camera_at(-0.5), camera_at(0.5), tags);
   std::array<Pose, TagRenderer::kMostExposures> exposures;
-  for (int i = 0; i < count; ++i) exposures[static_cast<std::size_t>(i)] = camera_at((i + 0.5) / count - 0.5);
+  for (int i = 0; i < count; ++i)
+    exposures[static_cast<std::size_t>(i)] = camera_at((i + 0.5) / count - 0.5);
   tags_.place(tags, std::span(exposures).first(static_cast<std::size_t>(count)));
   backdrop_.look_from(camera_at(0));
   key_ = key;
@@ -78,7 +81,8 @@ int ImageCamera::exposures_needed(const Pose& X_WV_open, const Pose& X_WV_closed
     const auto after = model.project(X_VW_closed * tag.X_WT.p);
     if (!before || !after) continue;
     // Only what is in the image counts: beside it, everything sweeps fast.
-    const bool seen = before->x() > 0 && before->y() > 0 && before->x() < model.width && before->y() < model.height;
+    const bool seen = before->x() > 0 && before->y() > 0 && before->x() < model.width &&
+                      before->y() < model.height;
     if (seen) moved = std::max(moved, (*after - *before).norm());
   }
   if (moved < kStillPixels) return 1;
@@ -106,8 +110,10 @@ void ImageCamera::read_out(int first, int last) {
     const std::uint16_t* in = canvas_.row(v);
     std::uint8_t* out = image_->pixels.data() + static_cast<std::size_t>(v) * width;
     for (std::size_t u = 0; u < width; ++u) {
-      const auto dimmed = static_cast<std::int32_t>((static_cast<std::uint32_t>(in[u]) * light[u]) >> 16);
-      const std::int32_t gray = (dimmed + noise[u] + GrayCanvas::kFraction / 2) / GrayCanvas::kFraction;
+      const auto dimmed =
+          static_cast<std::int32_t>((static_cast<std::uint32_t>(in[u]) * light[u]) >> 16);
+      const std::int32_t gray =
+          (dimmed + noise[u] + GrayCanvas::kFraction / 2) / GrayCanvas::kFraction;
       out[u] = static_cast<std::uint8_t>(std::clamp(gray, 0, 255));
     }
   }

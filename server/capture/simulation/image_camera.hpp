@@ -18,14 +18,16 @@ namespace fiducap::simulation {
 
 /// Renders the images of one camera: backdrop, tags, motion blur, vignetting, pixel noise.
 ///
-/// An image can be drawn in slices, so that a thread that also delivers IMU samples is never busy for long.
-/// Allocates nothing after the first images.
+/// An image can be drawn in slices, so that a thread that also delivers IMU samples is never busy
+/// for long. Allocates nothing after the first images.
 class ImageCamera final {
  public:
-  ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomBox& box, TagFamily family);
+  ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomBox& box,
+              TagFamily family);
 
   /// Starts an image. @param middle_s  middle of the exposure, in the trajectory's time
-  void begin(const ImageKey& key, const Trajectory& trajectory, double middle_s, const std::vector<RecordedTag>& tags);
+  void begin(const ImageKey& key, const Trajectory& trajectory, double middle_s,
+             const std::vector<RecordedTag>& tags);
   /// Draws the next `rows` rows. @return true when the image is complete.
   bool draw(int rows);
   /// @pre draw returned true
@@ -45,7 +47,8 @@ class ImageCamera final {
   TagRenderer tags_;
   GrayCanvas canvas_;
   std::vector<std::uint16_t> vignette_;  ///< Share of the light that arrives, of 65536.
-  std::vector<std::int16_t> noise_;      ///< Gray values · kFraction; each row starts somewhere else in it.
+  std::vector<std::int16_t>
+      noise_;  ///< Gray values · kFraction; each row starts somewhere else in it.
   GrayImagePool pool_;
   std::shared_ptr<GrayImage> image_;
   ImageKey key_;

@@ -8,17 +8,28 @@
 
 namespace fiducap::simulation {
 
-/// What random numbers are drawn for. Each purpose has streams of its own, so that switching one thing off changes
-/// nothing else.
+/// What random numbers are drawn for. Each purpose has streams of its own, so that switching one
+/// thing off changes nothing else.
 enum class Purpose : std::uint64_t {
-  kRoom = 1, kMotion, kImuErrors, kImuNoise, kGyroWalk, kAccelWalk, kCornerNoise, kPixelNoise, kBackdrop,
-  kImuFaults, kImageFaults, kTagFaults
+  kRoom = 1,
+  kMotion,
+  kImuErrors,
+  kImuNoise,
+  kGyroWalk,
+  kAccelWalk,
+  kCornerNoise,
+  kPixelNoise,
+  kBackdrop,
+  kImuFaults,
+  kImageFaults,
+  kTagFaults
 };
 
-/// Random numbers that depend on nothing but their key: the same on every machine, in any order of asking.
+/// Random numbers that depend on nothing but their key: the same on every machine, in any order of
+/// asking.
 ///
-/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Unlike mt19937_64 it has no state to fill, so every sample
-/// and every image can have a stream of its own.
+/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Unlike mt19937_64 it has no state to
+/// fill, so every sample and every image can have a stream of its own.
 class Random final {
  public:
   Random(std::uint64_t seed, Purpose purpose, std::uint64_t a = 0, std::uint64_t b = 0)

@@ -9,8 +9,9 @@ namespace fiducap::simulation {
 
 namespace {
 
-/// Undistorting every corner takes half a second per camera; the lens is so smooth that every fourth one and cubic
-/// interpolation between them agree with the lens to 2e-4 px (a test holds it to that).
+/// Undistorting every corner takes half a second per camera; the lens is so smooth that every
+/// fourth one and cubic interpolation between them agree with the lens to 2e-4 px (a test holds it
+/// to that).
 constexpr int kStep = 4;
 
 class CoarseGrid final {
@@ -37,7 +38,8 @@ class CoarseGrid final {
     Eigen::Vector2d sum = Eigen::Vector2d::Zero();
     for (int j = 0; j < 4; ++j) {
       for (int i = 0; i < 4; ++i) {
-        const auto node = static_cast<std::size_t>((row / kStep + j) * columns_ + column / kStep + i);
+        const auto node =
+            static_cast<std::size_t>((row / kStep + j) * columns_ + column / kStep + i);
         sum += wx[static_cast<std::size_t>(i)] * wy[static_cast<std::size_t>(j)] * nodes_[node];
       }
     }

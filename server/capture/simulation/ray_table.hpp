@@ -7,8 +7,9 @@
 
 namespace fiducap::simulation {
 
-/// Where each pixel *corner* of a camera looks, lens taken out: the point (x, y, 1) on its ray, camera axes.
-/// Corner (column, row) is the raw pixel (column − 0.5, row − 0.5). NaN where the lens sees nothing.
+/// Where each pixel *corner* of a camera looks, lens taken out: the point (x, y, 1) on its ray,
+/// camera axes. Corner (column, row) is the raw pixel (column − 0.5, row − 0.5). NaN where the lens
+/// sees nothing.
 class RayTable final {
  public:
   explicit RayTable(const CameraModel& model);

@@ -11,11 +11,12 @@ namespace fiducap::simulation {
 
 namespace {
 
-constexpr std::uint8_t kBlack = 28;   // gray of printed black and white; 0 marks "no paper here"
+constexpr std::uint8_t kBlack = 28;  // gray of printed black and white; 0 marks "no paper here"
 constexpr std::uint8_t kWhite = 212;
 constexpr int kSamples = 16;
 
-/// Sample k sits at ((k + ½) / 16, (7k mod 16 + ½) / 16) of its pixel: a lattice without equal coordinates.
+/// Sample k sits at ((k + ½) / 16, (7k mod 16 + ½) / 16) of its pixel: a lattice without equal
+/// coordinates.
 struct Lattice {
   std::array<float, kSamples> across{};
   std::array<float, kSamples> down{};
@@ -34,7 +35,8 @@ constexpr Lattice make_lattice() {
 
 constexpr Lattice kLattice = make_lattice();
 
-/// Index into a print with a ring of one cell around it. Comparisons are written so that NaN ends in the ring.
+/// Index into a print with a ring of one cell around it. Comparisons are written so that NaN ends
+/// in the ring.
 inline std::int32_t cell_of(float x, float y, float width, std::int32_t pitch) {
   const float xr = x + 1.0F > 0.0F ? x + 1.0F : 0.0F;
   const float yr = y + 1.0F > 0.0F ? y + 1.0F : 0.0F;
@@ -47,10 +49,14 @@ inline std::int32_t cell_of(float x, float y, float width, std::int32_t pitch) {
 Eigen::Vector3d outline(int i, double h) {
   const double along = h * (-1.0 + 0.5 * (i % 4));
   switch (i / 4) {
-    case 0: return {along, -h, 0};
-    case 1: return {h, along, 0};
-    case 2: return {-along, h, 0};
-    default: return {-h, -along, 0};
+    case 0:
+      return {along, -h, 0};
+    case 1:
+      return {h, along, 0};
+    case 2:
+      return {-along, h, 0};
+    default:
+      return {-h, -along, 0};
   }
 }
 
@@ -94,10 +100,12 @@ void TagRenderer::place(const std::vector<RecordedTag>& tags, std::span<const Po
     for (const Pose& X_WV : exposures) homographies_.push_back(homography(tag, X_WV));
     placed_.push_back(placed);
   }
-  std::sort(placed_.begin(), placed_.end(), [](const Placed& a, const Placed& b) { return a.distance > b.distance; });
+  std::sort(placed_.begin(), placed_.end(),
+            [](const Placed& a, const Placed& b) { return a.distance > b.distance; });
 }
 
-bool TagRenderer::bound(const RecordedTag& tag, std::span<const Pose> exposures, Placed& placed) const {
+bool TagRenderer::bound(const RecordedTag& tag, std::span<const Pose> exposures,
+                        Placed& placed) const {
   const double half = 0.5 * tag.edge_m * family_.width() / family_.edge_width();
   const Pose& middle = exposures[exposures.size() / 2];
   const Eigen::Vector3d to_tag = tag.X_WT.p - middle.p;
@@ -118,7 +126,8 @@ bool TagRenderer::bound(const RecordedTag& tag, std::span<const Pose> exposures,
   return placed.left < placed.right && placed.top < placed.bottom;
 }
 
-bool TagRenderer::box_by_outline(const RecordedTag& tag, const Pose& X_WV, double half, Box& box) const {
+bool TagRenderer::box_by_outline(const RecordedTag& tag, const Pose& X_WV, double half,
+                                 Box& box) const {
   const Pose X_VT = X_WV.inverse() * tag.X_WT;
   Box outlined;
   for (int i = 0; i < 16; ++i) {
@@ -126,7 +135,8 @@ bool TagRenderer::box_by_outline(const RecordedTag& tag, const Pose& X_WV, doubl
     if (!px) return false;
     outlined.add(*px, 0);
   }
-  // The outline bends between its points when the lens does: by 1/64 of a side at most, plus two pixels.
+  // The outline bends between its points when the lens does: by 1/64 of a side at most, plus two
+  // pixels.
   const double margin = 2.0 + (outlined.high - outlined.low).maxCoeff() / 64;
   box.add(outlined.low, margin);
   box.add(outlined.high, margin);
@@ -150,7 +160,8 @@ void TagRenderer::box_by_rays(const Homography& h, Box& box) const {
 }
 
 TagRenderer::Homography TagRenderer::homography(const RecordedTag& tag, const Pose& X_WV) const {
-  // The ray o + s d meets the paper z = 0 at s = −o_z / d_z, that is at (o_x d_z − o_z d_x, o_y d_z − o_z d_y) / d_z.
+  // The ray o + s d meets the paper z = 0 at s = −o_z / d_z, that is at (o_x d_z − o_z d_x, o_y d_z
+  // − o_z d_y) / d_z.
   const Pose X_TV = tag.X_WT.inverse() * X_WV;
   const Eigen::Matrix3d R = X_TV.rotation();
   const Eigen::RowVector3d along_x = X_TV.p.x() * R.row(2) - X_TV.p.z() * R.row(0);
@@ -200,12 +211,14 @@ void TagRenderer::draw_tag(const Placed& tag, int first, int last, GrayCanvas& c
     std::uint16_t* out = canvas.row(v) + tag.left;
     for (int u = 0; u < width; ++u, ++sum, ++cover) {
       if (*cover == 0) continue;
-      out[u] = static_cast<std::uint16_t>((*sum * GrayCanvas::kFraction + (all - *cover) * out[u]) / all);
+      out[u] = static_cast<std::uint16_t>((*sum * GrayCanvas::kFraction + (all - *cover) * out[u]) /
+                                          all);
     }
   }
 }
 
-void TagRenderer::corner_row(const Homography& h, int row, int left, int count, CornerRow& out) const {
+void TagRenderer::corner_row(const Homography& h, int row, int left, int count,
+                             CornerRow& out) const {
   const float* rx = rays_.x(row) + left;
   const float* ry = rays_.y(row) + left;
   const auto width = static_cast<float>(family_.width());
@@ -246,8 +259,10 @@ void TagRenderer::add_row(const Placed& tag, std::uint16_t* sum, std::uint16_t* 
     const float ax = x0[i + 1] - x0[i], bx = x1[i] - x0[i], dx = x1[i + 1] - x1[i] - ax;
     const float ay = y0[i + 1] - y0[i], by = y1[i] - y0[i], dy = y1[i + 1] - y1[i] - ay;
     for (std::size_t k = 0; k < kSamples; ++k) {
-      cell[k] = cell_of(x0[i] + kLattice.across[k] * ax + kLattice.down[k] * bx + kLattice.both[k] * dx,
-                        y0[i] + kLattice.across[k] * ay + kLattice.down[k] * by + kLattice.both[k] * dy, width, pitch);
+      cell[k] =
+          cell_of(x0[i] + kLattice.across[k] * ax + kLattice.down[k] * bx + kLattice.both[k] * dx,
+                  y0[i] + kLattice.across[k] * ay + kLattice.down[k] * by + kLattice.both[k] * dy,
+                  width, pitch);
     }
     int gray_sum = 0;
     int covered = 0;

@@ -15,11 +15,13 @@
 
 namespace fiducap::simulation {
 
-/// Draws printed tags as a camera with a lens sees them: each pixel's ray is carried back onto the paper and the print
-/// is averaged over the pixel's area and over the exposure. Nearer tags hide farther ones; backs are not drawn.
+/// Draws printed tags as a camera with a lens sees them: each pixel's ray is carried back onto the
+/// paper and the print is averaged over the pixel's area and over the exposure. Nearer tags hide
+/// farther ones; backs are not drawn.
 ///
-/// A pixel whose four corners fall into the same module has that module's gray; any other is sampled at 16 places that
-/// differ in both coordinates, so that an edge along the rows or columns is as finely placed as any other.
+/// A pixel whose four corners fall into the same module has that module's gray; any other is
+/// sampled at 16 places that differ in both coordinates, so that an edge along the rows or columns
+/// is as finely placed as any other.
 class TagRenderer final {
  public:
   TagRenderer(const CameraModel& model, const RayTable& rays, TagFamily family);
@@ -56,9 +58,11 @@ class TagRenderer final {
   };
 
   [[nodiscard]] const std::vector<std::uint8_t>& print_of(int tag_id);
-  [[nodiscard]] bool bound(const RecordedTag& tag, std::span<const Pose> exposures, Placed& placed) const;
+  [[nodiscard]] bool bound(const RecordedTag& tag, std::span<const Pose> exposures,
+                           Placed& placed) const;
   /// @return false when some of the outline is outside of what the lens can see.
-  [[nodiscard]] bool box_by_outline(const RecordedTag& tag, const Pose& X_WV, double half, Box& box) const;
+  [[nodiscard]] bool box_by_outline(const RecordedTag& tag, const Pose& X_WV, double half,
+                                    Box& box) const;
   void box_by_rays(const Homography& h, Box& box) const;
   [[nodiscard]] Homography homography(const RecordedTag& tag, const Pose& X_WV) const;
   void draw_tag(const Placed& tag, int first, int last, GrayCanvas& canvas);
@@ -74,7 +78,8 @@ class TagRenderer final {
   std::size_t exposures_{1};
   CornerRow upper_;
   CornerRow lower_;
-  std::vector<std::uint16_t> sum_;    ///< Gray and coverage of the rows being drawn, added over samples and exposures.
+  std::vector<std::uint16_t>
+      sum_;  ///< Gray and coverage of the rows being drawn, added over samples and exposures.
   std::vector<std::uint16_t> cover_;
 };
 

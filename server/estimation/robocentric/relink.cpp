@@ -1,18 +1,21 @@
 #include "estimation/robocentric/relink.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
 #include "base/so3.hpp"
 #include "detection/tag_pose.hpp"
+#include "estimation/resection.hpp"
 
 namespace fiducap::robocentric {
 
 namespace {
 
 // One wrong tag must not outvote the others.
-constexpr double kCostCapPerTag = 8 * 25.0;
+constexpr double kInlierSigmas = 5.0;
+constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
 // Motions closer than this are the same answer.
 constexpr double kSameAngle_rad = 0.05;
@@ -33,6 +36,15 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
     cost += r.in_front ? std::min(kCostCapPerTag, r.y.squaredNorm() / (noise_px * noise_px)) : kCostCapPerTag;
   }
   return cost;
+}
+
+/// Least squares over all tags that fit: ends close to where the filter's own answer will be, so that the transition is
+/// linearised there and not at one tag's noisy pose.
+Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
+            std::span<const TagToUse> tags, double noise_px) {
+  std::vector<PlacedTag> placed;
+  for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
+  return resect(X_B0B, state.X_BV[static_cast<std::size_t>(camera)], model, placed, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
@@ -63,7 +75,8 @@ std::optional<StepFound> find_step(const FilterState& state, int camera, const C
   if (proposals.empty()) return std::nullopt;
   const auto best = std::min_element(proposals.begin(), proposals.end(),
                                      [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  StepFound found{best->X_B0B, std::numeric_limits<double>::infinity()};
+  StepFound found{refine(best->X_B0B, state, camera, model, tags, corner_noise_px),
+                  std::numeric_limits<double>::infinity()};
   for (const Proposal& other : proposals) {
     if (angle_between(other.X_B0B.q, best->X_B0B.q) > kSameAngle_rad) {
       found.evidence = std::min(found.evidence, other.cost - best->cost);

@@ -47,7 +47,8 @@ class TagCandidates final {
   struct Candidate {
     std::vector<View> views;        ///< With attitude: the newest `branch_views`.
     int seen_times{0};
-    double lone_evidence{0};        ///< Without attitude: Σ chi-square of the rival − of the followed branch.
+    double followed_cost{0};        ///< Without attitude: Σ chi-square of the followed branch …
+    double rival_cost{0};           ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
   };
   [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;

@@ -14,18 +14,21 @@ constexpr int kBlack = 28;
 constexpr int kWhite = 212;
 
 int at(const GrayImage& image, int u, int v) {
-  return image.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width) + static_cast<std::size_t>(u)];
+  return image.pixels[static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width) +
+                      static_cast<std::size_t>(u)];
 }
 
 double spread(const std::vector<double>& values) {
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  const double mean =
+      std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
   double square = 0;
   for (const double value : values) square += (value - mean) * (value - mean);
   return std::sqrt(square / static_cast<double>(values.size()));
 }
 
 TEST(ImageCamera, PrintsTheBitsOfTheTagTheRightWayUp) {
-  // 8 modules of 20 px across the edge: the whole print is 200 px wide and centred at (187.5, 119.5).
+  // 8 modules of 20 px across the edge: the whole print is 200 px wide and centred at (187.5,
+  // 119.5).
   const double distance = 230.0 * 0.4 / 160;
   StillCamera camera(small_camera(), clean_settings());
   const auto image = camera.photograph(EvenMotion(facing_camera(distance)), {tag_at(3, 0.4)});
@@ -34,15 +37,19 @@ TEST(ImageCamera, PrintsTheBitsOfTheTagTheRightWayUp) {
     for (int column = 0; column < 10; ++column) {
       const int u = 88 + 20 * column + 10;
       const int v = 20 + 20 * row + 10;
-      EXPECT_EQ(at(*image, u, v), modules[static_cast<std::size_t>(10 * row + column)] > 0 ? kWhite : kBlack) << row << " " << column;
+      EXPECT_EQ(at(*image, u, v),
+                modules[static_cast<std::size_t>(10 * row + column)] > 0 ? kWhite : kBlack)
+          << row << " " << column;
     }
   }
 }
 
 TEST(ImageCamera, AnEdgeInsideAPixelDividesItsGray) {
-  // Tag edge 160.5 px wide: its left side is at 187.5 − 80.25 = 107.25, so pixel 107 (106.5..107.5) is ¾ white.
+  // Tag edge 160.5 px wide: its left side is at 187.5 − 80.25 = 107.25, so pixel 107 (106.5..107.5)
+  // is ¾ white.
   StillCamera camera(small_camera(), clean_settings());
-  const auto image = camera.photograph(EvenMotion(facing_camera(230.0 * 0.4 / 160.5)), {tag_at(3, 0.4)});
+  const auto image =
+      camera.photograph(EvenMotion(facing_camera(230.0 * 0.4 / 160.5)), {tag_at(3, 0.4)});
   EXPECT_NEAR(at(*image, 107, 119), 0.75 * kWhite + 0.25 * kBlack, 184.0 / 16);
   EXPECT_EQ(at(*image, 106, 119), kWhite);
   EXPECT_EQ(at(*image, 108, 119), kBlack);
@@ -63,17 +70,20 @@ TEST(ImageCamera, NearTagsHideFarOnesWhateverTheirOrder) {
 TEST(ImageCamera, BacksAreNotDrawn) {
   StillCamera camera(small_camera(), clean_settings());
   const EvenMotion behind({Eigen::Quaterniond::Identity(), {0, 0, -1}});
-  EXPECT_EQ(camera.photograph(behind, {tag_at(3, 0.4)})->pixels, camera.photograph(behind, {})->pixels);
+  EXPECT_EQ(camera.photograph(behind, {tag_at(3, 0.4)})->pixels,
+            camera.photograph(behind, {})->pixels);
 }
 
 TEST(ImageCamera, ATagThatReachesBehindTheCameraIsDrawnWhereItIsSeen) {
-  // A wall of 4 m seen from 10 cm beside it: most of the paper is outside the image, some is behind the camera.
+  // A wall of 4 m seen from 10 cm beside it: most of the paper is outside the image, some is behind
+  // the camera.
   StillCamera camera(small_camera(), clean_settings());
   const Pose along{exp_so3({0, std::numbers::pi / 2, 0}), {0, 0, 0.1}};
   const auto with = camera.photograph(EvenMotion(along), {tag_at(3, 4.0)});
   const auto without = camera.photograph(EvenMotion(along), {});
   int different = 0;
-  for (std::size_t i = 0; i < with->pixels.size(); ++i) different += with->pixels[i] != without->pixels[i] ? 1 : 0;
+  for (std::size_t i = 0; i < with->pixels.size(); ++i)
+    different += with->pixels[i] != without->pixels[i] ? 1 : 0;
   EXPECT_GT(different, 10000);
   EXPECT_LT(different, 376 * 240 * 3 / 4);
 }
@@ -135,14 +145,16 @@ TEST(ImageCamera, SlicesGiveTheSameImageAsOnePiece) {
   const EvenMotion moving(facing_camera(1), {0.3, 0.2, 0}, {0.2, 0.5, 0.8});
   const std::vector<RecordedTag> tags{tag_at(3, 0.3, {-0.3, 0, 0}), tag_at(4, 0.3, {0.3, 0.1, 0})};
   const auto whole = camera.photograph(moving, tags);
-  for (const int rows : {1, 7, 64}) EXPECT_EQ(camera.photograph(moving, tags, 0, rows)->pixels, whole->pixels) << rows;
+  for (const int rows : {1, 7, 64})
+    EXPECT_EQ(camera.photograph(moving, tags, 0, rows)->pixels, whole->pixels) << rows;
 }
 
 TEST(ImageCamera, MotionSmearsAnEdgeOverItsPath) {
   CameraSimulation settings = clean_settings();
   settings.exposure_s = 0.02;
   StillCamera camera(small_camera(), settings);
-  // 1 m away at 2 m/s: 2 · 0.02 · 230 = 9.2 px. In the middle of the exposure the left side of the edge is at 141.5.
+  // 1 m away at 2 m/s: 2 · 0.02 · 230 = 9.2 px. In the middle of the exposure the left side of the
+  // edge is at 141.5.
   const auto image = camera.photograph(EvenMotion(facing_camera(1), {2, 0, 0}), {tag_at(3, 0.4)});
   EXPECT_NEAR(at(*image, 141, 119), 0.5 * (kWhite + kBlack), 15);
   EXPECT_GT(at(*image, 139, 119), at(*image, 141, 119) + 20);

@@ -19,12 +19,15 @@ TEST_P(RayTableOf, EveryRayComesBackToItsPixelCorner) {
     for (int column = 0; column < rays.columns(); column += 5) {
       const auto px = model.project({rays.x(row)[column], rays.y(row)[column], 1.0});
       ASSERT_TRUE(px.has_value());
-      ASSERT_LT((*px - Eigen::Vector2d(column - 0.5, row - 0.5)).norm(), kFloatAndInterpolation_px) << column << " " << row;
+      ASSERT_LT((*px - Eigen::Vector2d(column - 0.5, row - 0.5)).norm(), kFloatAndInterpolation_px)
+          << column << " " << row;
     }
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Lenses, RayTableOf, testing::Values(small_camera(), small_lens_camera(), small_fisheye_camera(), lens_camera()));
+INSTANTIATE_TEST_SUITE_P(Lenses, RayTableOf,
+                         testing::Values(small_camera(), small_lens_camera(),
+                                         small_fisheye_camera(), lens_camera()));
 
 TEST(RayTable, WhereTheLensSeesNothingThereIsNoRay) {
   // Radial distortion that folds back at 0.73 of the focal length: the image corners are dark.

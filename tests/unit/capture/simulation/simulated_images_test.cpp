@@ -43,9 +43,11 @@ TEST(SimulatedImages, AreTheSameWhetherDrawnAheadInSlicesOrAtOnce) {
 
 TEST(SimulatedImages, SwitchingThemOffDoesNotChangeTheImu) {
   SimulatedBodyConfig body = robot_with_images(1);
-  const auto with = only<ImuSample>(run_out(*make_simulated_source(room_of("hall"), body, kStart, nullptr).value()));
+  const auto with = only<ImuSample>(
+      run_out(*make_simulated_source(room_of("hall"), body, kStart, nullptr).value()));
   body.camera.images = false;
-  const auto without = only<ImuSample>(run_out(*make_simulated_source(room_of("hall"), body, kStart, nullptr).value()));
+  const auto without = only<ImuSample>(
+      run_out(*make_simulated_source(room_of("hall"), body, kStart, nullptr).value()));
   ASSERT_EQ(with.size(), without.size());
   for (std::size_t k = 0; k < with.size(); ++k) {
     EXPECT_EQ(with[k].f_B, without[k].f_B);
@@ -55,7 +57,8 @@ TEST(SimulatedImages, SwitchingThemOffDoesNotChangeTheImu) {
 
 TEST(SimulatedImages, ASteadyStreamAllocatesNothing) {
   const FakeClock clock(kStart);
-  const auto source = make_simulated_source(room_of("hall"), robot_with_images(0), kStart, &clock).value();
+  const auto source =
+      make_simulated_source(room_of("hall"), robot_with_images(0), kStart, &clock).value();
   const auto run_until = [&](double t_s) {
     int images = 0;
     for (;;) {

@@ -15,7 +15,10 @@ class EvenMotion final : public Trajectory {
                       const Eigen::Vector3d& w_WB_B = Eigen::Vector3d::Zero())
       : X_WB_(X_WB), v_WB_(v_WB), w_WB_B_(w_WB_B) {}
   [[nodiscard]] Point at(double t_s) const override {
-    return {{X_WB_.q * exp_so3(w_WB_B_ * t_s), X_WB_.p + v_WB_ * t_s}, v_WB_, Eigen::Vector3d::Zero(), w_WB_B_};
+    return {{X_WB_.q * exp_so3(w_WB_B_ * t_s), X_WB_.p + v_WB_ * t_s},
+            v_WB_,
+            Eigen::Vector3d::Zero(),
+            w_WB_B_};
   }
 
  private:
@@ -28,10 +31,12 @@ class EvenMotion final : public Trajectory {
 class StillCamera final {
  public:
   StillCamera(const CameraModel& model, const CameraSimulation& settings)
-      : camera_(mount(model), settings, {Eigen::Vector3d::Constant(-5), Eigen::Vector3d::Constant(5)},
+      : camera_(mount(model), settings,
+                {Eigen::Vector3d::Constant(-5), Eigen::Vector3d::Constant(5)},
                 std::move(*TagFamily::named("tag36h11"))) {}
 
-  std::shared_ptr<const GrayImage> photograph(const Trajectory& motion, const std::vector<RecordedTag>& tags,
+  std::shared_ptr<const GrayImage> photograph(const Trajectory& motion,
+                                              const std::vector<RecordedTag>& tags,
                                               std::uint64_t k = 0, int rows_at_once = 1 << 20) {
     camera_.begin({1, 0, k}, motion, 0.0, tags);
     while (!camera_.draw(rows_at_once)) {
@@ -51,7 +56,14 @@ class StillCamera final {
 /// 376 × 240 pixels, so that tests stay quick.
 inline CameraModel small_camera() { return {376, 240, 230, 230, 187.5, 119.5}; }
 inline CameraModel small_lens_camera() {
-  return {376, 240, 230, 229, 183.6, 124.2, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  return {376,
+          240,
+          230,
+          229,
+          183.6,
+          124.2,
+          Distortion::kRadialTangential,
+          {-0.28, 0.07, 2e-4, 2e-5, 0}};
 }
 inline CameraModel small_fisheye_camera() {
   return {376, 240, 190, 190, 185, 122, Distortion::kEquidistant, {-0.01, 0.02, -0.01, 0.002, 0}};
