@@ -78,7 +78,7 @@ void MapBuilder::absorb(int body_id, std::span<const TagBelief> beliefs, std::in
   for (const TagBelief& belief : beliefs) {
     if (ready(belief)) follow |= absorb_locked(body_id, belief, utc_now_ns);
   }
-  if (follow) publish_locked();
+  if (follow) publish_locked(utc_now_ns);
 }
 
 bool MapBuilder::absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns) {
@@ -123,8 +123,9 @@ MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
   return *working_.tags.insert(place, MapTag{.tag = belief.tag});
 }
 
-void MapBuilder::publish_locked() {
+void MapBuilder::publish_locked(std::int64_t utc_now_ns) {
   working_.hash.clear();
+  working_.created_utc_ns = utc_now_ns;
   changed_ = true;
   auto next = std::make_shared<const TagMap>(working_);
   const std::lock_guard lock(snapshot_mutex_);
@@ -145,14 +146,12 @@ void MapBuilder::mark_stored(const TagMap& stored) {
   const std::lock_guard lock(mutex_);
   working_.version = stored.version;
   working_.parent = stored.parent;
-  working_.created_utc_ns = stored.created_utc_ns;
   working_.comment = stored.comment;
   // What joined while the store was writing is in no version yet.
   changed_ = !same_tags(*snapshot_, stored);
   auto next = std::make_shared<TagMap>(*snapshot_);
   next->version = stored.version;
   next->parent = stored.parent;
-  next->created_utc_ns = stored.created_utc_ns;
   next->comment = stored.comment;
   next->hash = changed_ ? std::string{} : stored.hash;
   note_locked(MapEvent::Kind::kPublished, 0,

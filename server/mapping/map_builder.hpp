@@ -59,7 +59,7 @@ class MapBuilder final {
   MapBuilder(const MapConfig& config, TagMap start);
 
   /// @param beliefs     in the workspace axes; not finite or too uncertain ones are passed over
-  /// @param utc_now_ns  for first/last seen
+  /// @param utc_now_ns  for first/last seen, and the time of creation of what is published
   void absorb(int body_id, std::span<const TagBelief> beliefs, std::int64_t utc_now_ns);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
   /// @return true when the map differs from what was last marked as stored.
@@ -80,7 +80,7 @@ class MapBuilder final {
   /// @return true when the published map should follow.
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
   MapTag& add_locked(int body_id, const TagBelief& belief);
-  void publish_locked();
+  void publish_locked(std::int64_t utc_now_ns);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 
   MapConfig config_;

@@ -49,6 +49,7 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
   processing_ = processing;
   images_dropped_ = images_dropped;
   count_image(report.exposed_at);
+  estimated_ = estimate.has_value();
   anchored_ = estimate && estimate->anchored;
   if (!estimate) {
     predictor_.clear();
@@ -90,7 +91,7 @@ BodyState BodyTracker::state_at(Instant at) const {
   if (source_lost_) return BodyState::kLost;
   if (!last_tag_at_) return BodyState::kSearching;
   if (unseen_for(at, limits_.lose_after_s)) return BodyState::kLost;
-  if (!anchored_) return BodyState::kSearching;
+  if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
   return unseen_for(at, limits_.coast_after_s) ? BodyState::kCoasting : BodyState::kTracking;
 }
 

@@ -50,6 +50,7 @@ TEST_F(MapBuilderTest, ABeliefBelowTheLimitsJoins) {
   EXPECT_EQ(joined->last_seen_utc_ns, kNow_utc_ns);
   EXPECT_EQ(joined->first_seen_utc_ns, kNow_utc_ns - 3'000'000'000);
   EXPECT_EQ(joined->tag.X_WT.p.x(), 1.0);
+  EXPECT_EQ(after->created_utc_ns, kNow_utc_ns);
   EXPECT_TRUE(builder_.changed());
   EXPECT_EQ(fault_in(*after), std::nullopt);
 }

@@ -174,7 +174,7 @@ TEST_F(BodyTrackerTest, WantsAResetFromTheLossToTheFreshEstimate) {
   image(100, 3);
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5100)));
   EXPECT_TRUE(tracker_.wants_reset(at_ms(5101)));
-  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // after filter.reset(): not running yet
+  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // after filter.lose_motion(): not running
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5200)));
   EXPECT_EQ(sample(5200).state, BodyState::kLost);
   auto adrift = estimate(5250);
@@ -187,6 +187,18 @@ TEST_F(BodyTrackerTest, WantsAResetFromTheLossToTheFreshEstimate) {
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5400)));
   EXPECT_EQ(sample(5400).state, BodyState::kTracking);
   EXPECT_TRUE(sample(5400).valid);
+}
+
+TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
+  image(100, 3);
+  tracker_.ingest(std::nullopt, report(400, 0), {}, 0);
+  EXPECT_EQ(sample(400).state, BodyState::kLost);
+  EXPECT_FALSE(sample(400).valid);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(1, 2, 3));
+  EXPECT_FALSE(tracker_.wants_reset(at_ms(6000)));
+  imu_ms_ = 405;
+  image(450, 3);
+  EXPECT_EQ(sample(450).state, BodyState::kTracking);
 }
 
 TEST_F(BodyTrackerTest, ABodyThatWasNeverTiedIsNotReset) {
