@@ -39,6 +39,7 @@ class ClientProcess final {
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
+    posix_spawn_file_actions_addclosefrom_np(&actions, 3);  // or the client would keep our port open
     // Line by line: the client's own buffer is lost when it is ended.
     std::string arguments[] = {"stdbuf", "-oL", program, device};
     char* argv[] = {arguments[0].data(), arguments[1].data(), arguments[2].data(), arguments[3].data(), nullptr};
