@@ -38,7 +38,8 @@ class Server::Impl final {
   Expected<void> build();
   bool run();
   void stop();
-  [[nodiscard]] std::uint16_t web_port() const { return web_port_; }
+  [[nodiscard]] ServerPorts ports() const { return ports_; }
+  [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
 
  private:
   struct Body {
@@ -58,6 +59,7 @@ class Server::Impl final {
   ServerConfig config_;
   ServerOptions options_;
   const Clock& clock_;
+  Instant simulation_start_{};
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
@@ -66,7 +68,7 @@ class Server::Impl final {
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
   StreamHub hub_;
-  std::uint16_t web_port_{0};
+  ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
   std::jthread keeping_;
@@ -95,12 +97,12 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   std::vector<Body> bodies;
   std::optional<Error> first_failure;
   std::size_t opened = 0;
-  const Instant begin = clock_.now();
+  simulation_start_ = clock_.now();
   for (const auto& config : config_.bodies) {
     auto setup = read_body_setup(config, config_.simulation);
     if (!setup) return tl::unexpected(Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
     if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors.cameras);
-    auto source = open_source(config, *setup, config_.simulation, begin, clock_);
+    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
     if (source) {
       ++opened;
     } else {
@@ -141,11 +143,15 @@ Expected<void> Server::Impl::build_streaming() {
   const auto model = scene_->model();
   const StreamingConfig& streaming = config_.streaming;
   if (streaming.vrpn.enabled) {
-    const auto done = accept(vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_), "vrpn");
+    auto server = vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_);
+    if (server) ports_.vrpn = (*server)->port();
+    const auto done = accept(std::move(server), "vrpn");
     if (!done) return done;
   }
   if (streaming.native.enabled) {
-    const auto done = accept(native::start_native_server(io_, streaming.native, model, clock_), "native");
+    auto server = native::start_native_server(io_, streaming.native, model, clock_);
+    if (server) ports_.native = native::bound_port(**server);
+    const auto done = accept(std::move(server), "native");
     if (!done) return done;
   }
   if (streaming.web.enabled) {
@@ -154,7 +160,7 @@ Expected<void> Server::Impl::build_streaming() {
     sources.version = FIDUCAP_VERSION;
     sources.map_mode = config_.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
     auto page = web::start_web_server(io_, streaming.web, std::move(sources), model, clock_);
-    if (page) web_port_ = (*page)->port();
+    if (page) ports_.web = (*page)->port();
     const auto done = accept(std::move(page), "web");
     if (!done) return done;
   }
@@ -196,8 +202,8 @@ bool Server::Impl::run() {
   }
   start_threads();
   log::info("app", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
-                       (web_port_ == 0 ? "" : ", page on http://" + config_.streaming.web.address + ":" +
-                                                  std::to_string(web_port_) + "/"));
+                       (ports_.web == 0 ? "" : ", page on http://" + config_.streaming.web.address + ":" +
+                                                   std::to_string(ports_.web) + "/"));
   serve();
   return shut_down();
 }
@@ -249,6 +255,7 @@ Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Server::~Server() = default;
 bool Server::run() { return impl_->run(); }
 void Server::stop() { impl_->stop(); }
-std::uint16_t Server::web_port() const { return impl_->web_port(); }
+ServerPorts Server::ports() const { return impl_->ports(); }
+Instant Server::simulation_start() const { return impl_->simulation_start(); }
 
 }  // namespace fiducap

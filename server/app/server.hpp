@@ -1,17 +1,24 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "app/config_file.hpp"
 #include "base/clock.hpp"
 #include "base/expected.hpp"
-#include "scene/scene_frame.hpp"
 
 namespace fiducap {
 
 struct ServerOptions {
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
+};
+
+/// Where the protocols really listen (a configured 0 is any free port); 0: not served.
+struct ServerPorts {
+  std::uint16_t vrpn{};
+  std::uint16_t native{};
+  std::uint16_t web{};
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
@@ -33,8 +40,9 @@ class Server final {
   [[nodiscard]] bool run();
   /// From any thread.
   void stop();
-  /// The port of the page, for messages; 0 without page.
-  [[nodiscard]] std::uint16_t web_port() const;
+  [[nodiscard]] ServerPorts ports() const;
+  /// When the motion of simulated bodies begins: their t = 0.
+  [[nodiscard]] Instant simulation_start() const;
 
  private:
   class Impl;
