@@ -1,6 +1,7 @@
 #include "app/body_setup.hpp"
 
 #include <fstream>
+#include <sstream>
 #include <utility>
 
 #include "base/log.hpp"
@@ -135,6 +136,18 @@ std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
     priors.push_back(prior);
   }
   return priors;
+}
+
+void warn_about_tags(const std::string& body, const RecordingInfo& recording, const TagSetConfig& tags) {
+  const bool same = recording.tag_family == tags.family && recording.tag_size_m == tags.size_m &&
+                    recording.tag_sizes_m == tags.sizes_m && recording.ignore_tags == tags.ignore;
+  if (same) return;
+  std::ostringstream text;
+  text << body << ": the recording says: tags.family = " << recording.tag_family
+       << ", tags.size_m = " << recording.tag_size_m << ", " << recording.tag_sizes_m.size() << " tags of other sizes, "
+       << recording.ignore_tags.size() << " ids to ignore; the configuration says: " << tags.family << ", "
+       << tags.size_m << ", " << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
+  log::warning("app", text.str());
 }
 
 std::unique_ptr<SensorSource> failed_source(Error error) { return std::make_unique<FailedSource>(std::move(error)); }

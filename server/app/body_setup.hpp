@@ -32,6 +32,9 @@ struct BodySetup {
 /// What a recording says about the tags it is about.
 [[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);
 
+/// Says in the log where the recording and `tags` differ about what was printed: a wrong size scales the whole room.
+void warn_about_tags(const std::string& body, const RecordingInfo& recording, const TagSetConfig& tags);
+
 /// Stands in for a source that could not be opened: gives nothing but this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
 

@@ -77,7 +77,7 @@ void BodyWorker::work(std::stop_token stop) {
   ended_ = true;
   if (stop.stop_requested()) return;
   shared_.scene.source_lost(parts_.index);
-  log::warning("app", parts_.name + " is lost: its source gives nothing more; the server goes on");
+  log::warning("app", parts_.name + " is lost; the server goes on");
 }
 
 void BodyWorker::work_samples(std::stop_token stop) {
@@ -107,7 +107,10 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   const UpdateReport report = filter.update(seen_, known_);
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
-  for (const auto& event : shared_.map.take_events()) log::info("mapping", event.text);
+  for (const auto& event : shared_.map.take_events()) {
+    const bool rare = event.kind != MapEvent::Kind::kTagRefined;
+    log::write(rare ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
+  }
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
   const std::uint64_t dropped = inbox_.statistics().images_dropped;
@@ -127,7 +130,7 @@ const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
 }
 
 void BodyWorker::remember_extrinsics(Instant now) {
-  if (now - learned_at_ < kRememberPeriod) return;
+  if (learned_at_ && now - *learned_at_ < kRememberPeriod) return;
   learned_at_ = now;
   auto newest = parts_.filter->extrinsics();
   const std::lock_guard lock(learned_mutex_);

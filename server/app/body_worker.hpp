@@ -91,7 +91,7 @@ class BodyWorker final {
   std::atomic<bool> ended_{false};
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
-  Instant learned_at_{};
+  std::optional<Instant> learned_at_;
 };
 
 }  // namespace fiducap

@@ -33,8 +33,7 @@ void MapKeeper::commit() {
     return;
   }
   if (!failing_) {
-    log::error("mapping", "the map was not stored (tried again every " + std::to_string(to_seconds(period_)) +
-                              " s; what is stored stays): " + done.error().text());
+    log::error("mapping", "the map was not stored (it is tried again; what is stored stays): " + done.error().text());
   }
   failing_ = true;
 }

@@ -101,6 +101,7 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   for (const auto& config : config_.bodies) {
     auto setup = read_body_setup(config, config_.simulation);
     if (!setup) return tl::unexpected(Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
+    if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors.cameras);
     auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
     if (source) {
