@@ -25,7 +25,9 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
-    return root_.IsMap() && root_[section].IsMap() && root_[section][key].IsDefined();
+    if (!root_.IsMap()) return false;
+    const YAML::Node part = root_[section];
+    return part && part.IsMap() && part[key];
   }
 
  private:
@@ -49,6 +51,7 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
   if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
   if (mentioned("tags", "ignore")) setup.tags.ignore = config->tags.ignore;
+  if (mentioned("tags", "max_hamming")) setup.tags.max_hamming = config->tags.max_hamming;
   if (mentioned("map", "reference_tag"))
     setup.gauge = {config->map.reference_tag, config->map.reference_pose};
   return {};
