@@ -25,7 +25,9 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
-    return root_.IsMap() && root_[section].IsMap() && root_[section][key].IsDefined();
+    // A missing key gives a node that throws at any question but IsDefined.
+    if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
+    return root_[section][key].IsDefined();
   }
 
  private:
