@@ -25,9 +25,15 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
+<<<<<<< HEAD
     if (!root_.IsMap()) return false;
     const YAML::Node part = root_[section];
     return part && part.IsMap() && part[key];
+=======
+    // A missing key gives a node that throws at any question but IsDefined.
+    if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
+    return root_[section][key].IsDefined();
+>>>>>>> cli
   }
 
  private:
