@@ -127,11 +127,7 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   if (!store) return report(terminal, store.error());
   const auto newest = store->newest();
   if (!newest) return report(terminal, newest.error());
-<<<<<<< HEAD
-  map->version = newest->version;  // what the new version follows in the log
-=======
   map->version = newest->version;  // whatever the file was once: here it follows the newest
->>>>>>> cli
   if (map->created_utc_ns == 0) map->created_utc_ns = utc_now_ns();
   const std::string comment =
       arguments.comment.empty()

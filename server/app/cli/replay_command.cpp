@@ -25,15 +25,9 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
-<<<<<<< HEAD
-    if (!root_.IsMap()) return false;
-    const YAML::Node part = root_[section];
-    return part && part.IsMap() && part[key];
-=======
     // A missing key gives a node that throws at any question but IsDefined.
     if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
     return root_[section][key].IsDefined();
->>>>>>> cli
   }
 
  private:
@@ -57,7 +51,6 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
   if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
   if (mentioned("tags", "ignore")) setup.tags.ignore = config->tags.ignore;
-  if (mentioned("tags", "max_hamming")) setup.tags.max_hamming = config->tags.max_hamming;
   if (mentioned("map", "reference_tag"))
     setup.gauge = {config->map.reference_tag, config->map.reference_pose};
   return {};

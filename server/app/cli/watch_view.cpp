@@ -79,16 +79,6 @@ std::string row(const Body& body) {
   return text + '\n';
 }
 
-/// Each name above its column, with the widths of `row`.
-std::string column_names() {
-  constexpr std::array<std::pair<const char*, std::size_t>, 12> kColumns{
-      {{"x [m]", 8}, {"y [m]", 8}, {"z [m]", 8}, {"yaw [d]", 7}, {"pitch", 7}, {"roll", 7},
-       {"[m/s]", 6}, {"[d/s]", 6}, {"1s [mm]", 7}, {"1s [d]", 6}, {"age[ms]", 7}, {"tags", 4}}};
-  std::string text = "body             state    ";
-  for (const auto& [name, width] : kColumns) text += ' ' + right(name, width);
-  return text + '\n';
-}
-
 std::string summary(const Frame& frame, const ClientStatistics& s) {
   return "frame " + std::to_string(frame.number) + "  " + fixed(s.rate_hz, 1) +
          " Hz  latency p50 " + milliseconds(s.latency_p50_s) + " p99 " +
