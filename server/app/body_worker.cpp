@@ -108,8 +108,8 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
   for (const auto& event : shared_.map.take_events()) {
-    const bool rare = event.kind != MapEvent::Kind::kTagRefined;
-    log::write(rare ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
+    const bool news = event.kind == MapEvent::Kind::kTagAdded;  // versions are announced by the map keeper
+    log::write(news ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
   }
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();

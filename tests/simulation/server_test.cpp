@@ -17,6 +17,7 @@
 
 #include "app/system_clock.hpp"
 #include "capture/simulation/simulation.hpp"
+#include "mapping/map_store.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -138,9 +139,10 @@ class TruthMeter final {
 };
 
 TEST(ServerOnLoopback, StreamsThreeRobotsWhereTheyReallyAre) {
-  // A robot that has mapped the room for a few seconds only; the drone's camera is 8 mm and 0.5 degrees off.
-  constexpr double kPosition_m = 0.25;
-  constexpr double kAttitude_rad = 0.05;
+  // The map is a few seconds old and the drone's camera is 8 mm and 0.5 degrees off what it believes; three times
+  // what was measured when this was written.
+  constexpr double kPosition_m = 0.15;
+  constexpr double kAttitude_rad = 0.02;
   const ServerConfig config = corner_demo();
   RunningServer server(config);
   const auto client = client_of(*server);
