@@ -115,6 +115,7 @@ void lose_sometimes(BodyPose& made, double t) {
 // The second robot was never placed, the third is lost for good.
 void trouble(std::vector<BodyPose>& bodies) {
   for (std::size_t i = 1; i < std::min<std::size_t>(bodies.size(), 3); ++i) {
+    if (i == 1) bodies[i] = BodyPose{.body_id = bodies[i].body_id};
     bodies[i].valid = false;
     bodies[i].state = i == 1 ? BodyState::kSearching : BodyState::kLost;
     bodies[i].tags_in_view = 0;

@@ -1,5 +1,6 @@
 // The whole server on loopback, in real time: what a client receives is the simulated truth.
 #include "app/server.hpp"
+#include "mapping/map_store.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

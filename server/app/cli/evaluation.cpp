@@ -94,12 +94,12 @@ class UsableCorners final {
  public:
   explicit UsableCorners(const RecordingInfo& info)
       : tags_{info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags} {
-    if (info.max_hamming) config_.max_hamming = *info.max_hamming;
+    if (info.max_hamming) tags_.max_hamming = *info.max_hamming;
   }
 
   CornerFrame of(SensorSample sample) {
     if (const auto* image = std::get_if<CameraFrame>(&sample)) {
-      if (!detector_) detector_.emplace(tags_, config_);
+      if (!detector_) detector_.emplace(tags_, DetectorConfig{});
       return filtered(detector_->detect(*image));
     }
     return filtered(std::move(std::get<CornerFrame>(sample)));
@@ -108,14 +108,13 @@ class UsableCorners final {
  private:
   CornerFrame filtered(CornerFrame frame) const {
     std::erase_if(frame.tags, [&](const TagSighting& tag) {
-      return tag.hamming > config_.max_hamming ||
+      return tag.hamming > tags_.max_hamming ||
              std::find(tags_.ignore.begin(), tags_.ignore.end(), tag.tag_id) != tags_.ignore.end();
     });
     return frame;
   }
 
   TagSetConfig tags_;
-  DetectorConfig config_;
   std::optional<TagDetector> detector_;
 };
 

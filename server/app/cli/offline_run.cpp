@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "app/cli/reprojection.hpp"
+#include "app/cli/settled_trajectory.hpp"
 #include "app/cli/stage_clock.hpp"
 #include "detection/observe.hpp"
 #include "detection/tag_detector.hpp"
@@ -34,7 +35,8 @@ class OfflineRun final {
       : setup_(setup),
         source_(source),
         merger_({.has_imu = setup.sensors.imu.has_value()}),
-        filter_(make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator)) {
+        filter_(make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator)),
+        settled_(setup.estimator.corner_noise_px) {
     filter_->set_tag_priors(setup.priors);
     for (const KnownTag& tag : setup.known) known_.emplace(tag.tag_id, tag);
   }
@@ -109,6 +111,15 @@ class OfflineRun final {
       if (const auto found = known_.find(tag.tag_id); found != known_.end())
         visible_known_.push_back(found->second);
     count(filter_->update(seen_, visible_known_));
+    if (!setup_.sensors.imu) remember_for_settling();
+  }
+
+  void remember_for_settling() {
+    const bool placed = filter_->running() && filter_->estimate().at == seen_.exposed_at && filter_->estimate().anchored;
+    filter_->tag_beliefs(beliefs_);
+    std::vector<KnownTag> tags = visible_known_;
+    for (const TagBelief& belief : beliefs_) tags.push_back(belief.tag);
+    settled_.add(seen_, placed ? std::optional(filter_->estimate().X_WB) : std::nullopt, tags);
   }
 
   void count(const UpdateReport& report) {
@@ -169,13 +180,26 @@ class OfflineRun final {
     result_.known = setup_.known;
     filter_->tag_beliefs(result_.tags);
     result_.extrinsics = filter_->extrinsics();
+    if (!setup_.sensors.imu) settle();
     return std::move(result_);
+  }
+
+  /// Without IMU the trajectory is that of the finished map; what was known live is kept beside it.
+  void settle() {
+    std::vector<KnownTag> map = result_.known;
+    for (const TagBelief& belief : result_.tags) map.push_back(belief.tag);
+    result_.live = std::move(result_.trajectory);
+    result_.trajectory = settled_.settle(setup_.sensors.cameras, map);
+    result_.statistics.frames_with_pose = static_cast<int>(result_.trajectory.size());
+    result_.statistics.frames_with_tags_and_pose = result_.statistics.frames_with_pose;
   }
 
   const OfflineSetup& setup_;
   SensorSource& source_;
   SampleMerger merger_;
   std::unique_ptr<BodyFilter> filter_;
+  SettledTrajectory settled_;
+  std::vector<TagBelief> beliefs_;
   std::optional<TagDetector> detector_;
   std::map<int, KnownTag> known_;
   StageClock<Stage, 4> clock_;

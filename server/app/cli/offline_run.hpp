@@ -54,6 +54,9 @@ struct OfflineStatistics {
 struct OfflineResult {
   std::vector<StampedPose>
       trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
+  /// Without IMU `trajectory` is placed in the finished map (SettledTrajectory), and this is what the
+  /// filter gave out live; with IMU it is empty, because `trajectory` is live.
+  std::vector<StampedPose> live;
   std::vector<KnownTag> known;  ///< As given.
   std::vector<TagBelief> tags;  ///< As the filter saw them at the end.
   std::vector<ExtrinsicsEstimate> extrinsics;

@@ -109,12 +109,13 @@ Expected<void> write_run_files(const std::string& folder, const std::string& bod
   const std::filesystem::path to(folder);
   std::vector<Pose> X_BV;
   for (const ExtrinsicsEstimate& camera : result.extrinsics) X_BV.push_back(camera.X_BV);
-  const std::array<std::pair<std::string, std::string>, 4> files{{
+  std::vector<std::pair<std::string, std::string>> files{
       {body + ".tum", to_tum(result.trajectory)},
       {"map.csv", map_to_csv(run_map(setup, result))},
       {"extrinsics.yaml", to_extrinsics_yaml(X_BV)},
       {"report.json", run_report(body, setup, result)},
-  }};
+  };
+  if (!result.live.empty()) files.emplace_back(body + ".live.tum", to_tum(result.live));
   for (const auto& [name, content] : files)
     if (auto written = write_whole_file((to / name).string(), content); !written) return written;
   return {};

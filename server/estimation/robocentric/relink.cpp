@@ -15,6 +15,7 @@ namespace {
 
 // One wrong tag must not outvote the others.
 constexpr double kInlierSigmas = 5.0;
+constexpr double kFirstInlierSigmas = 50.0;  // one tag's pose predicts the others badly
 constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
 // Motions closer than this are the same answer.
@@ -38,13 +39,15 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
   return cost;
 }
 
-/// Least squares over all tags that fit: ends close to where the filter's own answer will be, so that the transition is
+/// Least squares over all tags, far ones first let in and then left out: ends close to where the filter's own answer will be, so that the transition is
 /// linearised there and not at one tag's noisy pose.
 Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
             std::span<const TagToUse> tags, double noise_px) {
   std::vector<PlacedTag> placed;
   for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
-  return resect(X_B0B, state.X_BV[static_cast<std::size_t>(camera)], model, placed, kInlierSigmas * noise_px);
+  const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
+  const Pose near = resect(X_B0B, X_BV, model, placed, kFirstInlierSigmas * noise_px);
+  return resect(near, X_BV, model, placed, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
@@ -68,15 +71,15 @@ std::optional<StepFound> find_step(const FilterState& state, int camera, const C
     for (const TagPose& pose : solve_tag_pose(*tag->seen, model)) {
       if (!std::isfinite(pose.rms_px)) continue;
       const Pose X_BT = state.X_BV[static_cast<std::size_t>(camera)] * pose.X_VT;
-      const Pose X_B0B = tag_in_start_body(state, *tag) * X_BT.inverse();
+      const Pose proposed = tag_in_start_body(state, *tag) * X_BT.inverse();
+      const Pose X_B0B = refine(proposed, state, camera, model, tags, corner_noise_px);
       proposals.push_back({X_B0B, cost_of(X_B0B, state, camera, model, tags, guess, corner_noise_px)});
     }
   }
   if (proposals.empty()) return std::nullopt;
   const auto best = std::min_element(proposals.begin(), proposals.end(),
                                      [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  StepFound found{refine(best->X_B0B, state, camera, model, tags, corner_noise_px),
-                  std::numeric_limits<double>::infinity()};
+  StepFound found{best->X_B0B, std::numeric_limits<double>::infinity()};
   for (const Proposal& other : proposals) {
     if (angle_between(other.X_B0B.q, best->X_B0B.q) > kSameAngle_rad) {
       found.evidence = std::min(found.evidence, other.cost - best->cost);

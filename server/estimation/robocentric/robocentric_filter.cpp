@@ -34,6 +34,8 @@ constexpr int kCornerStepIterations = 2;
 // Contradictions in a row before something is given up.
 constexpr int kRejectionsToDrop = 10;
 constexpr int kBarrenToRestart = 20;
+// A tag is believed to be there after so many views.
+constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
@@ -361,10 +363,11 @@ std::optional<CameraAttitude> RobocentricFilter::camera_attitude(int camera, Ins
 void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
   if (has_imu() && !attitude_.ready()) return;
   const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
+  const int at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, forced_after);
+    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
     if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
   }
 }

@@ -40,9 +40,13 @@ double to_ms(Duration d) { return milli(to_seconds(d) * 1e3); }
 // Bytes that are not UTF-8 (a body's name, a peer's text) become U+FFFD instead of an exception.
 std::string text_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
 
+// Every pose a filter gave has a covariance. Without one the zeros are no place, not even an old one.
+bool was_ever_placed(const BodyPose& body) {
+  return body.valid || body.covariance.diagonal().head<3>().maxCoeff() > 0;
+}
+
 void add_pose(Json& out, const BodyPose& body) {
-  // Searching means: nothing ties this body to the workspace. Its numbers are about nowhere.
-  if (!body.valid && body.state == BodyState::kSearching) {
+  if (!was_ever_placed(body)) {
     for (const char* name :
          {"p", "q", "v", "speed", "turn_rate_deg_s", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
       out[name] = nullptr;

@@ -29,7 +29,7 @@ struct Hello {
 
 /// `frame`: number, utc_ms, rate_hz, map_version, bodies [{id, state, valid, p, q, v, speed, turn_rate_deg_s, sigma_mm,
 /// sigma_deg, cov, age_ms, latency_ms, tags, image_rate_hz, reprojection_px, images_dropped}].
-/// A body that was never tied to the workspace has p, q, v, cov, speed, turn rate, sigmas and age null: it has no pose,
+/// A body that was never placed in the workspace has p, q, v, cov, speed, turn rate, sigmas and age null: it has no pose,
 /// not even an old one.
 [[nodiscard]] std::string encode_frame(const SceneFrame& frame);
 

@@ -56,7 +56,7 @@ TEST(ReplaySetup, WhatNobodyMentionsStaysAsTheRecordingHasIt) {
   EXPECT_EQ(setup->tags.size_m, 0.3);
   EXPECT_EQ(setup->tags.sizes_m.at(3), 0.5);
   EXPECT_EQ(setup->tags.ignore, std::vector{5});
-  EXPECT_EQ(setup->detector.max_hamming, 2);
+  EXPECT_EQ(setup->tags.max_hamming, 2);
   EXPECT_EQ(setup->estimator.corner_noise_px, 0.7);
   EXPECT_EQ(setup->gauge.reference_tag, 1);
 }

@@ -65,22 +65,26 @@ TEST(WebCodec, CovarianceIsTheUpperTriangleRowByRow) {
 
 TEST(WebCodec, BodyThatWasNeverPlacedHasNoPose) {
   const auto scene = make_scene_frame({"a"});
-  scene->bodies[0].valid = false;
-  scene->bodies[0].state = BodyState::kSearching;
-  const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
-  for (const char* name : {"p", "q", "v", "speed", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
-    EXPECT_TRUE(body.at(name).is_null()) << name;
+  scene->bodies[0] = BodyPose{};
+  for (const BodyState state : {BodyState::kSearching, BodyState::kLost}) {
+    scene->bodies[0].state = state;
+    const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
+    for (const char* name : {"p", "q", "v", "speed", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
+      EXPECT_TRUE(body.at(name).is_null()) << name;
+    }
   }
 }
 
-TEST(WebCodec, LostBodyKeepsItsLastPoseAndSaysThatItIsInvalid) {
+TEST(WebCodec, BodyWithoutTagsKeepsItsLastPoseAndSaysThatItIsInvalid) {
   const auto scene = make_scene_frame({"a"});
   scene->bodies[0].valid = false;
-  scene->bodies[0].state = BodyState::kLost;
-  const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
-  EXPECT_EQ(body["valid"], false);
-  EXPECT_EQ(body["state"], "lost");
-  EXPECT_TRUE(body["p"].is_array());
+  for (const BodyState state : {BodyState::kSearching, BodyState::kLost}) {
+    scene->bodies[0].state = state;
+    const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
+    EXPECT_EQ(body["valid"], false);
+    EXPECT_EQ(body["state"], name_of(state));
+    EXPECT_TRUE(body["p"].is_array());
+  }
 }
 
 TEST(WebCodec, NumbersThatAreNotFiniteBecomeNull) {
