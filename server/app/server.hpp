@@ -23,19 +23,23 @@ struct ServerPorts {
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
 ///
-/// Threads: per body one reader and one worker; one publisher; one map keeper; the caller of `run` does all I/O.
+/// Threads: per body one reader and one worker; one publisher; one map keeper; the caller of `run`
+/// does all I/O.
 class Server final {
  public:
   /// Opens the map, the sources and the ports. Nothing moves before `run`.
   /// @param clock  real time; outlives the server
-  /// @return Error with what to do about it: a file, a port, a damaged map. A source that cannot be opened is only
+  /// @return Error with what to do about it: a file, a port, a damaged map. A source that cannot be
+  /// opened is only
   ///         an error when no other one can be.
-  [[nodiscard]] static Expected<std::unique_ptr<Server>> build(const ServerConfig& config, const ServerOptions& options,
+  [[nodiscard]] static Expected<std::unique_ptr<Server>> build(const ServerConfig& config,
+                                                               const ServerOptions& options,
                                                                const Clock& clock);
   ~Server();
 
   /// Serves until stopped; returns within a second of that.
-  /// @return false when a source does not let go of its device: its thread is left behind, and the only way to get
+  /// @return false when a source does not let go of its device: its thread is left behind, and the
+  /// only way to get
   ///         rid of it is to end the process without destroying this server.
   [[nodiscard]] bool run();
   /// From any thread.

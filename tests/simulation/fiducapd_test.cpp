@@ -23,9 +23,12 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 
-const std::string kDemo = (std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml").string();
-const std::vector<std::string> kFreePorts{"--set", "streaming.vrpn.port=0", "--set", "streaming.native.port=0",
-                                          "--set", "streaming.web.port=0",  "--set", "bodies.0.source.camera.images=false",
+const std::string kDemo =
+    (std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml").string();
+const std::vector<std::string> kFreePorts{"--set", "streaming.vrpn.port=0",
+                                          "--set", "streaming.native.port=0",
+                                          "--set", "streaming.web.port=0",
+                                          "--set", "bodies.0.source.camera.images=false",
                                           "--set", "bodies.1.source.camera.images=false",
                                           "--set", "bodies.2.source.camera.images=false"};
 
@@ -33,7 +36,8 @@ const std::vector<std::string> kFreePorts{"--set", "streaming.vrpn.port=0", "--s
 class Program final {
  public:
   explicit Program(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), (std::filesystem::path(FIDUCAP_BINARY_DIR) / "bin" / "fiducapd").string());
+    arguments.insert(arguments.begin(),
+                     (std::filesystem::path(FIDUCAP_BINARY_DIR) / "bin" / "fiducapd").string());
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);

@@ -18,6 +18,7 @@
 
 #include "app/system_clock.hpp"
 #include "capture/simulation/simulation.hpp"
+#include "mapping/map_store.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -30,8 +31,8 @@ using testing::HasSubstr;
 /// The shipped demo with ready corners instead of images (a thousandth of the cost) on free ports.
 ServerConfig corner_demo() {
   const auto file = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml";
-  auto config = load_config(file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.web.port=0",
-                                            "log_level=warning"});
+  auto config = load_config(file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0",
+                                            "streaming.web.port=0", "log_level=warning"});
   if (!config) throw std::runtime_error(config.error().front().text());
   for (auto& body : config->bodies) {
     body.source.simulator.camera.images = false;
@@ -78,7 +79,8 @@ std::unique_ptr<Client> client_of(Server& server) {
   return std::make_unique<Client>(options);
 }
 
-/// Calls `each` for every frame of the client until it returns true. @return false after `patience`.
+/// Calls `each` for every frame of the client until it returns true. @return false after
+/// `patience`.
 template <typename Each>
 bool follow(const Client& client, std::chrono::seconds patience, Each each) {
   const auto until = std::chrono::steady_clock::now() + patience;
@@ -92,7 +94,8 @@ bool follow(const Client& client, std::chrono::seconds patience, Each each) {
 
 bool all_valid(const Frame& frame, std::size_t count) {
   std::size_t valid = 0;
-  for (const auto& body : frame.bodies) valid += body.valid && body.tracking == Tracking::kTracking ? 1 : 0;
+  for (const auto& body : frame.bodies)
+    valid += body.valid && body.tracking == Tracking::kTracking ? 1 : 0;
   return frame.bodies.size() == count && valid == count;
 }
 
@@ -114,7 +117,8 @@ class TruthMeter final {
   void add(const Frame& frame) {
     for (std::size_t i = 0; i < robots_.size(); ++i) {
       const Body& seen = frame.bodies[i];
-      const Pose X_WP = robots_[i].source->truth(instant_from_ns(frame.at_server_ns)).X_WB * robots_[i].pivot;
+      const Pose X_WP =
+          robots_[i].source->truth(instant_from_ns(frame.at_server_ns)).X_WB * robots_[i].pivot;
       const Eigen::Vector3d p(seen.position_m.data());
       const auto& q = seen.orientation_wxyz;
       const double angle = X_WP.q.angularDistance(Eigen::Quaterniond(q[0], q[1], q[2], q[3]));
@@ -139,9 +143,10 @@ class TruthMeter final {
 };
 
 TEST(ServerOnLoopback, StreamsThreeRobotsWhereTheyReallyAre) {
-  // A robot that has mapped the room for a few seconds only; the drone's camera is 8 mm and 0.5 degrees off.
-  constexpr double kPosition_m = 0.25;
-  constexpr double kAttitude_rad = 0.05;
+  // The map is a few seconds old and the drone's camera is 8 mm and 0.5 degrees off what it
+  // believes; three times what was measured when this was written.
+  constexpr double kPosition_m = 0.15;
+  constexpr double kAttitude_rad = 0.02;
   const ServerConfig config = corner_demo();
   RunningServer server(config);
   const auto client = client_of(*server);
@@ -170,14 +175,10 @@ TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsersAtTheSameTime) {
     boost::asio::read(socket, boost::asio::buffer(text));
     return text;
   };
-  EXPECT_THAT(greeting(server->ports().vrpn, std::string("vrpn: ver. 07.35  0\0\0\0\0\0", 24), 12), HasSubstr("vrpn: ver. 0"));
-  // 503 until the first frame is out.
-  std::string health;
-  for (int i = 0; i < 100 && health.find("200") == std::string::npos; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    health = greeting(server->ports().web, "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", 15);
-  }
-  EXPECT_THAT(health, HasSubstr("200"));
+  EXPECT_THAT(greeting(server->ports().vrpn, std::string("vrpn: ver. 07.35  0\0\0\0\0\0", 24), 12),
+              HasSubstr("vrpn: ver. 0"));
+  EXPECT_THAT(greeting(server->ports().web, "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", 15),
+              HasSubstr("200"));
 }
 
 TEST(ServerOnLoopback, EndsWithinASecond) {
@@ -202,8 +203,8 @@ TEST(ServerOnLoopback, GoesOnWhenOneRobotsSourceEnds) {
   RunningServer server(config);
   const auto client = client_of(*server);
   EXPECT_TRUE(follow(*client, 30s, [](const Frame& frame) {
-    return frame.bodies.size() == 3 && frame.bodies[1].tracking == Tracking::kLost && !frame.bodies[1].valid &&
-           frame.bodies[0].valid && frame.bodies[2].valid;
+    return frame.bodies.size() == 3 && frame.bodies[1].tracking == Tracking::kLost &&
+           !frame.bodies[1].valid && frame.bodies[0].valid && frame.bodies[2].valid;
   }));
 }
 
@@ -214,7 +215,8 @@ TEST(ServerOnLoopback, ServesTheOthersWhenOneCameraIsNotThere) {
   RunningServer server(config);
   const auto client = client_of(*server);
   EXPECT_TRUE(follow(*client, 30s, [](const Frame& frame) {
-    return frame.bodies.size() == 3 && frame.bodies[2].tracking == Tracking::kLost && frame.bodies[0].valid;
+    return frame.bodies.size() == 3 && frame.bodies[2].tracking == Tracking::kLost &&
+           frame.bodies[0].valid;
   }));
 }
 

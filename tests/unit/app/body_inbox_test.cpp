@@ -42,7 +42,8 @@ TEST(BodyInbox, GivesTheRestAfterTheEndAndThenNothing) {
 
 TEST(BodyInbox, DropsTheOldestImageWhenNobodyFetchesThem) {
   BodyInbox inbox(small());
-  for (int i = 0; i < 5; ++i) ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10 + 50 * i), {}}, ms(10 + 50 * i)));
+  for (int i = 0; i < 5; ++i)
+    ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10 + 50 * i), {}}, ms(10 + 50 * i)));
   inbox.finish();
   EXPECT_EQ(inbox.statistics().images_dropped, 3u);
   EXPECT_EQ(time_of(inbox.pop({})->sample), ms(160));
