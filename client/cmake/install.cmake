@@ -19,6 +19,7 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/fiducapConfig.cmake.in
   ${CMAKE_CURRENT_BINARY_DIR}/fiducapConfig.cmake INSTALL_DESTINATION ${client_cmake_dir})
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/fiducapConfigVersion.cmake
   COMPATIBILITY SameMinorVersion)
+file(RELATIVE_PATH client_pc_up "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")  # so that the folder may be moved
 configure_file(${CMAKE_CURRENT_LIST_DIR}/fiducap-client.pc.in ${CMAKE_CURRENT_BINARY_DIR}/fiducap-client.pc @ONLY)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/fiducapConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/fiducapConfigVersion.cmake
   DESTINATION ${client_cmake_dir} COMPONENT client)

@@ -92,8 +92,12 @@ void Receiver::on_frame(std::function<void(const Frame&)> callback) {
 void Receiver::on_connection(std::function<void(bool)> callback) {
   using Callback = const std::function<void(bool)>;
   auto shared = callback ? std::make_shared<Callback>(std::move(callback)) : nullptr;
-  const std::lock_guard<std::mutex> lock(mutex_);
-  connection_callback_.swap(shared);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    connection_callback_.swap(shared);
+  }
+  connection_callback_is_new_.store(true);
+  wake_->ring();
 }
 
 ClientStatistics Receiver::statistics() const {
@@ -236,14 +240,16 @@ void Receiver::deliver(Frame& frame, Nanoseconds now) {
 void Receiver::report_connection() {
   const bool connected = conversation_.leased() && assembler_.model_generation() != 0;
   if (!connected && socket_.is_open()) set_problem(where_ + ": " + conversation_.problem());
-  if (connected == connected_) return;
+  const bool is_new = connection_callback_is_new_.load() && connection_callback_is_new_.exchange(false);
+  const bool changed = connected != connected_;
+  if (!changed && !(is_new && connected)) return;
   connected_ = connected;
   std::shared_ptr<const std::function<void(bool)>> callback;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     counters_.connected = connected;
     if (connected) counters_.problem.clear();
-    if (connected && was_connected_) ++counters_.reconnects;
+    if (changed && connected && was_connected_) ++counters_.reconnects;
     callback = connection_callback_;
   }
   was_connected_ = was_connected_ || connected;

@@ -55,6 +55,7 @@ class Receiver {
   std::shared_ptr<Wake> wake_;
   AddressBook addresses_;
   std::atomic<bool> stopping_{false};
+  std::atomic<bool> connection_callback_is_new_{false};
 
   // Of the thread only.
   UdpSocket socket_;

@@ -1,4 +1,5 @@
-// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 wrong usage or configuration.
+// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 wrong usage or
+// configuration.
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <exception>
@@ -36,18 +37,21 @@ int main(int argc, char** argv) {
   std::string file;
   std::vector<std::string> sets;
   bool exit_at_end = false;
+  bool check = false;
+  bool print = false;
   app.add_option("--config", file, "configuration, YAML")->required();
-  app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")->allow_extra_args(false);
-  const auto* check = app.add_flag("--check-config", "say whether the configuration is usable, and end");
-  const auto* print = app.add_flag("--print-config", "write the effective configuration, and end");
+  app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
+      ->allow_extra_args(false);
+  app.add_flag("--check-config", check, "say whether the configuration is usable, and end");
+  app.add_flag("--print-config", print, "write the effective configuration, and end");
   app.add_flag("--exit-at-end", exit_at_end, "end when every source has ended");
   app.set_version_flag("--version", FIDUCAP_VERSION);
   try {
     app.parse(argc, argv);
     const auto config = fiducap::load_config(file, sets);
     if (!config) return complain(config.error());
-    if (*print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
-    if (*check) return complain(fiducap::check_files(*config));
+    if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
+    if (check) return complain(fiducap::check_files(*config));
     return serve(*config, exit_at_end);
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;

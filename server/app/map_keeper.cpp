@@ -3,11 +3,13 @@
 #include <exception>
 #include <utility>
 
+#include "app/system_clock.hpp"
 #include "base/log.hpp"
 
 namespace fiducap {
 
-MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock, Learned learned)
+MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
+                     Learned learned)
     : store_(std::move(store)),
       map_(map),
       period_(from_seconds(commit_period_s)),
@@ -16,7 +18,8 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
 
 void MapKeeper::run(std::stop_token stop) {
   try {
-    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_) commit();
+    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_)
+      commit();
     commit();
   } catch (const std::exception& failure) {
     log::error("mapping", std::string("the map is no longer stored: ") + failure.what());
@@ -32,22 +35,24 @@ void MapKeeper::commit() {
     return;
   }
   if (!failing_) {
-    log::error("mapping", "the map was not stored (tried again every " + std::to_string(to_seconds(period_)) +
-                              " s; what is stored stays): " + done.error().text());
+    log::error("mapping", "the map was not stored (it is tried again; what is stored stays): " +
+                              done.error().text());
   }
   failing_ = true;
 }
 
 Expected<void> MapKeeper::store_all() {
-  const auto snapshot = map_.snapshot();
-  const auto stored = store_.commit(*snapshot, "mapped by fiducapd");
+  TagMap map = *map_.snapshot();
+  map.created_utc_ns = utc_now_ns();
+  const auto stored = store_.commit(map, "mapped by fiducapd");
   if (!stored) return tl::unexpected(stored.error());
   map_.mark_stored(*stored);
-  log::info("mapping", "map version " + std::to_string(stored->version) + " stored: " +
-                           std::to_string(stored->tags.size()) + " tags");
+  log::info("mapping", "map version " + std::to_string(stored->version) +
+                           " stored: " + std::to_string(stored->tags.size()) + " tags");
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
-      const auto saved = store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
+      const auto saved =
+          store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
       if (!saved) return saved;
     }
   }

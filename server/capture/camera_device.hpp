@@ -2,8 +2,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "base/clock.hpp"
+#include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "capture/camera_model.hpp"
 #include "capture/sensor_source.hpp"
@@ -25,6 +27,8 @@ struct CameraDeviceConfig {
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
 
+/// A file ends with nullopt, a device or pipeline that gives nothing more with an Error. A stop is seen between two images: a
+/// V4L2 device that hangs is given up by OpenCV after 10 s.
 /// @return Error naming device, wanted and given size when it cannot be opened.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_camera_device(const CameraDeviceConfig& config,
                                                                           const CameraModel& camera,

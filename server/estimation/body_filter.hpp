@@ -37,7 +37,7 @@ class BodyFilter {
  public:
   virtual ~BodyFilter() = default;
 
-  /// Takes one IMU reading. Integration lags one sample, so that an image between the last two can still be used.
+  /// Takes one IMU reading. It is kept until the next image moves the state over it: the state always stands at an image.
   virtual void propagate(const ImuSample& imu) = 0;
 
   /// Moves the state to `seen.exposed_at` and corrects it with the corners.

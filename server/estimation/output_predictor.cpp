@@ -16,10 +16,12 @@ using namespace estimate_block;
 constexpr Duration kMemory = std::chrono::seconds(1);
 constexpr double kMinSamples = 16;
 constexpr double kMaxSamples = 8192;
-// A turn of 5 rad/s bends the held force by 0.1 rad in this time: the mid-point rule is good to 4e-4 of it.
+// A turn of 5 rad/s bends the held force by 0.1 rad in this time: the mid-point rule is good to
+// 4e-4 of it.
 constexpr Duration kHoldStep = std::chrono::milliseconds(20);
 
-/// How one step moves the error: p += dt v + dt²/2 Z, v += dt Z, θ += A b_w with Z = D_θ θ + D_f b_f + D_w b_w.
+/// How one step moves the error: p += dt v + dt²/2 Z, v += dt Z, θ += A b_w with Z = D_θ θ + D_f
+/// b_f + D_w b_w.
 struct ErrorStep {
   double dt{};
   Matrix3d D_attitude{Matrix3d::Zero()};
@@ -28,7 +30,8 @@ struct ErrorStep {
   Matrix3d A_bias_w{Matrix3d::Zero()};
 };
 
-/// F P from the left, row block by row block; the order leaves every block unchanged until it was read.
+/// F P from the left, row block by row block; the order leaves every block unchanged until it was
+/// read.
 template <typename Covariance>
 void apply_to_rows(const ErrorStep& step, Covariance&& P) {
   const Eigen::Matrix<double, 3, 15> Z = step.D_attitude * P.template middleRows<3>(kAttitude) +
@@ -50,7 +53,8 @@ void add_diagonal(Matrix15d& P, int block, double variance) {
   P.diagonal().segment<3>(block).array() += variance;
 }
 
-/// White acceleration noise of density q (squared) over dt; dt < 0 runs backwards, the uncertainty grows all the same.
+/// White acceleration noise of density q (squared) over dt; dt < 0 runs backwards, the uncertainty
+/// grows all the same.
 void add_acceleration_noise(Matrix15d& P, double q, double dt) {
   const double span = std::abs(dt);
   add_diagonal(P, kPosition, q * span * span * span / 3.0);
@@ -63,7 +67,8 @@ double square(double x) { return x * x; }
 
 ImuSample on_line(const ImuSample* before, const ImuSample& after, Instant at) {
   if (before == nullptr) return after;
-  const double k = to_seconds(at - before->sampled_at) / to_seconds(after.sampled_at - before->sampled_at);
+  const double k =
+      to_seconds(at - before->sampled_at) / to_seconds(after.sampled_at - before->sampled_at);
   ImuSample between;
   between.sampled_at = at;
   between.w_WB_B = before->w_WB_B + k * (after.w_WB_B - before->w_WB_B);
@@ -79,10 +84,13 @@ OutputPredictor::OutputPredictor(const BodySensors& sensors, const EstimatorConf
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2) {
   const double wanted = std::ceil(noise_.rate_hz * to_seconds(kMemory)) + 2;
-  if (has_imu_) ring_.resize(static_cast<std::size_t>(std::clamp(wanted, kMinSamples, kMaxSamples)));
+  if (has_imu_)
+    ring_.resize(static_cast<std::size_t>(std::clamp(wanted, kMinSamples, kMaxSamples)));
 }
 
-bool OutputPredictor::is_gap(Duration hole) const { return to_seconds(hole) > config_.max_imu_gap_s; }
+bool OutputPredictor::is_gap(Duration hole) const {
+  return to_seconds(hole) > config_.max_imu_gap_s;
+}
 
 void OutputPredictor::add_imu(const ImuSample& imu) {
   if (!has_imu_ || !imu.w_WB_B.allFinite() || !imu.f_B.allFinite()) return;
@@ -99,7 +107,8 @@ void OutputPredictor::add_imu(const ImuSample& imu) {
 
 void OutputPredictor::push(const ImuSample& imu) {
   if (ring_size_ == ring_.size()) {
-    if (base_ && base_->at < sample(1).sampled_at) advance(*base_, &sample(0), sample(1), sample(1).sampled_at);
+    if (base_ && base_->at < sample(1).sampled_at)
+      advance(*base_, &sample(0), sample(1), sample(1).sampled_at);
     ring_begin_ = (ring_begin_ + 1) % ring_.size();
     --ring_size_;
   }
@@ -152,7 +161,8 @@ void OutputPredictor::carry(BodyEstimate& state, Instant to) const {
   std::size_t next = ring_size_;
   while (next > 0 && sample(next - 1).sampled_at > state.at) --next;
   for (; next < ring_size_ && state.at < to; ++next) {
-    advance(state, next > 0 ? &sample(next - 1) : nullptr, sample(next), std::min(to, sample(next).sampled_at));
+    advance(state, next > 0 ? &sample(next - 1) : nullptr, sample(next),
+            std::min(to, sample(next).sampled_at));
   }
 }
 
@@ -171,7 +181,8 @@ void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
   if (ring_size_ > 0) {
     const ImuSample& held = sample(ring_size_ - 1);
     const Instant end_of_hold = std::min(to, held.sampled_at + from_seconds(config_.max_imu_gap_s));
-    while (state.at < end_of_hold) integrate(state, held, std::min(end_of_hold, state.at + kHoldStep));
+    while (state.at < end_of_hold)
+      integrate(state, held, std::min(end_of_hold, state.at + kHoldStep));
     if (to == end_of_hold) set_rates(state, held);
   }
   if (state.at < to) coast(state, to);

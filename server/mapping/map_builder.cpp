@@ -10,7 +10,8 @@ namespace fiducap {
 
 namespace {
 
-// The variance another belief must fall below to replace an owner's: keeps two equally good bodies from taking turns.
+// The variance another belief must fall below to replace an owner's: keeps two equally good bodies
+// from taking turns.
 constexpr double kBetterBy = 0.7;
 constexpr double kMoved_m = 1e-4;
 constexpr double kTurned_rad = 0.01 * M_PI / 180.0;
@@ -52,7 +53,9 @@ std::vector<ConfigError> MapConfig::check() const {
 }
 
 MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
-    : config_(config), snapshot_(std::make_shared<const TagMap>(start)), working_(std::move(start)) {
+    : config_(config),
+      snapshot_(std::make_shared<const TagMap>(start)),
+      working_(std::move(start)) {
   for (const MapTag& entry : working_.tags) {
     if (entry.state == TagState::kLocal) ownership_[entry.tag.tag_id] = {};
   }
@@ -60,10 +63,12 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
 
 bool MapBuilder::ready(const TagBelief& belief) const {
   const auto variances = belief.tag.covariance.diagonal().array();
-  if (belief.sightings < config_.publish_sightings || fault_in(MapTag{.tag = belief.tag})) return false;
+  if (belief.sightings < config_.publish_sightings || fault_in(MapTag{.tag = belief.tag}))
+    return false;
   const double position = config_.publish_position_sigma_m;
   const double rotation = config_.publish_rotation_sigma_rad;
-  return variances.head<3>().maxCoeff() <= position * position && variances.tail<3>().maxCoeff() <= rotation * rotation;
+  return variances.head<3>().maxCoeff() <= position * position &&
+         variances.tail<3>().maxCoeff() <= rotation * rotation;
 }
 
 void MapBuilder::absorb(int body_id, std::span<const TagBelief> beliefs, std::int64_t utc_now_ns) {
@@ -73,7 +78,7 @@ void MapBuilder::absorb(int body_id, std::span<const TagBelief> beliefs, std::in
   for (const TagBelief& belief : beliefs) {
     if (ready(belief)) follow |= absorb_locked(body_id, belief, utc_now_ns);
   }
-  if (follow) publish_locked();
+  if (follow) publish_locked(utc_now_ns);
 }
 
 bool MapBuilder::absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns) {
@@ -92,8 +97,9 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& belief, std::int64_
   if (owner.body_id != body_id) {
     if (offered >= kBetterBy * held) return false;
     owner = {body_id, {}};
-    note_locked(MapEvent::Kind::kTagRefined, id,
-                "tag " + std::to_string(id) + " is known better by body " + std::to_string(body_id));
+    note_locked(
+        MapEvent::Kind::kTagRefined, id,
+        "tag " + std::to_string(id) + " is known better by body " + std::to_string(body_id));
   } else if (kBetterBy * offered > held) {
     return false;
   }
@@ -107,16 +113,19 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& belief, std::int64_
 
 MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
   const int id = belief.tag.tag_id;
-  const auto place = std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
-                                      [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
+  const auto place =
+      std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
+                       [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
   ownership_[id] = {body_id, {}};
-  note_locked(MapEvent::Kind::kTagAdded, id,
-              "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));
+  note_locked(
+      MapEvent::Kind::kTagAdded, id,
+      "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));
   return *working_.tags.insert(place, MapTag{.tag = belief.tag});
 }
 
-void MapBuilder::publish_locked() {
+void MapBuilder::publish_locked(std::int64_t utc_now_ns) {
   working_.hash.clear();
+  working_.created_utc_ns = utc_now_ns;
   changed_ = true;
   auto next = std::make_shared<const TagMap>(working_);
   const std::lock_guard lock(snapshot_mutex_);
@@ -137,14 +146,12 @@ void MapBuilder::mark_stored(const TagMap& stored) {
   const std::lock_guard lock(mutex_);
   working_.version = stored.version;
   working_.parent = stored.parent;
-  working_.created_utc_ns = stored.created_utc_ns;
   working_.comment = stored.comment;
   // What joined while the store was writing is in no version yet.
   changed_ = !same_tags(*snapshot_, stored);
   auto next = std::make_shared<TagMap>(*snapshot_);
   next->version = stored.version;
   next->parent = stored.parent;
-  next->created_utc_ns = stored.created_utc_ns;
   next->comment = stored.comment;
   next->hash = changed_ ? std::string{} : stored.hash;
   note_locked(MapEvent::Kind::kPublished, 0,

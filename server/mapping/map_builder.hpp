@@ -21,10 +21,11 @@ enum class MapMode {
 
 struct MapConfig {
   MapMode mode{MapMode::kMapping};
-  double publish_position_sigma_m{0.05};   ///< A belief joins the map when its tag is known better than this …
-  double publish_rotation_sigma_rad{0.05}; ///< … and this (worst axis).
-  int publish_sightings{10};               ///< … and was seen at least this often.
-  double commit_period_s{10.0};            ///< A changed map is written to the store this often.
+  double publish_position_sigma_m{
+      0.05};  ///< A belief joins the map when its tag is known better than this …
+  double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
+  int publish_sightings{10};                ///< … and was seen at least this often.
+  double commit_period_s{10.0};             ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
@@ -42,22 +43,23 @@ struct MapEvent {
 
 /// Joins the tag beliefs of all bodies into the one shared map.
 ///
-/// Tags that start calibrated, surveyed or quarantined stay as they are. A new tag belongs to the body that knows it
-/// best: its belief is copied, beliefs of different bodies are never averaged (they share known tags, so they are not
-/// independent). Another body takes a tag over when its position variance is 30 % smaller; a belief that much worse
-/// than the map's is ignored, whoever it comes from. The joint refinement over keyframes of all bodies will take this
-/// place.
+/// Tags that start calibrated, surveyed or quarantined stay as they are. A new tag belongs to the
+/// body that knows it best: its belief is copied, beliefs of different bodies are never averaged
+/// (they share known tags, so they are not independent). Another body takes a tag over when its
+/// position variance is 30 % smaller; a belief that much worse than the map's is ignored, whoever
+/// it comes from. The joint refinement over keyframes of all bodies will take this place.
 ///
-/// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, or its 1-sigma changed by a tenth, each
-/// against the published map; sightings and times travel along with the next one. The snapshot keeps the version it
-/// came from; its `hash` is empty as soon as it differs from that version.
-/// Thread-safe: `absorb` from the workers, `snapshot` from anywhere; who reads never waits for a copy of the map.
+/// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, or its 1-sigma changed by a
+/// tenth, each against the published map; sightings and times travel along with the next one. The
+/// snapshot keeps the version it came from; its `hash` is empty as soon as it differs from that
+/// version. Thread-safe: `absorb` from the workers, `snapshot` from anywhere; who reads never waits
+/// for a copy of the map.
 class MapBuilder final {
  public:
   MapBuilder(const MapConfig& config, TagMap start);
 
   /// @param beliefs     in the workspace axes; not finite or too uncertain ones are passed over
-  /// @param utc_now_ns  for first/last seen
+  /// @param utc_now_ns  for first/last seen, and the time of creation of what is published
   void absorb(int body_id, std::span<const TagBelief> beliefs, std::int64_t utc_now_ns);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
   /// @return true when the map differs from what was last marked as stored.
@@ -78,7 +80,7 @@ class MapBuilder final {
   /// @return true when the published map should follow.
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
   MapTag& add_locked(int body_id, const TagBelief& belief);
-  void publish_locked();
+  void publish_locked(std::int64_t utc_now_ns);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 
   MapConfig config_;

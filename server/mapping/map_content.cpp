@@ -32,12 +32,11 @@ using Writer = ByteWriter<std::endian::little>;
 /// -0 and 0 are the same number to SQLite and to us.
 void write_number(Writer& writer, double value) { writer.f64(value + 0.0); }
 
-void write_text(Writer& writer, const std::string& text) {
-  writer.u64(text.size()).text(text);
-}
+void write_text(Writer& writer, const std::string& text) { writer.u64(text.size()).text(text); }
 
 void write_pose(Writer& writer, const Pose& pose) {
-  for (const double v : {pose.p.x(), pose.p.y(), pose.p.z(), pose.q.w(), pose.q.x(), pose.q.y(), pose.q.z()}) {
+  for (const double v :
+       {pose.p.x(), pose.p.y(), pose.p.z(), pose.q.w(), pose.q.x(), pose.q.y(), pose.q.z()}) {
     write_number(writer, v);
   }
 }
@@ -47,10 +46,14 @@ void write_tag(Writer& writer, const MapTag& entry) {
   write_number(writer, entry.tag.edge_m);
   write_pose(writer, entry.tag.X_WT);
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) write_number(writer, entry.tag.covariance(row, column));
+    for (int column = row; column < 6; ++column)
+      write_number(writer, entry.tag.covariance(row, column));
   }
   write_text(writer, std::string(name_of(entry.state)));
-  writer.i64(entry.first_seen_utc_ns).i64(entry.last_seen_utc_ns).i64(entry.sightings).i64(entry.component);
+  writer.i64(entry.first_seen_utc_ns)
+      .i64(entry.last_seen_utc_ns)
+      .i64(entry.sightings)
+      .i64(entry.component);
 }
 
 std::uint64_t fnv1a(const std::vector<std::byte>& bytes) {
@@ -70,8 +73,10 @@ std::optional<std::string> fault_in(const MapTag& entry) {
   if (auto fault = fault_in(tag.X_WT)) return fault;
   if (!tag.covariance.allFinite()) return "covariance must be finite";
   if (tag.covariance.diagonal().minCoeff() < 0) return "covariance has a negative variance";
-  if (entry.sightings < 0) return "sightings = " + std::to_string(entry.sightings) + ": must be >= 0";
-  if (entry.component < 0) return "component = " + std::to_string(entry.component) + ": must be >= 0";
+  if (entry.sightings < 0)
+    return "sightings = " + std::to_string(entry.sightings) + ": must be >= 0";
+  if (entry.component < 0)
+    return "component = " + std::to_string(entry.component) + ": must be >= 0";
   return std::nullopt;
 }
 
@@ -81,8 +86,10 @@ std::optional<std::string> fault_in(const TagMap& map) {
   for (const MapTag& entry : map.tags) {
     const std::string name = "tag " + std::to_string(entry.tag.tag_id) + ": ";
     if (auto fault = fault_in(entry)) return name + *fault;
-    if (before != nullptr && before->tag.tag_id == entry.tag.tag_id) return name + "id is there twice";
-    if (before != nullptr && before->tag.tag_id > entry.tag.tag_id) return name + "ids must be sorted";
+    if (before != nullptr && before->tag.tag_id == entry.tag.tag_id)
+      return name + "id is there twice";
+    if (before != nullptr && before->tag.tag_id > entry.tag.tag_id)
+      return name + "ids must be sorted";
     before = &entry;
   }
   return std::nullopt;

@@ -29,7 +29,8 @@ std::vector<TagChange> diff(const TagMap& before, const TagMap& after) {
     const double distance = (a->tag.X_WT.p - b->tag.X_WT.p).norm();
     const double angle = angle_between(b->tag.X_WT.q, a->tag.X_WT.q);
     if (distance > kMoved_m || angle > kTurned_rad) {
-      changes.push_back({a->tag.tag_id, TagChange::Kind::kMoved, distance * 1e3, angle * 180.0 / M_PI});
+      changes.push_back(
+          {a->tag.tag_id, TagChange::Kind::kMoved, distance * 1e3, angle * 180.0 / M_PI});
     }
     ++a;
     ++b;

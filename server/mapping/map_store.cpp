@@ -42,7 +42,8 @@ PRAGMA user_version = 1;
 )";
 
 void bind_pose(SqliteStatement& statement, const Pose& pose) {
-  for (const double v : {pose.p.x(), pose.p.y(), pose.p.z(), pose.q.w(), pose.q.x(), pose.q.y(), pose.q.z()}) {
+  for (const double v :
+       {pose.p.x(), pose.p.y(), pose.p.z(), pose.q.w(), pose.q.x(), pose.q.y(), pose.q.z()}) {
     statement.bind(v);
   }
 }
@@ -64,19 +65,22 @@ std::vector<std::byte> covariance_bytes(const Matrix6d& covariance) {
   return bytes;
 }
 
-Expected<Matrix6d> covariance_from(const std::vector<std::byte>& bytes, const std::string& context) {
+Expected<Matrix6d> covariance_from(const std::vector<std::byte>& bytes,
+                                   const std::string& context) {
   LittleEndianReader reader(bytes);
   Matrix6d covariance;
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) covariance(row, column) = covariance(column, row) = reader.f64();
+    for (int column = row; column < 6; ++column)
+      covariance(row, column) = covariance(column, row) = reader.f64();
   }
   return reader.check(context).map([&covariance] { return covariance; });
 }
 
 tl::unexpected<Error> pass_on(const Error& error) { return tl::unexpected<Error>(error); }
 
-/// SQLite takes a file with less than one page for an empty one and fills a cut last page with zeros. Not ours to
-/// repair, unless a write-ahead log is there: then a crash during its write-back looks the same and SQLite knows how.
+/// SQLite takes a file with less than one page for an empty one and fills a cut last page with
+/// zeros. Not ours to repair, unless a write-ahead log is there: then a crash during its write-back
+/// looks the same and SQLite knows how.
 Expected<void> check_shape(const std::string& path) {
   std::error_code absent;
   const auto size = std::filesystem::file_size(path, absent);
@@ -86,13 +90,15 @@ Expected<void> check_shape(const std::string& path) {
   std::array<char, 18> head{};
   std::ifstream(path, std::ios::binary).read(head.data(), head.size());
   if (std::string_view(head.data(), 16) != std::string_view("SQLite format 3\0", 16)) {
-    return fail(ErrorCode::kInvalid, std::string("is damaged or not a map store (no SQLite header)") + kWhatToDo, path);
+    return fail(ErrorCode::kInvalid,
+                std::string("is damaged or not a map store (no SQLite header)") + kWhatToDo, path);
   }
   const auto high = static_cast<unsigned char>(head[16]);
   const auto low = static_cast<unsigned char>(head[17]);
   const unsigned page = high * 256u + low == 1 ? 65536u : high * 256u + low;
   if (page == 0 || size % page != 0) {
-    return fail(ErrorCode::kInvalid, std::string("is damaged (cut off inside a page)") + kWhatToDo, path);
+    return fail(ErrorCode::kInvalid, std::string("is damaged (cut off inside a page)") + kWhatToDo,
+                path);
   }
   return {};
 }
@@ -107,20 +113,22 @@ Expected<bool> is_fresh(const SqliteFile& file) {
   if (!objects) return pass_on(objects.error());
   if (*application == 0 && *schema == 0 && *objects == 0) return true;
   if (*application != kApplicationId) {
-    return fail(ErrorCode::kInvalid, "is a database of another program; it was not changed, give the map store another path",
-                file.path());
+    return fail(
+        ErrorCode::kInvalid,
+        "is a database of another program; it was not changed, give the map store another path",
+        file.path());
   }
   if (*schema > kSchema) {
     return fail(ErrorCode::kUnsupported,
-                "was written by a newer Fiducap (schema " + std::to_string(*schema) + ", this one knows up to " +
-                    std::to_string(kSchema) + "); update Fiducap or give another path",
+                "was written by a newer Fiducap (schema " + std::to_string(*schema) +
+                    ", this one knows up to " + std::to_string(kSchema) +
+                    "); update Fiducap or give another path",
                 file.path());
   }
   const auto verdict = file.text("PRAGMA quick_check(1)");
   if (!verdict) return pass_on(verdict.error());
   if (*verdict != "ok" || *schema != kSchema) {
-    return fail(ErrorCode::kInvalid,
-                "is damaged (" + *verdict + ")" + kWhatToDo, file.path());
+    return fail(ErrorCode::kInvalid, "is damaged (" + *verdict + ")" + kWhatToDo, file.path());
   }
   return false;
 }
@@ -129,10 +137,13 @@ Expected<void> set_up(SqliteFile& file, bool fresh) {
   const auto mode = file.text("PRAGMA journal_mode = WAL");
   if (!mode) return pass_on(mode.error());
   if (*mode != "wal") {
-    return fail(ErrorCode::kUnavailable, "this disk cannot keep a write-ahead log (journal mode stays " + *mode + ")",
+    return fail(ErrorCode::kUnavailable,
+                "this disk cannot keep a write-ahead log (journal mode stays " + *mode + ")",
                 file.path());
   }
-  if (auto set = file.execute("PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON"); !set || !fresh) return set;
+  if (auto set = file.execute("PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON");
+      !set || !fresh)
+    return set;
   auto transaction = SqliteTransaction::begin(file);
   if (!transaction) return pass_on(transaction.error());
   if (auto created = file.execute(kCreate); !created) return created;
@@ -141,7 +152,12 @@ Expected<void> set_up(SqliteFile& file, bool fresh) {
 
 Expected<void> insert_version(const SqliteFile& file, const TagMap& map) {
   auto insert = file.prepare("INSERT INTO version VALUES (?,?,?,?,?,?,?, ?,?,?,?,?,?,?)");
-  insert.bind(map.version).bind(map.parent).bind(map.created_utc_ns).bind(map.hash).bind(map.comment).bind(map.family);
+  insert.bind(map.version)
+      .bind(map.parent)
+      .bind(map.created_utc_ns)
+      .bind(map.hash)
+      .bind(map.comment)
+      .bind(map.family);
   map.reference_tag ? insert.bind(std::int64_t{*map.reference_tag}) : insert.bind_null();
   bind_pose(insert, map.X_RW);
   return insert.run();
@@ -169,7 +185,8 @@ Expected<MapTag> tag_from(const SqliteStatement& row, const std::string& context
   if (!covariance) return pass_on(covariance.error());
   entry.tag.covariance = *covariance;
   const auto state = tag_state_from(row.text(10));
-  if (!state) return fail(ErrorCode::kInvalid, "tag state '" + row.text(10) + "' is not known", context);
+  if (!state)
+    return fail(ErrorCode::kInvalid, "tag state '" + row.text(10) + "' is not known", context);
   entry.state = *state;
   entry.first_seen_utc_ns = row.integer(11);
   entry.last_seen_utc_ns = row.integer(12);
@@ -180,7 +197,8 @@ Expected<MapTag> tag_from(const SqliteStatement& row, const std::string& context
 
 Expected<void> load_tags(const SqliteFile& file, TagMap& map, const std::string& context) {
   auto rows = file.prepare(
-      "SELECT tag_id, edge_m, px, py, pz, qw, qx, qy, qz, covariance, state, first_seen_utc_ns, last_seen_utc_ns, "
+      "SELECT tag_id, edge_m, px, py, pz, qw, qx, qy, qz, covariance, state, first_seen_utc_ns, "
+      "last_seen_utc_ns, "
       "sightings, component FROM tag WHERE version = ? ORDER BY tag_id");
   rows.bind(map.version);
   for (;;) {
@@ -220,7 +238,8 @@ Expected<MapStore> MapStore::open(const std::string& path) {
 
 Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment) {
   SqliteFile& file = impl_->file;
-  if (const auto fault = fault_in(map)) return fail(ErrorCode::kInvalid, "not stored: " + *fault, file.path());
+  if (const auto fault = fault_in(map))
+    return fail(ErrorCode::kInvalid, "not stored: " + *fault, file.path());
   auto transaction = SqliteTransaction::begin(file);
   if (!transaction) return pass_on(transaction.error());
   const auto newest_version = file.integer("SELECT coalesce(max(version), 0) FROM version");
@@ -251,7 +270,8 @@ Expected<TagMap> MapStore::load(std::int64_t version) const {
       "rw_px, rw_py, rw_pz, rw_qw, rw_qx, rw_qy, rw_qz FROM version WHERE version = ?");
   const auto found = row.bind(version).step();
   if (!found) return pass_on(found.error());
-  if (!*found) return fail(ErrorCode::kNotFound, "there is no such version; the log lists them", context);
+  if (!*found)
+    return fail(ErrorCode::kNotFound, "there is no such version; the log lists them", context);
   TagMap map;
   map.version = version;
   map.parent = row.integer(0);
@@ -262,10 +282,12 @@ Expected<TagMap> MapStore::load(std::int64_t version) const {
   if (!row.is_null(5)) map.reference_tag = static_cast<int>(row.integer(5));
   map.X_RW = pose_from(row, 6);
   if (auto loaded = load_tags(impl_->file, map, context); !loaded) return pass_on(loaded.error());
-  if (const auto fault = fault_in(map)) return fail(ErrorCode::kInvalid, "is damaged: " + *fault, context);
+  if (const auto fault = fault_in(map))
+    return fail(ErrorCode::kInvalid, "is damaged: " + *fault, context);
   if (const auto hash = content_hash(map); hash != map.hash) {
     return fail(ErrorCode::kInvalid,
-                "is damaged: its content has hash " + hash + ", stored was " + map.hash + "; go back to another version",
+                "is damaged: its content has hash " + hash + ", stored was " + map.hash +
+                    "; go back to another version",
                 context);
   }
   return map;
@@ -274,26 +296,29 @@ Expected<TagMap> MapStore::load(std::int64_t version) const {
 Expected<std::vector<MapVersionInfo>> MapStore::log() const {
   auto rows = impl_->file.prepare(
       "SELECT version, parent, created_utc_ns, hash, comment, "
-      "(SELECT count(*) FROM tag WHERE tag.version = version.version) FROM version ORDER BY version DESC");
+      "(SELECT count(*) FROM tag WHERE tag.version = version.version) FROM version ORDER BY "
+      "version DESC");
   std::vector<MapVersionInfo> versions;
   for (;;) {
     const auto row = rows.step();
     if (!row) return pass_on(row.error());
     if (!*row) return versions;
-    versions.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3), rows.text(4),
-                        static_cast<int>(rows.integer(5))});
+    versions.push_back({rows.integer(0), rows.integer(1), rows.integer(2), rows.text(3),
+                        rows.text(4), static_cast<int>(rows.integer(5))});
   }
 }
 
 Expected<void> MapStore::save_extrinsics(const StoredExtrinsics& extrinsics) {
-  auto insert = impl_->file.prepare("INSERT OR REPLACE INTO extrinsics VALUES (?,?, ?,?,?,?,?,?,?)");
+  auto insert =
+      impl_->file.prepare("INSERT OR REPLACE INTO extrinsics VALUES (?,?, ?,?,?,?,?,?,?)");
   insert.bind(extrinsics.body).bind(std::int64_t{extrinsics.camera});
   bind_pose(insert, extrinsics.X_BV);
   return insert.run();
 }
 
 Expected<std::vector<StoredExtrinsics>> MapStore::extrinsics() const {
-  auto rows = impl_->file.prepare("SELECT body, camera, px, py, pz, qw, qx, qy, qz FROM extrinsics ORDER BY body, camera");
+  auto rows = impl_->file.prepare(
+      "SELECT body, camera, px, py, pz, qw, qx, qy, qz FROM extrinsics ORDER BY body, camera");
   std::vector<StoredExtrinsics> all;
   for (;;) {
     const auto row = rows.step();

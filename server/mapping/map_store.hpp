@@ -29,20 +29,24 @@ struct StoredExtrinsics {
   Pose X_BV;
 };
 
-/// Every accepted version of one map, in one SQLite file (WAL, synchronous=FULL). A kill at any instant loses at most
-/// the version being written; a version that `commit` returned is on the disk. One process writes; others may read.
-/// Each version carries the hash of its content, checked when it is loaded. Not thread-safe.
+/// Every accepted version of one map, in one SQLite file (WAL, synchronous=FULL). A kill at any
+/// instant loses at most the version being written; a version that `commit` returned is on the
+/// disk. One process writes; others may read. Each version carries the hash of its content, checked
+/// when it is loaded. Not thread-safe.
 class MapStore final {
  public:
-  /// Opens or creates. A damaged file is an Error that says so and what to do; it is never overwritten.
+  /// Opens or creates. A damaged file is an Error that says so and what to do; it is never
+  /// overwritten.
   [[nodiscard]] static Expected<MapStore> open(const std::string& path);
   ~MapStore();
   MapStore(MapStore&&) noexcept;
   MapStore& operator=(MapStore&&) noexcept;
 
-  /// Writes `map` as the next version in one transaction; `created_utc_ns` is the caller's. Its parent is the version
-  /// `map` came from, so an old version committed again is a roll-back that the history shows.
-  /// @return the map with version, parent and hash filled in; Error on a full or read-only disk, the store as it was.
+  /// Writes `map` as the next version in one transaction; `created_utc_ns` is the caller's. Its
+  /// parent is the version `map` came from, so an old version committed again is a roll-back that
+  /// the history shows.
+  /// @return the map with version, parent and hash filled in; Error on a full or read-only disk,
+  /// the store as it was.
   [[nodiscard]] Expected<TagMap> commit(const TagMap& map, const std::string& comment);
   /// @return the newest version, or an empty map of version 0 when nothing was committed yet.
   [[nodiscard]] Expected<TagMap> newest() const;

@@ -14,19 +14,24 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
   switch (code & 0xff) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-      return {ErrorCode::kUnavailable, "another process is writing to it; stop that one or try again", path};
+      return {ErrorCode::kUnavailable,
+              "another process is writing to it; stop that one or try again", path};
     case SQLITE_FULL:
-      return {ErrorCode::kUnavailable, "the disk is full; nothing was stored, free some space and try again", path};
+      return {ErrorCode::kUnavailable,
+              "the disk is full; nothing was stored, free some space and try again", path};
     case SQLITE_READONLY:
       return {ErrorCode::kUnavailable, "is read-only; nothing was stored", path};
     case SQLITE_CANTOPEN:
-      return {ErrorCode::kUnavailable, "cannot be opened; the folder must exist and be writable", path};
+      return {ErrorCode::kUnavailable, "cannot be opened; the folder must exist and be writable",
+              path};
     case SQLITE_IOERR:
-      return {ErrorCode::kUnavailable, "the disk refuses (" + detail + "); nothing was stored", path};
+      return {ErrorCode::kUnavailable, "the disk refuses (" + detail + "); nothing was stored",
+              path};
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
       return {ErrorCode::kInvalid,
-              "is damaged or not a map store (" + detail + "); it was not changed: restore a copy of it, or move it away",
+              "is damaged or not a map store (" + detail +
+                  "); it was not changed: restore a copy of it, or move it away",
               path};
     default:
       return {ErrorCode::kInvalid, "SQLite says: " + detail, path};
@@ -37,7 +42,9 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
 
 // --- SqliteStatement ---
 
-void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const {
+  sqlite3_finalize(statement);
+}
 
 SqliteStatement::SqliteStatement(sqlite3* file, std::string path, std::string_view sql)
     : file_(file), path_(std::move(path)) {
@@ -64,13 +71,15 @@ SqliteStatement& SqliteStatement::bind(double value) {
 
 SqliteStatement& SqliteStatement::bind(const std::string& value) {
   if (failure_ != SQLITE_OK) return *this;
-  keep(sqlite3_bind_text64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT, SQLITE_UTF8));
+  keep(sqlite3_bind_text64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT,
+                           SQLITE_UTF8));
   return *this;
 }
 
 SqliteStatement& SqliteStatement::bind(std::span<const std::byte> value) {
   if (failure_ != SQLITE_OK) return *this;
-  keep(sqlite3_bind_blob64(statement_.get(), ++bound_, value.data(), value.size(), SQLITE_TRANSIENT));
+  keep(sqlite3_bind_blob64(statement_.get(), ++bound_, value.data(), value.size(),
+                           SQLITE_TRANSIENT));
   return *this;
 }
 
@@ -100,9 +109,13 @@ bool SqliteStatement::is_null(int column) const {
   return sqlite3_column_type(statement_.get(), column) == SQLITE_NULL;
 }
 
-std::int64_t SqliteStatement::integer(int column) const { return sqlite3_column_int64(statement_.get(), column); }
+std::int64_t SqliteStatement::integer(int column) const {
+  return sqlite3_column_int64(statement_.get(), column);
+}
 
-double SqliteStatement::real(int column) const { return sqlite3_column_double(statement_.get(), column); }
+double SqliteStatement::real(int column) const {
+  return sqlite3_column_double(statement_.get(), column);
+}
 
 std::string SqliteStatement::text(int column) const {
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
@@ -125,7 +138,8 @@ Expected<SqliteFile> SqliteFile::open(const std::string& path) {
   SqliteFile opened;
   opened.path_ = path;
   sqlite3* file = nullptr;
-  const int code = sqlite3_open_v2(path.c_str(), &file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  const int code =
+      sqlite3_open_v2(path.c_str(), &file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
   opened.file_.reset(file);
   if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path));
   sqlite3_extended_result_codes(file, 1);
@@ -135,7 +149,8 @@ Expected<SqliteFile> SqliteFile::open(const std::string& path) {
 
 Expected<void> SqliteFile::execute(const char* sql) {
   const int code = sqlite3_exec(file_.get(), sql, nullptr, nullptr, nullptr);
-  if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errmsg(file_.get()), path_));
+  if (code != SQLITE_OK)
+    return tl::unexpected<Error>(error_of(code, sqlite3_errmsg(file_.get()), path_));
   return {};
 }
 

@@ -15,8 +15,8 @@ struct sqlite3_stmt;
 
 namespace fiducap {
 
-/// One SQL statement with its values. Bind all parameters in order, then `step`; the first failure is kept and
-/// reported by `step`. Must not outlive its file.
+/// One SQL statement with its values. Bind all parameters in order, then `step`; the first failure
+/// is kept and reported by `step`. Must not outlive its file.
 class SqliteStatement final {
  public:
   SqliteStatement& bind(std::int64_t value);
@@ -58,7 +58,9 @@ class SqliteFile final {
   [[nodiscard]] static Expected<SqliteFile> open(const std::string& path);
 
   [[nodiscard]] Expected<void> execute(const char* sql);
-  [[nodiscard]] SqliteStatement prepare(std::string_view sql) const { return {file_.get(), path_, sql}; }
+  [[nodiscard]] SqliteStatement prepare(std::string_view sql) const {
+    return {file_.get(), path_, sql};
+  }
   /// The one value of a query such as a PRAGMA.
   [[nodiscard]] Expected<std::int64_t> integer(std::string_view sql) const;
   [[nodiscard]] Expected<std::string> text(std::string_view sql) const;

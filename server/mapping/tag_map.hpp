@@ -29,35 +29,40 @@ struct MapTag {
   std::int64_t first_seen_utc_ns{};
   std::int64_t last_seen_utc_ns{};
   int sightings{};
-  int component{};  ///< Tags not connected by any sighting lie in different components. 0 holds the workspace.
+  int component{};  ///< Tags not connected by any sighting lie in different components. 0 holds the
+                    ///< workspace.
 };
 
-/// Where every tag of the workspace is. Immutable once published: `shared_ptr<const TagMap>` is what travels.
+/// Where every tag of the workspace is. Immutable once published: `shared_ptr<const TagMap>` is
+/// what travels.
 struct TagMap {
   std::int64_t version{0};  ///< 0: never stored.
   std::int64_t parent{0};
-  std::string hash;         ///< Of the stored version, hex; set by the store. Empty: differs from every version.
+  std::string
+      hash;  ///< Of the stored version, hex; set by the store. Empty: differs from every version.
   std::string family{"tag36h11"};
   std::optional<int> reference_tag;
-  Pose X_RW;                ///< Alignment of the workspace to the room.
+  Pose X_RW;  ///< Alignment of the workspace to the room.
   std::int64_t created_utc_ns{};
   std::string comment;
   std::vector<MapTag> tags;  ///< Sorted by id, ids unique.
 
   [[nodiscard]] const MapTag* find(int tag_id) const;
-  /// The tags of `seen` that a filter may lean on (not quarantined, component 0), appended to `out` after clearing it.
+  /// The tags of `seen` that a filter may lean on (not quarantined, component 0), appended to `out`
+  /// after clearing it.
   void known_among(const TagObservations& seen, std::vector<KnownTag>& out) const;
 };
 
-/// @return the first thing that makes this not a map (order of ids, edge, finite numbers, unit quaternions, variances
+/// @return the first thing that makes this not a map (order of ids, edge, finite numbers, unit
+/// quaternions, variances
 ///         below zero), e.g. `tag 7: edge_m = -1: must be finite and > 0`; nullopt when it is one.
 [[nodiscard]] std::optional<std::string> fault_in(const TagMap& map);
 /// @return the same for one tag, without its id.
 [[nodiscard]] std::optional<std::string> fault_in(const MapTag& entry);
 
-/// Hash of everything a version says (family, reference tag, alignment, tags with history; not version numbers, time of
-/// creation and comment). FNV-1a, 64 bit, 16 hex digits, over the numbers as little-endian bytes: finds changes and
-/// damage, no protection against forgery.
+/// Hash of everything a version says (family, reference tag, alignment, tags with history; not
+/// version numbers, time of creation and comment). FNV-1a, 64 bit, 16 hex digits, over the numbers
+/// as little-endian bytes: finds changes and damage, no protection against forgery.
 [[nodiscard]] std::string content_hash(const TagMap& map);
 
 }  // namespace fiducap

@@ -15,7 +15,8 @@ constexpr double kOverdueIntervals = 3.0;
 
 double rate_variance_of(const BodySensors& sensors) {
   if (!sensors.imu) return 0.0;
-  return sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->rate_hz;
+  return sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->gyro_noise_rad_s_rtHz *
+         sensors.imu->rate_hz;
 }
 
 }  // namespace
@@ -26,12 +27,13 @@ std::vector<ConfigError> BodyLimits::check(const std::string& prefix) const {
       .positive("max_rotation_sigma_rad", max_rotation_sigma_rad)
       .positive("coast_after_s", coast_after_s)
       .positive("lose_after_s", lose_after_s)
-      .require(lose_after_s > coast_after_s, "lose_after_s", lose_after_s, "must be longer than coast_after_s")
+      .require(lose_after_s > coast_after_s, "lose_after_s", lose_after_s,
+               "must be longer than coast_after_s")
       .errors;
 }
 
-BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
-                         const EstimatorConfig& estimator)
+BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits,
+                         const BodySensors& sensors, const EstimatorConfig& estimator)
     : body_id_(body_id),
       X_BP_(X_BP),
       limits_(limits),
@@ -47,6 +49,7 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
   processing_ = processing;
   images_dropped_ = images_dropped;
   count_image(report.exposed_at);
+  estimated_ = estimate.has_value();
   anchored_ = estimate && estimate->anchored;
   if (!estimate) {
     predictor_.clear();
@@ -63,12 +66,14 @@ void BodyTracker::source_lost() { source_lost_ = true; }
 
 void BodyTracker::count_image(Instant exposed_at) {
   const double interval = last_image_at_ ? to_seconds(exposed_at - *last_image_at_) : 0.0;
-  if (last_image_at_ && interval <= 0) return;  // two cameras at the same instant are one image for the rate
+  if (last_image_at_ && interval <= 0)
+    return;  // two cameras at the same instant are one image for the rate
   last_image_at_ = exposed_at;
   if (interval > kLongestInterval_s) {
     image_interval_s_ = 0;
   } else if (interval > 0) {
-    image_interval_s_ += (image_interval_s_ > 0 ? kIntervalSmoothing : 1.0) * (interval - image_interval_s_);
+    image_interval_s_ +=
+        (image_interval_s_ > 0 ? kIntervalSmoothing : 1.0) * (interval - image_interval_s_);
   }
 }
 
@@ -86,7 +91,7 @@ BodyState BodyTracker::state_at(Instant at) const {
   if (source_lost_) return BodyState::kLost;
   if (!last_tag_at_) return BodyState::kSearching;
   if (unseen_for(at, limits_.lose_after_s)) return BodyState::kLost;
-  if (!anchored_) return BodyState::kSearching;
+  if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
   return unseen_for(at, limits_.coast_after_s) ? BodyState::kCoasting : BodyState::kTracking;
 }
 

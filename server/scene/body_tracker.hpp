@@ -25,10 +25,11 @@ struct BodyLimits {
 
 /// The life of one body: searching → tracking → coasting → lost, and whether its pose may be shown.
 ///
-/// searching until a used tag ties the body to the workspace; tracking and coasting by the age of the last used tag;
-/// lost from `lose_after_s` on, or when the source ended, until a tag is used again. A pose is valid while tracking or
-/// coasting with both sigmas inside the limits. An invalid pose is history: what the last used tag said.
-/// Not thread-safe; Scene guards it.
+/// searching until a used tag ties the body to the workspace; tracking and coasting by the age of
+/// the last used tag; lost from `lose_after_s` on, when its filter gave the motion up, or when the
+/// source ended, until a tag is used again. A pose is valid while tracking or coasting with both
+/// sigmas inside the limits. An invalid pose is history: what the last used tag said. Not
+/// thread-safe; Scene guards it.
 class BodyTracker final {
  public:
   BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
@@ -39,14 +40,16 @@ class BodyTracker final {
   /// What the filter said to one image, also when no tag was in it.
   /// @param estimate    nullopt: the filter does not run
   /// @param processing  arrival of the image → now
-  void ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report, Duration processing,
-              std::uint64_t images_dropped);
+  void ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
+              Duration processing, std::uint64_t images_dropped);
   /// The source ended or failed: lost until the next image.
   void source_lost();
-  /// The body at one instant, pivot applied (lever arm included), state and validity decided. Overwrites all of `out`.
+  /// The body at one instant, pivot applied (lever arm included), state and validity decided.
+  /// Overwrites all of `out`.
   void sample(Instant at, BodyPose& out) const;
-  /// True when the body is lost and its filter still holds on to the old place: call filter.reset() before the next
-  /// update(). Ask once per image, with its exposed_at; true until an estimate that starts anew was ingested.
+  /// True when the body is lost and its filter still goes on from the old place: call
+  /// filter.lose_motion() before the next update(). Ask once per image, with its exposed_at; true
+  /// until an image with a used tag or without an estimate was ingested.
   [[nodiscard]] bool wants_reset(Instant now) const;
 
  private:
@@ -61,6 +64,7 @@ class BodyTracker final {
   BodyLimits limits_;
   double rate_variance_;  ///< (rad/s)², gyro noise of one sample.
   OutputPredictor predictor_;
+  bool estimated_{false};
   bool anchored_{false};
   bool source_lost_{false};
   std::optional<BodyEstimate> last_seen_;  ///< The anchored estimate of the last used tag.

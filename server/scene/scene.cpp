@@ -25,8 +25,8 @@ void Scene::add_imu(std::size_t body, const ImuSample& imu) {
   one.tracker.add_imu(imu);
 }
 
-void Scene::ingest(std::size_t body, const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
-                   Duration processing, std::uint64_t images_dropped) {
+void Scene::ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
+                   const UpdateReport& report, Duration processing, std::uint64_t images_dropped) {
   Guarded& one = guarded(body);
   const std::lock_guard lock(one.mutex);
   one.tracker.ingest(estimate, report, processing, images_dropped);
@@ -44,8 +44,9 @@ bool Scene::wants_reset(std::size_t body, Instant now) const {
   return one.tracker.wants_reset(now);
 }
 
-std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at, Duration utc_offset,
-                                                double rate_hz, std::shared_ptr<const TagMap> map) {
+std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at,
+                                                Duration utc_offset, double rate_hz,
+                                                std::shared_ptr<const TagMap> map) {
   auto frame = frames_.acquire();
   frame->number = next_number_++;
   frame->at = at;

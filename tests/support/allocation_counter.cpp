@@ -9,11 +9,34 @@ namespace fiducap {
 std::atomic<std::uint64_t> g_allocations{0};
 }
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define FIDUCAP_SANITIZED
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define FIDUCAP_SANITIZED
+#endif
+
+// Eigen and C libraries call malloc itself. Sanitizers own malloc, so there only operator new is counted.
+#ifndef FIDUCAP_SANITIZED
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* malloc(std::size_t size) {
+  ++fiducap::g_allocations;
+  return __libc_malloc(size);
+}
+}
+#endif
+
 namespace {
-void* counted(std::size_t size, std::size_t alignment) {
+void* try_counted(std::size_t size, std::size_t alignment) noexcept {
   ++fiducap::g_allocations;
   const std::size_t rounded = (size + alignment - 1) / alignment * alignment;
-  if (void* p = std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded)) return p;
+  return std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded);
+}
+void* counted(std::size_t size, std::size_t alignment) {
+  if (void* p = try_counted(size, alignment)) return p;
   throw std::bad_alloc();
 }
 }  // namespace
@@ -22,6 +45,9 @@ void* operator new(std::size_t size) { return counted(size, alignof(::max_align_
 void* operator new[](std::size_t size) { return counted(size, alignof(::max_align_t)); }
 void* operator new(std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
 void* operator new[](std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
+// A sanitizer's own nothrow forms would not come here, and their memory would meet our free().
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return try_counted(size, alignof(::max_align_t)); }
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return try_counted(size, alignof(::max_align_t)); }
 void operator delete(void* p) noexcept { std::free(p); }
 void operator delete[](void* p) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }

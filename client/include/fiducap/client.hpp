@@ -98,9 +98,9 @@ class FIDUCAP_CLIENT_API Client {
   /// @return false when the time is over.
   bool wait_for_frame(std::uint64_t after_number, std::chrono::milliseconds timeout) const;
   /// Called on the client's thread for every frame; keep it short, do not throw. May be set, replaced and taken away
-  /// (nullptr) at any time; a call under way is finished.
+  /// (nullptr) at any time; a call under way may end after this returns.
   void on_frame(std::function<void(const Frame&)> callback);
-  /// Called when the connection comes (true) or goes (false).
+  /// Called on the client's thread when the connection comes (true) or goes (false); at once when it is already there.
   void on_connection(std::function<void(bool connected)> callback);
   ClientStatistics statistics() const;
 

@@ -27,82 +27,117 @@ struct CommandLine {
   std::function<int(const Terminal&)> chosen;
 };
 
-const CLI::Validator kPositive([](std::string& text) {
-  double value = 0;
-  const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
-  return good ? std::string() : "must be a number > 0, is '" + text + "'";
-}, "NUMBER>0");
+const CLI::Validator kPositive(
+    [](std::string& text) {
+      double value = 0;
+      const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
+      return good ? std::string() : "must be a number > 0, is '" + text + "'";
+    },
+    "NUMBER>0");
 
 void add_replay(CLI::App& app, CommandLine& line) {
-  auto* verb = app.add_subcommand("replay", "Run a recording through the filter, offline, as fast as the machine allows");
+  auto* verb = app.add_subcommand(
+      "replay", "Run a recording through the filter, offline, as fast as the machine allows");
   auto& a = line.replay;
-  verb->add_option("RECORDING", a.recording, "Folder in the EuRoC/ASL layout (mav0/cam0, mav0/imu0, mav0/tags0 …)")->required();
-  verb->add_option("--out", a.out, "Folder for <recording>.tum, map.csv, extrinsics.yaml and report.json")->required();
-  verb->add_option("--config", a.config, "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
+  verb->add_option("RECORDING", a.recording,
+                   "Folder in the EuRoC/ASL layout (mav0/cam0, mav0/imu0, mav0/tags0 …)")
+      ->required();
+  verb->add_option("--out", a.out,
+                   "Folder for <recording>.tum, map.csv, extrinsics.yaml and report.json")
+      ->required();
+  verb->add_option(
+      "--config", a.config,
+      "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
   verb->add_option("--map", a.map, "Tags whose places are known: .yaml, .csv");
   verb->add_option("--filter", a.filter, "Which filter")->check(CLI::IsMember({"robocentric"}));
-  verb->add_option("--set", a.sets, "Override one key of the configuration; may be given several times")->allow_extra_args(false);
+  verb->add_option("--set", a.sets,
+                   "Override one key of the configuration; may be given several times")
+      ->allow_extra_args(false);
   verb->add_flag("--json", a.json, "Print report.json instead of words");
-  verb->footer("Example:\n"
-               "  fiducap replay recordings/hall --out results --set estimator.corner_noise_px=0.3\n"
-               "  fiducap evaluate results/hall.tum recordings/hall");
+  verb->footer(
+      "Example:\n"
+      "  fiducap replay recordings/hall --out results --set estimator.corner_noise_px=0.3\n"
+      "  fiducap evaluate results/hall.tum recordings/hall");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_replay(a, t); }; });
 }
 
 void add_evaluate(CLI::App& app, CommandLine& line) {
-  auto* verb = app.add_subcommand("evaluate", "Errors of a replay against the recording's truth or reference");
+  auto* verb = app.add_subcommand("evaluate",
+                                  "Errors of a replay against the recording's truth or reference");
   auto& a = line.evaluate;
-  verb->add_option("TUM", a.tum, "The replay's <recording>.tum; map.csv and extrinsics.yaml are read from beside it")->required();
+  verb->add_option(
+          "TUM", a.tum,
+          "The replay's <recording>.tum; map.csv and extrinsics.yaml are read from beside it")
+      ->required();
   verb->add_option("RECORDING", a.recording, "The recording it was made from")->required();
   verb->add_flag("--json", a.json, "Numbers for scripts");
-  verb->footer("Poses are compared in the axes of the reference tag, nothing is fitted, the first 5 s are left out.\n"
-               "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json");
+  verb->footer(
+      "Poses are compared in the axes of the reference tag, nothing is fitted, the first 5 s are "
+      "left out.\n"
+      "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_evaluate(a, t); }; });
 }
 
 void add_watch(CLI::App& app, CommandLine& line) {
-  auto* verb = app.add_subcommand("watch", "Live poses, rates, latency and loss as a client receives them");
+  auto* verb =
+      app.add_subcommand("watch", "Live poses, rates, latency and loss as a client receives them");
   auto& a = line.watch;
-  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")->capture_default_str();
-  verb->add_option("--duration", a.duration_s, "End after this many seconds; fails when nothing arrived")->check(kPositive);
+  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")
+      ->capture_default_str();
+  verb->add_option("--duration", a.duration_s,
+                   "End after this many seconds; fails when nothing arrived")
+      ->check(kPositive);
   verb->add_flag("--json", a.json, "One JSON object per frame and line");
-  verb->footer("Example:\n  fiducap watch --server robot-hall:21600\n"
-               "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
+  verb->footer(
+      "Example:\n  fiducap watch --server robot-hall:21600\n"
+      "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_watch(a, t); }; });
 }
 
 using MapVerb = int (*)(const MapArguments&, const Terminal&);
 
-CLI::App* add_map_verb(CLI::App& map, CommandLine& line, const char* name, const char* what, const char* example, MapVerb run) {
+CLI::App* add_map_verb(CLI::App& map, CommandLine& line, const char* name, const char* what,
+                       const char* example, MapVerb run) {
   auto* verb = map.add_subcommand(name, what);
-  verb->add_option("--store", line.map.store, "The map store, as map.store of the server's configuration says")->required();
+  verb->add_option("--store", line.map.store,
+                   "The map store, as map.store of the server's configuration says")
+      ->required();
   verb->footer(std::string("Example:\n  fiducap map ") + example);
-  verb->callback([&line, run] { line.chosen = [&line, run](const Terminal& t) { return run(line.map, t); }; });
+  verb->callback(
+      [&line, run] { line.chosen = [&line, run](const Terminal& t) { return run(line.map, t); }; });
   return verb;
 }
 
 void add_map(CLI::App& app, CommandLine& line) {
-  auto* map = app.add_subcommand("map", "Look into the store of tag maps, take maps out, put maps in");
+  auto* map =
+      app.add_subcommand("map", "Look into the store of tag maps, take maps out, put maps in");
   map->require_subcommand(1);
   map->footer("Example:\n  fiducap map log --store hall.map");
   auto& a = line.map;
-  auto* take = add_map_verb(*map, line, "export", "Write one version to a file: .yaml (complete) or .csv",
-                            "export --store hall.map hall.yaml", run_map_export);
+  auto* take =
+      add_map_verb(*map, line, "export", "Write one version to a file: .yaml (complete) or .csv",
+                   "export --store hall.map hall.yaml", run_map_export);
   take->add_option("FILE", a.file, "Where to")->required();
   take->add_option("--version", a.version, "Which version; the newest when not given");
-  auto* put = add_map_verb(*map, line, "import", "Store a file (.yaml, .csv, WPILib .json) as the next version",
+  auto* put = add_map_verb(*map, line, "import",
+                           "Store a file (.yaml, .csv, WPILib .json) as the next version",
                            "import --store hall.map field.json --tag-size 0.1651", run_map_import);
   put->add_option("FILE", a.file, "Where from")->required();
-  put->add_option("--tag-size", a.tag_size_m, "Edge of the tags in metres; WPILib files do not say it")->check(kPositive);
+  put->add_option("--tag-size", a.tag_size_m,
+                  "Edge of the tags in metres; WPILib files do not say it")
+      ->check(kPositive);
   put->add_option("--comment", a.comment, "What the history shall say about it");
-  auto* log = add_map_verb(*map, line, "log", "All versions, newest first", "log --store hall.map --json", run_map_log);
+  auto* log = add_map_verb(*map, line, "log", "All versions, newest first",
+                           "log --store hall.map --json", run_map_log);
   log->add_flag("--json", a.json, "For scripts");
-  auto* diff = add_map_verb(*map, line, "diff", "How far tags moved between two versions, in mm and degrees",
-                            "diff --store hall.map --from 3 --to 7", run_map_diff);
+  auto* diff =
+      add_map_verb(*map, line, "diff", "How far tags moved between two versions, in mm and degrees",
+                   "diff --store hall.map --from 3 --to 7", run_map_diff);
   diff->add_option("--from", a.before, "The older version; the parent of --to when not given");
   diff->add_option("--to", a.after, "The newer version; the newest when not given");
   diff->add_flag("--json", a.json, "For scripts");
-  auto* show = add_map_verb(*map, line, "show", "The tags of one version", "show --store hall.map --version 3", run_map_show);
+  auto* show = add_map_verb(*map, line, "show", "The tags of one version",
+                            "show --store hall.map --version 3", run_map_show);
   show->add_option("--version", a.version, "Which version; the newest when not given");
   show->add_flag("--json", a.json, "For scripts");
 }
@@ -111,15 +146,22 @@ void add_tags(CLI::App& app, CommandLine& line) {
   auto* tags = app.add_subcommand("tags", "Tags to print");
   tags->require_subcommand(1);
   tags->footer("Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
-  auto* verb = tags->add_subcommand("sheet", "A PDF with tags of exact size, cut marks and a ruler, and their sizes as YAML beside it");
+  auto* verb = tags->add_subcommand(
+      "sheet",
+      "A PDF with tags of exact size, cut marks and a ruler, and their sizes as YAML beside it");
   auto& a = line.tag_sheet;
   verb->add_option("--ids", a.ids, "Ids and ranges, e.g. 0-3,7")->capture_default_str();
-  verb->add_option("--size-mm", a.size_mm, "Edge between black and white border")->check(kPositive)->capture_default_str();
-  verb->add_option("--paper", a.paper, "a4, a3 or letter")->check(CLI::IsMember({"a4", "a3", "letter"}))->capture_default_str();
+  verb->add_option("--size-mm", a.size_mm, "Edge between black and white border")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--paper", a.paper, "a4, a3 or letter")
+      ->check(CLI::IsMember({"a4", "a3", "letter"}))
+      ->capture_default_str();
   verb->add_option("--family", a.family, "Tag family")->capture_default_str();
   verb->add_option("--out", a.out, "The PDF")->capture_default_str();
-  verb->footer("Print at 100 %, then measure the ruler on the sheet.\n"
-               "Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
+  verb->footer(
+      "Print at 100 %, then measure the ruler on the sheet.\n"
+      "Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_tag_sheet(a, t); }; });
 }
 
@@ -128,31 +170,41 @@ void add_simulate(CLI::App& app, CommandLine& line) {
   auto& a = line.simulate;
   verb->add_option("--out", a.out, "New folder for the recording")->required();
   verb->add_option("--room", a.room, "hall, table, sparse, loop or ceiling")
-      ->check(CLI::IsMember({"hall", "table", "sparse", "loop", "ceiling"}))->capture_default_str();
+      ->check(CLI::IsMember({"hall", "table", "sparse", "loop", "ceiling"}))
+      ->capture_default_str();
   verb->add_option("--seconds", a.seconds, "Length")->check(kPositive)->capture_default_str();
   verb->add_option("--seed", a.seed, "Same seed, same recording")->capture_default_str();
-  verb->add_option("--speed", a.speed, "Scales the time of the motion")->check(kPositive)->capture_default_str();
-  verb->add_option("--corner-noise-px", a.corner_noise_px, "With --corners: 1-sigma of each coordinate")
-      ->check(CLI::NonNegativeNumber)->capture_default_str();
+  verb->add_option("--speed", a.speed, "Scales the time of the motion")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--corner-noise-px", a.corner_noise_px,
+                   "With --corners: 1-sigma of each coordinate")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   auto* images = verb->add_flag("--images", a.images, "Render images");
-  verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")->excludes(images);
+  verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
+      ->excludes(images);
   verb->add_flag("!--no-imu", a.imu, "A robot without IMU");
-  verb->footer("Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");
+  verb->footer(
+      "Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_simulate(a, t); }; });
 }
 
 }  // namespace
 
 int run_command_line(int argc, const char* const* argv, const Terminal& terminal) {
-  CLI::App app("Fiducap: motion capture from printed tags, spoken in every mocap dialect.", "fiducap");
+  CLI::App app("Fiducap: motion capture from printed tags, spoken in every mocap dialect.",
+               "fiducap");
   CommandLine line;
   app.set_version_flag("--version", FIDUCAP_VERSION);
   app.require_subcommand(1);
-  app.footer("Exit codes: 0 done, 1 failed, 2 wrong usage. `fiducap VERB --help` shows an example of each verb.\n"
-             "Example:\n"
-             "  fiducap simulate --out recordings/table --room table\n"
-             "  fiducap replay recordings/table --out results\n"
-             "  fiducap evaluate results/table.tum recordings/table");
+  app.footer(
+      "Exit codes: 0 done, 1 failed, 2 wrong usage. `fiducap VERB --help` shows an example of each "
+      "verb.\n"
+      "Example:\n"
+      "  fiducap simulate --out recordings/table --room table\n"
+      "  fiducap replay recordings/table --out results\n"
+      "  fiducap evaluate results/table.tum recordings/table");
   add_watch(app, line);
   add_replay(app, line);
   add_evaluate(app, line);

@@ -13,16 +13,21 @@ std::string line(const char* label, const std::optional<PoseErrors>& errors, con
   if (!errors) return {};
   std::string text = label;
   if (errors->samples == 0) return text + "nothing to compare\n";
-  return text + fixed(1000 * errors->position_rmse_m, 2) + " mm, " + fixed(kDegrees * errors->rotation_rmse_rad, 3) +
-         "° RMSE; worst " + fixed(1000 * errors->position_max_m, 2) + " mm, " +
-         fixed(kDegrees * errors->rotation_max_rad, 3) + "° (" + std::to_string(errors->samples) + " " + what + ")\n";
+  return text + fixed(1000 * errors->position_rmse_m, 2) + " mm, " +
+         fixed(kDegrees * errors->rotation_rmse_rad, 3) + "° RMSE; worst " +
+         fixed(1000 * errors->position_max_m, 2) + " mm, " +
+         fixed(kDegrees * errors->rotation_max_rad, 3) + "° (" + std::to_string(errors->samples) +
+         " " + what + ")\n";
 }
 
 const char* name_of(Evaluation::Against against) {
   switch (against) {
-    case Evaluation::Against::kTruth: return "truth";
-    case Evaluation::Against::kOtherProgram: return "other_program";
-    case Evaluation::Against::kNothing: return "nothing";
+    case Evaluation::Against::kTruth:
+      return "truth";
+    case Evaluation::Against::kOtherProgram:
+      return "other_program";
+    case Evaluation::Against::kNothing:
+      return "nothing";
   }
   return "nothing";
 }
@@ -37,10 +42,13 @@ nlohmann::ordered_json json_of(const std::optional<PoseErrors>& errors) {
 }
 
 std::string heading(const Evaluation& e) {
-  std::string text = e.against == Evaluation::Against::kTruth          ? "Errors against the recording's truth"
-                     : e.against == Evaluation::Against::kOtherProgram ? "Agreement with another program's answer"
-                                                                       : "The recording has no truth and no reference";
-  if (e.reference_tag) text += ", axes of tag " + std::to_string(*e.reference_tag) + ", nothing fitted";
+  std::string text = e.against == Evaluation::Against::kTruth
+                         ? "Errors against the recording's truth"
+                     : e.against == Evaluation::Against::kOtherProgram
+                         ? "Agreement with another program's answer"
+                         : "The recording has no truth and no reference";
+  if (e.reference_tag)
+    text += ", axes of tag " + std::to_string(*e.reference_tag) + ", nothing fitted";
   if (e.reference_replaced) text += " (the recording's reference tag is not in both maps)";
   return text + "\n";
 }
@@ -56,12 +64,14 @@ std::string evaluation_text(const Evaluation& e) {
   text += line("  tag map        ", e.map, "tags");
   text += line("  map, fitted    ", e.fitted_map, "tags; best rigid fit, shape alone");
   text += line("  extrinsics     ", e.extrinsics, "cameras");
-  text += "  reprojection   median " + fixed(r.median_px, 3) + " px, 95 % " + fixed(r.p95_px, 3) + " px (" +
-          std::to_string(r.scored) + " of " + std::to_string(r.detections) + " detections; " +
-          std::to_string(r.without_pose) + " without pose, " + std::to_string(r.without_tag) + " with unmapped tag, " +
+  text += "  reprojection   median " + fixed(r.median_px, 3) + " px, 95 % " + fixed(r.p95_px, 3) +
+          " px (" + std::to_string(r.scored) + " of " + std::to_string(r.detections) +
+          " detections; " + std::to_string(r.without_pose) + " without pose, " +
+          std::to_string(r.without_tag) + " with unmapped tag, " +
           std::to_string(r.outside_camera) + " outside the camera)\n";
-  text += "  coverage       " + fixed(100 * r.coverage(), 2) + " % (" + std::to_string(r.frames_with_tags_and_pose) +
-          " of " + std::to_string(r.frames_with_tags) + " frames with tags have a pose)\n";
+  text += "  coverage       " + fixed(100 * r.coverage(), 2) + " % (" +
+          std::to_string(r.frames_with_tags_and_pose) + " of " +
+          std::to_string(r.frames_with_tags) + " frames with tags have a pose)\n";
   return text;
 }
 
@@ -77,9 +87,12 @@ std::string evaluation_json(const Evaluation& e) {
                               {"fitted_map", json_of(e.fitted_map)},
                               {"extrinsics", json_of(e.extrinsics)}};
   if (e.reference_tag) json["reference_tag"] = *e.reference_tag;
-  json["reprojection"] = {{"detections", r.detections},         {"scored", r.scored},
-                          {"without_pose", r.without_pose},     {"without_tag", r.without_tag},
-                          {"outside_camera", r.outside_camera}, {"median_px", r.median_px},
+  json["reprojection"] = {{"detections", r.detections},
+                          {"scored", r.scored},
+                          {"without_pose", r.without_pose},
+                          {"without_tag", r.without_tag},
+                          {"outside_camera", r.outside_camera},
+                          {"median_px", r.median_px},
                           {"p95_px", r.p95_px}};
   json["coverage"] = {{"frames", r.frames},
                       {"frames_with_tags", r.frames_with_tags},

@@ -41,28 +41,34 @@ Expected<Reference> read_reference(const std::string& recording) {
 }
 
 /// The recording's reference tag when both maps have it, else the lowest common id.
-void choose_reference_tag(const RecordingInfo& info, const RunResults& run, const Reference& reference,
-                          Evaluation& evaluation) {
-  const auto common = [&](int id) { return find_tag(run.map, id) != nullptr && find_tag(reference.map, id) != nullptr; };
+void choose_reference_tag(const RecordingInfo& info, const RunResults& run,
+                          const Reference& reference, Evaluation& evaluation) {
+  const auto common = [&](int id) {
+    return find_tag(run.map, id) != nullptr && find_tag(reference.map, id) != nullptr;
+  };
   if (info.reference_tag && common(*info.reference_tag)) {
     evaluation.reference_tag = info.reference_tag;
     return;
   }
   for (const PlacedTag& tag : run.map) {
     if (!common(tag.tag_id)) continue;
-    if (!evaluation.reference_tag || tag.tag_id < *evaluation.reference_tag) evaluation.reference_tag = tag.tag_id;
+    if (!evaluation.reference_tag || tag.tag_id < *evaluation.reference_tag)
+      evaluation.reference_tag = tag.tag_id;
   }
-  evaluation.reference_replaced = info.reference_tag.has_value() && evaluation.reference_tag.has_value();
+  evaluation.reference_replaced =
+      info.reference_tag.has_value() && evaluation.reference_tag.has_value();
 }
 
-std::optional<PoseErrors> extrinsics_errors(const std::vector<Pose>& estimated, const std::vector<Pose>& truth) {
+std::optional<PoseErrors> extrinsics_errors(const std::vector<Pose>& estimated,
+                                            const std::vector<Pose>& truth) {
   if (truth.empty() || truth.size() != estimated.size()) return std::nullopt;
   ErrorSum sum;
   for (std::size_t k = 0; k < truth.size(); ++k) sum.add(estimated[k], truth[k]);
   return sum.result();
 }
 
-void compare(const RecordingInfo& info, const RunResults& run, const Reference& reference, Evaluation& evaluation) {
+void compare(const RecordingInfo& info, const RunResults& run, const Reference& reference,
+             Evaluation& evaluation) {
   evaluation.against = reference.against;
   evaluation.extrinsics = extrinsics_errors(run.X_BV, reference.X_BV);
   evaluation.fitted_map = fitted_map_errors(run.map, reference.map);
@@ -76,8 +82,8 @@ void compare(const RecordingInfo& info, const RunResults& run, const Reference& 
   evaluation.pose = pose_errors(run.trajectory, reference.poses, ours, theirs, from);
   if (info.imu) {
     const bool along_x = heading_along_x(theirs);
-    evaluation.levelled_pose =
-        pose_errors(run.trajectory, reference.poses, levelled(ours, along_x), levelled(theirs, along_x), from);
+    evaluation.levelled_pose = pose_errors(run.trajectory, reference.poses, levelled(ours, along_x),
+                                           levelled(theirs, along_x), from);
   }
   if (!info.known_tags.empty())
     evaluation.world_pose = pose_errors(run.trajectory, reference.poses, Pose{}, Pose{}, from);
@@ -88,12 +94,12 @@ class UsableCorners final {
  public:
   explicit UsableCorners(const RecordingInfo& info)
       : tags_{info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags} {
-    if (info.max_hamming) config_.max_hamming = *info.max_hamming;
+    if (info.max_hamming) tags_.max_hamming = *info.max_hamming;
   }
 
   CornerFrame of(SensorSample sample) {
     if (const auto* image = std::get_if<CameraFrame>(&sample)) {
-      if (!detector_) detector_.emplace(tags_, config_);
+      if (!detector_) detector_.emplace(tags_, DetectorConfig{});
       return filtered(detector_->detect(*image));
     }
     return filtered(std::move(std::get<CornerFrame>(sample)));
@@ -102,14 +108,13 @@ class UsableCorners final {
  private:
   CornerFrame filtered(CornerFrame frame) const {
     std::erase_if(frame.tags, [&](const TagSighting& tag) {
-      return tag.hamming > config_.max_hamming ||
+      return tag.hamming > tags_.max_hamming ||
              std::find(tags_.ignore.begin(), tags_.ignore.end(), tag.tag_id) != tags_.ignore.end();
     });
     return frame;
   }
 
   TagSetConfig tags_;
-  DetectorConfig config_;
   std::optional<TagDetector> detector_;
 };
 
@@ -146,7 +151,8 @@ Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);
   if (!extrinsics) return tl::unexpected(extrinsics.error());
   RunResults run{std::move(*trajectory), {}, std::move(*extrinsics)};
-  for (const MapTag& entry : map->tags) run.map.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
+  for (const MapTag& entry : map->tags)
+    run.map.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
   return run;
 }
 

@@ -22,17 +22,21 @@ struct RunResults {
 /// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it
 [[nodiscard]] Expected<RunResults> read_run(const std::string& tum, std::size_t cameras);
 
-/// How good a run is. Poses are compared in the axes of the reference tag, as each side places that tag; nothing is fitted.
+/// How good a run is. Poses are compared in the axes of the reference tag, as each side places that
+/// tag; nothing is fitted.
 struct Evaluation {
   enum class Against { kTruth, kOtherProgram, kNothing } against{Against::kNothing};
   std::optional<int> reference_tag;
-  bool reference_replaced{};               ///< The recording's reference tag is missing in a map: the lowest common id stands in.
+  bool reference_replaced{};  ///< The recording's reference tag is missing in a map: the lowest
+                              ///< common id stands in.
   std::optional<PoseErrors> pose;
-  std::optional<PoseErrors> levelled_pose; ///< In axes at that tag with z up: its place and heading only. With IMU.
-  std::optional<PoseErrors> world_pose;    ///< In W as both sides have it, when the recording fixes W by known tags.
+  std::optional<PoseErrors>
+      levelled_pose;  ///< In axes at that tag with z up: its place and heading only. With IMU.
+  std::optional<PoseErrors>
+      world_pose;  ///< In W as both sides have it, when the recording fixes W by known tags.
   std::optional<PoseErrors> map;
-  std::optional<PoseErrors> fitted_map;    ///< After a rigid fit over all tags: the shape alone.
-  std::optional<PoseErrors> extrinsics;    ///< All cameras, against truth/extrinsics.yaml.
+  std::optional<PoseErrors> fitted_map;  ///< After a rigid fit over all tags: the shape alone.
+  std::optional<PoseErrors> extrinsics;  ///< All cameras, against truth/extrinsics.yaml.
   ReprojectionSummary reprojection;
 };
 

@@ -8,7 +8,8 @@
 #include "base/log.hpp"
 
 int main(int argc, char** argv) {
-  const fiducap::Terminal terminal{std::cout, std::cerr, ::isatty(STDOUT_FILENO) == 1, ::isatty(STDERR_FILENO) == 1};
+  const fiducap::Terminal terminal{std::cout, std::cerr, ::isatty(STDOUT_FILENO) == 1,
+                                   ::isatty(STDERR_FILENO) == 1};
   fiducap::log::set_level(fiducap::log::Level::kWarning);
   try {
     return fiducap::run_command_line(argc, argv, terminal);

@@ -10,11 +10,11 @@ namespace fiducap {
 
 struct MapArguments {
   std::string store;
-  std::string file;                      ///< export: to; import: from
-  std::optional<std::int64_t> version;   ///< show, export: nullopt is the newest
-  std::optional<std::int64_t> before;    ///< diff: nullopt is the parent of `after`
-  std::optional<std::int64_t> after;     ///< diff: nullopt is the newest
-  std::optional<double> tag_size_m;      ///< import of WPILib files
+  std::string file;                     ///< export: to; import: from
+  std::optional<std::int64_t> version;  ///< show, export: nullopt is the newest
+  std::optional<std::int64_t> before;   ///< diff: nullopt is the parent of `after`
+  std::optional<std::int64_t> after;    ///< diff: nullopt is the newest
+  std::optional<double> tag_size_m;     ///< import of WPILib files
   std::string comment;
   bool json{false};
 };

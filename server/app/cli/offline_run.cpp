@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "app/cli/reprojection.hpp"
+#include "app/cli/settled_trajectory.hpp"
 #include "app/cli/stage_clock.hpp"
 #include "detection/observe.hpp"
 #include "detection/tag_detector.hpp"
@@ -23,7 +24,8 @@ enum class Stage { kRead, kDetect, kPropagate, kUpdate };
 KnownTag known_tag(const RecordedTag& tag) {
   KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
   known.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
-  known.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad * tag.rotation_sigma_rad);
+  known.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad *
+                                                    tag.rotation_sigma_rad);
   return known;
 }
 
@@ -33,7 +35,8 @@ class OfflineRun final {
       : setup_(setup),
         source_(source),
         merger_({.has_imu = setup.sensors.imu.has_value()}),
-        filter_(make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator)) {
+        filter_(make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator)),
+        settled_(setup.estimator.corner_noise_px) {
     filter_->set_tag_priors(setup.priors);
     for (const KnownTag& tag : setup.known) known_.emplace(tag.tag_id, tag);
   }
@@ -54,7 +57,8 @@ class OfflineRun final {
   }
 
  private:
-  /// Fills imu_batch_ up to the next image and image_ with it. @return false when nothing more will come.
+  /// Fills imu_batch_ up to the next image and image_ with it. @return false when nothing more will
+  /// come.
   Expected<bool> read_batch() {
     imu_batch_.clear();
     image_.reset();
@@ -76,7 +80,9 @@ class OfflineRun final {
       if (exhausted_) {
         merger_.finish();
       } else if (!merger_.push(std::move(**next))) {
-        return fail(ErrorCode::kInvalid, "too many IMU samples wait for an image; are the stamps of the sensors on one clock?");
+        return fail(
+            ErrorCode::kInvalid,
+            "too many IMU samples wait for an image; are the stamps of the sensors on one clock?");
       }
     }
     return true;
@@ -97,12 +103,23 @@ class OfflineRun final {
       corners_ = std::move(std::get<CornerFrame>(*image_));
     }
     clock_.enter(Stage::kUpdate);
-    const CameraMount& camera = setup_.sensors.cameras.at(static_cast<std::size_t>(corners_.camera));
+    const CameraMount& camera =
+        setup_.sensors.cameras.at(static_cast<std::size_t>(corners_.camera));
     observe(corners_, camera.model, setup_.tags, setup_.detector, seen_);
     visible_known_.clear();
     for (const TagObservation& tag : seen_.tags)
-      if (const auto found = known_.find(tag.tag_id); found != known_.end()) visible_known_.push_back(found->second);
+      if (const auto found = known_.find(tag.tag_id); found != known_.end())
+        visible_known_.push_back(found->second);
     count(filter_->update(seen_, visible_known_));
+    if (!setup_.sensors.imu) remember_for_settling();
+  }
+
+  void remember_for_settling() {
+    const bool placed = filter_->running() && filter_->estimate().at == seen_.exposed_at && filter_->estimate().anchored;
+    filter_->tag_beliefs(beliefs_);
+    std::vector<KnownTag> tags = visible_known_;
+    for (const TagBelief& belief : beliefs_) tags.push_back(belief.tag);
+    settled_.add(seen_, placed ? std::optional(filter_->estimate().X_WB) : std::nullopt, tags);
   }
 
   void count(const UpdateReport& report) {
@@ -118,7 +135,8 @@ class OfflineRun final {
     if (report.gauge_shift) shift_gauge(*report.gauge_shift);
     if (!filter_->running()) return;
     const BodyEstimate estimate = filter_->estimate();
-    if (!estimate.X_WB.p.allFinite()) return;
+    // Without IMU an image without a usable tag does not move the state.
+    if (estimate.at != seen_.exposed_at || !estimate.X_WB.p.allFinite()) return;
     ++unplaced_.frames;
     unplaced_.frames_with_tags += with_tags ? 1 : 0;
     add_pose({seen_.exposed_at, estimate.X_WB});
@@ -134,7 +152,8 @@ class OfflineRun final {
       poses.push_back(pose);
   }
 
-  /// W was re-defined: the poses so far move with it. They stay causal, only their common axes come later.
+  /// W was re-defined: the poses so far move with it. They stay causal, only their common axes come
+  /// later.
   void shift_gauge(const Pose& X_new_old) {
     for (StampedPose& pose : result_.trajectory) pose.X_WB = X_new_old * pose.X_WB;
   }
@@ -161,13 +180,26 @@ class OfflineRun final {
     result_.known = setup_.known;
     filter_->tag_beliefs(result_.tags);
     result_.extrinsics = filter_->extrinsics();
+    if (!setup_.sensors.imu) settle();
     return std::move(result_);
+  }
+
+  /// Without IMU the trajectory is that of the finished map; what was known live is kept beside it.
+  void settle() {
+    std::vector<KnownTag> map = result_.known;
+    for (const TagBelief& belief : result_.tags) map.push_back(belief.tag);
+    result_.live = std::move(result_.trajectory);
+    result_.trajectory = settled_.settle(setup_.sensors.cameras, map);
+    result_.statistics.frames_with_pose = static_cast<int>(result_.trajectory.size());
+    result_.statistics.frames_with_tags_and_pose = result_.statistics.frames_with_pose;
   }
 
   const OfflineSetup& setup_;
   SensorSource& source_;
   SampleMerger merger_;
   std::unique_ptr<BodyFilter> filter_;
+  SettledTrajectory settled_;
+  std::vector<TagBelief> beliefs_;
   std::optional<TagDetector> detector_;
   std::map<int, KnownTag> known_;
   StageClock<Stage, 4> clock_;
@@ -195,17 +227,19 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
   setup.tags = {info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags};
-  if (info.max_hamming) setup.detector.max_hamming = *info.max_hamming;
+  if (info.max_hamming) setup.tags.max_hamming = *info.max_hamming;
   setup.gauge.reference_tag = info.reference_tag;
   for (const RecordedTag& tag : info.known_tags) {
-    const bool fixed = tag.position_sigma_m < kFixedPosition_m && tag.rotation_sigma_rad < kFixedRotation_rad;
+    const bool fixed =
+        tag.position_sigma_m < kFixedPosition_m && tag.rotation_sigma_rad < kFixedRotation_rad;
     (fixed ? setup.known : setup.priors).push_back(known_tag(tag));
     if (tag.tag_id == info.reference_tag) setup.gauge.X_WT = tag.X_WT;
   }
   return setup;
 }
 
-Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source, const OfflineProgress& progress) {
+Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
+                                    const OfflineProgress& progress) {
   return OfflineRun(setup, source).run(progress);
 }
 

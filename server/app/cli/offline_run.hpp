@@ -25,8 +25,8 @@ struct OfflineSetup {
   std::vector<KnownTag> priors;  ///< Estimated, with survey knowledge.
 };
 
-/// The recording's own calibration, sizes, reference tag, ignore list and known tags; configs at their defaults.
-/// Known tags better than 1 mm and 1 mrad become inputs, the others priors.
+/// The recording's own calibration, sizes, reference tag, ignore list and known tags; configs at
+/// their defaults. Known tags better than 1 mm and 1 mrad become inputs, the others priors.
 [[nodiscard]] OfflineSetup offline_setup(const RecordingInfo& info);
 
 /// What happened during a run.
@@ -35,10 +35,10 @@ struct OfflineStatistics {
   int frames_with_tags{};
   int frames_with_pose{};
   int frames_with_tags_and_pose{};
-  double data_s{};            ///< First to last sample.
+  double data_s{};  ///< First to last sample.
   double read_cpu_s{}, detect_cpu_s{}, propagate_cpu_s{}, update_cpu_s{};
   int imu_samples{};
-  int tags_rejected{};        ///< Tag by tag, over all frames.
+  int tags_rejected{};  ///< Tag by tag, over all frames.
   int tags_used{};
   double nis_sum{};
   long long nis_dof{};
@@ -46,13 +46,19 @@ struct OfflineStatistics {
   double reprojection_p95_px{};
   MergerStatistics merger;
 
-  [[nodiscard]] double nis_per_dof() const { return nis_dof == 0 ? 0.0 : nis_sum / static_cast<double>(nis_dof); }
+  [[nodiscard]] double nis_per_dof() const {
+    return nis_dof == 0 ? 0.0 : nis_sum / static_cast<double>(nis_dof);
+  }
 };
 
 struct OfflineResult {
-  std::vector<StampedPose> trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
-  std::vector<KnownTag> known;          ///< As given.
-  std::vector<TagBelief> tags;          ///< As the filter saw them at the end.
+  std::vector<StampedPose>
+      trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
+  /// Without IMU `trajectory` is placed in the finished map (SettledTrajectory), and this is what the
+  /// filter gave out live; with IMU it is empty, because `trajectory` is live.
+  std::vector<StampedPose> live;
+  std::vector<KnownTag> known;  ///< As given.
+  std::vector<TagBelief> tags;  ///< As the filter saw them at the end.
   std::vector<ExtrinsicsEstimate> extrinsics;
   OfflineStatistics statistics;
 };
@@ -60,8 +66,8 @@ struct OfflineResult {
 /// Called now and then with the seconds of data done.
 using OfflineProgress = std::function<void(double data_s)>;
 
-/// Runs one body's samples through merger, detector and filter, one after the other in this thread: no clock, no
-/// randomness; the same samples give the same result to the last bit.
+/// Runs one body's samples through merger, detector and filter, one after the other in this thread:
+/// no clock, no randomness; the same samples give the same result to the last bit.
 /// @return Error when the source is lost. A source without images gives an empty trajectory.
 [[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
                                                   const OfflineProgress& progress = {});

@@ -12,7 +12,8 @@ constexpr double kPointsPerMm = 72.0 / 25.4;
 // std::to_chars: no locale may put a comma into the file.
 std::string points(double mm) {
   std::array<char, 64> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), mm * kPointsPerMm, std::chars_format::fixed, 5);
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), mm * kPointsPerMm,
+                                 std::chars_format::fixed, 5);
   return {text.data(), end.ptr};
 }
 
@@ -46,7 +47,8 @@ class ObjectWriter final {
       std::snprintf(entry.data(), entry.size(), "%010zu 00000 n \n", offset);
       file_ += entry.data();
     }
-    file_ += "trailer\n<< /Size " + count + " /Root 1 0 R /Info 4 0 R >>\nstartxref\n" + std::to_string(table) + "\n%%EOF\n";
+    file_ += "trailer\n<< /Size " + count + " /Root 1 0 R /Info 4 0 R >>\nstartxref\n" +
+             std::to_string(table) + "\n%%EOF\n";
     return std::move(file_);
   }
 
@@ -64,7 +66,8 @@ void PdfPage::fill(const std::vector<Rectangle>& rectangles) {
 }
 
 void PdfPage::fill_polygon(const std::vector<Point>& corners) {
-  for (std::size_t i = 0; i < corners.size(); ++i) content_ += pair(corners[i]) + (i == 0 ? " m\n" : " l\n");
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    content_ += pair(corners[i]) + (i == 0 ? " m\n" : " l\n");
   if (!corners.empty()) content_ += "h f\n";
 }
 
@@ -73,7 +76,8 @@ void PdfPage::line(Point from, Point to, double thickness_mm) {
 }
 
 void PdfPage::text(Point at, double height_mm, std::string_view words) {
-  content_ += "BT /F1 " + points(height_mm) + " Tf " + pair(at) + " Td " + literal(words) + " Tj ET\n";
+  content_ +=
+      "BT /F1 " + points(height_mm) + " Tf " + pair(at) + " Td " + literal(words) + " Tj ET\n";
 }
 
 std::string to_pdf(const std::vector<PdfPage>& pages, std::string_view title) {
@@ -81,17 +85,20 @@ std::string to_pdf(const std::vector<PdfPage>& pages, std::string_view title) {
   ObjectWriter objects;
   objects.add("<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>");
   std::string kids;
-  for (std::size_t i = 0; i < pages.size(); ++i) kids += std::to_string(kFirstPageObject + 2 * i) + " 0 R ";
-  objects.add("<< /Type /Pages /Count " + std::to_string(pages.size()) + " /Kids [ " + kids + "] >>");
+  for (std::size_t i = 0; i < pages.size(); ++i)
+    kids += std::to_string(kFirstPageObject + 2 * i) + " 0 R ";
+  objects.add("<< /Type /Pages /Count " + std::to_string(pages.size()) + " /Kids [ " + kids +
+              "] >>");
   objects.add("<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding >>");
   objects.add("<< /Title " + literal(title) + " /Producer (Fiducap) >>");
   for (std::size_t i = 0; i < pages.size(); ++i) {
     const PdfPage& page = pages[i];
-    objects.add("<< /Type /Page /Parent 2 0 R /MediaBox [ 0 0 " + pair({page.width_mm(), page.height_mm()}) +
+    objects.add("<< /Type /Page /Parent 2 0 R /MediaBox [ 0 0 " +
+                pair({page.width_mm(), page.height_mm()}) +
                 " ] /Resources << /Font << /F1 3 0 R >> >> /Contents " +
                 std::to_string(kFirstPageObject + 2 * i + 1) + " 0 R >>");
-    objects.add("<< /Length " + std::to_string(page.content().size()) + " >>\nstream\n" + page.content() +
-                "endstream");
+    objects.add("<< /Length " + std::to_string(page.content().size()) + " >>\nstream\n" +
+                page.content() + "endstream");
   }
   return objects.finish();
 }

@@ -6,8 +6,8 @@
 
 namespace fiducap {
 
-/// One page, drawn in millimetres from its lower-left corner. Black on white; PDF numbers are points with five
-/// decimals (4 nm), so printed sizes are exact.
+/// One page, drawn in millimetres from its lower-left corner. Black on white; PDF numbers are
+/// points with five decimals (4 nm), so printed sizes are exact.
 class PdfPage final {
  public:
   struct Rectangle {

@@ -34,7 +34,8 @@ PoseErrors ErrorSum::result() const {
 }
 
 const PlacedTag* find_tag(std::span<const PlacedTag> tags, int tag_id) {
-  const auto found = std::find_if(tags.begin(), tags.end(), [&](const PlacedTag& t) { return t.tag_id == tag_id; });
+  const auto found = std::find_if(tags.begin(), tags.end(),
+                                  [&](const PlacedTag& t) { return t.tag_id == tag_id; });
   return found == tags.end() ? nullptr : &*found;
 }
 
@@ -64,7 +65,8 @@ PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const T
   return sum.result();
 }
 
-PoseErrors map_errors(std::span<const PlacedTag> estimated, std::span<const PlacedTag> truth, int reference_tag) {
+PoseErrors map_errors(std::span<const PlacedTag> estimated, std::span<const PlacedTag> truth,
+                      int reference_tag) {
   const PlacedTag* estimated_reference = find_tag(estimated, reference_tag);
   const PlacedTag* true_reference = find_tag(truth, reference_tag);
   ErrorSum sum;
@@ -79,7 +81,8 @@ PoseErrors map_errors(std::span<const PlacedTag> estimated, std::span<const Plac
   return sum.result();
 }
 
-std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated, std::span<const PlacedTag> truth) {
+std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated,
+                                            std::span<const PlacedTag> truth) {
   std::vector<std::pair<const PlacedTag*, const PlacedTag*>> pairs;
   for (const PlacedTag& tag : estimated)
     if (const PlacedTag* true_tag = find_tag(truth, tag.tag_id)) pairs.emplace_back(&tag, true_tag);
@@ -91,18 +94,21 @@ std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated
     to.col(static_cast<Eigen::Index>(i)) = pairs[i].second->X_WT.p;
   }
   const Eigen::Matrix4d fit = Eigen::umeyama(from, to, false);
-  const Pose moved{Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())), fit.topRightCorner<3, 1>()};
+  const Pose moved{Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())),
+                   fit.topRightCorner<3, 1>()};
   ErrorSum sum;
   for (const auto& [tag, true_tag] : pairs) sum.add(moved * tag->X_WT, true_tag->X_WT);
   return sum.result();
 }
 
 bool heading_along_x(const Pose& X_WT) {
-  return std::abs((X_WT.q * Eigen::Vector3d::UnitX()).z()) <= std::abs((X_WT.q * Eigen::Vector3d::UnitY()).z());
+  return std::abs((X_WT.q * Eigen::Vector3d::UnitX()).z()) <=
+         std::abs((X_WT.q * Eigen::Vector3d::UnitY()).z());
 }
 
 Pose levelled(const Pose& X_WT, bool along_x) {
-  const Eigen::Vector3d axis = X_WT.q * (along_x ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY());
+  const Eigen::Vector3d axis =
+      X_WT.q * (along_x ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY());
   const double heading = std::atan2(axis.y(), axis.x());
   return {Eigen::Quaterniond(Eigen::AngleAxisd(heading, Eigen::Vector3d::UnitZ())), X_WT.p};
 }

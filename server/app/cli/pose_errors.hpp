@@ -31,15 +31,18 @@ class ErrorSum final {
   double rotation_squares_{0};
 };
 
-/// The true pose at `at`: the sample of that instant, or between the two around it (position linear, attitude slerp).
+/// The true pose at `at`: the sample of that instant, or between the two around it (position
+/// linear, attitude slerp).
 /// @param truth  sorted by time
 /// @return nullopt outside of the truth and where its samples are more than 50 ms apart.
 [[nodiscard]] std::optional<Pose> truth_at(std::span<const TruthSample> truth, Instant at);
 
-/// Errors of the body's pose in axes A that are given both in the estimate's and in the truth's workspace; nothing is fitted.
+/// Errors of the body's pose in axes A that are given both in the estimate's and in the truth's
+/// workspace; nothing is fitted.
 /// @param from  estimates before this instant are left out
-[[nodiscard]] PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const TruthSample> truth,
-                                     const Pose& estimated_X_WA, const Pose& true_X_WA, Instant from);
+[[nodiscard]] PoseErrors pose_errors(std::span<const StampedPose> estimates,
+                                     std::span<const TruthSample> truth, const Pose& estimated_X_WA,
+                                     const Pose& true_X_WA, Instant from);
 
 /// A tag's pose in the map.
 struct PlacedTag {
@@ -48,16 +51,19 @@ struct PlacedTag {
   Pose X_WT;
 };
 
-/// Errors of the tags that both maps have, in the axes of the reference tag (which is not counted itself).
-[[nodiscard]] PoseErrors map_errors(std::span<const PlacedTag> estimated, std::span<const PlacedTag> truth,
-                                    int reference_tag);
+/// Errors of the tags that both maps have, in the axes of the reference tag (which is not counted
+/// itself).
+[[nodiscard]] PoseErrors map_errors(std::span<const PlacedTag> estimated,
+                                    std::span<const PlacedTag> truth, int reference_tag);
 
-/// The same after the best rigid fit over the tag centres (Umeyama, without scale): agreement in shape.
+/// The same after the best rigid fit over the tag centres (Umeyama, without scale): agreement in
+/// shape.
 /// @return nullopt with fewer than three common tags.
 [[nodiscard]] std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated,
                                                           std::span<const PlacedTag> truth);
 
-/// Axes at the tag's place with z up and the tag's heading: that of its x axis, or of its y axis when x is upright.
+/// Axes at the tag's place with z up and the tag's heading: that of its x axis, or of its y axis
+/// when x is upright.
 /// @param along_x  which one; must be the same for estimate and truth
 [[nodiscard]] Pose levelled(const Pose& X_WT, bool along_x);
 /// @return true when the x axis is closer to horizontal than y.

@@ -19,9 +19,11 @@ struct ReplayArguments {
   bool json{false};
 };
 
-/// What a replay of `info` with these arguments is to do: the recording's own sizes and tags, over them what --config and
+/// What a replay of `info` with these arguments is to do: the recording's own sizes and tags, over
+/// them what --config and
 /// --set really say, and the tags of --map as inputs.
-[[nodiscard]] Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const RecordingInfo& info);
+[[nodiscard]] Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments,
+                                                  const RecordingInfo& info);
 
 /// `fiducap replay`. @return exit code
 [[nodiscard]] int run_replay(const ReplayArguments& arguments, const Terminal& terminal);

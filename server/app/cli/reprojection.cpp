@@ -18,7 +18,8 @@ double quantile(std::vector<double> values, double share) {
   return (1 - part) * values[below] + part * values[above];
 }
 
-ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras, std::span<const StampedPose> poses,
+ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
+                                     std::span<const StampedPose> poses,
                                      std::span<const PlacedTag> map)
     : cameras_(std::move(cameras)), poses_(poses) {
   for (const PlacedTag& tag : map) map_.emplace(tag.tag_id, tag);
@@ -41,7 +42,8 @@ void ReprojectionMeter::add(const CornerFrame& frame) {
   for (const TagSighting& seen : frame.tags) score(seen, camera, X_VW);
 }
 
-void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW) {
+void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera,
+                              const Pose& X_VW) {
   const auto tag = map_.find(seen.tag_id);
   if (tag == map_.end()) {
     ++counts_.without_tag;
@@ -49,7 +51,8 @@ void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera
   }
   double squares = 0;
   for (int i = 0; i < 4; ++i) {
-    const auto px = camera.model.project(X_VW * (tag->second.X_WT * tag_corner(i, tag->second.edge_m)));
+    const auto px =
+        camera.model.project(X_VW * (tag->second.X_WT * tag_corner(i, tag->second.edge_m)));
     if (!px) {
       ++counts_.outside_camera;
       return;

@@ -10,21 +10,25 @@
 
 namespace fiducap {
 
-/// How well poses, map and extrinsics explain the corners that were really seen, and how many frames have a pose.
+/// How well poses, map and extrinsics explain the corners that were really seen, and how many
+/// frames have a pose.
 struct ReprojectionSummary {
   int frames{};
   int frames_with_tags{};
   int frames_with_tags_and_pose{};
-  int detections{};          ///< Usable ones; ignored ids and too many corrected bits are left out.
-  int without_pose{};        ///< … whose image has no pose,
-  int without_tag{};         ///< … whose tag is not in the map,
-  int outside_camera{};      ///< … which pose and map put behind the camera or outside its lens model.
-  int scored{};              ///< The rest.
-  double median_px{};        ///< Of the root mean square distance of the four corners per detection, raw pixels.
+  int detections{};      ///< Usable ones; ignored ids and too many corrected bits are left out.
+  int without_pose{};    ///< … whose image has no pose,
+  int without_tag{};     ///< … whose tag is not in the map,
+  int outside_camera{};  ///< … which pose and map put behind the camera or outside its lens model.
+  int scored{};          ///< The rest.
+  double median_px{};  ///< Of the root mean square distance of the four corners per detection, raw
+                       ///< pixels.
   double p95_px{};
   /// Share of the frames with tags that have a pose; 1 when there is no such frame.
   [[nodiscard]] double coverage() const {
-    return frames_with_tags == 0 ? 1.0 : static_cast<double>(frames_with_tags_and_pose) / frames_with_tags;
+    return frames_with_tags == 0
+               ? 1.0
+               : static_cast<double>(frames_with_tags_and_pose) / frames_with_tags;
   }
 };
 

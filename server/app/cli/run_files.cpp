@@ -6,9 +6,9 @@
 #include <cmath>
 #include <filesystem>
 
+#include <yaml-cpp/yaml.h>
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
-#include <yaml-cpp/yaml.h>
 
 #include "app/cli/whole_file.hpp"
 #include "mapping/formats/map_yaml.hpp"
@@ -35,14 +35,18 @@ nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
           {"filter_per_second_of_data", s.data_s > 0 ? filter / s.data_s : 0.0}};
 }
 
-Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string& name, const std::string& context) {
+Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string& name,
+                                const std::string& context) {
   if (m.size() != 16)
-    return fail(ErrorCode::kInvalid, name + ".T_BS.data must have 16 numbers, has " + std::to_string(m.size()), context);
+    return fail(ErrorCode::kInvalid,
+                name + ".T_BS.data must have 16 numbers, has " + std::to_string(m.size()), context);
   Eigen::Matrix3d R;
   R << m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10];
-  const bool rigid = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kRotationTolerance &&
+  const bool rigid = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
+                         kRotationTolerance &&
                      R.determinant() > 0;
-  if (!rigid) return fail(ErrorCode::kInvalid, name + ".T_BS is no rotation with a translation", context);
+  if (!rigid)
+    return fail(ErrorCode::kInvalid, name + ".T_BS is no rotation with a translation", context);
   return Pose{Eigen::Quaterniond(R).normalized(), {m[3], m[7], m[11]}};
 }
 
@@ -62,12 +66,15 @@ TagMap run_map(const OfflineSetup& setup, const OfflineResult& result) {
   }
   std::stable_sort(map.tags.begin(), map.tags.end(),
                    [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
-  const auto same_id = [](const MapTag& a, const MapTag& b) { return a.tag.tag_id == b.tag.tag_id; };
+  const auto same_id = [](const MapTag& a, const MapTag& b) {
+    return a.tag.tag_id == b.tag.tag_id;
+  };
   map.tags.erase(std::unique(map.tags.begin(), map.tags.end(), same_id), map.tags.end());
   return map;
 }
 
-std::string run_report(const std::string& body, const OfflineSetup& setup, const OfflineResult& result) {
+std::string run_report(const std::string& body, const OfflineSetup& setup,
+                       const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
   const nlohmann::ordered_json report{
       {"body", body},
@@ -97,17 +104,18 @@ std::string run_report(const std::string& body, const OfflineSetup& setup, const
   return report.dump(2) + "\n";
 }
 
-Expected<void> write_run_files(const std::string& folder, const std::string& body, const OfflineSetup& setup,
-                               const OfflineResult& result) {
+Expected<void> write_run_files(const std::string& folder, const std::string& body,
+                               const OfflineSetup& setup, const OfflineResult& result) {
   const std::filesystem::path to(folder);
   std::vector<Pose> X_BV;
   for (const ExtrinsicsEstimate& camera : result.extrinsics) X_BV.push_back(camera.X_BV);
-  const std::array<std::pair<std::string, std::string>, 4> files{{
+  std::vector<std::pair<std::string, std::string>> files{
       {body + ".tum", to_tum(result.trajectory)},
       {"map.csv", map_to_csv(run_map(setup, result))},
       {"extrinsics.yaml", to_extrinsics_yaml(X_BV)},
       {"report.json", run_report(body, setup, result)},
-  }};
+  };
+  if (!result.live.empty()) files.emplace_back(body + ".live.tum", to_tum(result.live));
   for (const auto& [name, content] : files)
     if (auto written = write_whole_file((to / name).string(), content); !written) return written;
   return {};
@@ -133,8 +141,10 @@ Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::s
     const YAML::Node root = YAML::Load(text);
     for (std::size_t k = 0; k < cameras; ++k) {
       const std::string name = "cam" + std::to_string(k);
-      const YAML::Node data = root.IsMap() && root[name].IsMap() && root[name]["T_BS"].IsMap() ? root[name]["T_BS"]["data"] : YAML::Node();
-      if (!data || !data.IsSequence())
+      YAML::Node data = YAML::Clone(root);
+      for (const char* key : {name.c_str(), "T_BS", "data"})
+        data.reset(data.IsMap() ? data[key] : YAML::Node());
+      if (!data.IsDefined() || !data.IsSequence())
         return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
       const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
       if (!pose) return tl::unexpected(pose.error());

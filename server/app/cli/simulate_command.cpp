@@ -18,7 +18,8 @@ constexpr Duration kTruthStep = std::chrono::milliseconds(5);
 // All recordings of data/ begin here.
 constexpr std::int64_t kEpoch_ns = 1'600'000'000'000'000'000;
 
-/// Uniform on the unit sphere. Made from raw numbers: the distributions of the standard library differ between libraries.
+/// Uniform on the unit sphere. Made from raw numbers: the distributions of the standard library
+/// differ between libraries.
 Eigen::Vector3d direction(std::mt19937_64& random) {
   const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53; };
   const double z = 2 * uniform() - 1;
@@ -47,7 +48,8 @@ simulation::SimulatedBodyConfig simulated_body(const SimulateArguments& argument
   return body;
 }
 
-RecordingInfo recording_of(const SimulateArguments& arguments, const simulation::SimulatedBodyConfig& body,
+RecordingInfo recording_of(const SimulateArguments& arguments,
+                           const simulation::SimulatedBodyConfig& body,
                            const std::vector<RecordedTag>& tags) {
   RecordingInfo info;
   info.folder = arguments.out;
@@ -69,8 +71,8 @@ RecordingInfo recording_of(const SimulateArguments& arguments, const simulation:
 }
 
 Expected<void> write_truth(RecordingWriter& writer, const simulation::SimulatedSource& source,
-                           const simulation::SimulatedBodyConfig& body, const std::vector<RecordedTag>& tags,
-                           double seconds) {
+                           const simulation::SimulatedBodyConfig& body,
+                           const std::vector<RecordedTag>& tags, double seconds) {
   const Instant end = source.start() + from_seconds(seconds);
   for (Instant at = source.start(); at <= end; at += kTruthStep)
     if (auto written = writer.write_truth(source.truth(at)); !written) return written;
@@ -81,8 +83,8 @@ Expected<void> write_truth(RecordingWriter& writer, const simulation::SimulatedS
   return writer.finish();
 }
 
-Expected<int> write_samples(RecordingWriter& writer, simulation::SimulatedSource& source, double seconds,
-                            const Terminal& terminal) {
+Expected<int> write_samples(RecordingWriter& writer, simulation::SimulatedSource& source,
+                            double seconds, const Terminal& terminal) {
   ProgressLine line(terminal);
   int frames = 0;
   for (;;) {
@@ -91,7 +93,8 @@ Expected<int> write_samples(RecordingWriter& writer, simulation::SimulatedSource
     if (!*sample) return frames;
     frames += std::holds_alternative<ImuSample>(**sample) ? 0 : 1;
     if (auto written = writer.write(**sample); !written) return tl::unexpected(written.error());
-    line.show("simulating: " + fixed(to_seconds(time_of(**sample) - source.start()), 1) + " of " + fixed(seconds, 0) + " s");
+    line.show("simulating: " + fixed(to_seconds(time_of(**sample) - source.start()), 1) + " of " +
+              fixed(seconds, 0) + " s");
   }
 }
 
@@ -119,8 +122,10 @@ Expected<int> simulate(const SimulateArguments& arguments, const Terminal& termi
 int run_simulate(const SimulateArguments& arguments, const Terminal& terminal) {
   const auto frames = simulate(arguments, terminal);
   if (!frames) return report(terminal, frames.error());
-  terminal.out << arguments.out << ": " << *frames << (arguments.images ? " images" : " frames of corners") << " in "
-               << fixed(arguments.seconds, 0) << " s, room '" << arguments.room << "', seed " << arguments.seed << "\n"
+  terminal.out << arguments.out << ": " << *frames
+               << (arguments.images ? " images" : " frames of corners") << " in "
+               << fixed(arguments.seconds, 0) << " s, room '" << arguments.room << "', seed "
+               << arguments.seed << "\n"
                << "next: fiducap replay " << arguments.out << " --out results\n";
   return kExitOk;
 }

@@ -7,8 +7,8 @@
 
 namespace fiducap {
 
-/// Splits the CPU time of one thread among stages: from `enter` until the next `enter` it belongs to that stage.
-/// One system call per change, so change per image and not per sample.
+/// Splits the CPU time of one thread among stages: from `enter` until the next `enter` it belongs
+/// to that stage. One system call per change, so change per image and not per sample.
 template <typename Stage, std::size_t Count>
 class StageClock final {
  public:

@@ -32,12 +32,14 @@ constexpr std::array<Family, 6> kFamilies{{
 
 std::string family_names() {
   std::string names;
-  for (const Family& family : kFamilies) names += (names.empty() ? "" : ", ") + std::string(family.name);
+  for (const Family& family : kFamilies)
+    names += (names.empty() ? "" : ", ") + std::string(family.name);
   return names;
 }
 
 TagPattern pattern_of(apriltag_family_t* family, int id) {
-  const std::unique_ptr<image_u8_t, void (*)(image_u8_t*)> image(apriltag_to_image(family, id), image_u8_destroy);
+  const std::unique_ptr<image_u8_t, void (*)(image_u8_t*)> image(apriltag_to_image(family, id),
+                                                                 image_u8_destroy);
   TagPattern pattern{id, family->total_width, family->width_at_border, family->reversed_border, {}};
   for (int row = 0; row < pattern.modules; ++row)
     for (int column = 0; column < pattern.modules; ++column)
@@ -47,20 +49,24 @@ TagPattern pattern_of(apriltag_family_t* family, int id) {
 
 }  // namespace
 
-Expected<std::vector<TagPattern>> tag_patterns(const std::string& name, const std::vector<int>& ids) {
+Expected<std::vector<TagPattern>> tag_patterns(const std::string& name,
+                                               const std::vector<int>& ids) {
   for (const Family& family : kFamilies) {
     if (name != family.name) continue;
-    const std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)> made(family.create(), family.destroy);
+    const std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)> made(family.create(),
+                                                                                family.destroy);
     std::vector<TagPattern> patterns;
     for (const int id : ids) {
       if (id < 0 || id >= static_cast<int>(made->ncodes))
-        return fail(ErrorCode::kInvalid, name + " has the ids 0 to " + std::to_string(made->ncodes - 1) + ", not " +
+        return fail(ErrorCode::kInvalid, name + " has the ids 0 to " +
+                                             std::to_string(made->ncodes - 1) + ", not " +
                                              std::to_string(id));
       patterns.push_back(pattern_of(made.get(), id));
     }
     return patterns;
   }
-  return fail(ErrorCode::kUnsupported, "unknown tag family '" + name + "'; known are " + family_names());
+  return fail(ErrorCode::kUnsupported,
+              "unknown tag family '" + name + "'; known are " + family_names());
 }
 
 }  // namespace fiducap

@@ -10,9 +10,11 @@ namespace fiducap {
 /// What is printed for one tag: a square of black and white modules, top row first.
 struct TagPattern {
   int tag_id{};
-  int modules{};         ///< Side of the whole pattern, with its own white ring if the family has one.
-  int border_modules{};  ///< Side of the edge between black and white border: what "tag size" measures.
-  bool needs_white_ring{};  ///< The outermost modules may be black: one white module more must go around.
+  int modules{};  ///< Side of the whole pattern, with its own white ring if the family has one.
+  int border_modules{};     ///< Side of the edge between black and white border: what "tag size"
+                            ///< measures.
+  bool needs_white_ring{};  ///< The outermost modules may be black: one white module more must go
+                            ///< around.
   std::vector<bool> black;  ///< modules × modules
 
   [[nodiscard]] bool black_at(int column, int row) const {
@@ -20,7 +22,8 @@ struct TagPattern {
   }
 };
 
-/// @return the patterns in the order of `ids`; Error naming the known families, or the first id the family does not have.
+/// @return the patterns in the order of `ids`; Error naming the known families, or the first id the
+/// family does not have.
 [[nodiscard]] Expected<std::vector<TagPattern>> tag_patterns(const std::string& family,
                                                              const std::vector<int>& ids);
 

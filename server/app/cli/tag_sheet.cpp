@@ -13,10 +13,11 @@
 namespace fiducap {
 namespace {
 
-constexpr double kMargin_mm = 4;     // white paper edge; nothing but the tags' own white zone may be cut by a printer
-constexpr double kGap_mm = 6;        // between two tags, room for the cut marks
-constexpr double kLabel_mm = 9;      // strip above each tag: arrow and words
-constexpr double kFooter_mm = 26;    // ruler and note
+constexpr double kMargin_mm =
+    4;  // white paper edge; nothing but the tags' own white zone may be cut by a printer
+constexpr double kGap_mm = 6;      // between two tags, room for the cut marks
+constexpr double kLabel_mm = 9;    // strip above each tag: arrow and words
+constexpr double kFooter_mm = 26;  // ruler and note
 constexpr double kCutMark_mm = 2.5;
 constexpr double kHairline_mm = 0.15;
 constexpr int kMaxIds = 10000;
@@ -43,7 +44,9 @@ struct Layout {
   }
 };
 
-int zone_modules(const TagPattern& pattern) { return pattern.modules + (pattern.needs_white_ring ? 2 : 0); }
+int zone_modules(const TagPattern& pattern) {
+  return pattern.modules + (pattern.needs_white_ring ? 2 : 0);
+}
 
 Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) {
   const double zones_per_size = static_cast<double>(zone_modules(pattern)) / pattern.border_modules;
@@ -51,23 +54,27 @@ Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) 
   const double width = order.paper.width_mm - 2 * kMargin_mm;
   const double height = order.paper.height_mm - 2 * kMargin_mm - kFooter_mm;
   layout.columns = static_cast<int>((width + kGap_mm) / (layout.zone_mm + kGap_mm) + 1e-9);
-  layout.rows = static_cast<int>((height + kGap_mm) / (layout.zone_mm + kLabel_mm + kGap_mm) + 1e-9);
+  layout.rows =
+      static_cast<int>((height + kGap_mm) / (layout.zone_mm + kLabel_mm + kGap_mm) + 1e-9);
   if (layout.columns > 0 && layout.rows > 0) return layout;
   const double largest = std::floor(std::min(width, height - kLabel_mm) / zones_per_size);
-  return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm does not fit on " + order.paper.name +
-                                       " with its white zone; up to " + number(largest) +
+  return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm does not fit on " +
+                                       order.paper.name + " with its white zone; up to " +
+                                       number(largest) +
                                        " mm do, or take larger paper (--paper a3)");
 }
 
 /// One rectangle per run of black modules in a row.
-std::vector<PdfPage::Rectangle> black_runs(const TagPattern& pattern, PdfPage::Point corner, double module_mm) {
+std::vector<PdfPage::Rectangle> black_runs(const TagPattern& pattern, PdfPage::Point corner,
+                                           double module_mm) {
   std::vector<PdfPage::Rectangle> runs;
   for (int row = 0; row < pattern.modules; ++row) {
     for (int column = 0; column < pattern.modules;) {
       int end = column;
       while (end < pattern.modules && pattern.black_at(end, row)) ++end;
       if (end > column)
-        runs.push_back({corner.x + column * module_mm, corner.y + (pattern.modules - 1 - row) * module_mm,
+        runs.push_back({corner.x + column * module_mm,
+                        corner.y + (pattern.modules - 1 - row) * module_mm,
                         (end - column) * module_mm, module_mm});
       column = end + 1;
     }
@@ -105,7 +112,8 @@ void draw_tag(PdfPage& page, const TagPattern& pattern, PdfPage::Point zone, con
   page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, module));
   draw_cut_marks(page, zone, layout.zone_mm);
   draw_label(page, zone, layout.zone_mm,
-             "UP   id " + std::to_string(pattern.tag_id) + "   " + order.family + "   " + number(order.size_mm) + " mm");
+             "UP   id " + std::to_string(pattern.tag_id) + "   " + order.family + "   " +
+                 number(order.size_mm) + " mm");
 }
 
 void draw_ruler(PdfPage& page) {
@@ -115,12 +123,20 @@ void draw_ruler(PdfPage& page) {
   for (int mm = 0; mm <= static_cast<int>(kLength_mm); ++mm) {
     const double height = mm % 10 == 0 ? 4.0 : mm % 5 == 0 ? 2.8 : 1.6;
     page.line({left.x + mm, left.y}, {left.x + mm, left.y + height}, kHairline_mm);
-    if (mm % 10 == 0) page.text({left.x + mm - (mm < 10 ? 0.6 : mm < 100 ? 1.3 : 1.9), left.y + 5}, 2.4, std::to_string(mm));
+    if (mm % 10 == 0)
+      page.text({left.x + mm -
+                     (mm < 10    ? 0.6
+                      : mm < 100 ? 1.3
+                                 : 1.9),
+                 left.y + 5},
+                2.4, std::to_string(mm));
   }
   page.text({left.x - 24, kMargin_mm + 4}, 3.0,
-            "Print at 100 %, no scaling, no \"fit to page\". Then measure: this ruler must be 100 mm long.");
+            "Print at 100 %, no scaling, no \"fit to page\". Then measure: this ruler must be 100 "
+            "mm long.");
   page.text({left.x - 24, kMargin_mm + 0.5}, 2.4,
-            "Keep the white zone inside the cut marks. Glue flat on something stiff. Arrow = upper edge.");
+            "Keep the white zone inside the cut marks. Glue flat on something stiff. Arrow = upper "
+            "edge.");
 }
 
 }  // namespace
@@ -134,12 +150,13 @@ std::optional<Paper> paper_named(std::string_view name) {
 
 Expected<std::vector<int>> parse_id_list(std::string_view text) {
   const auto bad = [&](std::string_view part) {
-    return fail(ErrorCode::kInvalid, "'" + std::string(part) + "' in '" + std::string(text) +
-                                         "' is neither an id nor a range; write for example 0-11 or 0,3,7-9");
+    return fail(ErrorCode::kInvalid,
+                "'" + std::string(part) + "' in '" + std::string(text) +
+                    "' is neither an id nor a range; write for example 0-11 or 0,3,7-9");
   };
   std::vector<int> ids;
   std::set<int> seen;
-  for (std::string_view rest = text; ; ) {
+  for (std::string_view rest = text;;) {
     const std::size_t comma = rest.find(',');
     const std::string_view part = rest.substr(0, comma);
     int first = -1;
@@ -148,7 +165,9 @@ Expected<std::vector<int>> parse_id_list(std::string_view text) {
     int last = first;
     if (parsed.ec == std::errc{} && parsed.ptr != end && *parsed.ptr == '-')
       parsed = std::from_chars(parsed.ptr + 1, end, last);
-    if (parsed.ec != std::errc{} || parsed.ptr != end || first < 0 || last < first || last >= kMaxIds) return bad(part);
+    if (parsed.ec != std::errc{} || parsed.ptr != end || first < 0 || last < first ||
+        last >= kMaxIds)
+      return bad(part);
     for (int id = first; id <= last; ++id)
       if (seen.insert(id).second) ids.push_back(id);
     if (comma == std::string_view::npos) return ids;
@@ -158,7 +177,8 @@ Expected<std::vector<int>> parse_id_list(std::string_view text) {
 
 Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
   if (!std::isfinite(order.size_mm) || order.size_mm < 5)
-    return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm cannot be printed; take 5 mm or more");
+    return fail(ErrorCode::kInvalid,
+                "a tag of " + number(order.size_mm) + " mm cannot be printed; take 5 mm or more");
   if (order.ids.empty()) return fail(ErrorCode::kInvalid, "no ids given");
   const auto patterns = tag_patterns(order.family, order.ids);
   if (!patterns) return tl::unexpected(patterns.error());
@@ -179,11 +199,14 @@ Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
 
 std::string tag_sheet_yaml(const TagSheetOrder& order) {
   const std::string size_m = number(order.size_mm / 1000);
-  std::string text = "# Made with the sheet beside this file. Put the lines below `tags:` into the server's configuration.\n"
-                     "tags:\n"
-                     "  family: " + order.family + "\n" +
-                     "  size_m: " + size_m + "   # edge between black and white border; correct it when your ruler says so\n" +
-                     "  sizes_m:\n";
+  std::string text =
+      "# Made with the sheet beside this file. Put the lines below `tags:` into the server's "
+      "configuration.\n"
+      "tags:\n"
+      "  family: " +
+      order.family + "\n" + "  size_m: " + size_m +
+      "   # edge between black and white border; correct it when your ruler says so\n" +
+      "  sizes_m:\n";
   for (const int id : order.ids) text += "    " + std::to_string(id) + ": " + size_m + "\n";
   return text;
 }

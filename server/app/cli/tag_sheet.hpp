@@ -26,15 +26,17 @@ struct TagSheetOrder {
   Paper paper;
 };
 
-/// "0-3,7" → 0 1 2 3 7. @return Error naming the part that is no id or range; at most 10000 ids, none twice.
+/// "0-3,7" → 0 1 2 3 7. @return Error naming the part that is no id or range; at most 10000 ids,
+/// none twice.
 [[nodiscard]] Expected<std::vector<int>> parse_id_list(std::string_view text);
 
-/// As many tags per page as fit; each with its white zone of at least one module, cut marks, its id, family, size and
-/// an arrow to its upper edge outside that zone; per page a ruler of 100 mm.
+/// As many tags per page as fit; each with its white zone of at least one module, cut marks, its
+/// id, family, size and an arrow to its upper edge outside that zone; per page a ruler of 100 mm.
 /// @return the PDF; Error when a tag does not fit, with the largest size that does.
 [[nodiscard]] Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order);
 
-/// The `tags:` section for the server and the sizes of these ids, ready to be completed with surveyed poses.
+/// The `tags:` section for the server and the sizes of these ids, ready to be completed with
+/// surveyed poses.
 [[nodiscard]] std::string tag_sheet_yaml(const TagSheetOrder& order);
 
 }  // namespace fiducap

@@ -23,8 +23,8 @@ struct Terminal {
 /// Says what went wrong. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);
 
-/// One line on `err` that grows old gracefully: redrawn at most five times a second, wiped at the end; nothing at all
-/// when nobody looks.
+/// One line on `err` that grows old gracefully: redrawn at most five times a second, wiped at the
+/// end; nothing at all when nobody looks.
 class ProgressLine final {
  public:
   explicit ProgressLine(const Terminal& terminal) : terminal_(terminal) {}

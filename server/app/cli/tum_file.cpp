@@ -15,7 +15,8 @@ constexpr std::int64_t kMaxSeconds = 9'000'000'000;  // what int64 nanoseconds c
 
 std::string seconds_text(Instant at) {
   const std::int64_t ns = to_ns(at);
-  const std::uint64_t magnitude = ns < 0 ? 0 - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
+  const std::uint64_t magnitude =
+      ns < 0 ? 0 - static_cast<std::uint64_t>(ns) : static_cast<std::uint64_t>(ns);
   std::array<char, 32> text{};
   std::snprintf(text.data(), text.size(), "%s%llu.%09llu", ns < 0 ? "-" : "",
                 static_cast<unsigned long long>(magnitude / kNsPerSecond),
@@ -65,7 +66,9 @@ std::optional<StampedPose> parse_line(std::string_view line) {
   for (double& value : v) {
     const std::string_view word = next_word(line);
     const auto parsed = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (parsed.ec != std::errc{} || parsed.ptr != word.data() + word.size() || !std::isfinite(value)) return std::nullopt;
+    if (parsed.ec != std::errc{} || parsed.ptr != word.data() + word.size() ||
+        !std::isfinite(value))
+      return std::nullopt;
   }
   const Eigen::Quaterniond q(v[6], v[3], v[4], v[5]);
   const bool unit = std::abs(q.norm() - 1) < 1e-3;
@@ -79,7 +82,8 @@ std::string to_tum(std::span<const StampedPose> poses) {
   std::string text;
   for (const auto& [at, X_WB] : poses) {
     text += seconds_text(at);
-    for (const double value : {X_WB.p.x(), X_WB.p.y(), X_WB.p.z(), X_WB.q.x(), X_WB.q.y(), X_WB.q.z(), X_WB.q.w()})
+    for (const double value :
+         {X_WB.p.x(), X_WB.p.y(), X_WB.p.z(), X_WB.q.x(), X_WB.q.y(), X_WB.q.z(), X_WB.q.w()})
       append_number(text, value);
     text += '\n';
   }
@@ -97,10 +101,13 @@ Expected<std::vector<StampedPose>> tum_from(std::string_view text, const std::st
     if (first.empty() || first.front() == '#') continue;
     const auto pose = parse_line(line);
     if (!pose)
-      return fail(ErrorCode::kInvalid, "expected 't tx ty tz qx qy qz qw' with a unit quaternion, got '" +
-                                           std::string(line.substr(0, 80)) + "'", context + ":" + std::to_string(number));
+      return fail(ErrorCode::kInvalid,
+                  "expected 't tx ty tz qx qy qz qw' with a unit quaternion, got '" +
+                      std::string(line.substr(0, 80)) + "'",
+                  context + ":" + std::to_string(number));
     if (!poses.empty() && pose->at <= poses.back().at)
-      return fail(ErrorCode::kInvalid, "time does not increase", context + ":" + std::to_string(number));
+      return fail(ErrorCode::kInvalid, "time does not increase",
+                  context + ":" + std::to_string(number));
     poses.push_back(*pose);
   }
   return poses;

@@ -36,7 +36,8 @@ class Watch final {
     while (!interrupted() && terminal_.out) {
       const SteadyTime now = std::chrono::steady_clock::now();
       if (end && now >= *end) break;
-      if (client_.wait_for_frame(newest_, std::chrono::milliseconds(100)) && client_.latest(frame_)) {
+      if (client_.wait_for_frame(newest_, std::chrono::milliseconds(100)) &&
+          client_.latest(frame_)) {
         newest_ = frame_.number;
         last_frame_ = now;
         seen_ = true;
@@ -55,8 +56,10 @@ class Watch final {
     if (complained_) return;
     complained_ = true;
     const std::string problem = client_.statistics().problem;
-    terminal_.err << "fiducap: no Fiducap server answers at " << name_ << (problem.empty() ? "" : " (" + problem + ")")
-                  << ". Is it running there (fiducapd --config config/demo.yaml), with streaming.native on this address "
+    terminal_.err << "fiducap: no Fiducap server answers at " << name_
+                  << (problem.empty() ? "" : " (" + problem + ")")
+                  << ". Is it running there (fiducapd --config config/demo.yaml), with "
+                     "streaming.native on this address "
                      "and port? Name another with --server HOST:PORT."
                   << std::endl;
     lines_shown_ = 0;  // what is on the screen has moved
@@ -102,7 +105,8 @@ class Watch final {
 
 }  // namespace
 
-std::optional<ServerAddress> parse_server_address(std::string_view text, std::uint16_t default_port) {
+std::optional<ServerAddress> parse_server_address(std::string_view text,
+                                                  std::uint16_t default_port) {
   ServerAddress address{std::string(text), default_port};
   const bool bracketed = text.starts_with('[');
   const std::size_t close = bracketed ? text.find(']') : 0;
@@ -110,12 +114,14 @@ std::optional<ServerAddress> parse_server_address(std::string_view text, std::ui
   if (bracketed) address.host = text.substr(1, close - 1);
   const std::size_t colon = text.find(':', close);
   // More than one colon without brackets is a bare IPv6 address.
-  const bool bare_ipv6 = !bracketed && colon != std::string_view::npos && text.find(':', colon + 1) != std::string_view::npos;
+  const bool bare_ipv6 = !bracketed && colon != std::string_view::npos &&
+                         text.find(':', colon + 1) != std::string_view::npos;
   if (colon != std::string_view::npos && !bare_ipv6) {
     if (!bracketed) address.host = text.substr(0, colon);
     const std::string_view port = text.substr(colon + 1);
     const auto parsed = std::from_chars(port.data(), port.data() + port.size(), address.port);
-    if (parsed.ec != std::errc{} || parsed.ptr != port.data() + port.size() || address.port == 0) return std::nullopt;
+    if (parsed.ec != std::errc{} || parsed.ptr != port.data() + port.size() || address.port == 0)
+      return std::nullopt;
   } else if (bracketed && close + 1 != text.size()) {
     return std::nullopt;
   }
@@ -126,14 +132,16 @@ std::optional<ServerAddress> parse_server_address(std::string_view text, std::ui
 int run_watch(const WatchArguments& arguments, const Terminal& terminal) {
   const auto address = parse_server_address(arguments.server, ClientOptions{}.port);
   if (!address) {
-    report(terminal, {ErrorCode::kInvalid, "'" + arguments.server + "' is no HOST or HOST:PORT", "--server"});
+    report(terminal,
+           {ErrorCode::kInvalid, "'" + arguments.server + "' is no HOST or HOST:PORT", "--server"});
     return kExitUsage;
   }
   catch_interrupt();
   std::optional<SteadyTime> end;
   if (arguments.duration_s > 0)
     end = std::chrono::steady_clock::now() +
-          std::chrono::duration_cast<std::chrono::steady_clock::duration>(std::chrono::duration<double>(arguments.duration_s));
+          std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+              std::chrono::duration<double>(arguments.duration_s));
   return Watch(*address, arguments.json, terminal).run(end);
 }
 

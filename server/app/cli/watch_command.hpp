@@ -21,10 +21,11 @@ struct ServerAddress {
 };
 
 /// @return nullopt when there is no host or the port is no number in 1..65535.
-[[nodiscard]] std::optional<ServerAddress> parse_server_address(std::string_view text, std::uint16_t default_port);
+[[nodiscard]] std::optional<ServerAddress> parse_server_address(std::string_view text,
+                                                                std::uint16_t default_port);
 
-/// `fiducap watch`: poses as a client receives them. A table that stays in place for a person, one line per body and
-/// second for a pipe, one JSON object per frame with --json.
+/// `fiducap watch`: poses as a client receives them. A table that stays in place for a person, one
+/// line per body and second for a pipe, one JSON object per frame with --json.
 /// @return exit code: failed when nothing arrived
 [[nodiscard]] int run_watch(const WatchArguments& arguments, const Terminal& terminal);
 

@@ -7,7 +7,8 @@
 namespace fiducap {
 
 /// Heading line, column names and one line per body; every line ends with a line break.
-[[nodiscard]] std::string watch_table(const std::string& server, const Frame& frame, const ClientStatistics& statistics);
+[[nodiscard]] std::string watch_table(const std::string& server, const Frame& frame,
+                                      const ClientStatistics& statistics);
 
 /// One line per body, for logs.
 [[nodiscard]] std::string watch_lines(const Frame& frame, const ClientStatistics& statistics);

@@ -20,8 +20,9 @@ struct CloseFile {
 };
 
 tl::unexpected<Error> disk_failure(const std::string& doing, int error, const std::string& path) {
-  return fail(ErrorCode::kUnavailable,
-              "cannot " + doing + ": " + std::strerror(error) + "; check free space and permissions", path);
+  return fail(
+      ErrorCode::kUnavailable,
+      "cannot " + doing + ": " + std::strerror(error) + "; check free space and permissions", path);
 }
 
 }  // namespace
@@ -35,8 +36,9 @@ Expected<void> write_whole_file(const std::string& path, std::string_view conten
   const std::string part = path + ".part" + std::to_string(::getpid());
   std::unique_ptr<std::FILE, CloseFile> file(std::fopen(part.c_str(), "wb"));
   if (!file) return disk_failure("write", errno, path);
-  const bool written = std::fwrite(content.data(), 1, content.size(), file.get()) == content.size() &&
-                       std::fflush(file.get()) == 0 && ::fsync(::fileno(file.get())) == 0;
+  const bool written =
+      std::fwrite(content.data(), 1, content.size(), file.get()) == content.size() &&
+      std::fflush(file.get()) == 0 && ::fsync(::fileno(file.get())) == 0;
   const int write_error = errno;
   file.reset();
   if (!written) {
@@ -54,13 +56,14 @@ Expected<void> write_whole_file(const std::string& path, std::string_view conten
 
 Expected<std::string> read_whole_file(const std::string& path, std::size_t max_bytes) {
   std::error_code error;
-  if (!fs::is_regular_file(path, error))
-    return fail(ErrorCode::kNotFound, "no such file", path);
+  if (!fs::is_regular_file(path, error)) return fail(ErrorCode::kNotFound, "no such file", path);
   const auto size = fs::file_size(path, error);
   if (error) return disk_failure("read", error.value(), path);
   if (size > max_bytes)
     return fail(ErrorCode::kUnsupported,
-                "has " + std::to_string(size) + " bytes, at most " + std::to_string(max_bytes) + " are read", path);
+                "has " + std::to_string(size) + " bytes, at most " + std::to_string(max_bytes) +
+                    " are read",
+                path);
   std::ifstream file(path, std::ios::binary);
   std::string content(static_cast<std::size_t>(size), '\0');
   if (!file.read(content.data(), static_cast<std::streamsize>(content.size())))

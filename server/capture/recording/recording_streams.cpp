@@ -3,7 +3,7 @@
 #include <fstream>
 
 #include "base/log.hpp"
-#include "capture/gray_decoder.hpp"
+#include "capture/gray_file.hpp"
 
 namespace fiducap {
 namespace {
@@ -139,7 +139,7 @@ std::filesystem::path ImageStream::file_of_row(std::int64_t ns) const {
 std::shared_ptr<const GrayImage> ImageStream::read(const std::filesystem::path& file) {
   std::shared_ptr<GrayImage> image = pool_->acquire();
   image->resize(mount_.model.width, mount_.model.height);
-  const Expected<void> decoded = decode_gray_file(file, file_bytes_, *image);
+  const Expected<void> decoded = read_gray_file(file, file_bytes_, *image);
   if (decoded) return image;
   if (dropped_++ == 0)
     log::warning("capture", decoded.error().text() + "; such images are left out");

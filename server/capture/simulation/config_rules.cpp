@@ -23,8 +23,9 @@ bool contains(const std::vector<std::string>& names, const std::string& name) {
 }
 
 void require_pose(Checker& checker, const std::string& field, const Pose& X) {
-  checker.require(X.p.allFinite() && X.q.coeffs().allFinite() && std::abs(X.q.norm() - 1) < kUnitNorm, field,
-                  X.q.norm(), "must be finite with a unit quaternion (shown: its norm)");
+  checker.require(
+      X.p.allFinite() && X.q.coeffs().allFinite() && std::abs(X.q.norm() - 1) < kUnitNorm, field,
+      X.q.norm(), "must be finite with a unit quaternion (shown: its norm)");
 }
 
 void append(std::vector<ConfigError>& all, const std::vector<ConfigError>& more) {
@@ -39,7 +40,8 @@ std::vector<ConfigError> check(const ImuErrors& imu, const std::string& prefix) 
       .not_negative("noise.accel_walk_m_s3_rtHz", imu.noise.accel_walk_m_s3_rtHz)
       .within("noise.rate_hz", imu.noise.rate_hz, 1, 10000)
       .require(imu.gyro_bias.allFinite(), "gyro_bias", imu.gyro_bias.transpose(), "must be finite")
-      .require(imu.accel_bias.allFinite(), "accel_bias", imu.accel_bias.transpose(), "must be finite")
+      .require(imu.accel_bias.allFinite(), "accel_bias", imu.accel_bias.transpose(),
+               "must be finite")
       .within("scale_error", imu.scale_error, 0, 0.2)
       .within("misalignment_rad", imu.misalignment_rad, 0, 0.2)
       .positive("gyro_range_rad_s", imu.gyro_range_rad_s)
@@ -70,15 +72,17 @@ std::vector<ConfigError> check(const FaultConfig& faults, const std::string& pre
       .within("wrong_id", faults.wrong_id, 0, 1)
       .not_negative("blackout_every_s", faults.blackout_every_s)
       .not_negative("blackout_s", faults.blackout_s)
-      .require(faults.blackout_s == 0 || faults.blackout_s < faults.blackout_every_s, "blackout_s", faults.blackout_s,
-               "must be shorter than blackout_every_s")
+      .require(faults.blackout_s == 0 || faults.blackout_s < faults.blackout_every_s, "blackout_s",
+               faults.blackout_s, "must be shorter than blackout_every_s")
       .not_negative("moved_at_s", faults.moved_at_s)
-      .require(faults.moved_by_m.allFinite(), "moved_by_m", faults.moved_by_m.transpose(), "must be finite")
+      .require(faults.moved_by_m.allFinite(), "moved_by_m", faults.moved_by_m.transpose(),
+               "must be finite")
       .errors;
 }
 
 std::vector<ConfigError> check(const TrajectoryConfig& trajectory, const std::string& prefix) {
-  static const std::vector<std::string> kKinds{"survey", "hover", "table", "sparse", "loop", "ceiling", "file"};
+  static const std::vector<std::string> kKinds{"survey", "hover",   "table", "sparse",
+                                               "loop",   "ceiling", "file"};
   return Checker{prefix}
       .require(contains(kKinds, trajectory.kind), "kind", trajectory.kind, one_of(kKinds))
       .require(trajectory.kind != "file" || !trajectory.file.empty(), "file", trajectory.file,
@@ -104,7 +108,8 @@ std::vector<ConfigError> check(const CameraMount& mount, const std::string& pref
 std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix) {
   Checker checker{prefix};
   const auto family = TagFamily::named(room.family);
-  checker.require(contains(room_presets(), room.preset), "preset", room.preset, one_of(room_presets()))
+  checker
+      .require(contains(room_presets(), room.preset), "preset", room.preset, one_of(room_presets()))
       .require(family.has_value(), "family", room.family, one_of(TagFamily::names()))
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
@@ -133,7 +138,8 @@ std::vector<ConfigError> check(const SimulatedBodyConfig& body, const std::strin
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {
     append(checker.errors, check(body.cameras[i], prefix + "cameras[" + std::to_string(i) + "]."));
     const double exposure_share = body.camera.exposure_s * body.cameras[i].rate_hz;
-    checker.require(exposure_share <= 1, "camera.exposure_s", body.camera.exposure_s, "must fit between two images");
+    checker.require(exposure_share <= 1, "camera.exposure_s", body.camera.exposure_s,
+                    "must fit between two images");
   }
   append(checker.errors, check(body.imu, prefix + "imu."));
   append(checker.errors, check(body.camera, prefix + "camera."));

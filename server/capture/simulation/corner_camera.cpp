@@ -18,11 +18,13 @@ bool inside(const CameraModel& model, const Eigen::Vector2d& px) {
 }
 
 /// The true corners, if the rules allow this tag to be seen from here.
-std::optional<Corners> visible_corners(const CameraModel& model, const Pose& X_VW, const Eigen::Vector3d& p_WV,
-                                       const RecordedTag& tag, const CameraSimulation& rules) {
+std::optional<Corners> visible_corners(const CameraModel& model, const Pose& X_VW,
+                                       const Eigen::Vector3d& p_WV, const RecordedTag& tag,
+                                       const CameraSimulation& rules) {
   const Eigen::Vector3d to_camera = p_WV - tag.X_WT.p;
   const double cos_tilt = (tag.X_WT.q * Eigen::Vector3d::UnitZ()).dot(to_camera) / to_camera.norm();
-  if (!(cos_tilt >= std::cos(rules.max_tilt_rad)) || (X_VW * tag.X_WT.p).z() <= 0) return std::nullopt;
+  if (!(cos_tilt >= std::cos(rules.max_tilt_rad)) || (X_VW * tag.X_WT.p).z() <= 0)
+    return std::nullopt;
   Corners corners;
   const auto corners_W = corners_of(tag);
   for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -52,7 +54,8 @@ void drop_doubles(std::vector<TagSighting>& sightings) {
 }  // namespace
 
 void sight_corners(const CameraModel& model, const Pose& X_WV, const std::vector<RecordedTag>& tags,
-                   const CameraSimulation& rules, const ImageKey& key, std::vector<TagSighting>& out) {
+                   const CameraSimulation& rules, const ImageKey& key,
+                   std::vector<TagSighting>& out) {
   out.clear();
   const Pose X_VW = X_WV.inverse();
   Random random(key.seed, Purpose::kCornerNoise, static_cast<std::uint64_t>(key.camera), key.k);

@@ -16,11 +16,12 @@ struct ImageKey {
   std::uint64_t k{};  ///< Counts the exposures of this camera, dropped ones too.
 };
 
-/// The sightings that a detector would report, without rendering: projected corners with white noise, by the rules of
-/// CameraSimulation (all corners inside the image, side, tilt, chance). Sorted by id; an id that appears twice is left
-/// out, as TagDetector does.
+/// The sightings that a detector would report, without rendering: projected corners with white
+/// noise, by the rules of CameraSimulation (all corners inside the image, side, tilt, chance).
+/// Sorted by id; an id that appears twice is left out, as TagDetector does.
 /// @param tags  as they hang in this image, ids as printed
 void sight_corners(const CameraModel& model, const Pose& X_WV, const std::vector<RecordedTag>& tags,
-                   const CameraSimulation& rules, const ImageKey& key, std::vector<TagSighting>& out);
+                   const CameraSimulation& rules, const ImageKey& key,
+                   std::vector<TagSighting>& out);
 
 }  // namespace fiducap::simulation

@@ -20,7 +20,8 @@ bool Faults::drops_imu(std::uint64_t k) const {
 
 Duration Faults::imu_delay(std::uint64_t k) const {
   if (config_.jitter_s == 0) return Duration{0};
-  return from_seconds(config_.jitter_s * std::abs(Random(seed_, Purpose::kImuFaults, k, 1).normal()));
+  return from_seconds(config_.jitter_s *
+                      std::abs(Random(seed_, Purpose::kImuFaults, k, 1).normal()));
 }
 
 bool Faults::drops_image(int camera, std::uint64_t k, double t_s) const {
@@ -28,7 +29,8 @@ bool Faults::drops_image(int camera, std::uint64_t k, double t_s) const {
       std::fmod(t_s, config_.blackout_every_s) < config_.blackout_s) {
     return true;
   }
-  return config_.drop_image > 0 && for_image(seed_, Purpose::kImageFaults, camera, k).chance(config_.drop_image);
+  return config_.drop_image > 0 &&
+         for_image(seed_, Purpose::kImageFaults, camera, k).chance(config_.drop_image);
 }
 
 Duration Faults::image_delay(int camera, std::uint64_t k) const {
@@ -44,7 +46,8 @@ void Faults::touch(int camera, std::uint64_t k, double t_s, std::vector<Recorded
     const bool hidden = random.chance(config_.occlude);
     const bool wrong = random.chance(config_.wrong_id);
     const int shift = 1 + random.below(ids_ - 1);
-    if (tag.tag_id == config_.moved_tag && t_s >= config_.moved_at_s) tag.X_WT.p += config_.moved_by_m;
+    if (tag.tag_id == config_.moved_tag && t_s >= config_.moved_at_s)
+      tag.X_WT.p += config_.moved_by_m;
     if (wrong) tag.tag_id = (tag.tag_id + shift) % ids_;
     if (!hidden) tags[kept++] = tag;
   }

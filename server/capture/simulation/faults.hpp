@@ -12,14 +12,16 @@ namespace fiducap::simulation {
 class Faults final {
  public:
   /// @param ids  in the family: wrong ids are drawn from them
-  Faults(const FaultConfig& config, int ids, std::uint64_t seed) : config_(config), ids_(ids), seed_(seed) {}
+  Faults(const FaultConfig& config, int ids, std::uint64_t seed)
+      : config_(config), ids_(ids), seed_(seed) {}
 
   [[nodiscard]] bool drops_imu(std::uint64_t k) const;
   [[nodiscard]] Duration imu_delay(std::uint64_t k) const;
   /// Dropped by chance or in a blackout.
   [[nodiscard]] bool drops_image(int camera, std::uint64_t k, double t_s) const;
   [[nodiscard]] Duration image_delay(int camera, std::uint64_t k) const;
-  /// Takes hidden tags out, moves the moved one, writes wrong ids over the true ones. Order is kept.
+  /// Takes hidden tags out, moves the moved one, writes wrong ids over the true ones. Order is
+  /// kept.
   void touch(int camera, std::uint64_t k, double t_s, std::vector<RecordedTag>& tags) const;
 
  private:

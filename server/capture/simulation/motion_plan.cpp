@@ -17,10 +17,12 @@ using std::numbers::pi;
 /// A sum of three slow sinusoids per axis that comes back to itself after one round.
 class Sway final {
  public:
-  Sway(Random& random, int slowest, int fastest, const Eigen::Vector3d& amplitude) : amplitude_(amplitude) {
+  Sway(Random& random, int slowest, int fastest, const Eigen::Vector3d& amplitude)
+      : amplitude_(amplitude) {
     for (auto& axis : waves_) {
       for (auto& wave : axis) {
-        wave = {static_cast<double>(slowest + random.below(fastest - slowest + 1)), random.uniform(0, 2 * pi)};
+        wave = {static_cast<double>(slowest + random.below(fastest - slowest + 1)),
+                random.uniform(0, 2 * pi)};
       }
     }
   }
@@ -44,8 +46,10 @@ class Sway final {
   Eigen::Vector3d amplitude_;
 };
 
-/// Equal steps of time along straight legs between the waypoints, each leg as fast as the limits allow.
-std::vector<Pose> walk_through(const std::vector<Pose>& waypoints, double speed, double rate, double spacing_s) {
+/// Equal steps of time along straight legs between the waypoints, each leg as fast as the limits
+/// allow.
+std::vector<Pose> walk_through(const std::vector<Pose>& waypoints, double speed, double rate,
+                               double spacing_s) {
   std::vector<double> arrival{0.0};
   for (std::size_t i = 0; i < waypoints.size(); ++i) {
     const Pose& from = waypoints[i];
@@ -81,8 +85,8 @@ void smooth(std::vector<Pose>& poses, int passes) {
   }
 }
 
-void sway(std::vector<Pose>& poses, Random& random, const Eigen::Vector3d& shift_m, const Eigen::Vector3d& turn_rad,
-          double spacing_s) {
+void sway(std::vector<Pose>& poses, Random& random, const Eigen::Vector3d& shift_m,
+          const Eigen::Vector3d& turn_rad, double spacing_s) {
   // Swinging once in 3..8 s, whatever the round takes.
   const double round_s = spacing_s * static_cast<double>(poses.size());
   const int slowest = std::max(1, static_cast<int>(round_s / 8));
@@ -97,16 +101,17 @@ void sway(std::vector<Pose>& poses, Random& random, const Eigen::Vector3d& shift
 
 Eigen::Vector3d up_for(const Eigen::Vector3d& viewing) {
   // Looking straight up or down, "up" is taken from the room's y axis.
-  return std::abs(viewing.normalized().z()) > 0.9 ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitZ();
+  return std::abs(viewing.normalized().z()) > 0.9 ? Eigen::Vector3d::UnitY()
+                                                  : Eigen::Vector3d::UnitZ();
 }
 
 /// A place in front of a tag, 5 to 8 edges away and a little aside, looking at it.
 Pose view_of(const RecordedTag& tag, Random& random) {
   const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
   const double distance = tag.edge_m * random.uniform(5.0, 8.0);
-  const auto aside = [&](double share) { return distance * random.uniform(-share, share); };
-  Eigen::Vector3d p = tag.X_WT * Eigen::Vector3d(aside(0.25), aside(0.25), distance);
-  if (std::abs(normal.z()) < 0.5) p.z() = std::clamp(p.z(), tag.X_WT.p.z() - 0.4, tag.X_WT.p.z() + 0.4);
+  Eigen::Vector3d p = tag.X_WT * (distance * random.inside({-0.25, -0.25, 1}, {0.25, 0.25, 1}));
+  if (std::abs(normal.z()) < 0.5)
+    p.z() = std::clamp(p.z(), tag.X_WT.p.z() - 0.4, tag.X_WT.p.z() + 0.4);
   return look_at(p, tag.X_WT.p, up_for(tag.X_WT.p - p));
 }
 
@@ -117,8 +122,9 @@ std::vector<RecordedTag> by_bearing(std::vector<RecordedTag> tags) {
   const auto bearing = [&](const RecordedTag& tag) {
     return std::atan2(tag.X_WT.p.y() - middle.y(), tag.X_WT.p.x() - middle.x());
   };
-  std::stable_sort(tags.begin(), tags.end(),
-                   [&](const RecordedTag& a, const RecordedTag& b) { return bearing(a) < bearing(b); });
+  std::stable_sort(tags.begin(), tags.end(), [&](const RecordedTag& a, const RecordedTag& b) {
+    return bearing(a) < bearing(b);
+  });
   return tags;
 }
 
@@ -126,10 +132,11 @@ struct Limits {
   double speed_m_s, rate_rad_s, acceleration_m_s2;
 };
 
-MotionPlan finish(const std::vector<Pose>& waypoints, Random& random, double spacing_s, const Limits& limits,
-                  const Eigen::Vector3d& shift_m, const Eigen::Vector3d& turn_rad) {
-  MotionPlan plan{walk_through(waypoints, limits.speed_m_s, limits.rate_rad_s, spacing_s), spacing_s,
-                  limits.speed_m_s, limits.rate_rad_s, limits.acceleration_m_s2};
+MotionPlan finish(const std::vector<Pose>& waypoints, Random& random, double spacing_s,
+                  const Limits& limits, const Eigen::Vector3d& shift_m,
+                  const Eigen::Vector3d& turn_rad) {
+  MotionPlan plan{walk_through(waypoints, limits.speed_m_s, limits.rate_rad_s, spacing_s),
+                  spacing_s, limits.speed_m_s, limits.rate_rad_s, limits.acceleration_m_s2};
   smooth(plan.X_WV, 2);
   sway(plan.X_WV, random, shift_m, turn_rad, spacing_s);
   return plan;
@@ -140,13 +147,15 @@ MotionPlan survey(std::uint64_t seed, const RoomConfig& room) {
   std::vector<RecordedTag> tags = by_bearing(tags_of(room));
   if (random.chance(0.5)) std::reverse(tags.begin(), tags.end());
   std::rotate(tags.begin(), tags.begin() + random.below(static_cast<int>(tags.size())), tags.end());
-  // A few tags are looked at from several places, of many every second or third is visited.
+  // A few tags are looked at from several places each, of many some are passed by.
   constexpr std::size_t kFewest = 9;
   const std::size_t rounds = (kFewest + tags.size() - 1) / tags.size();
   std::vector<Pose> waypoints;
   for (std::size_t round = 0; round < rounds; ++round) {
-    for (std::size_t i = 0; i < tags.size(); i += rounds > 1 ? 1 : 1 + static_cast<std::size_t>(random.below(2))) {
+    std::size_t i = 0;
+    while (i < tags.size()) {
       waypoints.push_back(view_of(tags[i], random));
+      i += rounds == 1 && random.chance(0.5) ? 2 : 1;
     }
   }
   return finish(waypoints, random, 0.5, {0.9, 0.9, 1.5}, {0.06, 0.06, 0.04}, {0.05, 0.06, 0.05});
@@ -155,7 +164,8 @@ MotionPlan survey(std::uint64_t seed, const RoomConfig& room) {
 MotionPlan hover(std::uint64_t seed, const RoomConfig& room) {
   Random random(seed, Purpose::kMotion);
   const std::vector<RecordedTag> tags = tags_of(room);
-  const Pose place = view_of(tags[static_cast<std::size_t>(random.below(static_cast<int>(tags.size())))], random);
+  const Pose place =
+      view_of(tags[static_cast<std::size_t>(random.below(static_cast<int>(tags.size())))], random);
   MotionPlan plan{std::vector<Pose>(120, place), 0.5, 0.25, 0.25, 1.0};
   sway(plan.X_WV, random, {0.08, 0.08, 0.08}, {0.04, 0.04, 0.06}, plan.spacing_s);
   return plan;
@@ -166,9 +176,8 @@ MotionPlan table(std::uint64_t seed) {
   const Eigen::Vector3d middle(0.2, -0.12, 0);
   std::vector<Pose> waypoints;
   for (int i = 0; i < 24; ++i) {
-    const Eigen::Vector3d p = middle + Eigen::Vector3d(random.uniform(-0.35, 0.35), random.uniform(-0.35, 0.35),
-                                                       random.uniform(0.75, 1.15));
-    const Eigen::Vector3d target = middle + Eigen::Vector3d(random.uniform(-0.25, 0.25), random.uniform(-0.12, 0.12), 0);
+    const Eigen::Vector3d p = middle + random.inside({-0.35, -0.35, 0.75}, {0.35, 0.35, 1.15});
+    const Eigen::Vector3d target = middle + random.inside({-0.25, -0.12, 0}, {0.25, 0.12, 0});
     const double turn = random.uniform(-0.5, 0.5);
     waypoints.push_back(look_at(p, target, {std::sin(turn), std::cos(turn), 0}));
   }
@@ -186,10 +195,11 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
     if (random.chance(0.5)) looked_at = random.below(static_cast<int>(tags.size()));
     const RecordedTag& tag = tags[static_cast<std::size_t>(looked_at)];
     const double distance = random.uniform(1.3, 2.4);
-    const Eigen::Vector3d p = tag.X_WT * Eigen::Vector3d(distance * random.uniform(-0.45, 0.45),
-                                                         distance * random.uniform(-0.45, 0.45), distance);
-    const Eigen::Vector3d past(random.uniform(-0.6, 0.6), random.uniform(-0.6, 0.6), random.uniform(-0.3, 0.3));
-    waypoints.push_back(look_at(p, tag.X_WT.p + past, {random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1}));
+    const Eigen::Vector3d p =
+        tag.X_WT * (distance * random.inside({-0.45, -0.45, 1}, {0.45, 0.45, 1}));
+    const Eigen::Vector3d past = random.inside({-0.6, -0.6, -0.3}, {0.6, 0.6, 0.3});
+    const Eigen::Vector3d up = random.inside({-0.2, -0.2, 1}, {0.2, 0.2, 1});
+    waypoints.push_back(look_at(p, tag.X_WT.p + past, up));
   }
   return finish(waypoints, random, 0.3, {1.8, 2.0, 5.0}, {0.05, 0.05, 0.05}, {0.08, 0.08, 0.1});
 }
@@ -212,8 +222,8 @@ MotionPlan ceiling(std::uint64_t seed) {
   Random random(seed, Purpose::kMotion);
   std::vector<Pose> waypoints;
   for (int i = 0; i < 40; ++i) {
-    const Eigen::Vector3d p(random.uniform(-4, 4), random.uniform(-4, 4), random.uniform(0.8, 1.4));
-    const Eigen::Vector3d above = p + Eigen::Vector3d(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1);
+    const Eigen::Vector3d p = random.inside({-4, -4, 0.8}, {4, 4, 1.4});
+    const Eigen::Vector3d above = p + random.inside({-0.2, -0.2, 1}, {0.2, 0.2, 1});
     const double turn = random.uniform(-1.0, 1.0);
     waypoints.push_back(look_at(p, above, {std::sin(turn), std::cos(turn), 0}));
   }

@@ -14,13 +14,14 @@ namespace fiducap::simulation {
 
 namespace {
 
-constexpr std::size_t kMaxPoses = 2'000'000;   // 2.7 hours at 200 Hz
+constexpr std::size_t kMaxPoses = 2'000'000;  // 2.7 hours at 200 Hz
 constexpr std::size_t kMaxLine = 4096;
 constexpr double kSpacing_s = 0.1;
 constexpr double kMaxLength_s = 86'400;
-constexpr double kSmoothness = 1e-3;           // weight of the penalty against one pose per control pose
+constexpr double kSmoothness = 1e-3;  // weight of the penalty against one pose per control pose
 
-/// Numbers between commas or blanks; nullopt when something is not a finite number. Keeps the first eight.
+/// Numbers between commas or blanks; nullopt when something is not a finite number. Keeps the first
+/// eight.
 std::optional<std::vector<std::string_view>> fields_of(std::string_view line) {
   std::vector<std::string_view> fields;
   std::size_t at = 0;
@@ -62,12 +63,14 @@ std::optional<std::pair<std::int64_t, Pose>> pose_of(std::string_view line) {
   for (std::size_t i = 0; i < x.size(); ++i) {
     if (!read((*fields)[i + 1], x[i]) || !std::isfinite(x[i])) return std::nullopt;
   }
-  const Eigen::Quaterniond q = euroc ? Eigen::Quaterniond(x[3], x[4], x[5], x[6]) : Eigen::Quaterniond(x[6], x[3], x[4], x[5]);
+  const Eigen::Quaterniond q = euroc ? Eigen::Quaterniond(x[3], x[4], x[5], x[6])
+                                     : Eigen::Quaterniond(x[6], x[3], x[4], x[5]);
   if (std::abs(q.norm() - 1.0) > 0.01) return std::nullopt;
   return std::pair{ns, Pose{q.normalized(), {x[0], x[1], x[2]}}};
 }
 
-/// Control quaternions must not jump between q and −q: measurements are put on the side of the one before.
+/// Control quaternions must not jump between q and −q: measurements are put on the side of the one
+/// before.
 std::vector<Eigen::Vector4d> continuous(const std::vector<TimedPose>& poses) {
   std::vector<Eigen::Vector4d> q;
   for (const TimedPose& pose : poses) {
@@ -96,7 +99,8 @@ void add_penalty(std::vector<Eigen::Triplet<double>>& normal, Eigen::Index n) {
 
 Expected<std::vector<TimedPose>> read_pose_file(const std::string& path) {
   std::ifstream in(path);
-  if (!in) return fail(ErrorCode::kNotFound, "expected a file with poses, it cannot be opened", path);
+  if (!in)
+    return fail(ErrorCode::kNotFound, "expected a file with poses, it cannot be opened", path);
   std::vector<TimedPose> poses;
   std::int64_t first_ns = 0;
   std::string line;
@@ -107,17 +111,21 @@ Expected<std::vector<TimedPose>> read_pose_file(const std::string& path) {
     const auto pose = line.size() > kMaxLine ? std::nullopt : pose_of(line);
     if (!pose) {
       return fail(ErrorCode::kInvalid,
-                  "expected `ns,px,py,pz,qw,qx,qy,qz` (EuRoC) or `s px py pz qx qy qz qw` (TUM) with a unit quaternion",
+                  "expected `ns,px,py,pz,qw,qx,qy,qz` (EuRoC) or `s px py pz qx qy qz qw` (TUM) "
+                  "with a unit quaternion",
                   where());
     }
     if (poses.empty()) first_ns = pose->first;
     const double t_s = static_cast<double>(pose->first - first_ns) * 1e-9;
-    if (!poses.empty() && t_s <= poses.back().t_s) return fail(ErrorCode::kInvalid, "expected a later time than in the line before", where());
-    if (t_s > kMaxLength_s || poses.size() >= kMaxPoses) return fail(ErrorCode::kUnsupported, "expected at most a day and 2000000 poses", where());
+    if (!poses.empty() && t_s <= poses.back().t_s)
+      return fail(ErrorCode::kInvalid, "expected a later time than in the line before", where());
+    if (t_s > kMaxLength_s || poses.size() >= kMaxPoses)
+      return fail(ErrorCode::kUnsupported, "expected at most a day and 2000000 poses", where());
     poses.push_back({t_s, pose->second});
   }
   if (poses.size() < PoseSpline::kOrder) {
-    return fail(ErrorCode::kTruncated, "expected at least 6 poses, found " + std::to_string(poses.size()), path);
+    return fail(ErrorCode::kTruncated,
+                "expected at least 6 poses, found " + std::to_string(poses.size()), path);
   }
   return poses;
 }
@@ -128,7 +136,8 @@ PoseSpline fit_spline(const std::vector<TimedPose>& poses) {
   const double spacing = length / static_cast<double>(pieces);
   const Eigen::Index n = pieces + PoseSpline::kOrder - 1;
   std::vector<Eigen::Triplet<double>> normal;
-  Eigen::Matrix<double, Eigen::Dynamic, 7> right = Eigen::Matrix<double, Eigen::Dynamic, 7>::Zero(n, 7);
+  Eigen::Matrix<double, Eigen::Dynamic, 7> right =
+      Eigen::Matrix<double, Eigen::Dynamic, 7>::Zero(n, 7);
   const std::vector<Eigen::Vector4d> q = continuous(poses);
   for (std::size_t k = 0; k < poses.size(); ++k) {
     const double x = poses[k].t_s / spacing;
@@ -138,13 +147,16 @@ PoseSpline fit_spline(const std::vector<TimedPose>& poses) {
     y << poses[k].X_WB.p.transpose(), q[k].transpose();
     for (Eigen::Index a = 0; a < PoseSpline::kOrder; ++a) {
       right.row(piece + a) += w(a) * y;
-      for (Eigen::Index b = 0; b < PoseSpline::kOrder; ++b) normal.emplace_back(piece + a, piece + b, w(a) * w(b));
+      for (Eigen::Index b = 0; b < PoseSpline::kOrder; ++b)
+        normal.emplace_back(piece + a, piece + b, w(a) * w(b));
     }
   }
   add_penalty(normal, n);
   Eigen::SparseMatrix<double> A(n, n);
   A.setFromTriplets(normal.begin(), normal.end());
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower, Eigen::NaturalOrdering<int>> solver(A);
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower,
+                              Eigen::NaturalOrdering<int>>
+      solver(A);
   const Eigen::Matrix<double, Eigen::Dynamic, 7> control = solver.solve(right);
   return PoseSpline(PoseSpline::Control(control.transpose()), spacing);
 }

@@ -16,11 +16,11 @@ using Vector7d = Eigen::Matrix<double, 7, 1>;
 const Eigen::Matrix<double, 6, 6>& basis() {
   static const Eigen::Matrix<double, 6, 6> matrix = [] {
     Eigen::Matrix<double, 6, 6> m;
-    m << 1, -5, 10, -10, 5, -1,  //
-        26, -50, 20, 20, -20, 5,  //
-        66, 0, -60, 0, 30, -10,   //
+    m << 1, -5, 10, -10, 5, -1,    //
+        26, -50, 20, 20, -20, 5,   //
+        66, 0, -60, 0, 30, -10,    //
         26, 50, 20, -20, -20, 10,  //
-        1, 5, 10, 10, 5, -5,      //
+        1, 5, 10, 10, 5, -5,       //
         0, 0, 0, 0, 0, 1;
     return Eigen::Matrix<double, 6, 6>(m / 120.0);
   }();
@@ -58,7 +58,10 @@ PoseSpline::PoseSpline(const std::vector<Pose>& control, double spacing, bool cl
 }
 
 PoseSpline::PoseSpline(Control control, double spacing)
-    : control_(std::move(control)), spacing_(spacing), pieces_(control_.cols() - kOrder + 1), closed_(false) {
+    : control_(std::move(control)),
+      spacing_(spacing),
+      pieces_(control_.cols() - kOrder + 1),
+      closed_(false) {
   FIDUCAP_ASSERT(pieces_ > 0 && spacing > 0);
 }
 
@@ -83,7 +86,8 @@ PoseSpline::Point PoseSpline::at(double s) const {
     first += w1(i) * c;
     point.acceleration += w2(i) * c.head<3>();
   }
-  // ω = 2 vec(q* q̇); for an unnormalised b = |b| q the change of |b| falls out: ω = 2 vec(b* ḃ) / |b|².
+  // ω = 2 vec(q* q̇); for an unnormalised b = |b| q the change of |b| falls out: ω = 2 vec(b* ḃ) /
+  // |b|².
   const Eigen::Quaterniond b = quaternion_of(value);
   point.rate = 2.0 * (b.conjugate() * quaternion_of(first)).vec() / b.squaredNorm();
   point.X = {b.normalized(), value.head<3>()};

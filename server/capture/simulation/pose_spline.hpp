@@ -9,8 +9,9 @@
 
 namespace fiducap::simulation {
 
-/// A smooth motion given by control poses at equal steps: uniform quintic B-spline, four times continuously
-/// differentiable, in position and in the quaternion's four numbers, which are then normalised.
+/// A smooth motion given by control poses at equal steps: uniform quintic B-spline, four times
+/// continuously differentiable, in position and in the quaternion's four numbers, which are then
+/// normalised.
 ///
 /// The curve stays near its control poses, it does not pass through them. Derivatives are exact.
 class PoseSpline final {
@@ -22,10 +23,11 @@ class PoseSpline final {
     Eigen::Vector3d rate;          ///< Rotation per s, in the turning axes.
   };
 
-  static constexpr int kOrder = 6;  ///< Control poses that act at one s.
+  static constexpr int kOrder = 6;                           ///< Control poses that act at one s.
   using Control = Eigen::Matrix<double, 7, Eigen::Dynamic>;  ///< Columns x y z, w x y z.
 
-  /// @param closed  the motion goes on from the last control pose to the first; else it starts and ends inside.
+  /// @param closed  the motion goes on from the last control pose to the first; else it starts and
+  /// ends inside.
   /// @pre at least kOrder poses, neighbours less than 180° apart, spacing > 0
   PoseSpline(const std::vector<Pose>& control, double spacing, bool closed);
   /// Raw control columns of an open spline, quaternions already on one side.
@@ -47,7 +49,8 @@ class PoseSpline final {
   double spacing_;
   Eigen::Index pieces_;
   bool closed_;
-  double wrap_sign_{1.0};  ///< −1 when one round turns the body by an odd number of full turns: q comes back as −q.
+  double wrap_sign_{1.0};  ///< −1 when one round turns the body by an odd number of full turns: q
+                           ///< comes back as −q.
 };
 
 }  // namespace fiducap::simulation

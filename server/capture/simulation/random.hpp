@@ -8,17 +8,28 @@
 
 namespace fiducap::simulation {
 
-/// What random numbers are drawn for. Each purpose has streams of its own, so that switching one thing off changes
-/// nothing else.
+/// What random numbers are drawn for. Each purpose has streams of its own, so that switching one
+/// thing off changes nothing else.
 enum class Purpose : std::uint64_t {
-  kRoom = 1, kMotion, kImuErrors, kImuNoise, kGyroWalk, kAccelWalk, kCornerNoise, kPixelNoise, kBackdrop,
-  kImuFaults, kImageFaults, kTagFaults
+  kRoom = 1,
+  kMotion,
+  kImuErrors,
+  kImuNoise,
+  kGyroWalk,
+  kAccelWalk,
+  kCornerNoise,
+  kPixelNoise,
+  kBackdrop,
+  kImuFaults,
+  kImageFaults,
+  kTagFaults
 };
 
-/// Random numbers that depend on nothing but their key: the same on every machine, in any order of asking.
+/// Random numbers that depend on nothing but their key: the same on every machine, in any order of
+/// asking.
 ///
-/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Unlike mt19937_64 it has no state to fill, so every sample
-/// and every image can have a stream of its own.
+/// Generator: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014). Unlike mt19937_64 it has no state to
+/// fill, so every sample and every image can have a stream of its own.
 class Random final {
  public:
   Random(std::uint64_t seed, Purpose purpose, std::uint64_t a = 0, std::uint64_t b = 0)
@@ -28,6 +39,13 @@ class Random final {
   /// In [0, 1).
   double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  /// In a box. (Two draws must not be arguments of one call: compilers evaluate those in different
+  /// orders.)
+  Eigen::Vector3d inside(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+    const double x = uniform(low.x(), high.x());
+    const double y = uniform(low.y(), high.y());
+    return {x, y, uniform(low.z(), high.z())};
+  }
   /// In [0, n), n > 0.
   int below(int n) { return static_cast<int>(bits() % static_cast<std::uint64_t>(n)); }
   bool chance(double probability) { return uniform() < probability; }

@@ -17,7 +17,8 @@ Eigen::Vector3d RandomWalk::at(std::uint64_t tick) {
     const Interval& whole = path_[depth_];
     if (tick == whole.low) return whole.at_low;
     if (tick == whole.high) return whole.at_high;
-    // Between two known points the middle is normal about their mean, variance length / 4. Its tick is a unique key.
+    // Between two known points the middle is normal about their mean, variance length / 4. Its tick
+    // is a unique key.
     const std::uint64_t middle = (whole.low + whole.high) / 2;
     const double sigma = 0.5 * std::sqrt(static_cast<double>(whole.high - whole.low));
     const Eigen::Vector3d at_middle =

@@ -9,10 +9,12 @@
 
 namespace fiducap::simulation {
 
-/// A three-dimensional Brownian motion on a grid of ticks: zero at tick 0, each step has variance 1 per axis.
+/// A three-dimensional Brownian motion on a grid of ticks: zero at tick 0, each step has variance 1
+/// per axis.
 ///
-/// Any tick can be asked for at any time with the same answer (Lévy's midpoint construction on hashed keys), so truth
-/// of the past needs no memory. Walking forward costs two draws per tick, a jump at most `kLevels`.
+/// Any tick can be asked for at any time with the same answer (Lévy's midpoint construction on
+/// hashed keys), so truth of the past needs no memory. Walking forward costs two draws per tick, a
+/// jump at most `kLevels`.
 class RandomWalk final {
  public:
   RandomWalk(std::uint64_t seed, Purpose purpose);

@@ -19,10 +19,12 @@ constexpr double kHallHalfX_m = 5.0;
 constexpr double kHallHalfY_m = 4.0;
 constexpr double kHallHeight_m = 3.5;
 
-// Loop: straight legs of the rounded rectangle follow from its length, its width and the radius of its corners.
+// Loop: straight legs of the rounded rectangle follow from its length, its width and the radius of
+// its corners.
 constexpr double kLoopWidth_m = 20.0;
 constexpr double kLoopRadius_m = 3.0;
-constexpr double kLoopDepth_m = (kLoopLength_m - 2 * pi * kLoopRadius_m) / 2 + 4 * kLoopRadius_m - kLoopWidth_m;
+constexpr double kLoopDepth_m =
+    (kLoopLength_m - 2 * pi * kLoopRadius_m) / 2 + 4 * kLoopRadius_m - kLoopWidth_m;
 constexpr double kLoopTagDistance_m = 2.0;
 
 RecordedTag tag(int id, double edge, const Eigen::Vector3d& p, const Eigen::Quaterniond& q) {
@@ -30,8 +32,9 @@ RecordedTag tag(int id, double edge, const Eigen::Vector3d& p, const Eigen::Quat
 }
 
 std::vector<RecordedTag> hall(double edge) {
-  // Evenly spread over each wall, ids counter-clockwise from tag 0 in the middle of the wall at y = +4. Heights follow
-  // a low-discrepancy sequence in 1.0..2.2 m, so that neighbours differ and no tag's corners line up with the next.
+  // Evenly spread over each wall, ids counter-clockwise from tag 0 in the middle of the wall at y =
+  // +4. Heights follow a low-discrepancy sequence in 1.0..2.2 m, so that neighbours differ and no
+  // tag's corners line up with the next.
   struct Wall {
     Eigen::Vector3d middle, along, normal;
     double length;
@@ -52,7 +55,8 @@ std::vector<RecordedTag> hall(double edge) {
       const int id = (place - kBeforeTag0 + kTags) % kTags;
       const double along = ((i + 0.5) / wall.tags - 0.5) * wall.length;
       const double height = 1.0 + 1.2 * std::fmod(0.5 + id * 0.6180339887, 1.0);
-      tags.push_back(tag(id, edge, wall.middle + along * wall.along + height * Eigen::Vector3d::UnitZ(),
+      tags.push_back(tag(id, edge,
+                         wall.middle + along * wall.along + height * Eigen::Vector3d::UnitZ(),
                          upright_tag(wall.normal)));
     }
   }
@@ -91,9 +95,10 @@ std::vector<RecordedTag> loop() {
   for (int id = 0; id < kTags; ++id) {
     Random random(0, Purpose::kRoom, static_cast<std::uint64_t>(id));
     const LoopPoint at = loop_at(id * kLoopLength_m / kTags);
-    const Eigen::Vector3d p =
-        at.p + kLoopTagDistance_m * at.outward + random.uniform(-0.35, 0.35) * Eigen::Vector3d::UnitZ();
-    tags.push_back(tag(id, kEdge_m, p, upright_tag(-at.outward) * exp_so3({0.1, random.uniform(0.1, 0.5), 0})));
+    const Eigen::Vector3d p = at.p + kLoopTagDistance_m * at.outward +
+                              random.uniform(-0.35, 0.35) * Eigen::Vector3d::UnitZ();
+    tags.push_back(tag(id, kEdge_m, p,
+                       upright_tag(-at.outward) * exp_so3({0.1, random.uniform(0.1, 0.5), 0})));
   }
   return tags;
 }
@@ -107,14 +112,17 @@ std::vector<RecordedTag> ceiling() {
   std::vector<RecordedTag> tags;
   for (int id = 0; id < kPerSide * kPerSide; ++id) {
     Random random(1, Purpose::kRoom, static_cast<std::uint64_t>(id));
-    const auto place = [&](int index) { return (index - 0.5 * (kPerSide - 1)) * kPitch_m + random.uniform(-0.15, 0.15); };
+    const auto place = [&](int index) {
+      return (index - 0.5 * (kPerSide - 1)) * kPitch_m + random.uniform(-0.15, 0.15);
+    };
     const double x = place(id % kPerSide);
     const double y = place(id / kPerSide);
     const double z = kHeight_m + random.uniform(-0.3, 0.3);
     const double tilt_x = random.uniform(-0.12, 0.12);
     const double tilt_y = random.uniform(-0.12, 0.12);
     const double turn = random.uniform(-pi, pi);
-    tags.push_back(tag(id, kEdge_m, {x, y, z}, downward * exp_so3({tilt_x, tilt_y, 0}) * exp_so3({0, 0, turn})));
+    tags.push_back(tag(id, kEdge_m, {x, y, z},
+                       downward * exp_so3({tilt_x, tilt_y, 0}) * exp_so3({0, 0, turn})));
   }
   return tags;
 }
@@ -122,7 +130,8 @@ std::vector<RecordedTag> ceiling() {
 }  // namespace
 
 const std::vector<std::string>& room_presets() {
-  static const std::vector<std::string> names{"hall", "table", "sparse", "loop", "ceiling", "custom"};
+  static const std::vector<std::string> names{"hall", "table",   "sparse",
+                                              "loop", "ceiling", "custom"};
   return names;
 }
 
@@ -142,8 +151,9 @@ std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag) {
 
 LoopPoint loop_at(double distance_m) {
   constexpr double kQuarter = 0.5 * pi * kLoopRadius_m;
-  constexpr std::array<double, 4> kLegs{kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m,
-                                        kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m};
+  constexpr std::array<double, 4> kLegs{
+      kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m,
+      kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m};
   double left = distance_m - kLoopLength_m * std::floor(distance_m / kLoopLength_m);
   const double height = 2.9 - 1.3 * std::cos(2 * pi * left / kLoopLength_m);
   Eigen::Vector3d p(0, 0, height);

@@ -28,7 +28,8 @@ struct RoomBox {
 /// Corners 0..3 of a tag in W: bottom-left, bottom-right, top-right, top-left.
 [[nodiscard]] std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag);
 
-/// The round trip of preset `loop`: a rounded rectangle with a height change, by the distance walked.
+/// The round trip of preset `loop`: a rounded rectangle with a height change, by the distance
+/// walked.
 struct LoopPoint {
   Eigen::Vector3d p;
   Eigen::Vector3d outward;  ///< Horizontal, to the right of the walker.

@@ -22,11 +22,12 @@ struct Kind {
   void (*destroy)(apriltag_family_t*);
 };
 
-constexpr std::array<Kind, 5> kKinds{{{"tag36h11", tag36h11_create, tag36h11_destroy},
-                                      {"tag25h9", tag25h9_create, tag25h9_destroy},
-                                      {"tag16h5", tag16h5_create, tag16h5_destroy},
-                                      {"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
-                                      {"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy}}};
+constexpr std::array<Kind, 5> kKinds{
+    {{"tag36h11", tag36h11_create, tag36h11_destroy},
+     {"tag25h9", tag25h9_create, tag25h9_destroy},
+     {"tag16h5", tag16h5_create, tag16h5_destroy},
+     {"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
+     {"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy}}};
 
 }  // namespace
 
@@ -52,8 +53,8 @@ int TagFamily::edge_width() const { return handle_->width_at_border; }
 
 std::vector<std::uint8_t> TagFamily::modules(int id) const {
   FIDUCAP_ASSERT(id >= 0 && id < ids());
-  const std::unique_ptr<image_u8_t, void (*)(image_u8_t*)> image(apriltag_to_image(handle_.get(), static_cast<std::uint32_t>(id)),
-                                                                 image_u8_destroy);
+  const std::unique_ptr<image_u8_t, void (*)(image_u8_t*)> image(
+      apriltag_to_image(handle_.get(), static_cast<std::uint32_t>(id)), image_u8_destroy);
   std::vector<std::uint8_t> modules;
   for (int row = 0; row < width(); ++row) {
     const std::uint8_t* first = image->buf + row * image->stride;

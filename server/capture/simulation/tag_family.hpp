@@ -23,7 +23,8 @@ class TagFamily final {
   [[nodiscard]] int width() const;
   /// Modules along what is called the tag's edge, from corner to corner.
   [[nodiscard]] int edge_width() const;
-  /// width() × width() modules, rows from the top of the tag, 0 black or 255 white. @pre 0 <= id < ids()
+  /// width() × width() modules, rows from the top of the tag, 0 black or 255 white. @pre 0 <= id <
+  /// ids()
   [[nodiscard]] std::vector<std::uint8_t> modules(int id) const;
 
  private:

@@ -7,7 +7,8 @@ namespace fiducap::simulation {
 
 namespace {
 
-// From rest to speed 1 within x = 0..1; the first three derivatives of the speed vanish at both ends. It covers 1/2.
+// From rest to speed 1 within x = 0..1; the first three derivatives of the speed vanish at both
+// ends. It covers 1/2.
 TimeWarp::Point ramp_up(double x) {
   const double x3 = x * x * x;
   const double x4 = x3 * x;

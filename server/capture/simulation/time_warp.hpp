@@ -4,8 +4,9 @@
 
 namespace fiducap::simulation {
 
-/// How far along its path a body is: at rest first, then gently up to full speed, four times continuously
-/// differentiable. On a path with an end it slows down, comes back, and so on for ever.
+/// How far along its path a body is: at rest first, then gently up to full speed, four times
+/// continuously differentiable. On a path with an end it slows down, comes back, and so on for
+/// ever.
 class TimeWarp final {
  public:
   struct Point {

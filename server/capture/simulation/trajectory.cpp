@@ -24,7 +24,8 @@ class SplineTrajectory final : public Trajectory {
     const double first = along.first * speed_;
     const double second = along.second * speed_ * speed_;
     const PoseSpline::Point p = spline_.at(along.s);
-    return {p.X, p.velocity * first, p.acceleration * (first * first) + p.velocity * second, p.rate * first};
+    return {p.X, p.velocity * first, p.acceleration * (first * first) + p.velocity * second,
+            p.rate * first};
   }
 
  private:
@@ -41,8 +42,9 @@ void meet_limits(PoseSpline& spline, const MotionPlan& plan, const Pose& X_BV) {
   for (double s = 0; s < spline.length(); s += step) {
     const PoseSpline::Point p = spline.at(s);
     const Eigen::Vector3d camera_velocity = p.velocity + p.X.q * p.rate.cross(X_BV.p);
-    share = std::max({share, camera_velocity.norm() / plan.speed_m_s, p.rate.norm() / plan.rate_rad_s,
-                      std::sqrt(p.acceleration.norm() / plan.acceleration_m_s2)});
+    share =
+        std::max({share, camera_velocity.norm() / plan.speed_m_s, p.rate.norm() / plan.rate_rad_s,
+                  std::sqrt(p.acceleration.norm() / plan.acceleration_m_s2)});
   }
   if (share > 0) spline.set_spacing(spline.spacing() * share);
 }
@@ -58,16 +60,19 @@ Pose forward_camera() {
   return {Eigen::Quaterniond(R_BV), Eigen::Vector3d::Zero()};
 }
 
-Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& config, const RoomConfig& room,
-                                                      const Pose& X_BV) {
+Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& config,
+                                                      const RoomConfig& room, const Pose& X_BV) {
   if (config.kind == "file") {
     auto poses = read_pose_file(config.file);
     if (!poses) return tl::unexpected(poses.error());
     return std::make_unique<SplineTrajectory>(fit_spline(*poses), config.speed);
   }
-  if (tags_of(room).empty()) return fail(ErrorCode::kInvalid, "expected a room with at least one tag", "trajectory");
+  if (tags_of(room).empty())
+    return fail(ErrorCode::kInvalid, "expected a room with at least one tag", "trajectory");
   const auto plan = plan_motion(config, room);
-  if (!plan) return fail(ErrorCode::kUnsupported, "no such kind of trajectory: " + config.kind, "trajectory");
+  if (!plan)
+    return fail(ErrorCode::kUnsupported, "no such kind of trajectory: " + config.kind,
+                "trajectory");
   const Pose X_VB = X_BV.inverse();
   std::vector<Pose> X_WB;
   for (const Pose& X_WV : plan->X_WV) X_WB.push_back(X_WV * X_VB);

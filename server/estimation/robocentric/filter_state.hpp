@@ -45,6 +45,12 @@ struct FilterState {
   [[nodiscard]] auto P() { return covariance_.topLeftCorner(size(), size()); }
   [[nodiscard]] auto P() const { return covariance_.topLeftCorner(size(), size()); }
 
+  /// Scratch of 6 × size(), content undefined; kept so that nothing is allocated per image.
+  [[nodiscard]] auto six_rows() {
+    if (six_rows_.cols() < size()) six_rows_.resize(6, covariance_.cols());
+    return six_rows_.leftCols(size());
+  }
+
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const;
   /// Appends a tag, uncorrelated with everything.
@@ -63,6 +69,7 @@ struct FilterState {
 
  private:
   Eigen::MatrixXd covariance_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
 };
 
 }  // namespace fiducap::robocentric

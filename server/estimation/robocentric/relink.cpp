@@ -1,18 +1,22 @@
 #include "estimation/robocentric/relink.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
 #include "base/so3.hpp"
 #include "detection/tag_pose.hpp"
+#include "estimation/resection.hpp"
 
 namespace fiducap::robocentric {
 
 namespace {
 
 // One wrong tag must not outvote the others.
-constexpr double kCostCapPerTag = 8 * 25.0;
+constexpr double kInlierSigmas = 5.0;
+constexpr double kFirstInlierSigmas = 50.0;  // one tag's pose predicts the others badly
+constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
 // Motions closer than this are the same answer.
 constexpr double kSameAngle_rad = 0.05;
@@ -33,6 +37,17 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
     cost += r.in_front ? std::min(kCostCapPerTag, r.y.squaredNorm() / (noise_px * noise_px)) : kCostCapPerTag;
   }
   return cost;
+}
+
+/// Least squares over all tags, far ones first let in and then left out: ends close to where the filter's own answer will be, so that the transition is
+/// linearised there and not at one tag's noisy pose.
+Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
+            std::span<const TagToUse> tags, double noise_px) {
+  std::vector<PlacedTag> placed;
+  for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
+  const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
+  const Pose near = resect(X_B0B, X_BV, model, placed, kFirstInlierSigmas * noise_px);
+  return resect(near, X_BV, model, placed, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
@@ -56,7 +71,8 @@ std::optional<StepFound> find_step(const FilterState& state, int camera, const C
     for (const TagPose& pose : solve_tag_pose(*tag->seen, model)) {
       if (!std::isfinite(pose.rms_px)) continue;
       const Pose X_BT = state.X_BV[static_cast<std::size_t>(camera)] * pose.X_VT;
-      const Pose X_B0B = tag_in_start_body(state, *tag) * X_BT.inverse();
+      const Pose proposed = tag_in_start_body(state, *tag) * X_BT.inverse();
+      const Pose X_B0B = refine(proposed, state, camera, model, tags, corner_noise_px);
       proposals.push_back({X_B0B, cost_of(X_B0B, state, camera, model, tags, guess, corner_noise_px)});
     }
   }

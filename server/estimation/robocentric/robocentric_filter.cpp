@@ -26,15 +26,19 @@ constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 constexpr double kStepWithImu_s = 0.02;
 constexpr double kStepWithoutImu_s = 0.05;
+// More readings than this without an image are integrated all the same.
+constexpr std::size_t kMostPendingImu = 512;
 // An update far from the linearisation point is iterated.
 constexpr int kFirstIterations = 5;
 constexpr int kCornerStepIterations = 2;
 // Contradictions in a row before something is given up.
 constexpr int kRejectionsToDrop = 10;
 constexpr int kBarrenToRestart = 20;
+// A tag is believed to be there after so many views.
+constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
-constexpr int kForceWithoutImu = 5;
+constexpr int kForceWithoutImu = 4;
 // "Unknown" motion after being adrift.
 constexpr double kUnknownStep_m = 30.0;
 constexpr double kUnknownTurn_rad = 2.0;
@@ -54,6 +58,7 @@ RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, 
       gravity_W_(0, 0, -sensors_.gravity_m_s2),
       candidates_(config) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  imu_.reserve(kMostPendingImu);
   restart();
 }
 
@@ -123,30 +128,30 @@ void RobocentricFilter::start(Instant at) {
 
 void RobocentricFilter::propagate(const ImuSample& imu) {
   if (!has_imu() || !is_finite(imu)) return;
-  if (newest_ && imu.sampled_at <= newest_->sampled_at) return;
-  if (newest_) {
-    attitude_.add(*newest_, state_.bias_w, state_.bias_f);
-    if (mode_ == Mode::kRunning) integrate_to(newest_->sampled_at);
+  if (!imu_.empty() && imu.sampled_at <= imu_.back().sampled_at) return;
+  if (!imu_.empty()) attitude_.add(imu_.back(), state_.bias_w, state_.bias_f);
+  imu_.push_back(imu);
+  if (mode_ != Mode::kRunning) {
+    if (imu_.size() > 2) imu_.erase(imu_.begin());
+  } else if (imu_.size() >= kMostPendingImu) {
+    // No image for long: move on without one. The newest sample may still close an image's interval.
+    integrate_to(imu_[imu_.size() - 2].sampled_at);
+    transition_.apply(state_, motion_);
   }
-  previous_ = newest_;
-  newest_ = imu;
 }
 
-InertialInput RobocentricFilter::input_between(Instant from, Instant to) const {
+void RobocentricFilter::forget_imu_before(Instant at) {
+  const auto after = std::find_if(imu_.begin(), imu_.end(), [&](const ImuSample& s) { return s.sampled_at > at; });
+  if (after - imu_.begin() > 1) imu_.erase(imu_.begin(), after - 1);  // the last one before `at` opens the interval
+}
+
+InertialInput RobocentricFilter::input_between(const ImuSample& a, const ImuSample& b, Instant from, Instant to) const {
   InertialInput input;
-  if (!has_imu()) {
-    input.has_accelerometer = false;
-    input.accel_noise = config_.motion_accel_m_s2_rtHz;
-    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
-    return input;
-  }
   const ImuNoise& noise = *sensors_.imu;
   input.gyro_noise = noise.gyro_noise_rad_s_rtHz;
   input.accel_noise = noise.accel_noise_m_s2_rtHz;
   input.gyro_walk = noise.gyro_walk_rad_s2_rtHz;
   input.accel_walk = noise.accel_walk_m_s3_rtHz;
-  const ImuSample& b = *newest_;
-  const ImuSample& a = previous_ ? *previous_ : b;
   const Duration span = b.sampled_at - a.sampled_at;
   const Instant middle = from + (to - from) / 2;
   const double share =
@@ -162,10 +167,29 @@ InertialInput RobocentricFilter::input_between(Instant from, Instant to) const {
 }
 
 void RobocentricFilter::integrate_to(Instant to) {
-  const Duration longest = from_seconds(has_imu() ? kStepWithImu_s : kStepWithoutImu_s);
+  if (!has_imu()) {
+    InertialInput input;
+    input.has_accelerometer = false;
+    input.accel_noise = config_.motion_accel_m_s2_rtHz;
+    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
+    return step_to(to, input, kStepWithoutImu_s);
+  }
+  for (std::size_t i = 0; i < imu_.size() && state_.time < to; ++i) {
+    const ImuSample& a = imu_[i == 0 ? 0 : i - 1];
+    const Instant end = std::min(to, imu_[i].sampled_at);
+    if (end > state_.time) step_to(end, input_between(a, imu_[i], state_.time, end), kStepWithImu_s);
+  }
+  // Beyond the newest sample its reading holds.
+  if (state_.time < to && !imu_.empty()) {
+    step_to(to, input_between(imu_.back(), imu_.back(), state_.time, to), kStepWithImu_s);
+  }
+  forget_imu_before(to);
+}
+
+void RobocentricFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
   while (state_.time < to) {
-    const Instant end = std::min(to, state_.time + longest);
-    robocentric::propagate(state_, motion_, input_between(state_.time, end), gravity_W_, to_seconds(end - state_.time));
+    const Instant end = std::min(to, state_.time + from_seconds(longest_s));
+    robocentric::propagate(state_, motion_, input, gravity_W_, to_seconds(end - state_.time));
     state_.time = end;
   }
 }
@@ -203,6 +227,11 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<co
     iterations = kFirstIterations;
   }
   if (at_image && !usable_.empty()) correct(seen, report, iterations);
+  if (linearisation_ && report.tags_used == 0) {
+    // The motion that the corners showed was no motion: forget this image.
+    state_ = before_;
+    at_image = false;
+  }
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
@@ -224,6 +253,7 @@ bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
   const StepGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
   const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
   if (!found) return false;
+  before_ = state_;
   // The velocity and rate that lead exactly there are where the motion model is linearised …
   const Eigen::Vector3d v_before = state_.v_WB_B;
   const Eigen::Vector3d bias_before = state_.bias_w;
@@ -252,8 +282,12 @@ bool RobocentricFilter::come_back(const TagObservations& seen) {
   const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
   if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
 
+  jump(found->X_B0B, seen.exposed_at);
+  return true;
+}
+
+void RobocentricFilter::jump(const Pose& D, Instant at) {
   // The step is linearised where the corners say it is, so it may be as uncertain as it likes.
-  const Pose& D = found->X_B0B;
   const Eigen::Matrix3d R_back = D.rotation().transpose();
   state_.p_WB_B = R_back * (state_.p_WB_B + D.p);
   state_.q_WB = (state_.q_WB * D.q).normalized();
@@ -279,9 +313,8 @@ bool RobocentricFilter::come_back(const TagObservations& seen) {
     motion_.Q.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
   }
   transition_.apply(state_, motion_);
-  state_.time = seen.exposed_at;
+  state_.time = at;
   mode_ = Mode::kRunning;
-  return true;
 }
 
 void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
@@ -330,19 +363,27 @@ std::optional<CameraAttitude> RobocentricFilter::camera_attitude(int camera, Ins
 void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
   if (has_imu() && !attitude_.ready()) return;
   const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
+  const int at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, forced_after);
+    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
     if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
   }
 }
 
 bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
   if (mode_ == Mode::kAdrift) {
-    // Nothing links this tag to the old ones; a place in the map does, else we begin anew.
-    if (tag.known == nullptr && !priors_.contains(tag.seen->tag_id)) return false;
-    restart();
+    // Nothing links this tag to the old ones but a place in the workspace.
+    const auto prior = priors_.find(tag.seen->tag_id);
+    if (prior != priors_.end() && anchor_ == Anchor::kWorkspace) {
+      const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * X_VT;
+      jump(state_.X_WB().inverse() * prior->second.X_WT * X_BT.inverse(), seen.exposed_at);
+    } else if (tag.known != nullptr || prior != priors_.end()) {
+      restart();  // the old tags never learned where the workspace is
+    } else {
+      return false;
+    }
   }
   if (mode_ == Mode::kStarting) start(seen.exposed_at);
   if (tag.known != nullptr) {
@@ -411,8 +452,9 @@ BodyEstimate RobocentricFilter::estimate() const {
   out.bias_w = state_.bias_w;
   out.anchored = anchor_ != Anchor::kNone;
   out.w_WB_B = -state_.bias_w;
-  if (has_imu() && newest_) {
-    const InertialInput input = input_between(state_.time, state_.time);
+  if (has_imu() && !imu_.empty()) {
+    const ImuSample& next = imu_[std::min<std::size_t>(1, imu_.size() - 1)];
+    const InertialInput input = input_between(imu_.front(), next, state_.time, state_.time);
     out.w_WB_B = input.w_B - state_.bias_w;
     out.a_WB = R * (input.f_B - state_.bias_f) + gravity_W_;
   }

@@ -56,12 +56,15 @@ class RobocentricFilter final : public BodyFilter {
   void restart();
   void start(Instant at);
   void integrate_to(Instant to);
-  [[nodiscard]] InertialInput input_between(Instant from, Instant to) const;
+  void step_to(Instant to, const InertialInput& input, double longest_s);
+  [[nodiscard]] InertialInput input_between(const ImuSample& a, const ImuSample& b, Instant from, Instant to) const;
+  void forget_imu_before(Instant at);
 
   void sort_tags(const TagObservations& seen, std::span<const KnownTag> known);
   bool move_to(const TagObservations& seen);
   bool move_by_corners(const TagObservations& seen);
   bool come_back(const TagObservations& seen);
+  void jump(const Pose& X_B0B, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(const std::vector<bool>& accepted, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
@@ -79,7 +82,7 @@ class RobocentricFilter final : public BodyFilter {
 
   Mode mode_{Mode::kStarting};
   Anchor anchor_{Anchor::kNone};
-  FilterState state_;
+  FilterState state_;  ///< Always whole: body, tags and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   FrameTransition transition_;
   CornerUpdate corner_update_;
@@ -88,13 +91,13 @@ class RobocentricFilter final : public BodyFilter {
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;
   std::map<int, KnownTag> priors_;
-  std::optional<ImuSample> previous_;
-  std::optional<ImuSample> newest_;
+  std::vector<ImuSample> imu_;  ///< From the last reading at or before the state's time on.
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
   std::vector<TagToUse> fresh_;   ///< … and those that may join it.
   std::vector<bool> accepted_;
   std::optional<FilterState> linearisation_;
+  FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
   int barren_updates_{0};   ///< In a row: tags to use, none accepted.
   int return_attempts_{0};  ///< Images since adrift that showed a usable tag.

@@ -16,6 +16,9 @@ constexpr int kFitSteps = 5;
 constexpr double kSameBranch_rad = 0.05;
 // A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands still.
 constexpr double kHopelessCostPerNumber = 25.0;
+// Without attitude: after so many views a branch that costs this many times the other is out.
+constexpr int kRatioViews = 3;
+constexpr double kClearRatio = 9.0;
 
 }  // namespace
 
@@ -24,7 +27,8 @@ void TagCandidates::forget(int tag_id) {
 }
 
 std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                         const std::optional<CameraAttitude>& attitude, int forced_after) {
+                                         const std::optional<CameraAttitude>& attitude, int at_least,
+                                         int forced_after) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
@@ -32,7 +36,8 @@ std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen,
   const bool forced = forced_after > 0 && candidate.seen_times >= forced_after;
   const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
                                 : judge_alone(candidate, poses, forced);
-  if (decided) forget(seen.tag_id);
+  if (!decided || candidate.seen_times < at_least) return std::nullopt;
+  forget(seen.tag_id);
   return decided;
 }
 
@@ -93,18 +98,23 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
 
 std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
   const double weight = 4.0 / (config_.corner_noise_px * config_.corner_noise_px);
-  const double difference =
-      weight * (poses[1].rms_px * poses[1].rms_px - poses[0].rms_px * poses[0].rms_px);
   // Follow the branch that turned least since the last view; the first view follows its better one.
   bool follows_better = true;
   if (candidate.seen_times > 1) {
     follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
                      angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
   }
-  candidate.lone_evidence += follows_better ? difference : -difference;
-  candidate.followed_q_VT = poses[follows_better ? 0 : 1].X_VT.q;
-  if (!forced && !(std::abs(candidate.lone_evidence) >= config_.branch_evidence)) return std::nullopt;
-  return poses[(candidate.lone_evidence >= 0) == follows_better ? 0 : 1].X_VT;
+  const TagPose& followed = poses[follows_better ? 0 : 1];
+  const TagPose& rival = poses[follows_better ? 1 : 0];
+  candidate.followed_q_VT = followed.X_VT.q;
+  candidate.followed_cost += weight * followed.rms_px * followed.rms_px;
+  candidate.rival_cost += weight * rival.rms_px * rival.rms_px;
+  const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
+  const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
+  // Corners may be much sharper than configured: then the ratio of the costs speaks before their difference does.
+  const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
+  if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
+  return candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT;
 }
 
 }  // namespace fiducap::robocentric

@@ -13,8 +13,8 @@ namespace fiducap::native {
 /// A fixed table; two addresses that fall on the same place share its budget. Memory never grows.
 class AnswerLimiter final {
  public:
-  static constexpr double kBurst = 32;
-  static constexpr double kPerSecond = 16;
+  static constexpr double kBurst = 64;      // all clients of a lab computer at once, after a restart
+  static constexpr double kPerSecond = 32;
 
   /// @param address_hash  keyed, so that nobody can choose with whom he shares
   [[nodiscard]] bool allow(std::uint64_t address_hash, Instant now) {

@@ -92,7 +92,7 @@ void Session::received(std::size_t n) {
   if (!result) return close("is refused: " + result.error().text(), log::Level::kWarning);
   if (!was_open && connection_.open()) {
     since_ = now;
-    context_->say(log::Level::kInfo, "client " + peer_text() + " connected");
+    context_->say(log::Level::kInfo, "client " + peer_text() + (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
   }
   if (const auto port = connection_.udp_port(); port && port != udp_port_) open_udp(*port);
   if (auto why = outbox_.overdue(now)) return close(*why, log::Level::kWarning);

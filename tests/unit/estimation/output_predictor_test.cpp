@@ -3,96 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <random>
 
-#include <Eigen/Cholesky>
-
-#include "base/so3.hpp"
 #include "support/allocation_counter.hpp"
-#include "support/jacobian_check.hpp"
+#include "unit/estimation/known_motion.hpp"
 
 namespace fiducap {
 namespace {
 
 using Eigen::Vector3d;
-using Eigen::VectorXd;
-
-constexpr double kGravity = 9.81;
-constexpr Duration kImuPeriod = std::chrono::milliseconds(5);
-
-Instant at_s(double s) { return instant_from_ns(100'000'000'000) + from_seconds(s); }
-
-BodySensors with_imu() {
-  BodySensors sensors;
-  sensors.imu = ImuNoise{};
-  return sensors;
-}
-
-/// A smooth motion with everything in it: turning about three axes while being pushed about.
-struct Motion {
-  static Vector3d p(double t) { return {std::sin(1.3 * t), 0.5 * std::cos(2.1 * t), 0.3 * std::sin(1.7 * t)}; }
-  static Vector3d v(double t) {
-    return {1.3 * std::cos(1.3 * t), -1.05 * std::sin(2.1 * t), 0.51 * std::cos(1.7 * t)};
-  }
-  static Vector3d a(double t) {
-    return {-1.69 * std::sin(1.3 * t), -2.205 * std::cos(2.1 * t), -0.867 * std::sin(1.7 * t)};
-  }
-  static Vector3d turn(double t) { return {0.8 * std::sin(1.1 * t), 0.6 * std::sin(1.6 * t + 0.5), 0.9 * t}; }
-  static Eigen::Quaterniond q(double t) { return exp_so3(turn(t)); }
-  static Vector3d w(double t) {
-    const Vector3d rate(0.88 * std::cos(1.1 * t), 0.96 * std::cos(1.6 * t + 0.5), 0.9);
-    return right_jacobian_so3(turn(t)) * rate;
-  }
-
-  static ImuSample imu(double t) {
-    return {at_s(t), w(t), q(t).conjugate() * (a(t) + Vector3d(0, 0, kGravity))};
-  }
-  static BodyEstimate truth(double t) {
-    BodyEstimate e;
-    e.at = at_s(t);
-    e.X_WB = {q(t), p(t)};
-    e.v_WB = v(t);
-    e.w_WB_B = w(t);
-    e.a_WB = a(t);
-    e.anchored = true;
-    return e;
-  }
-};
-
-Matrix15d start_covariance(double scale = 1.0) {
-  Matrix15d P = Matrix15d::Zero();
-  const auto set = [&P](int block, double sigma) { P.diagonal().segment<3>(block).array() = sigma * sigma; };
-  set(estimate_block::kPosition, 0.01 * scale);
-  set(estimate_block::kAttitude, 0.01 * scale);
-  set(estimate_block::kVelocity, 0.02 * scale);
-  set(estimate_block::kBiasF, 0.03 * scale);
-  set(estimate_block::kBiasW, 0.005 * scale);
-  return P;
-}
-
-/// State moved by error coordinates, as BodyEstimate::covariance defines them.
-BodyEstimate moved(BodyEstimate e, const VectorXd& d) {
-  e.X_WB.p += d.segment<3>(estimate_block::kPosition);
-  e.X_WB.q = (exp_so3(d.segment<3>(estimate_block::kAttitude)) * e.X_WB.q).normalized();
-  e.v_WB += d.segment<3>(estimate_block::kVelocity);
-  e.bias_f += d.segment<3>(estimate_block::kBiasF);
-  e.bias_w += d.segment<3>(estimate_block::kBiasW);
-  return e;
-}
-
-/// The error coordinates that lead from b to a.
-VectorXd difference(const BodyEstimate& a, const BodyEstimate& b) {
-  VectorXd d(15);
-  d << a.X_WB.p - b.X_WB.p, log_so3(a.X_WB.q * b.X_WB.q.conjugate()), a.v_WB - b.v_WB, a.bias_f - b.bias_f,
-      a.bias_w - b.bias_w;
-  return d;
-}
-
-void feed(OutputPredictor& predictor, double from, double to) {
-  for (auto t = at_s(from); t <= at_s(to); t += kImuPeriod) {
-    predictor.add_imu(Motion::imu(to_seconds(t - at_s(0))));
-  }
-}
 
 TEST(OutputPredictor, SaysNothingBeforeTheFirstEstimateAndAfterClear) {
   OutputPredictor predictor(with_imu(), {});
@@ -130,9 +48,10 @@ TEST(OutputPredictor, FollowsAFastMotionOverOneSecondOfImu) {
   const auto now = predictor.predict(at_s(1.1034));
   ASSERT_TRUE(now);
   const auto truth = Motion::truth(1.1034);
-  constexpr double kMidPoint_m = 1e-4;     // second-order rule at 200 Hz over 1 s; Euler is 100 times worse
+  constexpr double kMidPoint_m =
+      1e-4;  // second-order rule at 200 Hz over 1 s; Euler is 100 times worse
   constexpr double kMidPoint_rad = 5e-5;
-  constexpr double kHeld_m_s2 = 0.08;      // force and rate are 3.4 ms old
+  constexpr double kHeld_m_s2 = 0.08;  // force and rate are 3.4 ms old
   constexpr double kHeld_rad_s = 0.01;
   EXPECT_LT((now->X_WB.p - truth.X_WB.p).norm(), kMidPoint_m);
   EXPECT_LT(angle_between(now->X_WB.q, truth.X_WB.q), kMidPoint_rad);
@@ -220,7 +139,8 @@ TEST(OutputPredictor, CoastsLongerThanItsMemory) {
   OutputPredictor predictor(with_imu(), {});
   predictor.set_estimate(Motion::truth(0));
   feed(predictor, 0, 4);
-  constexpr double kMidPoint_m = 2e-3;  // 4 s of the second-order rule, position error grows with t²
+  constexpr double kMidPoint_m =
+      2e-3;  // 4 s of the second-order rule, position error grows with t²
   EXPECT_LT((predictor.predict(at_s(4))->X_WB.p - Motion::p(4)).norm(), kMidPoint_m);
   EXPECT_LT((predictor.predict(at_s(3.5))->X_WB.p - Motion::p(3.5)).norm(), kMidPoint_m);
 }
@@ -248,145 +168,6 @@ TEST(OutputPredictor, HoldsTheLastSampleAndThenTheVelocity) {
   const auto coasted = predictor.predict(at_s(1.2));
   EXPECT_EQ(coasted->a_WB.norm(), 0);
   EXPECT_GT(coasted->covariance(0, 0), 1.0);  // 3 m/s²/√Hz over 0.9 s: 1.5 m
-}
-
-// --- covariance ---
-
-struct Transition {
-  const char* name;
-  bool imu;
-  double start, last_sample, to;
-};
-
-class OutputPredictorTransition : public testing::TestWithParam<Transition> {};
-
-TEST_P(OutputPredictorTransition, MovesTheCovarianceWithTheJacobianOfTheMean) {
-  const auto& c = GetParam();
-  BodySensors sensors;
-  if (c.imu) sensors.imu = ImuNoise{0, 0, 0, 0, 200};
-  EstimatorConfig config;
-  config.motion_accel_m_s2_rtHz = 0;
-  config.motion_angular_rad_s2_rtHz = 0;
-  auto start = Motion::truth(c.start);
-  start.bias_f = {0.1, -0.2, 0.05};
-  start.bias_w = c.imu ? Vector3d(0.01, 0.02, -0.03) : Vector3d(-Motion::w(c.start));
-  if (c.imu) start.w_WB_B -= start.bias_w;
-  const auto carried = [&](const BodyEstimate& e) {
-    OutputPredictor predictor(sensors, config);
-    feed(predictor, 0, c.last_sample);
-    predictor.set_estimate(e);
-    return *predictor.predict(at_s(c.to));
-  };
-  std::mt19937 random(7);
-  std::normal_distribution<double> normal;
-  const Matrix15d A = Matrix15d::NullaryExpr([&] { return normal(random); });
-  start.covariance = A * A.transpose();
-  const auto end = carried(start);
-  const Eigen::MatrixXd F = central_differences(
-      [&](const VectorXd& d) {
-        auto e = moved(start, d);
-        // The measured rate is fixed; what the bias explains of it is not.
-        e.w_WB_B = c.imu ? Vector3d(start.w_WB_B - d.segment<3>(estimate_block::kBiasW)) : Vector3d(-e.bias_w);
-        return difference(carried(e), end);
-      },
-      15);
-  const Eigen::MatrixXd expected = F * start.covariance * F.transpose();
-  EXPECT_LT((end.covariance - expected).norm(), 1e-6 * expected.norm())
-      << "analytic:\n" << end.covariance << "\nnumeric:\n" << expected;
-  EXPECT_LT((end.covariance - end.covariance.transpose()).norm(), 1e-12 * expected.norm());
-}
-
-INSTANTIATE_TEST_SUITE_P(Cases, OutputPredictorTransition,
-                         testing::Values(Transition{"OneSample", true, 0.2, 0.205, 0.205},
-                                         Transition{"ManySamples", true, 0.2, 0.5, 0.5},
-                                         Transition{"BetweenSamples", true, 0.2021, 0.5, 0.4037},
-                                         Transition{"Held", true, 0.2, 0.2, 0.29},
-                                         Transition{"HeldThenCoasting", true, 0.2, 0.2, 0.5},
-                                         Transition{"MovedBack", true, 0.2, 0.2, 0.17},
-                                         Transition{"WithoutImu", false, 0.2, 0, 0.45},
-                                         Transition{"WithoutImuMovedBack", false, 0.2, 0, 0.17}),
-                         [](const auto& given) { return std::string(given.param.name); });
-
-/// Mean of the normalised estimation error squared over many runs; 15 when the covariance is honest.
-struct Nees {
-  double sum{0};
-  int runs{0};
-  void add(const VectorXd& error, const Eigen::MatrixXd& P) {
-    sum += error.dot(P.ldlt().solve(error));
-    ++runs;
-  }
-  void expect_honest() const {
-    // 4 sigma of the mean of a chi-square with 15 degrees of freedom; the seed is fixed, so this is no lottery.
-    const double band = 4.0 * std::sqrt(2.0 * 15.0 / runs);
-    EXPECT_NEAR(sum / runs, 15.0, band);
-  }
-};
-
-TEST(OutputPredictor, CovarianceMatchesTheScatterOfNoisyImuRuns) {
-  std::mt19937 random(11);
-  std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) { return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
-  auto sensors = with_imu();
-  sensors.imu = ImuNoise{5e-3, 1e-2, 5e-2, 5e-2, 200};  // walks large enough to be seen in 0.7 s
-  const ImuNoise& n = *sensors.imu;
-  const double root_rate = std::sqrt(n.rate_hz);
-  Nees nees;
-  for (int run = 0; run < 400; ++run) {
-    OutputPredictor predictor(sensors, {});
-    auto start = Motion::truth(0);
-    start.covariance = start_covariance();
-    VectorXd d(15);
-    for (int i = 0; i < 15; ++i) d(i) = normal(random) * std::sqrt(start.covariance(i, i));
-    predictor.set_estimate(moved(start, d));
-    Vector3d bias_f = Vector3d::Zero();
-    Vector3d bias_w = Vector3d::Zero();
-    for (int i = 0; i <= 140; ++i) {
-      auto imu = Motion::imu(0.005 * i);
-      imu.w_WB_B += bias_w + noise3(n.gyro_noise_rad_s_rtHz * root_rate);
-      imu.f_B += bias_f + noise3(n.accel_noise_m_s2_rtHz * root_rate);
-      predictor.add_imu(imu);
-      bias_w += noise3(n.gyro_walk_rad_s2_rtHz / root_rate);
-      bias_f += noise3(n.accel_walk_m_s3_rtHz / root_rate);
-    }
-    auto truth = Motion::truth(0.7);
-    truth.bias_f = bias_f;
-    truth.bias_w = bias_w;
-    const auto end = *predictor.predict(at_s(0.7));
-    nees.add(difference(truth, end), end.covariance);
-  }
-  nees.expect_honest();
-}
-
-TEST(OutputPredictor, CovarianceMatchesTheScatterOfMotionNoiseWithoutImu) {
-  std::mt19937 random(13);
-  std::normal_distribution<double> normal;
-  const auto noise3 = [&](double sigma) { return Vector3d(sigma * normal(random), sigma * normal(random), sigma * normal(random)); };
-  EstimatorConfig config;
-  config.motion_accel_m_s2_rtHz = 2.0;
-  config.motion_angular_rad_s2_rtHz = 1.5;
-  constexpr int kSteps = 400;
-  constexpr double kDt = 0.2 / kSteps;
-  Nees nees;
-  for (int run = 0; run < 400; ++run) {
-    OutputPredictor predictor(BodySensors{}, config);
-    auto start = Motion::truth(0);
-    start.bias_w = -start.w_WB_B;
-    start.covariance = start_covariance();
-    VectorXd d(15);
-    for (int i = 0; i < 15; ++i) d(i) = normal(random) * std::sqrt(start.covariance(i, i));
-    auto truth = moved(start, d);
-    predictor.set_estimate(start);
-    for (int i = 0; i < kSteps; ++i) {
-      truth.X_WB.p += kDt * truth.v_WB;
-      truth.X_WB.q = (truth.X_WB.q * exp_so3(-kDt * truth.bias_w)).normalized();
-      truth.v_WB += noise3(config.motion_accel_m_s2_rtHz * std::sqrt(kDt));
-      truth.bias_w += noise3(config.motion_angular_rad_s2_rtHz * std::sqrt(kDt));
-    }
-    const auto end = *predictor.predict(at_s(0.2));
-    nees.add(difference(truth, end), end.covariance);
-    EXPECT_EQ((end.w_WB_B + end.bias_w).norm(), 0);
-  }
-  nees.expect_honest();
 }
 
 TEST(OutputPredictor, AllocatesNothingAfterConstruction) {

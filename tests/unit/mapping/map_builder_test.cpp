@@ -26,7 +26,9 @@ TagBelief belief(int id, double sigma = 0.01, double x = 1.0, int sightings = 20
 class MapBuilderTest : public testing::Test {
  protected:
   MapBuilderTest() : builder_(MapConfig{}, make_map({2, 5})) {}
-  void absorb(int body, const TagBelief& b) { builder_.absorb(body, std::span(&b, 1), kNow_utc_ns); }
+  void absorb(int body, const TagBelief& b) {
+    builder_.absorb(body, std::span(&b, 1), kNow_utc_ns);
+  }
   MapBuilder builder_;
 };
 
@@ -48,6 +50,7 @@ TEST_F(MapBuilderTest, ABeliefBelowTheLimitsJoins) {
   EXPECT_EQ(joined->last_seen_utc_ns, kNow_utc_ns);
   EXPECT_EQ(joined->first_seen_utc_ns, kNow_utc_ns - 3'000'000'000);
   EXPECT_EQ(joined->tag.X_WT.p.x(), 1.0);
+  EXPECT_EQ(after->created_utc_ns, kNow_utc_ns);
   EXPECT_TRUE(builder_.changed());
   EXPECT_EQ(fault_in(*after), std::nullopt);
 }
@@ -206,7 +209,8 @@ TEST(MapConfig, NamesEveryBrokenRule) {
 // Meant for the thread sanitizer: workers, publisher and the store at the same time.
 TEST_F(MapBuilderTest, WorkersAndReadersMayEnterTogether) {
   const auto worker = [this](int body) {
-    for (int i = 0; i < 300; ++i) absorb(body, belief(10 + i % 24, 0.01 / (1 + i), 1.0 + 0.001 * i));
+    for (int i = 0; i < 300; ++i)
+      absorb(body, belief(10 + i % 24, 0.01 / (1 + i), 1.0 + 0.001 * i));
   };
   std::thread first(worker, 1);
   std::thread second(worker, 2);

@@ -31,7 +31,8 @@ inline TagMap make_map(const std::vector<int>& ids) {
   return map;
 }
 
-/// Corner i in tag axes (x right, y up, z out of the face), bottom-left, bottom-right, top-right, top-left.
+/// Corner i in tag axes (x right, y up, z out of the face), bottom-left, bottom-right, top-right,
+/// top-left.
 inline Eigen::Vector3d printed_corner(int i, double edge_m) {
   const double h = 0.5 * edge_m;
   return {i == 1 || i == 2 ? h : -h, i >= 2 ? h : -h, 0};

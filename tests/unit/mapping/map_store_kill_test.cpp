@@ -18,7 +18,8 @@ namespace fiducap {
 namespace {
 
 constexpr int kKills = 36;
-// Long enough to start, open and commit a few times on this machine; short enough to hit the opening as well.
+// Long enough to start, open and commit a few times on this machine; short enough to hit the
+// opening as well.
 constexpr int kLongestLife_ms = 60;
 
 /// Starts the writer, lets it live for a random time, kills it. @return what it reported as stored.
@@ -46,7 +47,8 @@ std::map<std::int64_t, std::string> run_and_kill(const std::string& store, int l
 
   std::string said;
   char buffer[4096];
-  for (ssize_t n = 0; (n = read(pipe_ends[0], buffer, sizeof buffer)) > 0;) said.append(buffer, static_cast<std::size_t>(n));
+  for (ssize_t n = 0; (n = read(pipe_ends[0], buffer, sizeof buffer)) > 0;)
+    said.append(buffer, static_cast<std::size_t>(n));
   close(pipe_ends[0]);
   std::map<std::int64_t, std::string> stored;
   std::istringstream lines(said.substr(0, said.rfind('\n') + 1));
@@ -83,12 +85,14 @@ TEST(MapStoreKill, EveryReportedVersionSurvives) {
       path = folder.file("store" + std::to_string(i));
       reported.clear();
     }
-    const auto stored = run_and_kill(path, std::uniform_int_distribution<int>(0, kLongestLife_ms)(random));
+    const auto stored =
+        run_and_kill(path, std::uniform_int_distribution<int>(0, kLongestLife_ms)(random));
     kills_with_versions += stored.empty() ? 0 : 1;
     reported.insert(stored.begin(), stored.end());
     expect_all(path, reported);
   }
-  EXPECT_GT(kills_with_versions, 0u) << "no writer lived long enough to commit: the test said nothing";
+  EXPECT_GT(kills_with_versions, 0u)
+      << "no writer lived long enough to commit: the test said nothing";
 }
 
 }  // namespace

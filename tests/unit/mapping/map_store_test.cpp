@@ -163,7 +163,8 @@ TEST_F(MapStoreTest, ASecondWriterIsToldThatItIsOne) {
   const auto refused = store.commit(make_map({1}), "");
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kUnavailable);
-  EXPECT_NE(refused.error().text().find("another process is writing"), std::string::npos) << refused.error().text();
+  EXPECT_NE(refused.error().text().find("another process is writing"), std::string::npos)
+      << refused.error().text();
 }
 
 // The limit on file size stops the write-ahead log half way through a version, as a full disk does.
@@ -218,8 +219,9 @@ TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {
   commit(make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20}));
   const auto whole = bytes_of(path_);
   ASSERT_GT(whole.size(), 8192u);
-  for (const std::size_t left : {std::size_t{1}, std::size_t{50}, std::size_t{100}, std::size_t{4095},
-                                 std::size_t{4096}, whole.size() / 2, whole.size() - 4096, whole.size() - 1}) {
+  for (const std::size_t left :
+       {std::size_t{1}, std::size_t{50}, std::size_t{100}, std::size_t{4095}, std::size_t{4096},
+        whole.size() / 2, whole.size() - 4096, whole.size() - 1}) {
     SCOPED_TRACE(left);
     write_bytes(path_, whole.substr(0, left));
     expect_refused(ErrorCode::kInvalid, "move it away");

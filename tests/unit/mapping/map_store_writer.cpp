@@ -1,4 +1,5 @@
-// Commits versions until it is killed and says after each one that it is stored: the victim of map_store_kill_test.
+// Commits versions until it is killed and says after each one that it is stored: the victim of
+// map_store_kill_test.
 #include <unistd.h>
 
 #include <cstdio>
@@ -23,7 +24,8 @@ int main(int argc, char** argv) {
   for (;;) {
     for (MapTag& entry : map->tags) entry.tag.X_WT.p.x() += 0.001;
     map = store->commit(*map, "while being killed");
-    if (!map || !store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}})) return 1;
+    if (!map || !store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}}))
+      return 1;
     const std::string line = std::to_string(map->version) + " " + map->hash + "\n";
     if (write(STDOUT_FILENO, line.data(), line.size()) < 0) return 1;
   }

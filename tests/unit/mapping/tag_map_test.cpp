@@ -34,7 +34,8 @@ TEST(TagMap, GivesAFilterOnlyTagsItMayLeanOn) {
 }
 
 TEST(TagState, NamesGoThereAndBack) {
-  for (const auto state : {TagState::kLocal, TagState::kCalibrated, TagState::kSurveyed, TagState::kQuarantined}) {
+  for (const auto state :
+       {TagState::kLocal, TagState::kCalibrated, TagState::kSurveyed, TagState::kQuarantined}) {
     EXPECT_EQ(tag_state_from(name_of(state)), state);
   }
   EXPECT_EQ(tag_state_from("Local"), std::nullopt);
@@ -58,15 +59,17 @@ TEST_P(TagMapFault, IsNamed) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, TagMapFault,
-    testing::Values(Fault{"tag 5: id is there twice", [](TagMap& m) { m.tags[0].tag.tag_id = 5; }},
-                    Fault{"sorted", [](TagMap& m) { m.tags[0].tag.tag_id = 7; }},
-                    Fault{"id = -2: must be >= 0", [](TagMap& m) { m.tags[0].tag.tag_id = -2; }},
-                    Fault{"tag 5: edge_m = 0", [](TagMap& m) { m.tags[1].tag.edge_m = 0; }},
-                    Fault{"position must be finite",
-                          [](TagMap& m) { m.tags[1].tag.X_WT.p.x() = std::numeric_limits<double>::infinity(); }},
-                    Fault{"quaternion has length", [](TagMap& m) { m.tags[1].tag.X_WT.q.w() += 0.1; }},
-                    Fault{"negative variance", [](TagMap& m) { m.tags[1].tag.covariance(3, 3) = -1; }},
-                    Fault{"alignment to the room", [](TagMap& m) { m.X_RW.q.coeffs().setZero(); }}));
+    testing::Values(
+        Fault{"tag 5: id is there twice", [](TagMap& m) { m.tags[0].tag.tag_id = 5; }},
+        Fault{"sorted", [](TagMap& m) { m.tags[0].tag.tag_id = 7; }},
+        Fault{"id = -2: must be >= 0", [](TagMap& m) { m.tags[0].tag.tag_id = -2; }},
+        Fault{"tag 5: edge_m = 0", [](TagMap& m) { m.tags[1].tag.edge_m = 0; }},
+        Fault{
+            "position must be finite",
+            [](TagMap& m) { m.tags[1].tag.X_WT.p.x() = std::numeric_limits<double>::infinity(); }},
+        Fault{"quaternion has length", [](TagMap& m) { m.tags[1].tag.X_WT.q.w() += 0.1; }},
+        Fault{"negative variance", [](TagMap& m) { m.tags[1].tag.covariance(3, 3) = -1; }},
+        Fault{"alignment to the room", [](TagMap& m) { m.X_RW.q.coeffs().setZero(); }}));
 
 TEST(ContentHash, ChangesWithEveryPartOfTheContentAndNothingElse) {
   const auto map = make_map({2, 5});
@@ -79,8 +82,10 @@ TEST(ContentHash, ChangesWithEveryPartOfTheContentAndNothingElse) {
   same.comment = "y";
   same.created_utc_ns = 5;
   EXPECT_EQ(content_hash(same), hash);
-  const auto changes = {+[](TagMap& m) { m.family = "tag25h9"; }, +[](TagMap& m) { m.reference_tag = 0; },
-                        +[](TagMap& m) { m.X_RW.p.z() = 1; },     +[](TagMap& m) { m.tags.pop_back(); },
+  const auto changes = {+[](TagMap& m) { m.family = "tag25h9"; },
+                        +[](TagMap& m) { m.reference_tag = 0; },
+                        +[](TagMap& m) { m.X_RW.p.z() = 1; },
+                        +[](TagMap& m) { m.tags.pop_back(); },
                         +[](TagMap& m) { m.tags[1].tag.X_WT.p.x() += 1e-12; },
                         +[](TagMap& m) { m.tags[1].tag.covariance(2, 4) += 1e-12; },
                         +[](TagMap& m) { m.tags[1].state = TagState::kSurveyed; },
@@ -94,7 +99,8 @@ TEST(ContentHash, ChangesWithEveryPartOfTheContentAndNothingElse) {
 }
 
 TEST(ContentHash, OfTheEmptyMapIsWhatFnv1aGives) {
-  // Independent value: FNV-1a 64 over length 8 + "tag36h11", a zero byte, eight zero bytes, p = 0 0 0, q = 1 0 0 0.
+  // Independent value: FNV-1a 64 over length 8 + "tag36h11", a zero byte, eight zero bytes, p = 0 0
+  // 0, q = 1 0 0 0.
   EXPECT_EQ(content_hash(TagMap{}), "74e9373e09fb37e9");
 }
 

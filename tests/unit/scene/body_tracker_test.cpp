@@ -40,7 +40,8 @@ class BodyTrackerTest : public testing::Test {
     return r;
   }
   void rest_until(int ms) {
-    for (; imu_ms_ <= ms; imu_ms_ += 5) tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {0, 0, 9.81}});
+    for (; imu_ms_ <= ms; imu_ms_ += 5)
+      tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {0, 0, 9.81}});
   }
   void image(int ms, int used, std::uint64_t dropped = 0) {
     rest_until(ms);
@@ -159,7 +160,8 @@ TEST_F(BodyTrackerTest, CoastingEndsToBeValidBeforeTheBodyIsLost) {
 TEST_F(BodyTrackerTest, LosesTheBodyAfterFiveSecondsAndShowsWhereItWasSeen) {
   image(100, 3);
   rest_until(2000);
-  for (; imu_ms_ < 5200; imu_ms_ += 5) tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {1, 0, 9.81}});
+  for (; imu_ms_ < 5200; imu_ms_ += 5)
+    tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {1, 0, 9.81}});
   EXPECT_EQ(sample(5099).state, BodyState::kCoasting);
   const auto pose = sample(5101);
   EXPECT_EQ(pose.state, BodyState::kLost);
@@ -172,7 +174,7 @@ TEST_F(BodyTrackerTest, WantsAResetFromTheLossToTheFreshEstimate) {
   image(100, 3);
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5100)));
   EXPECT_TRUE(tracker_.wants_reset(at_ms(5101)));
-  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // after filter.reset(): not running yet
+  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // after filter.lose_motion(): not running
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5200)));
   EXPECT_EQ(sample(5200).state, BodyState::kLost);
   auto adrift = estimate(5250);
@@ -185,6 +187,18 @@ TEST_F(BodyTrackerTest, WantsAResetFromTheLossToTheFreshEstimate) {
   EXPECT_FALSE(tracker_.wants_reset(at_ms(5400)));
   EXPECT_EQ(sample(5400).state, BodyState::kTracking);
   EXPECT_TRUE(sample(5400).valid);
+}
+
+TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
+  image(100, 3);
+  tracker_.ingest(std::nullopt, report(400, 0), {}, 0);
+  EXPECT_EQ(sample(400).state, BodyState::kLost);
+  EXPECT_FALSE(sample(400).valid);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(1, 2, 3));
+  EXPECT_FALSE(tracker_.wants_reset(at_ms(6000)));
+  imu_ms_ = 405;
+  image(450, 3);
+  EXPECT_EQ(sample(450).state, BodyState::kTracking);
 }
 
 TEST_F(BodyTrackerTest, ABodyThatWasNeverTiedIsNotReset) {
@@ -221,7 +235,8 @@ TEST(BodyLimits, NamesEveryBrokenRule) {
   limits.lose_after_s = 0.1;
   const auto errors = limits.check("bodies.robot.limits.");
   ASSERT_EQ(errors.size(), 2u);
-  EXPECT_EQ(errors[0].text(), "bodies.robot.limits.max_position_sigma_m = -1: must be finite and > 0");
+  EXPECT_EQ(errors[0].text(),
+            "bodies.robot.limits.max_position_sigma_m = -1: must be finite and > 0");
   EXPECT_EQ(errors[1].path, "bodies.robot.limits.lose_after_s");
 }
 

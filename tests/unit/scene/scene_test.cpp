@@ -79,7 +79,8 @@ TEST(Scene, APublishedFrameDoesNotChangeAnyMore) {
   Scene scene(two_bodies());
   scene.ingest(1, estimate(100), report(100), {}, 0);
   const auto kept = scene.sample(at_ms(110), at_ms(110), {}, 200.0, nullptr);
-  for (int i = 0; i < 5; ++i) (void)scene.sample(at_ms(6000 + i), at_ms(6000 + i), {}, 200.0, nullptr);
+  for (int i = 0; i < 5; ++i)
+    (void)scene.sample(at_ms(6000 + i), at_ms(6000 + i), {}, 200.0, nullptr);
   EXPECT_EQ(kept->number, 1u);
   EXPECT_EQ(kept->at, at_ms(110));
   EXPECT_TRUE(kept->bodies[1].valid);
@@ -112,13 +113,15 @@ TEST(Scene, WorkersAndPublisherMayEnterTogether) {
   const auto worker = [&scene](std::size_t body) {
     for (int ms = 0; ms < 2000; ms += 5) {
       scene.add_imu(body, {at_ms(ms), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
-      if (ms % 50 == 0 && !scene.wants_reset(body, at_ms(ms))) scene.ingest(body, estimate(ms), report(ms), {}, 0);
+      if (ms % 50 == 0 && !scene.wants_reset(body, at_ms(ms)))
+        scene.ingest(body, estimate(ms), report(ms), {}, 0);
     }
   };
   std::thread first(worker, 0);
   std::thread second(worker, 1);
   std::uint64_t number = 0;
-  for (int i = 0; i < 200; ++i) number = scene.sample(at_ms(10 * i), at_ms(10 * i), {}, 100.0, nullptr)->number;
+  for (int i = 0; i < 200; ++i)
+    number = scene.sample(at_ms(10 * i), at_ms(10 * i), {}, 100.0, nullptr)->number;
   first.join();
   second.join();
   EXPECT_EQ(number, 200u);

@@ -34,7 +34,8 @@ TEST(PdfDocument, CrossReferenceTableNamesTheByteWhereEachObjectBegins) {
 TEST(PdfDocument, StreamLengthsAreTheBytesBetweenTheKeywords) {
   const std::string pdf = to_pdf(two_pages(), "t");
   int streams = 0;
-  for (std::size_t at = pdf.find("/Length "); at != std::string::npos; at = pdf.find("/Length ", at + 1), ++streams) {
+  for (std::size_t at = pdf.find("/Length "); at != std::string::npos;
+       at = pdf.find("/Length ", at + 1), ++streams) {
     const std::size_t length = std::strtoul(pdf.c_str() + at + 8, nullptr, 10);
     const std::size_t begin = pdf.find("stream\n", at) + 7;
     EXPECT_EQ(pdf.compare(begin + length, 9, "endstream"), 0);
@@ -44,12 +45,15 @@ TEST(PdfDocument, StreamLengthsAreTheBytesBetweenTheKeywords) {
 
 TEST(PdfDocument, MillimetresBecomePoints) {
   const std::vector<PdfPage> pages = two_pages();
-  EXPECT_NE(pages[0].content().find("72.00000 144.00000 36.00000 18.00000 re\nf\n"), std::string::npos);
+  EXPECT_NE(pages[0].content().find("72.00000 144.00000 36.00000 18.00000 re\nf\n"),
+            std::string::npos);
   EXPECT_NE(to_pdf(pages, "t").find("/MediaBox [ 0 0 72.00000 144.00000 ]"), std::string::npos);
 }
 
 TEST(PdfDocument, TextCannotBreakOutOfItsString) {
-  EXPECT_NE(two_pages()[0].content().find("(a \\(b\\) \\\\ ?" "?) Tj"), std::string::npos);
+  EXPECT_NE(two_pages()[0].content().find("(a \\(b\\) \\\\ ?"
+                                          "?) Tj"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -14,14 +14,19 @@ constexpr double kRounding = 1e-12;  // metres and radians: a handful of double 
 
 const Pose kSomewhere{exp_so3({0.3, -0.2, 1.1}), {3, -1, 2}};
 
-Instant at(double seconds) { return instant_from_ns(1'600'000'000'000'000'000) + from_seconds(seconds); }
+Instant at(double seconds) {
+  return instant_from_ns(1'600'000'000'000'000'000) + from_seconds(seconds);
+}
 
 /// A body that flies straight and turns evenly, sampled at 200 Hz.
-Pose motion(double t) { return {exp_so3(Eigen::Vector3d(0.1, 0.2, 0.3) * t), {t, -2 * t, 0.5 * t}}; }
+Pose motion(double t) {
+  return {exp_so3(Eigen::Vector3d(0.1, 0.2, 0.3) * t), {t, -2 * t, 0.5 * t}};
+}
 
 std::vector<TruthSample> truth(double seconds) {
   std::vector<TruthSample> samples;
-  for (int i = 0; i <= static_cast<int>(seconds * 200 + 0.5); ++i) samples.push_back({at(i / 200.0), motion(i / 200.0)});
+  for (int i = 0; i <= static_cast<int>(seconds * 200 + 0.5); ++i)
+    samples.push_back({at(i / 200.0), motion(i / 200.0)});
   return samples;
 }
 
@@ -46,11 +51,14 @@ TEST(TruthAt, IsNotGuessedOutsideAndInGaps) {
 }
 
 TEST(PoseErrors, AnotherWorkspaceIsNoErrorInTheAxesOfTheTag) {
-  // The estimate lives in other axes W; both sides see the tag at the same place relative to the body.
+  // The estimate lives in other axes W; both sides see the tag at the same place relative to the
+  // body.
   const Pose true_X_WT{exp_so3({0.2, 0.1, -0.4}), {1, 2, 3}};
   std::vector<StampedPose> estimates;
-  for (double t = 0.0125; t < 1; t += 0.05) estimates.push_back({at(t), kSomewhere * *truth_at(truth(1), at(t))});
-  const PoseErrors errors = pose_errors(estimates, truth(1), kSomewhere * true_X_WT, true_X_WT, at(0));
+  for (double t = 0.0125; t < 1; t += 0.05)
+    estimates.push_back({at(t), kSomewhere * *truth_at(truth(1), at(t))});
+  const PoseErrors errors =
+      pose_errors(estimates, truth(1), kSomewhere * true_X_WT, true_X_WT, at(0));
   EXPECT_EQ(errors.samples, 20);
   EXPECT_LT(errors.position_max_m, kRounding);
   EXPECT_LT(errors.rotation_max_rad, 1e-7);  // arccos near one
@@ -58,7 +66,8 @@ TEST(PoseErrors, AnotherWorkspaceIsNoErrorInTheAxesOfTheTag) {
 
 TEST(PoseErrors, AreRootMeanSquareAndWorstOfWhatComesAfterTheStart) {
   std::vector<StampedPose> estimates;
-  for (const auto& [t, error] : {std::pair{0.2, 100.0}, std::pair{0.6, 0.03}, std::pair{0.8, 0.04}}) {
+  for (const auto& [t, error] :
+       {std::pair{0.2, 100.0}, std::pair{0.6, 0.03}, std::pair{0.8, 0.04}}) {
     Pose pose = motion(t);
     pose.p.z() += error;
     pose.q = exp_so3({0, error, 0}) * pose.q;
@@ -72,7 +81,9 @@ TEST(PoseErrors, AreRootMeanSquareAndWorstOfWhatComesAfterTheStart) {
 }
 
 std::vector<PlacedTag> room() {
-  return {{0, 0.2, Pose{}}, {1, 0.2, {exp_so3({0.1, 0, 0}), {2, 0, 0}}}, {2, 0.2, {exp_so3({0, 0.4, 0}), {0, 3, 1}}},
+  return {{0, 0.2, Pose{}},
+          {1, 0.2, {exp_so3({0.1, 0, 0}), {2, 0, 0}}},
+          {2, 0.2, {exp_so3({0, 0.4, 0}), {0, 3, 1}}},
           {7, 0.2, {exp_so3({0, 0, 1}), {1, 1, 1}}}};
 }
 
@@ -89,7 +100,8 @@ TEST(MapErrors, CountTheTagsThatBothMapsHaveExceptTheReference) {
   EXPECT_NEAR(errors.position_rmse_m, 0.01 / std::sqrt(2.0), kRounding);
   EXPECT_NEAR(errors.position_max_m, 0.01, kRounding);
   EXPECT_NEAR(errors.rotation_max_rad, 0.02, 1e-9);
-  EXPECT_EQ(map_errors(estimated, room(), 7).samples, 0) << "a reference that one map lacks gives nothing";
+  EXPECT_EQ(map_errors(estimated, room(), 7).samples, 0)
+      << "a reference that one map lacks gives nothing";
 }
 
 TEST(MapErrors, FittedErrorsIgnoreWhereTheMapLies) {
@@ -107,7 +119,8 @@ TEST(MapErrors, FittedErrorsIgnoreWhereTheMapLies) {
 TEST(Levelled, KeepsPlaceAndHeadingOnly) {
   const double heading = 0.7;
   const Eigen::Quaterniond turned = exp_so3({0, 0, heading});
-  // On a wall: y up, normal horizontal; then pushed over a little about its own x axis, which leaves the heading.
+  // On a wall: y up, normal horizontal; then pushed over a little about its own x axis, which
+  // leaves the heading.
   const Pose wall{turned * exp_so3({std::numbers::pi / 2 + 0.1, 0, 0}), {1, 2, 3}};
   ASSERT_TRUE(heading_along_x(wall));
   const Pose axes = levelled(wall, true);

@@ -15,7 +15,8 @@ constexpr double kRounding_px = 1e-9;
 class ReprojectionTest : public ::testing::Test {
  protected:
   ReprojectionTest() {
-    camera_.model = {752, 480, 460, 450, 376, 240, Distortion::kRadialTangential, {-0.2, 0.05, 1e-3, -1e-3, 0}};
+    camera_.model = {
+        752, 480, 460, 450, 376, 240, Distortion::kRadialTangential, {-0.2, 0.05, 1e-3, -1e-3, 0}};
     camera_.X_BV = {exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}};
   }
 
@@ -29,14 +30,17 @@ class ReprojectionTest : public ::testing::Test {
           camera_.model.project(X_VW * (map_[0].X_WT * tag_corner(i, 0.2))).value() + off;
     return seen;
   }
-  [[nodiscard]] static Instant at(int frame) { return instant_from_ns(1'000'000'000 + 50'000'000 * frame); }
+  [[nodiscard]] static Instant at(int frame) {
+    return instant_from_ns(1'000'000'000 + 50'000'000 * frame);
+  }
 
   CameraMount camera_;
   std::vector<StampedPose> poses_{{at(0), {exp_so3({0, 0, 0.4}), {1, 2, 3}}}};
   // Two metres in front of that camera, facing it.
-  std::vector<PlacedTag> map_{{4, 0.2,
-                               poses_[0].X_WB * Pose{exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}} *
-                                   Pose{exp_so3({3.1, 0.2, 0}), {0.1, -0.1, 2}}}};
+  std::vector<PlacedTag> map_{
+      {4, 0.2,
+       poses_[0].X_WB* Pose{exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}} *
+           Pose{exp_so3({3.1, 0.2, 0}), {0.1, -0.1, 2}}}};
 };
 
 TEST_F(ReprojectionTest, IsTheRootMeanSquareDistanceOfTheFourCorners) {
@@ -55,7 +59,8 @@ TEST_F(ReprojectionTest, OneBadCornerCountsAQuarterOfItsSquare) {
 }
 
 TEST_F(ReprojectionTest, SaysWhyADetectionIsNotScored) {
-  map_.push_back({5, 0.2, poses_[0].X_WB * camera_.X_BV * Pose{{}, {0, 0, -1}}});  // behind the camera
+  map_.push_back(
+      {5, 0.2, poses_[0].X_WB * camera_.X_BV * Pose{{}, {0, 0, -1}}});  // behind the camera
   ReprojectionMeter meter({camera_}, poses_, map_);
   meter.add({0, at(0), {sighting({0, 0}), sighting({0, 0}, 5), sighting({0, 0}, 6)}});
   meter.add({0, at(1), {sighting({0, 0})}});

@@ -8,14 +8,15 @@
 #include "app/cli/evaluation.hpp"
 #include "app/cli/whole_file.hpp"
 #include "base/so3.hpp"
-#include "temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kRounding = 1e-12;  // metres and radians: numbers are written so that they read back
+constexpr double kRounding =
+    1e-12;  // metres and radians: numbers are written so that they read back
 
 OfflineResult result() {
   OfflineResult r;
@@ -72,17 +73,18 @@ TEST(RunFiles, AKnownTagThatIsAlsoInTheStateIsListedOnce) {
 TEST(Extrinsics, RefuseWhatIsNoRotation) {
   const auto read = [](const std::string& text) { return extrinsics_from_yaml(text, 1, "e.yaml"); };
   EXPECT_TRUE(read("cam0:\n  T_BS:\n    data: [1,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]\n"));
-  for (const char* bad : {"", "cam0: 3", "cam1:\n  T_BS: {data: [1]}", "cam0: {T_BS: {data: [1, 2]}}", "cam0: {T_BS: [1]}",
-                          "cam0: {T_BS: {data: [x,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}", "{", "[1, 2]",
-                          "cam0: {T_BS: {data: [2,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}",
-                          "cam0: {T_BS: {data: [.nan,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}",
-                          "cam0: {T_BS: {data: [-1,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}"})
+  for (const char* bad :
+       {"", "cam0: 3", "cam1:\n  T_BS: {data: [1]}", "cam0: {T_BS: {data: [1, 2]}}",
+        "cam0: {T_BS: [1]}", "cam0: {T_BS: {data: [x,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}", "{",
+        "[1, 2]", "cam0: {T_BS: {data: [2,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}",
+        "cam0: {T_BS: {data: [.nan,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}",
+        "cam0: {T_BS: {data: [-1,0,0,1, 0,1,0,2, 0,0,1,3, 0,0,0,1]}}"})
     EXPECT_FALSE(read(bad)) << bad;
 }
 
 TEST(ReadRun, NamesTheFileThatIsMissing) {
   const TemporaryFolder folder;
-  ASSERT_TRUE(write_run_files(folder.path().string(), "table", OfflineSetup{}, result()));
+  ASSERT_TRUE(write_run_files(folder.file(""), "table", OfflineSetup{}, result()));
   std::filesystem::remove(folder.file("extrinsics.yaml"));
   EXPECT_THAT(read_run(folder.file("table.tum"), 1).error().context, HasSubstr("extrinsics.yaml"));
   std::filesystem::remove(folder.file("map.csv"));

@@ -15,7 +15,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "app/cli/whole_file.hpp"
-#include "temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -23,7 +23,8 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-TagSheetOrder order(std::vector<int> ids, double size_mm, const char* paper, const char* family = "tag36h11") {
+TagSheetOrder order(std::vector<int> ids, double size_mm, const char* paper,
+                    const char* family = "tag36h11") {
   return {family, std::move(ids), size_mm, *paper_named(paper)};
 }
 
@@ -33,7 +34,8 @@ TEST(TagSheet, ReadsIdsAndRanges) {
 }
 
 TEST(TagSheet, RefusesWhatIsNoIdList) {
-  for (const char* text : {"", "a", "1-", "-1", "3-1", "1,,2", "1;2", "0-99999", "1 2", "99999999999"})
+  for (const char* text :
+       {"", "a", "1-", "-1", "3-1", "1,,2", "1;2", "0-99999", "1 2", "99999999999"})
     EXPECT_FALSE(parse_id_list(text)) << text;
 }
 
@@ -61,7 +63,8 @@ TEST(TagSheet, StubNamesEveryIdWithItsSize) {
 // ---- What a printer would make of it: pdftoppm draws the pages, libapriltag reads them.
 
 constexpr double kDotsPerMm = 300 / 25.4;
-// The corner estimate of libapriltag is good to about a tenth of a dot of 0.085 mm; the print must be within this.
+// The corner estimate of libapriltag is good to about a tenth of a dot of 0.085 mm; the print must
+// be within this.
 constexpr double kSize_mm = 0.1;
 
 struct Printed {
@@ -70,13 +73,13 @@ struct Printed {
 };
 
 std::vector<Printed> read_tags(const cv::Mat& page, apriltag_family_t* family) {
-  const std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector(apriltag_detector_create(),
-                                                                                      apriltag_detector_destroy);
+  const std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector(
+      apriltag_detector_create(), apriltag_detector_destroy);
   apriltag_detector_add_family_bits(detector.get(), family, 1);
   detector->quad_decimate = 1;
   image_u8_t image{page.cols, page.rows, static_cast<int32_t>(page.step), page.data};
-  const std::unique_ptr<zarray_t, void (*)(zarray_t*)> found(apriltag_detector_detect(detector.get(), &image),
-                                                             apriltag_detections_destroy);
+  const std::unique_ptr<zarray_t, void (*)(zarray_t*)> found(
+      apriltag_detector_detect(detector.get(), &image), apriltag_detections_destroy);
   std::vector<Printed> tags;
   for (int i = 0; i < zarray_size(found.get()); ++i) {
     apriltag_detection_t* tag = nullptr;
@@ -101,16 +104,21 @@ void expect_upright_square(const Printed& tag, double size_mm) {
 
 void expect_printed(const TagSheetOrder& sheet, apriltag_family_t* family, int pages) {
   if (std::system("command -v pdftoppm >/dev/null 2>&1") != 0)
-    GTEST_SKIP() << "pdftoppm (package poppler-utils) is not here: the printed sizes were not measured";
+    GTEST_SKIP()
+        << "pdftoppm (package poppler-utils) is not here: the printed sizes were not measured";
   const TemporaryFolder folder;
   ASSERT_TRUE(write_whole_file(folder.file("tags.pdf"), tag_sheet_pdf(sheet).value()));
-  ASSERT_EQ(std::system(("pdftoppm -gray -r 300 '" + folder.file("tags.pdf") + "' '" + folder.file("p") + "'").c_str()), 0);
+  ASSERT_EQ(std::system(("pdftoppm -gray -r 300 '" + folder.file("tags.pdf") + "' '" +
+                         folder.file("p") + "'")
+                            .c_str()),
+            0);
   std::map<int, int> times_seen;
   int images = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder.file(""))) {
     if (entry.path().extension() != ".pgm") continue;
     ++images;
-    for (const Printed& tag : read_tags(cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE), family)) {
+    for (const Printed& tag :
+         read_tags(cv::imread(entry.path().string(), cv::IMREAD_GRAYSCALE), family)) {
       ++times_seen[tag.id];
       expect_upright_square(tag, sheet.size_mm);
     }

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "temporary_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -18,7 +18,8 @@ TEST(WholeFile, ReadsBackWhatWasWrittenIntoANewFolder) {
   ASSERT_TRUE(write_whole_file(path, "one"));
   ASSERT_TRUE(write_whole_file(path, "two\nlines"));
   EXPECT_EQ(read_whole_file(path).value(), "two\nlines");
-  const auto entries = std::distance(fs::directory_iterator(folder.path() / "a/b"), fs::directory_iterator());
+  const auto entries =
+      std::distance(fs::directory_iterator(folder.file("a/b")), fs::directory_iterator());
   EXPECT_EQ(entries, 1) << "a part was left behind";
 }
 

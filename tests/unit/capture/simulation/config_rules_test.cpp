@@ -21,9 +21,15 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
       {"room.gravity_m_s2", [](RoomConfig& r) { r.gravity_m_s2 = -1; }},
       {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
       {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
-      {"room.tags[1].tag_id", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1), tag_at(5, 0.1)}; }},
+      {"room.tags[1].tag_id",
+       [](RoomConfig& r) {
+         r.tags = {tag_at(5, 0.1), tag_at(5, 0.1)};
+       }},
       {"room.tags[0].edge_m", [](RoomConfig& r) { r.tags = {tag_at(5, -0.1)}; }},
-      {"room.tags[0].X_WT", [](RoomConfig& r) { r.tags = {tag_at(5, 0.1)}; r.tags[0].X_WT.q.w() = 2; }}};
+      {"room.tags[0].X_WT", [](RoomConfig& r) {
+         r.tags = {tag_at(5, 0.1)};
+         r.tags[0].X_WT.q.w() = 2;
+       }}};
   for (const auto& [path, break_it] : faults) {
     RoomConfig room;
     break_it(room);
@@ -35,11 +41,16 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
 
 TEST(SimulationConfig, EveryBrokenBodyRuleIsNamed) {
   const std::vector<std::pair<std::string, std::function<void(SimulatedBodyConfig&)>>> faults{
-      {"body.cameras", [](auto& b) { b.cameras.clear(); b.has_imu = false; }},
+      {"body.cameras",
+       [](auto& b) {
+         b.cameras.clear();
+         b.has_imu = false;
+       }},
       {"body.cameras[0].rate_hz", [](auto& b) { b.cameras[0].rate_hz = 0; }},
       {"body.cameras[0].model.fu", [](auto& b) { b.cameras[0].model.fu = -3; }},
       {"body.imu.noise.rate_hz", [](auto& b) { b.imu.noise.rate_hz = 0; }},
-      {"body.imu.gyro_bias", [](auto& b) { b.imu.gyro_bias.x() = std::numeric_limits<double>::quiet_NaN(); }},
+      {"body.imu.gyro_bias",
+       [](auto& b) { b.imu.gyro_bias.x() = std::numeric_limits<double>::quiet_NaN(); }},
       {"body.camera.pixel_noise", [](auto& b) { b.camera.pixel_noise = -1; }},
       {"body.camera.exposure_s", [](auto& b) { b.camera.exposure_s = 0.06; }},
       {"body.trajectory.kind", [](auto& b) { b.trajectory.kind = "teleport"; }},

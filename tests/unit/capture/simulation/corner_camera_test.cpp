@@ -32,8 +32,12 @@ TEST_F(CornerCamera, CornersComeBottomLeftFirstCounterClockwise) {
   ASSERT_EQ(seen.size(), 1u);
   EXPECT_EQ(seen[0].tag_id, 7);
   const double h = 460 * 0.1 / 2;  // half an edge in pixels
-  const std::array<Eigen::Vector2d, 4> expected{{{375.5 - h, 239.5 + h}, {375.5 + h, 239.5 + h}, {375.5 + h, 239.5 - h}, {375.5 - h, 239.5 - h}}};
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((seen[0].corners_px[i] - expected[i]).norm(), 1e-9) << i;
+  const std::array<Eigen::Vector2d, 4> expected{{{375.5 - h, 239.5 + h},
+                                                 {375.5 + h, 239.5 + h},
+                                                 {375.5 + h, 239.5 - h},
+                                                 {375.5 - h, 239.5 - h}}};
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_LT((seen[0].corners_px[i] - expected[i]).norm(), 1e-9) << i;
 }
 
 TEST_F(CornerCamera, NoiseHasItsSigmaAndNoMean) {
@@ -43,7 +47,8 @@ TEST_F(CornerCamera, NoiseHasItsSigmaAndNoMean) {
   constexpr int kImages = 5000;
   const double h = 460 * 0.1 / 2;
   for (std::uint64_t k = 0; k < kImages; ++k) {
-    const Eigen::Vector2d error = see(k).at(0).corners_px[0] - Eigen::Vector2d(375.5 - h, 239.5 + h);
+    const Eigen::Vector2d error =
+        see(k).at(0).corners_px[0] - Eigen::Vector2d(375.5 - h, 239.5 + h);
     sum += error;
     square += error.squaredNorm();
   }
@@ -61,7 +66,8 @@ TEST_F(CornerCamera, ATagThatIsTooSmallIsNotReported) {
 TEST_F(CornerCamera, ATagSeenTooFlatOrFromBehindIsNotReported) {
   rules_.min_side_px = 0;
   const auto look_from = [&](double tilt) {
-    X_WV_ = Pose{exp_so3({0, tilt, 0}), Eigen::Vector3d::Zero()} * Pose{exp_so3({std::numbers::pi, 0, 0}), {0, 0, 2}};
+    X_WV_ = Pose{exp_so3({0, tilt, 0}), Eigen::Vector3d::Zero()} *
+            Pose{exp_so3({std::numbers::pi, 0, 0}), {0, 0, 2}};
     return see().size();
   };
   EXPECT_EQ(look_from(1.25), 1u);
@@ -89,7 +95,8 @@ TEST_F(CornerCamera, SomeAreMissed) {
 }
 
 TEST_F(CornerCamera, SightingsAreSortedAndADoubledIdIsLeftOut) {
-  tags_ = {tag_at(9, 0.2, {-0.3, 0, 0}), tag_at(3, 0.2), tag_at(5, 0.2, {0.3, 0, 0}), tag_at(9, 0.2, {0, 0.3, 0})};
+  tags_ = {tag_at(9, 0.2, {-0.3, 0, 0}), tag_at(3, 0.2), tag_at(5, 0.2, {0.3, 0, 0}),
+           tag_at(9, 0.2, {0, 0.3, 0})};
   const auto seen = see();
   ASSERT_EQ(seen.size(), 2u);
   EXPECT_EQ(seen[0].tag_id, 3);

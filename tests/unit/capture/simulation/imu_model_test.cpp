@@ -18,7 +18,9 @@ ImuErrors no_errors() {
   return errors;
 }
 
-Trajectory::Point at_rest() { return {{}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()}; }
+Trajectory::Point at_rest() {
+  return {{}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+}
 
 TEST(ImuModel, AtRestItFeelsTheFloorPushUp) {
   ImuModel imu(no_errors(), kGravity, 1);
@@ -28,7 +30,8 @@ TEST(ImuModel, AtRestItFeelsTheFloorPushUp) {
 }
 
 TEST(ImuModel, WithoutErrorsIntegrationGivesTheTrajectoryBack) {
-  // Mid-point integration at 1 kHz over 10 s of survey: its own error is below this; a wrong sign or frame is metres.
+  // Mid-point integration at 1 kHz over 10 s of survey: its own error is below this; a wrong sign
+  // or frame is metres.
   constexpr double kIntegration_m = 1e-4;
   const auto trajectory = make_trajectory({}, room_of("hall")).value();
   ImuModel imu(no_errors(), kGravity, 1);

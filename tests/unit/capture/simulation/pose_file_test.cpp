@@ -17,7 +17,8 @@ class PoseFile : public testing::Test {
  protected:
   void SetUp() override {
     const auto* test = testing::UnitTest::GetInstance()->current_test_info();
-    path_ = std::filesystem::temp_directory_path() / (std::string("fiducap_pose_file_") + test->name());
+    path_ =
+        std::filesystem::temp_directory_path() / (std::string("fiducap_pose_file_") + test->name());
   }
   void TearDown() override { std::filesystem::remove(path_); }
   std::string write(const std::string& text) {
@@ -25,7 +26,8 @@ class PoseFile : public testing::Test {
     return path_.string();
   }
   static Pose pose_at(double t) {
-    return {exp_so3({0.3 * std::sin(0.9 * t), 0.2 * std::cos(0.7 * t), 0.4 * t}), {std::sin(t), std::cos(0.8 * t), 0.1 * t}};
+    return {exp_so3({0.3 * std::sin(0.9 * t), 0.2 * std::cos(0.7 * t), 0.4 * t}),
+            {std::sin(t), std::cos(0.8 * t), 0.1 * t}};
   }
   /// 100 Hz, 1 mm and 1 mrad of noise when wanted.
   static std::string tum(double length_s, double noise) {
@@ -36,8 +38,9 @@ class PoseFile : public testing::Test {
       X.p += noise * random.normal3();
       X.q = (X.q * exp_so3(noise * random.normal3())).normalized();
       char line[256];
-      std::snprintf(line, sizeof(line), "%d.%02d %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", 1600000000 + k / 100, k % 100,
-                    X.p.x(), X.p.y(), X.p.z(), X.q.x(), X.q.y(), X.q.z(), X.q.w());
+      std::snprintf(line, sizeof(line), "%d.%02d %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
+                    1600000000 + k / 100, k % 100, X.p.x(), X.p.y(), X.p.z(), X.q.x(), X.q.y(),
+                    X.q.z(), X.q.w());
       text += line;
     }
     return text;
@@ -72,7 +75,8 @@ TEST_F(PoseFile, NoiseOfTheFileIsSmoothedAway) {
 
 TEST_F(PoseFile, EurocTruthIsReadWithWFirst) {
   std::string text = "#timestamp [ns], p_RS_R_x [m], ...\n";
-  for (int k = 0; k < 10; ++k) text += std::to_string(1600000000000000000 + k * 5000000LL) + ",1,2,3,0.6,0.8,0,0,9,9,9\n";
+  for (int k = 0; k < 10; ++k)
+    text += std::to_string(1600000000000000000 + k * 5000000LL) + ",1,2,3,0.6,0.8,0,0,9,9,9\n";
   const auto poses = read_pose_file(write(text));
   ASSERT_TRUE(poses.has_value()) << poses.error().text();
   EXPECT_NEAR((*poses)[1].t_s, 0.005, 1e-12);
@@ -82,8 +86,9 @@ TEST_F(PoseFile, EurocTruthIsReadWithWFirst) {
 
 TEST_F(PoseFile, DamageIsNamedWithItsLine) {
   const std::string good = tum(1, 0);
-  for (const std::string bad : {"1600000009 1 2 3\n", "1600000009 nan 2 3 0 0 0 1\n", "1600000009 1 2 3 0 0 0 2\n",
-                                "1599999999.0 1 2 3 0 0 0 1\n", "garbage\n", "99999999999999999999 1 2 3 0 0 0 1\n"}) {
+  for (const std::string bad :
+       {"1600000009 1 2 3\n", "1600000009 nan 2 3 0 0 0 1\n", "1600000009 1 2 3 0 0 0 2\n",
+        "1599999999.0 1 2 3 0 0 0 1\n", "garbage\n", "99999999999999999999 1 2 3 0 0 0 1\n"}) {
     const auto poses = read_pose_file(write(good + bad));
     ASSERT_FALSE(poses.has_value()) << bad;
     EXPECT_NE(poses.error().context.find(":103"), std::string::npos) << poses.error().text();

@@ -8,7 +8,8 @@
 namespace fiducap::simulation {
 namespace {
 
-// Central differences with a step of 1e-4: the cubic error term and rounding stay below this, any wrong term does not.
+// Central differences with a step of 1e-4: the cubic error term and rounding stay below this, any
+// wrong term does not.
 constexpr double kDifferences = 2e-6;
 
 /// One round with a full turn about z, so that q comes back as −q.
@@ -17,7 +18,8 @@ std::vector<Pose> one_round() {
   std::vector<Pose> poses;
   for (int i = 0; i < 12; ++i) {
     const double turn = 2 * std::numbers::pi * i / 12;
-    const Eigen::Vector3d p = Eigen::Vector3d(std::cos(turn), std::sin(turn), 0) + 0.2 * random.normal3();
+    const Eigen::Vector3d p =
+        Eigen::Vector3d(std::cos(turn), std::sin(turn), 0) + 0.2 * random.normal3();
     poses.push_back({exp_so3({0, 0, turn}) * exp_so3(0.1 * random.normal3()), p});
   }
   return poses;
@@ -28,8 +30,11 @@ void expect_derivatives(const PoseSpline& spline, double s) {
   const PoseSpline::Point before = spline.at(s - kStep);
   const PoseSpline::Point here = spline.at(s);
   const PoseSpline::Point after = spline.at(s + kStep);
-  EXPECT_LT(((after.X.p - before.X.p) / (2 * kStep) - here.velocity).norm(), kDifferences) << "at " << s;
-  EXPECT_LT(((after.velocity - before.velocity) / (2 * kStep) - here.acceleration).norm(), kDifferences) << "at " << s;
+  EXPECT_LT(((after.X.p - before.X.p) / (2 * kStep) - here.velocity).norm(), kDifferences)
+      << "at " << s;
+  EXPECT_LT(((after.velocity - before.velocity) / (2 * kStep) - here.acceleration).norm(),
+            kDifferences)
+      << "at " << s;
   const Eigen::Vector3d turned = log_so3(before.X.q.conjugate() * after.X.q);
   EXPECT_LT((turned / (2 * kStep) - here.rate).norm(), kDifferences) << "at " << s;
 }

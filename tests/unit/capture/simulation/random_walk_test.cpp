@@ -29,7 +29,9 @@ TEST(RandomWalk, SpreadGrowsWithTheRootOfTime) {
   constexpr int kWalks = 2000;
   for (const std::uint64_t ticks : {100ULL, 10000ULL, 1000000ULL}) {
     double square = 0;
-    for (int i = 0; i < kWalks; ++i) square += RandomWalk(static_cast<std::uint64_t>(i), Purpose::kAccelWalk).at(ticks).squaredNorm();
+    for (int i = 0; i < kWalks; ++i)
+      square +=
+          RandomWalk(static_cast<std::uint64_t>(i), Purpose::kAccelWalk).at(ticks).squaredNorm();
     constexpr double kFiveSigma = 5 * 1.4142 / 77.5;  // √2 / √(3 · 2000)
     EXPECT_NEAR(square / (3.0 * kWalks * static_cast<double>(ticks)), 1.0, kFiveSigma) << ticks;
   }

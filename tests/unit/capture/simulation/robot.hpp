@@ -12,7 +12,14 @@ inline CameraModel plain_camera() { return {752, 480, 460, 460, 375.5, 239.5}; }
 
 /// A lens with about 60 px of barrel distortion in the image corner.
 inline CameraModel lens_camera() {
-  return {752, 480, 460, 458, 367.2, 248.4, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  return {752,
+          480,
+          460,
+          458,
+          367.2,
+          248.4,
+          Distortion::kRadialTangential,
+          {-0.28, 0.07, 2e-4, 2e-5, 0}};
 }
 
 /// A robot without images; tests change what they are about.
@@ -24,13 +31,15 @@ inline SimulatedBodyConfig corner_robot(const std::string& kind, std::uint64_t s
   body.seed = seed;
   CameraMount mount;
   mount.model = plain_camera();
-  mount.X_BV = forward_camera() * Pose{Eigen::Quaterniond(0.9998, 0.01, -0.01, 0.014).normalized(), {0.05, -0.01, 0.02}};
+  mount.X_BV = forward_camera() * Pose{Eigen::Quaterniond(0.9998, 0.01, -0.01, 0.014).normalized(),
+                                       {0.05, -0.01, 0.02}};
   body.cameras = {mount};
   return body;
 }
 
 /// A tag that faces z.
-inline RecordedTag tag_at(int id, double edge_m, const Eigen::Vector3d& p = Eigen::Vector3d::Zero()) {
+inline RecordedTag tag_at(int id, double edge_m,
+                          const Eigen::Vector3d& p = Eigen::Vector3d::Zero()) {
   RecordedTag tag;
   tag.tag_id = id;
   tag.edge_m = edge_m;

@@ -16,11 +16,13 @@ struct Character {
   double shortest_side_px{1e9};
 };
 
-Character character_of(const std::string& preset, const std::string& kind, double duration_s, std::uint64_t seed) {
+Character character_of(const std::string& preset, const std::string& kind, double duration_s,
+                       std::uint64_t seed) {
   SimulatedBodyConfig body = corner_robot(kind, seed);
   body.has_imu = false;
   body.trajectory.duration_s = duration_s;
-  const auto source = make_simulated_source(room_of(preset), body, instant_from_ns(0), nullptr).value();
+  const auto source =
+      make_simulated_source(room_of(preset), body, instant_from_ns(0), nullptr).value();
   const auto frames = only<CornerFrame>(run_out(*source));
   Character c;
   double gap = 0;
@@ -31,7 +33,8 @@ Character character_of(const std::string& preset, const std::string& kind, doubl
     c.longest_gap_s = std::max(c.longest_gap_s, gap);
     for (const TagSighting& tag : frame.tags) {
       for (std::size_t i = 0; i < 4; ++i) {
-        c.shortest_side_px = std::min(c.shortest_side_px, (tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm());
+        c.shortest_side_px =
+            std::min(c.shortest_side_px, (tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm());
       }
     }
   }
@@ -52,9 +55,11 @@ TEST(Room, TheHallHasTwentyFourUprightTagsOnItsFourWalls) {
     EXPECT_LT((tag.X_WT.q * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
     // On a wall, facing into the room.
     const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
-    const std::array<double, 4> distance{tag.X_WT.p.x() - box.low.x(), box.high.x() - tag.X_WT.p.x(),
-                                         tag.X_WT.p.y() - box.low.y(), box.high.y() - tag.X_WT.p.y()};
-    const auto wall = static_cast<std::size_t>(std::min_element(distance.begin(), distance.end()) - distance.begin());
+    const std::array<double, 4> distance{
+        tag.X_WT.p.x() - box.low.x(), box.high.x() - tag.X_WT.p.x(), tag.X_WT.p.y() - box.low.y(),
+        box.high.y() - tag.X_WT.p.y()};
+    const auto wall = static_cast<std::size_t>(std::min_element(distance.begin(), distance.end()) -
+                                               distance.begin());
     ++on_wall[wall];
     EXPECT_NEAR(distance[wall], 0, 1e-12);
     EXPECT_LT(normal.dot(tag.X_WT.p), 0);
@@ -85,7 +90,8 @@ TEST(Room, OwnTagsAreAddedReplacedAndSorted) {
 TEST(Room, TheLoopClosesAfterItsLength) {
   EXPECT_LT((loop_at(0).p - loop_at(kLoopLength_m - 1e-9).p).norm(), 1e-6);
   double path = 0;
-  for (int i = 0; i < 7000; ++i) path += (loop_at(0.01 * (i + 1)).p - loop_at(0.01 * i).p).head<2>().norm();
+  for (int i = 0; i < 7000; ++i)
+    path += (loop_at(0.01 * (i + 1)).p - loop_at(0.01 * i).p).head<2>().norm();
   EXPECT_NEAR(path, kLoopLength_m, 0.01);
 }
 

@@ -37,25 +37,30 @@ bool same(const SensorSample& a, const SensorSample& b) {
   const auto& other = std::get<CornerFrame>(b);
   if (frame.camera != other.camera || frame.tags.size() != other.tags.size()) return false;
   for (std::size_t i = 0; i < frame.tags.size(); ++i) {
-    if (frame.tags[i].tag_id != other.tags[i].tag_id || frame.tags[i].corners_px != other.tags[i].corners_px) return false;
+    if (frame.tags[i].tag_id != other.tags[i].tag_id ||
+        frame.tags[i].corners_px != other.tags[i].corners_px)
+      return false;
   }
   return true;
 }
 
 bool same(const std::vector<SensorSample>& a, const std::vector<SensorSample>& b) {
   return a.size() == b.size() &&
-         std::equal(a.begin(), a.end(), b.begin(), [](const auto& x, const auto& y) { return same(x, y); });
+         std::equal(a.begin(), a.end(), b.begin(),
+                    [](const auto& x, const auto& y) { return same(x, y); });
 }
 
 TEST(SimulatedSource, GivesEverySampleOnItsGrid) {
   const auto samples = run_out(*make(short_run(2)));
   const auto imu = only<ImuSample>(samples);
   ASSERT_EQ(imu.size(), 401u);  // 200 Hz, both ends
-  for (std::size_t k = 0; k < imu.size(); ++k) EXPECT_EQ(imu[k].sampled_at, kStart + Duration{5'000'000} * static_cast<int>(k));
+  for (std::size_t k = 0; k < imu.size(); ++k)
+    EXPECT_EQ(imu[k].sampled_at, kStart + Duration{5'000'000} * static_cast<int>(k));
   const auto frames = only<CornerFrame>(samples);
   ASSERT_EQ(frames.size(), 40u);
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    EXPECT_EQ(frames[k].exposed_at, kStart + Duration{1'300'000} + Duration{50'000'000} * static_cast<int>(k));
+    EXPECT_EQ(frames[k].exposed_at,
+              kStart + Duration{1'300'000} + Duration{50'000'000} * static_cast<int>(k));
   }
 }
 
@@ -65,7 +70,8 @@ TEST(SimulatedSource, ComesInOrderOfArrival) {
   Instant newest_imu = kStart;
   for (const SensorSample& sample : run_out(*make(body))) {
     if (std::holds_alternative<ImuSample>(sample)) newest_imu = time_of(sample);
-    if (std::holds_alternative<CornerFrame>(sample) && newest_imu < kStart + std::chrono::milliseconds(1960)) {
+    if (std::holds_alternative<CornerFrame>(sample) &&
+        newest_imu < kStart + std::chrono::milliseconds(1960)) {
       EXPECT_EQ(newest_imu, time_of(sample) - Duration{1'300'000} + Duration{30'000'000});
     }
   }
@@ -121,7 +127,8 @@ TEST(SimulatedSource, TruthIsWhatTheSensorsSaw) {
     for (const TagSighting& tag : frame.tags) {
       const auto& true_tag = tags[static_cast<std::size_t>(tag.tag_id)];
       const double h = 0.5 * true_tag.edge_m;
-      const auto px = body.cameras[0].model.project(X_VW * (true_tag.X_WT * Eigen::Vector3d(h, h, 0)));
+      const auto px =
+          body.cameras[0].model.project(X_VW * (true_tag.X_WT * Eigen::Vector3d(h, h, 0)));
       EXPECT_LT((*px - tag.corners_px[2]).norm(), 1e-9);
     }
   }
@@ -154,7 +161,8 @@ TEST(SimulatedSource, SeveralCamerasComeByIndex) {
   body.cameras.push_back(body.cameras[0]);
   const auto frames = only<CornerFrame>(run_out(*make(body)));
   ASSERT_EQ(frames.size(), 40u);
-  for (std::size_t k = 0; k < frames.size(); ++k) EXPECT_EQ(frames[k].camera, static_cast<int>(k % 2));
+  for (std::size_t k = 0; k < frames.size(); ++k)
+    EXPECT_EQ(frames[k].camera, static_cast<int>(k % 2));
 }
 
 TEST(SimulatedSource, DropsItsShareOfImagesAndImuSamples) {
@@ -162,7 +170,8 @@ TEST(SimulatedSource, DropsItsShareOfImagesAndImuSamples) {
   body.faults.drop_image = 0.25;
   body.faults.drop_imu = 0.1;
   const auto samples = run_out(*make(body));
-  EXPECT_NEAR(static_cast<double>(only<CornerFrame>(samples).size()) / 1200, 0.75, 5 * 0.433 / 34.6);
+  EXPECT_NEAR(static_cast<double>(only<CornerFrame>(samples).size()) / 1200, 0.75,
+              5 * 0.433 / 34.6);
   EXPECT_NEAR(static_cast<double>(only<ImuSample>(samples).size()) / 12001, 0.9, 5 * 0.3 / 109.5);
 }
 
@@ -243,7 +252,8 @@ TEST(SimulatedSource, ABrokenConfigurationIsAnErrorThatNamesTheRule) {
   body.cameras[0].rate_hz = -1;
   const auto source = make_simulated_source(room_of("hall"), body, kStart, nullptr);
   ASSERT_FALSE(source.has_value());
-  EXPECT_NE(source.error().what.find("cameras[0].rate_hz"), std::string::npos) << source.error().text();
+  EXPECT_NE(source.error().what.find("cameras[0].rate_hz"), std::string::npos)
+      << source.error().text();
 }
 
 }  // namespace

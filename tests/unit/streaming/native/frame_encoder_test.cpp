@@ -48,7 +48,7 @@ TEST(FrameEncoder, MatchesTheBytes) {
   const std::vector<std::byte> bytes(datagrams[0].begin(), datagrams[0].end());
   EXPECT_EQ(to_hex(bytes), to_hex(from_hex(
       "0d 46444331"
-      "3a 9802"                     // Frame, 280 bytes
+      "3a 8502"                     // Frame, 261 bytes
       "09 2827262524232221"         // session
       "10 07"                       // number
       "20 01"                       // part_count
@@ -58,7 +58,7 @@ TEST(FrameEncoder, MatchesTheBytes) {
       "49 3837363534333231"         // utc_offset
       "55 0000c842"                 // rate 100
       "60 01"                       // model_generation; map_version is 0
-      "6a e001"                     // Body, 224 bytes
+      "6a d101"                     // Body, 209 bytes
       "08 01"                       // id
       "10 01"                       // tracking
       "18 01"                       // valid

@@ -1,4 +1,4 @@
-#include "capture/gray_decoder.hpp"
+#include "capture/gray_file.hpp"
 
 #include <fstream>
 #include <string>
@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::uintmax_t kMaxImageFile_bytes = 256 << 20;
 
-Expected<void> read_file(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
+Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
   std::error_code error;
   const std::uintmax_t size = std::filesystem::file_size(path, error);
   if (error) return fail(ErrorCode::kNotFound, "no such image", path.string());
@@ -27,9 +27,9 @@ Expected<void> read_file(const std::filesystem::path& path, std::vector<std::uin
 
 }  // namespace
 
-Expected<void> decode_gray_file(const std::filesystem::path& file,
-                                std::vector<std::uint8_t>& scratch, GrayImage& out) {
-  if (const auto read = read_file(file, scratch); !read) return read;
+Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                              GrayImage& out) {
+  if (const auto read = read_bytes(file, scratch); !read) return read;
   // A rotation tag of a JPEG would turn the image away from its calibration. Not decoded straight
   // into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when the bytes are no
   // image.
@@ -50,6 +50,25 @@ Expected<void> decode_gray_file(const std::filesystem::path& file,
   }
   decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
   return {};
+}
+
+Expected<void> write_gray_file(const std::filesystem::path& file,
+                               std::vector<std::uint8_t>& scratch, const GrayImage& image) {
+  const cv::Mat pixels(image.height, image.width, CV_8UC1,
+                       const_cast<std::uint8_t*>(image.pixels.data()));
+  constexpr int kQuickest = 1;
+  try {
+    cv::imencode(".png", pixels, scratch, {cv::IMWRITE_PNG_COMPRESSION, kQuickest});
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "cannot be encoded: " + broken.err, file.string());
+  }
+  std::ofstream out(file, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(scratch.data()),
+            static_cast<std::streamsize>(scratch.size()));
+  out.flush();
+  if (out.good()) return {};
+  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
+              file.string());
 }
 
 }  // namespace fiducap

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <string_view>
+
+#include <Eigen/Core>
+
+#include "base/expected.hpp"
+#include "base/pose.hpp"
+
+namespace fiducap {
+
+/// Writes comma-separated lines, whatever the locale. The memory of a line is reused.
+class CsvWriter final {
+ public:
+  /// Creates the folders above, too, and writes `header` as first line.
+  [[nodiscard]] static Expected<CsvWriter> create(const std::filesystem::path& path,
+                                                  std::string_view header);
+
+  CsvWriter& integer(std::int64_t value);
+  /// Rounded to `decimals` digits behind the point, trailing zeros left out.
+  CsvWriter& number(double value, int decimals);
+  CsvWriter& vector(const Eigen::Vector3d& v, int decimals);
+  /// px py pz qw qx qy qz
+  CsvWriter& pose(const Pose& X, int decimals);
+  CsvWriter& text(std::string_view value);
+  /// Ends the line. @return Error when the disk is known not to take it.
+  [[nodiscard]] Expected<void> end_line();
+  [[nodiscard]] Expected<void> flush();
+
+ private:
+  explicit CsvWriter(std::filesystem::path path)
+      : path_(std::move(path)), file_(path_, std::ios::binary) {}
+  void separate();
+  [[nodiscard]] Expected<void> check() const;
+
+  std::filesystem::path path_;
+  std::ofstream file_;
+  std::string line_;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "capture/gray_image.hpp"
+
+namespace fiducap {
+
+/// Reads PNG, JPEG or another image file that OpenCV knows into `out`.
+/// @param out      its size is the size wanted; another size in the file is an error
+/// @param scratch  holds the file; kept by the caller so that its memory is reused
+[[nodiscard]] Expected<void> read_gray_file(const std::filesystem::path& file,
+                                            std::vector<std::uint8_t>& scratch, GrayImage& out);
+
+/// Writes a PNG, lossless and quickly rather than small.
+[[nodiscard]] Expected<void> write_gray_file(const std::filesystem::path& file,
+                                             std::vector<std::uint8_t>& scratch,
+                                             const GrayImage& image);
+
+}  // namespace fiducap

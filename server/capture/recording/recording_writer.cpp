@@ -1,0 +1,238 @@
+#include "capture/recording/recording_writer.hpp"
+
+#include <fstream>
+
+#include "capture/csv_writer.hpp"
+#include "capture/gray_file.hpp"
+#include "capture/recording/recording_layout.hpp"
+#include "capture/recording/recording_yaml.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr const char* kImuHeader =
+    "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],a_RS_S_x [m "
+    "s^-2],a_RS_S_y [m "
+    "s^-2],a_RS_S_z [m s^-2]";
+constexpr const char* kImagesHeader = "#timestamp [ns],filename";
+constexpr const char* kCornersHeader =
+    "#timestamp [ns],tag_id [],hamming [],u0 [px],v0 [px],u1 [px],v1 [px],u2 [px],v2 [px],u3 "
+    "[px],v3 [px]";
+constexpr const char* kFramesHeader = "#timestamp [ns],detections []";
+constexpr const char* kTruthHeader =
+    "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z [], v_RS_R_x "
+    "[m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], "
+    "b_w_RS_S_z [rad "
+    "s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]";
+
+constexpr int kCornerDecimals = 5;  // 1e-5 px
+constexpr int kSensorDecimals = 9;
+
+Expected<void> write_text(const std::filesystem::path& path, const std::string& text) {
+  std::error_code error;
+  std::filesystem::create_directories(path.parent_path(), error);
+  std::ofstream file(path, std::ios::binary);
+  file << text;
+  file.flush();
+  if (file.good()) return {};
+  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
+              path.string());
+}
+
+/// A file that is there from its first line on.
+class LazyCsv final {
+ public:
+  Expected<CsvWriter*> get(const std::filesystem::path& path, const char* header) {
+    if (!writer_) {
+      Expected<CsvWriter> created = CsvWriter::create(path, header);
+      if (!created) return tl::unexpected(created.error());
+      writer_ = std::move(*created);
+    }
+    return &*writer_;
+  }
+  Expected<void> flush() { return writer_ ? writer_->flush() : Expected<void>{}; }
+
+ private:
+  std::optional<CsvWriter> writer_;
+};
+
+}  // namespace
+
+class RecordingWriter::Impl {
+ public:
+  explicit Impl(const RecordingInfo& info)
+      : layout_(info.folder),
+        info_(info),
+        R_IB_(info.X_BI.rotation().transpose()),
+        cameras_(info.cameras.size()) {}
+
+  Expected<void> write_calibration();
+  Expected<void> write(const ImuSample& sample);
+  Expected<void> write(const CameraFrame& frame);
+  Expected<void> write(const CornerFrame& frame);
+  Expected<void> write(const TruthSample& truth);
+  Expected<void> flush();
+
+  [[nodiscard]] const RecordingLayout& layout() const { return layout_; }
+
+ private:
+  struct CameraFiles {
+    LazyCsv images;
+    LazyCsv corners;
+    LazyCsv frames;
+  };
+  Expected<std::int64_t> camera_stamp(int camera, Instant exposed_at) const;
+
+  RecordingLayout layout_;
+  RecordingInfo info_;
+  Eigen::Matrix3d R_IB_;
+  std::vector<CameraFiles> cameras_;
+  LazyCsv imu_;
+  LazyCsv state_;
+  std::vector<std::uint8_t> scratch_;
+};
+
+Expected<void> RecordingWriter::Impl::write_calibration() {
+  for (std::size_t k = 0; k < info_.cameras.size(); ++k) {
+    if (const auto done = write_text(layout_.camera_yaml(k), camera_yaml(info_.cameras[k])); !done)
+      return done;
+  }
+  if (info_.imu) {
+    const auto done = write_text(layout_.imu_yaml(), imu_yaml(*info_.imu, info_.X_BI));
+    if (!done) return done;
+    // There from the start: a recording has an IMU when it has this file.
+    if (const auto csv = imu_.get(layout_.imu_csv(), kImuHeader); !csv)
+      return tl::unexpected(csv.error());
+  }
+  return write_text(layout_.tags_yaml(), tags_yaml(info_));
+}
+
+// What the camera's own clock showed: the reader adds the time shift again.
+Expected<std::int64_t> RecordingWriter::Impl::camera_stamp(int camera, Instant exposed_at) const {
+  if (camera < 0 || camera >= static_cast<int>(info_.cameras.size())) {
+    return fail(ErrorCode::kInvalid, "has no camera " + std::to_string(camera), info_.folder);
+  }
+  const std::int64_t ns =
+      to_ns(exposed_at - info_.cameras[static_cast<std::size_t>(camera)].time_shift);
+  if (ns < 0)
+    return fail(ErrorCode::kInvalid, "stamp " + std::to_string(ns) + " ns is before the epoch",
+                info_.folder);
+  return ns;
+}
+
+Expected<void> RecordingWriter::Impl::write(const ImuSample& sample) {
+  if (!info_.imu) return fail(ErrorCode::kInvalid, "was created without IMU", info_.folder);
+  const auto csv = imu_.get(layout_.imu_csv(), kImuHeader);
+  if (!csv) return tl::unexpected(csv.error());
+  return (*csv)
+      ->integer(to_ns(sample.sampled_at))
+      .vector(R_IB_ * sample.w_WB_B, kSensorDecimals)
+      .vector(R_IB_ * sample.f_B, kSensorDecimals)
+      .end_line();
+}
+
+Expected<void> RecordingWriter::Impl::write(const CameraFrame& frame) {
+  const auto ns = camera_stamp(frame.camera, frame.exposed_at);
+  if (!ns) return tl::unexpected(ns.error());
+  const auto k = static_cast<std::size_t>(frame.camera);
+  const auto csv = cameras_[k].images.get(layout_.images_csv(k), kImagesHeader);
+  if (!csv) return tl::unexpected(csv.error());
+  const std::string name = std::to_string(*ns) + ".png";
+  std::error_code error;
+  std::filesystem::create_directories(layout_.images(k), error);
+  // The image before its line: a list never names an image that is not there.
+  if (const auto done = write_gray_file(layout_.images(k) / name, scratch_, *frame.image); !done)
+    return done;
+  return (*csv)->integer(*ns).text(name).end_line();
+}
+
+Expected<void> RecordingWriter::Impl::write(const CornerFrame& frame) {
+  const auto ns = camera_stamp(frame.camera, frame.exposed_at);
+  if (!ns) return tl::unexpected(ns.error());
+  const auto k = static_cast<std::size_t>(frame.camera);
+  const auto corners = cameras_[k].corners.get(layout_.corners_csv(k), kCornersHeader);
+  if (!corners) return tl::unexpected(corners.error());
+  const auto frames = cameras_[k].frames.get(layout_.frames_csv(k), kFramesHeader);
+  if (!frames) return tl::unexpected(frames.error());
+  for (const TagSighting& tag : frame.tags) {
+    CsvWriter& row = (*corners)->integer(*ns).integer(tag.tag_id).integer(tag.hamming);
+    for (const Eigen::Vector2d& px : tag.corners_px)
+      row.number(px.x(), kCornerDecimals).number(px.y(), kCornerDecimals);
+    if (const auto done = row.end_line(); !done) return done;
+  }
+  return (*frames)->integer(*ns).integer(static_cast<std::int64_t>(frame.tags.size())).end_line();
+}
+
+Expected<void> RecordingWriter::Impl::write(const TruthSample& truth) {
+  const auto csv = state_.get(layout_.state_csv(), kTruthHeader);
+  if (!csv) return tl::unexpected(csv.error());
+  return (*csv)
+      ->integer(to_ns(truth.at))
+      .pose(truth.X_WB, kSensorDecimals)
+      .vector(truth.v_WB, kSensorDecimals)
+      .vector(truth.bias_w, kSensorDecimals)
+      .vector(truth.bias_f, kSensorDecimals)
+      .end_line();
+}
+
+Expected<void> RecordingWriter::Impl::flush() {
+  for (LazyCsv* csv : {&imu_, &state_}) {
+    if (const auto done = csv->flush(); !done) return done;
+  }
+  for (CameraFiles& camera : cameras_) {
+    for (LazyCsv* csv : {&camera.images, &camera.corners, &camera.frames}) {
+      if (const auto done = csv->flush(); !done) return done;
+    }
+  }
+  return {};
+}
+
+RecordingWriter::RecordingWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RecordingWriter::~RecordingWriter() = default;
+RecordingWriter::RecordingWriter(RecordingWriter&&) noexcept = default;
+RecordingWriter& RecordingWriter::operator=(RecordingWriter&&) noexcept = default;
+
+Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
+  std::error_code error;
+  std::filesystem::create_directories(info.folder, error);
+  if (error)
+    return fail(ErrorCode::kUnavailable, "cannot be created: " + error.message(), info.folder);
+  if (!std::filesystem::is_empty(info.folder, error) || error) {
+    return fail(ErrorCode::kInvalid, "is not empty: a recording never overwrites anything",
+                info.folder);
+  }
+  auto impl = std::make_unique<Impl>(info);
+  if (const auto done = impl->write_calibration(); !done) return tl::unexpected(done.error());
+  return RecordingWriter(std::move(impl));
+}
+
+Expected<void> RecordingWriter::write(const SensorSample& sample) {
+  return std::visit([this](const auto& s) { return impl_->write(s); }, sample);
+}
+
+Expected<void> RecordingWriter::write_truth(const TruthSample& truth) {
+  return impl_->write(truth);
+}
+
+Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>& tags) {
+  Expected<CsvWriter> csv =
+      CsvWriter::create(impl_->layout().truth_tags_csv(), "id,size,px,py,pz,qw,qx,qy,qz");
+  if (!csv) return tl::unexpected(csv.error());
+  for (const RecordedTag& tag : tags) {
+    const auto done = csv->integer(tag.tag_id)
+                          .number(tag.edge_m, kSensorDecimals)
+                          .pose(tag.X_WT, kSensorDecimals)
+                          .end_line();
+    if (!done) return done;
+  }
+  return csv->flush();
+}
+
+Expected<void> RecordingWriter::write_truth_extrinsics(const std::vector<Pose>& X_BV) {
+  return write_text(impl_->layout().truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
+}
+
+Expected<void> RecordingWriter::finish() { return impl_->flush(); }
+
+}  // namespace fiducap

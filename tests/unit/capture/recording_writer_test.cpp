@@ -1,0 +1,231 @@
+#include "capture/recording/recording_writer.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/so3.hpp"
+#include "support/fake_clock.hpp"
+#include "temp_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::HasSubstr;
+
+// The precision of the text formats.
+constexpr double kCorner_px = 0.5001e-5;
+constexpr double kSensor = 0.5001e-9;
+// The 3 × 3 rotation is exact text; only the way from the quaternion and back rounds.
+constexpr double kRotation_rad = 1e-12;
+
+class RecordingWriterTest : public testing::Test {
+ protected:
+  RecordingWriterTest() {
+    info_.folder = (folder_.path() / "out").string();
+    for (int k = 0; k < 2; ++k) {
+      CameraMount mount;
+      mount.model = {40,
+                     30,
+                     20.123456789012,
+                     21,
+                     19.5,
+                     14.25,
+                     Distortion::kRadialTangential,
+                     {-0.1, 1.0 / 3, 1e-5, 2e-17, 0.5}};
+      if (k == 1) mount.model.distortion = Distortion::kEquidistant;
+      if (k == 1) mount.model.coefficients[4] = 0;
+      mount.X_BV = {exp_so3({0.3, -1.2, 0.7 + k}), {0.1, 1.0 / 7, -0.3}};
+      mount.position_sigma_m = 0.0123;
+      mount.rotation_sigma_rad = 0.045;
+      mount.time_shift = Duration(2'500'123);
+      mount.rate_hz = 29.97;
+      info_.cameras.push_back(mount);
+    }
+    info_.imu = ImuNoise{1.25e-4, 2e-5, 3e-3, 4e-4, 400};
+    info_.X_BI = {exp_so3({1.0, 0.5, -2.0}), {0, 0, 0}};
+    info_.tag_family = "tag25h9";
+    info_.tag_size_m = 0.123;
+    info_.tag_sizes_m = {{4, 0.5}, {70, 0.05}};
+    info_.ignore_tags = {3, 99};
+    info_.max_hamming = 1;
+    info_.reference_tag = 4;
+    info_.known_tags = {{4, 0.5, {exp_so3({0.1, 0.2, 0.3}), {1, 2, 1.0 / 3}}, 0.01, 0.02}};
+  }
+  RecordingWriter create() {
+    auto writer = RecordingWriter::create(info_);
+    EXPECT_TRUE(writer) << writer.error().text();
+    return std::move(writer.value());
+  }
+  RecordingInfo read_info() {
+    const auto info = read_recording_info(info_.folder);
+    EXPECT_TRUE(info) << info.error().text();
+    return info.value();
+  }
+  std::vector<SensorSample> play() {
+    auto source = open_recording(read_info(), {}, clock_);
+    EXPECT_TRUE(source) << source.error().text();
+    std::vector<SensorSample> samples;
+    for (auto sample = (*source)->next({}); sample && *sample; sample = (*source)->next({})) {
+      samples.push_back(std::move(**sample));
+    }
+    return samples;
+  }
+  static void expect_equal(const Pose& a, const Pose& b, double position, double rotation) {
+    EXPECT_NEAR((a.p - b.p).cwiseAbs().maxCoeff(), 0, position);
+    EXPECT_NEAR(angle_between(a.q, b.q), 0, rotation);
+  }
+
+  TempFolder folder_;
+  RecordingInfo info_;
+  FakeClock clock_;
+};
+
+TEST_F(RecordingWriterTest, TheCalibrationComesBackAsItWas) {
+  ASSERT_TRUE(create().finish());
+  const RecordingInfo back = read_info();
+  ASSERT_EQ(back.cameras.size(), 2u);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const CameraMount& was = info_.cameras[k];
+    const CameraMount& is = back.cameras[k];
+    EXPECT_EQ(is.model.width, was.model.width);
+    EXPECT_EQ(is.model.height, was.model.height);
+    EXPECT_EQ(is.model.fu, was.model.fu);
+    EXPECT_EQ(is.model.cv, was.model.cv);
+    EXPECT_EQ(is.model.distortion, was.model.distortion);
+    EXPECT_EQ(is.model.coefficients, was.model.coefficients);
+    EXPECT_EQ(is.time_shift, was.time_shift);
+    EXPECT_EQ(is.position_sigma_m, was.position_sigma_m);
+    EXPECT_EQ(is.rotation_sigma_rad, was.rotation_sigma_rad);
+    EXPECT_EQ(is.rate_hz, was.rate_hz);
+    expect_equal(is.X_BV, was.X_BV, 0, kRotation_rad);
+  }
+  ASSERT_TRUE(back.imu);
+  EXPECT_EQ(back.imu->gyro_noise_rad_s_rtHz, info_.imu->gyro_noise_rad_s_rtHz);
+  EXPECT_EQ(back.imu->accel_walk_m_s3_rtHz, info_.imu->accel_walk_m_s3_rtHz);
+  EXPECT_EQ(back.imu->rate_hz, 400);
+  expect_equal(back.X_BI, info_.X_BI, 0, kRotation_rad);
+}
+
+TEST_F(RecordingWriterTest, TheTagsComeBackAsTheyWere) {
+  ASSERT_TRUE(create().finish());
+  const RecordingInfo back = read_info();
+  EXPECT_EQ(back.tag_family, info_.tag_family);
+  EXPECT_EQ(back.tag_size_m, info_.tag_size_m);
+  EXPECT_EQ(back.tag_sizes_m, info_.tag_sizes_m);
+  EXPECT_EQ(back.ignore_tags, info_.ignore_tags);
+  EXPECT_EQ(back.max_hamming, info_.max_hamming);
+  EXPECT_EQ(back.reference_tag, info_.reference_tag);
+  ASSERT_EQ(back.known_tags.size(), 1u);
+  EXPECT_EQ(back.known_tags[0].tag_id, 4);
+  EXPECT_EQ(back.known_tags[0].edge_m, 0.5);
+  EXPECT_EQ(back.known_tags[0].position_sigma_m, 0.01);
+  EXPECT_EQ(back.known_tags[0].rotation_sigma_rad, 0.02);
+  expect_equal(back.known_tags[0].X_WT, info_.known_tags[0].X_WT, 0, kRotation_rad);
+}
+
+TEST_F(RecordingWriterTest, CornersAndImuComeBackInOrder) {
+  RecordingWriter writer = create();
+  const ImuSample imu{
+      instant_from_ns(1'000'000'000'123), {0.1234567891, -2, 3e-7}, {-9.87654321, 0.1, 1e-8}};
+  CornerFrame frame{1, instant_from_ns(1'000'010'000'456), {}};
+  frame.tags.push_back(
+      {17, 1, 0, {Eigen::Vector2d(1.123456, 2), {39.5, 0.25}, {-0.5, 29}, {3, 1e-7}}});
+  frame.tags.push_back({18, 0, 0, {Eigen::Vector2d(1, 2), {3, 4}, {5, 6}, {7, 8}}});
+  const CornerFrame empty{0, instant_from_ns(1'000'010'000'456), {}};
+  for (const SensorSample& sample : {SensorSample(imu), SensorSample(frame), SensorSample(empty)}) {
+    ASSERT_TRUE(writer.write(sample));
+  }
+  ASSERT_TRUE(writer.finish());
+  const auto back = play();
+  ASSERT_EQ(back.size(), 3u);
+  const auto& imu_back = std::get<ImuSample>(back[0]);
+  EXPECT_EQ(imu_back.sampled_at, imu.sampled_at);
+  // Each component is rounded in the IMU's axes and turned back.
+  EXPECT_NEAR((imu_back.w_WB_B - imu.w_WB_B).norm(), 0, std::sqrt(3) * kSensor);
+  EXPECT_NEAR((imu_back.f_B - imu.f_B).norm(), 0, std::sqrt(3) * kSensor);
+  EXPECT_TRUE(std::get<CornerFrame>(back[1]).tags.empty());
+  const auto& frame_back = std::get<CornerFrame>(back[2]);
+  EXPECT_EQ(frame_back.camera, 1);
+  EXPECT_EQ(frame_back.exposed_at, frame.exposed_at);
+  ASSERT_EQ(frame_back.tags.size(), 2u);
+  EXPECT_EQ(frame_back.tags[0].tag_id, 17);
+  EXPECT_EQ(frame_back.tags[0].hamming, 1);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_NEAR(
+        (frame_back.tags[0].corners_px[i] - frame.tags[0].corners_px[i]).cwiseAbs().maxCoeff(), 0,
+        kCorner_px);
+  }
+}
+
+TEST_F(RecordingWriterTest, ImagesComeBackPixelByPixel) {
+  RecordingWriter writer = create();
+  auto image = std::make_shared<GrayImage>();
+  image->resize(40, 30);
+  for (std::size_t i = 0; i < image->pixels.size(); ++i)
+    image->pixels[i] = static_cast<std::uint8_t>(i * 37);
+  ASSERT_TRUE(writer.write(CameraFrame{0, instant_from_ns(5'000'000'000), image}));
+  ASSERT_TRUE(writer.write(CameraFrame{0, instant_from_ns(5'050'000'000), image}));
+  ASSERT_TRUE(writer.finish());
+  const auto back = play();
+  ASSERT_EQ(back.size(), 2u);
+  EXPECT_EQ(time_of(back[1]), instant_from_ns(5'050'000'000));
+  EXPECT_EQ(std::get<CameraFrame>(back[0]).image->pixels, image->pixels);
+}
+
+TEST_F(RecordingWriterTest, TheTruthComesBack) {
+  RecordingWriter writer = create();
+  TruthSample truth;
+  truth.at = instant_from_ns(1'000'000'000);
+  truth.X_WB = {exp_so3({0.4, 0.5, -0.6}), {1.23456789012, -2, 3}};
+  truth.v_WB = {4, 5, 6};
+  truth.bias_w = {0.01, 0.02, 0.03};
+  truth.bias_f = {0.1, 0.2, 0.3};
+  ASSERT_TRUE(writer.write_truth(truth));
+  ASSERT_TRUE(writer.write_truth_tags({{7, 0.16, truth.X_WB, 0, 0}}));
+  ASSERT_TRUE(writer.write_truth_extrinsics({info_.cameras[0].X_BV, info_.cameras[1].X_BV}));
+  ASSERT_TRUE(writer.finish());
+  const auto samples = read_truth(info_.folder).value();
+  ASSERT_EQ(samples.size(), 1u);
+  EXPECT_EQ(samples[0].at, truth.at);
+  expect_equal(samples[0].X_WB, truth.X_WB, kSensor, 4 * kSensor);
+  EXPECT_EQ(samples[0].v_WB, truth.v_WB);
+  EXPECT_EQ(samples[0].bias_w, truth.bias_w);
+  EXPECT_EQ(samples[0].bias_f, truth.bias_f);
+  const auto tags = read_truth_tags(info_.folder).value();
+  ASSERT_EQ(tags.size(), 1u);
+  EXPECT_EQ(tags[0].edge_m, 0.16);
+  expect_equal(tags[0].X_WT, truth.X_WB, kSensor, 4 * kSensor);
+  const auto extrinsics = read_truth_extrinsics(info_.folder).value();
+  ASSERT_EQ(extrinsics.size(), 2u);
+  expect_equal(extrinsics[1], info_.cameras[1].X_BV, 0, kRotation_rad);
+}
+
+TEST_F(RecordingWriterTest, AFolderWithContentIsNeverTouched) {
+  folder_.write("out/precious.txt", "years of work");
+  const auto refused = RecordingWriter::create(info_);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().text(), HasSubstr("is not empty"));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "out/mav0"));
+}
+
+TEST_F(RecordingWriterTest, SamplesOfSensorsThatWereNotAnnouncedAreRefused) {
+  info_.imu.reset();
+  RecordingWriter writer = create();
+  EXPECT_FALSE(writer.write(ImuSample{}));
+  EXPECT_FALSE(writer.write(CornerFrame{2, instant_from_ns(10'000'000), {}}));
+  EXPECT_FALSE(writer.write(CornerFrame{0, instant_from_ns(0), {}}))
+      << "before the epoch on the camera's clock";
+}
+
+TEST_F(RecordingWriterTest, ADiskThatTakesNothingIsAnErrorAtFinish) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
+  RecordingWriter writer = create();
+  std::filesystem::create_directories(info_.folder + "/mav0/tags0");
+  std::filesystem::create_symlink("/dev/full", info_.folder + "/mav0/tags0/data.csv");
+  const auto full = writer.write(CornerFrame{0, instant_from_ns(10'000'000), {}});
+  ASSERT_FALSE(full);
+  EXPECT_THAT(full.error().text(), HasSubstr("disk full"));
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,208 @@
+#include "streaming/vrpn/report_encoder.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <numbers>
+
+#include "base/byte_reader.hpp"
+#include "base/so3.hpp"
+#include "streaming/vrpn/codec.hpp"
+#include "support/allocation_counter.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap::vrpn {
+namespace {
+
+// Values travel as doubles; a few roundings of products.
+constexpr double kRounding = 1e-12;
+
+struct Report {
+  Header header;
+  std::int32_t sensor{};
+  Eigen::Vector3d vector;
+  Eigen::Quaterniond quaternion;
+  double dt_s{};
+};
+
+std::vector<Report> decoded(const EncodedFrame& frame) {
+  std::vector<Report> reports;
+  std::span<const std::byte> rest(frame.bytes);
+  while (!rest.empty()) {
+    const auto message = decode_message(rest);
+    if (!message) {
+      ADD_FAILURE() << message.error().text();
+      return reports;
+    }
+    BigEndianReader in(message->payload);
+    Report report;
+    report.header = message->header;
+    report.sensor = in.i32();
+    in.i32();
+    for (int i = 0; i < 3; ++i) report.vector[i] = in.f64();
+    for (int i = 0; i < 4; ++i) report.quaternion.coeffs()[i] = in.f64();  // x y z w, as Eigen stores them
+    if (in.left() > 0) report.dt_s = in.f64();
+    EXPECT_EQ(in.left(), 0u);
+    EXPECT_FALSE(in.failed());
+    reports.push_back(report);
+    rest = rest.subspan(message->size);
+  }
+  return reports;
+}
+
+std::vector<std::int32_t> ids(std::size_t bodies) {
+  std::vector<std::int32_t> senders;
+  for (std::size_t i = 0; i < bodies; ++i) senders.push_back(static_cast<std::int32_t>(i) + 1);
+  return senders;
+}
+
+EncodedFrame encoded(const SceneFrame& frame, ReportContent content, const OutputAxes& axes = {}) {
+  EncodedFrame out;
+  ReportEncoder(axes, content).encode(frame, ids(frame.bodies.size()), out);
+  return out;
+}
+
+constexpr ReportContent kPoseOnly{false, false};
+constexpr ReportContent kAll{true, true};
+
+TEST(VrpnReportEncoder, ReportsPoseVelocityAndAccelerationOfEveryBody) {
+  auto frame = make_scene_frame({"a", "b"});
+  frame->bodies[1].a_WP = {0, 0, 0.5};
+  const auto reports = decoded(encoded(*frame, kAll));
+  ASSERT_EQ(reports.size(), 6u);
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(reports[i].header.sender, i < 3 ? 1 : 2);
+    EXPECT_EQ(reports[i].header.type, 4 + static_cast<int>(i % 3));
+    EXPECT_EQ(reports[i].sensor, 0);
+  }
+  EXPECT_EQ(reports[3].vector, frame->bodies[1].X_WP.p);
+  EXPECT_LT(angle_between(reports[3].quaternion, frame->bodies[1].X_WP.q), kRounding);
+  EXPECT_EQ(reports[4].vector, frame->bodies[1].v_WP);
+  EXPECT_EQ(reports[5].vector, frame->bodies[1].a_WP);
+  EXPECT_EQ(reports[5].quaternion.coeffs(), Eigen::Quaterniond::Identity().coeffs());
+  EXPECT_EQ(reports[5].dt_s, 1.0);
+}
+
+TEST(VrpnReportEncoder, VelocityAndAccelerationCanBeSwitchedOff) {
+  const auto frame = make_scene_frame({"a"});
+  EXPECT_EQ(decoded(encoded(*frame, kPoseOnly)).size(), 1u);
+  EXPECT_EQ(decoded(encoded(*frame, {true, false})).back().header.type, 5);
+  EXPECT_EQ(decoded(encoded(*frame, {false, true})).back().header.type, 6);
+}
+
+TEST(VrpnReportEncoder, AllBodiesOfAFrameCarryTheUtcOfTheFrame) {
+  const auto frame = make_scene_frame({"a", "b", "c"});
+  for (const auto& report : decoded(encoded(*frame, kAll))) {
+    EXPECT_EQ(report.header.utc_ns, frame->utc_ns() / 1000 * 1000);
+  }
+}
+
+TEST(VrpnReportEncoder, AnInvalidBodyIsNotReported) {
+  auto frame = make_scene_frame({"a", "b"});
+  frame->bodies[0].valid = false;
+  const auto reports = decoded(encoded(*frame, kPoseOnly));
+  ASSERT_EQ(reports.size(), 1u);
+  EXPECT_EQ(reports[0].header.sender, 2);
+}
+
+TEST(VrpnReportEncoder, ABodyWithoutSenderIsNotReported) {
+  const auto frame = make_scene_frame({"a", "b"});
+  EncodedFrame out;
+  ReportEncoder({}, kPoseOnly).encode(*frame, std::vector<std::int32_t>{-1, 4}, out);
+  const auto reports = decoded(out);
+  ASSERT_EQ(reports.size(), 1u);
+  EXPECT_EQ(reports[0].header.sender, 4);
+}
+
+TEST(VrpnReportEncoder, NumbersThatAreNoneNeverLeave) {
+  auto frame = make_scene_frame({"a", "b"});
+  frame->bodies[0].X_WP.p.x() = std::numeric_limits<double>::quiet_NaN();
+  frame->bodies[1].v_WP.x() = std::numeric_limits<double>::infinity();
+  const auto reports = decoded(encoded(*frame, {true, false}));
+  ASSERT_EQ(reports.size(), 1u);  // the pose of b
+  EXPECT_EQ(reports[0].header.sender, 2);
+  EXPECT_EQ(reports[0].header.type, 4);
+}
+
+TEST(VrpnReportEncoder, TheTurnOfVelocityMovesTheAttitudeForward) {
+  auto frame = make_scene_frame({"a"});
+  auto& body = frame->bodies[0];
+  for (const double rate : {0.0, 1e-9, 0.4, 2.8, 2.9, 20.0}) {
+    body.w_WP_P = rate * Eigen::Vector3d(1, -2, 2) / 3;
+    const auto velocity = decoded(encoded(*frame, {true, false})).at(1);
+    // q(t + dt) = turn · q(t); the body rate is constant, so q(t + dt) = q(t) · exp(w_P dt).
+    const Eigen::Quaterniond later = body.X_WP.q * exp_so3(body.w_WP_P * velocity.dt_s);
+    EXPECT_LT(angle_between(velocity.quaternion * body.X_WP.q, later), 1e-9) << rate;
+    EXPECT_NEAR(velocity.dt_s, rate <= 0.9 * std::numbers::pi ? 1.0 : 0.9 * std::numbers::pi / rate, kRounding);
+    EXPECT_LT(log_so3(velocity.quaternion).norm(), std::numbers::pi);
+  }
+}
+
+TEST(VrpnReportEncoder, YUpTurnsPoseAndVelocityTogether) {
+  auto frame = make_scene_frame({"a"});
+  auto& body = frame->bodies[0];
+  for (const AxesScope scope : {AxesScope::kWorld, AxesScope::kWorldAndBody}) {
+    const OutputAxes axes{UpAxis::kY, scope, 1.0};
+    const BodyPose expected = to_client(body, axes);
+    const auto reports = decoded(encoded(*frame, kAll, axes));
+    EXPECT_LT((reports[0].vector - expected.X_WP.p).norm(), kRounding);
+    EXPECT_LT(angle_between(reports[0].quaternion, expected.X_WP.q), 1e-9);
+    EXPECT_LT((reports[1].vector - expected.v_WP).norm(), kRounding);
+    const Eigen::Quaterniond later = expected.X_WP.q * exp_so3(expected.w_WP_P * reports[1].dt_s);
+    EXPECT_LT(angle_between(reports[1].quaternion * reports[0].quaternion, later), 1e-9);
+    EXPECT_LT((reports[2].vector - expected.a_WP).norm(), kRounding);
+  }
+}
+
+std::vector<std::string> many_names(int n) {
+  std::vector<std::string> names;
+  for (int i = 0; i < n; ++i) names.push_back("b" + std::to_string(i));
+  return names;
+}
+
+TEST(VrpnReportEncoder, CutsDatagramsBetweenBodiesAtMost1472Bytes) {
+  struct Case {
+    ReportContent content;
+    std::size_t body_bytes;
+    std::size_t bodies_per_datagram;
+  };
+  for (const auto& [content, body_bytes, per_datagram] :
+       {Case{kPoseOnly, 88, 16}, Case{{true, false}, 184, 8}, Case{kAll, 280, 5}}) {
+    const auto out = encoded(*make_scene_frame(many_names(33)), content);
+    std::size_t begin = 0;
+    for (std::size_t i = 0; i < out.datagram_ends.size(); ++i) {
+      const std::size_t size = out.datagram_ends[i] - begin;
+      EXPECT_LE(size, 1472u);
+      const bool last = i + 1 == out.datagram_ends.size();
+      EXPECT_EQ(size, last ? (33 - i * per_datagram) * body_bytes : per_datagram * body_bytes);
+      begin = out.datagram_ends[i];
+    }
+    EXPECT_EQ(begin, out.bytes.size());
+    EXPECT_EQ(out.bytes.size(), 33 * body_bytes);
+  }
+}
+
+TEST(VrpnReportEncoder, AFrameWithoutValidBodiesIsEmpty) {
+  auto frame = make_scene_frame({"a"});
+  EncodedFrame out = encoded(*frame, kAll);
+  frame->bodies[0].valid = false;
+  ReportEncoder({}, kAll).encode(*frame, ids(1), out);
+  EXPECT_TRUE(out.bytes.empty());
+  EXPECT_TRUE(out.datagram_ends.empty());
+}
+
+TEST(VrpnReportEncoder, AllocatesNothingAfterWarmUp) {
+  const auto frame = make_scene_frame(many_names(40));
+  const auto senders = ids(40);
+  for (const UpAxis up : {UpAxis::kZ, UpAxis::kY}) {
+    const ReportEncoder encoder({up, AxesScope::kWorldAndBody, 1.0}, kAll);
+    EncodedFrame out;
+    encoder.encode(*frame, senders, out);
+    const AllocationCounter allocations;
+    for (int i = 0; i < 100; ++i) encoder.encode(*frame, senders, out);
+    EXPECT_EQ(allocations.count(), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace fiducap::vrpn

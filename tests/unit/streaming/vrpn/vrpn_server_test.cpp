@@ -1,0 +1,183 @@
+#include "streaming/vrpn/vrpn_server.hpp"
+
+#include <gmock/gmock.h>
+
+#include "server_fixture.hpp"
+
+namespace fiducap::vrpn {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+TEST_F(VrpnServerTest, ServesADirectClientByTcp) {
+  start();
+  StrictClient client;
+  client.connect(port_);
+  clients_ = {&client};
+  ASSERT_TRUE(until([&] { return client.ready(); }));
+  EXPECT_THAT(client.bodies(), ElementsAre("arm", "drone"));
+  publish();
+  ASSERT_TRUE(until([&] { return client.reports.size() == 4; }));
+  EXPECT_EQ(client.reports[0].sender, "arm");
+  EXPECT_EQ(client.reports[0].type, "vrpn_Tracker Pos_Quat");
+  EXPECT_EQ(client.reports[1].type, "vrpn_Tracker Velocity");
+  EXPECT_EQ(client.reports[2].sender, "drone");
+  EXPECT_FALSE(client.reports[0].udp);
+  EXPECT_EQ(client.reports[2].values[0], 2.0);
+  // 2023-11-14 22:13:25.010 UTC, the stamp of the frame; doubles hold it to less than a microsecond.
+  EXPECT_NEAR(client.reports[3].utc_s, 1700000005.010, 1e-6);
+  EXPECT_THAT(client.violations, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, ServesARequestingClientByUdp) {
+  start();
+  StrictClient client;
+  client.request(port_);
+  clients_ = {&client};
+  ASSERT_TRUE(until([&] { return client.ready(); }));
+  EXPECT_THAT(status().at(0).peer, HasSubstr(" udp"));
+  publish();
+  publish();
+  ASSERT_TRUE(until([&] { return client.reports.size() == 8; }));
+  for (const auto& report : client.reports) EXPECT_TRUE(report.udp);
+  EXPECT_THAT(client.violations, IsEmpty());
+  EXPECT_EQ(status().at(0).frames_sent, 2u);
+}
+
+TEST_F(VrpnServerTest, EverythingByTcpWhenUdpIsOffOrNotOffered) {
+  config_.udp_reports = false;
+  start();
+  StrictClient offering;
+  StrictClient not_offering;
+  offering.request(port_);
+  not_offering.request(port_, 1, false);
+  clients_ = {&offering, &not_offering};
+  ASSERT_TRUE(until([&] { return offering.ready() && not_offering.ready(); }));
+  publish();
+  ASSERT_TRUE(until([&] { return offering.reports.size() == 4 && not_offering.reports.size() == 4; }));
+  for (const auto& report : offering.reports) EXPECT_FALSE(report.udp);
+  EXPECT_THAT(offering.violations, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, BothCookieOrdersWorkInBothModes) {
+  start();
+  StrictClient a(StrictClient::CookieOrder::kAfterServer);
+  StrictClient b(StrictClient::CookieOrder::kAfterServer);
+  StrictClient c(StrictClient::CookieOrder::kFirst);
+  a.connect(port_);
+  b.request(port_);
+  c.request(port_);
+  clients_ = {&a, &b, &c};
+  ASSERT_TRUE(until([&] { return a.ready() && b.ready() && c.ready(); }));
+  for (const auto* client : clients_) EXPECT_THAT(client->violations, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, AnswersPingsAndRequests) {
+  start();
+  StrictClient client;
+  client.connect(port_);
+  clients_ = {&client};
+  ASSERT_TRUE(until([&] { return client.ready(); }));
+  client.ask("drone", "vrpn_Base ping_message");
+  client.ask("arm", "vrpn_Tracker Request_Tracker_To_Room");
+  client.ask("arm", "vrpn_Tracker Request_Unit_To_Sensor");
+  client.ask("arm", "vrpn_Tracker Request_Tracker_Workspace");
+  ASSERT_TRUE(until([&] { return client.answers.size() == 3; }));
+  EXPECT_THAT(client.pongs, ElementsAre("drone"));
+  EXPECT_THAT(client.violations, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, DescribesANewBodyBeforeItsFirstReport) {
+  start({"arm"});
+  StrictClient client;
+  client.connect(port_);
+  clients_ = {&client};
+  ASSERT_TRUE(until([&] { return client.ready(); }));
+  names_ = {"arm", "rover"};
+  auto later = frame();
+  auto model = std::make_shared<SceneModel>(*later->model);
+  model->generation = 2;
+  later->model = model;
+  server_->publish(later);
+  ASSERT_TRUE(until([&] { return client.reports.size() == 4; }));
+  EXPECT_THAT(client.bodies(), ElementsAre("arm", "rover"));
+  EXPECT_EQ(client.reports[2].sender, "rover");
+  EXPECT_THAT(client.violations, IsEmpty());
+}
+
+TEST_F(VrpnServerTest, TellsEveryClientOfALostBodyAndStopsItsReports) {
+  start();
+  StrictClient a;
+  StrictClient b;
+  a.connect(port_);
+  b.request(port_);
+  clients_ = {&a, &b};
+  ASSERT_TRUE(until([&] { return a.ready() && b.ready(); }));
+  publish();
+  auto lost = frame();
+  lost->bodies[0].valid = false;
+  lost->bodies[0].state = BodyState::kLost;
+  server_->publish(lost);
+  ASSERT_TRUE(until([&] { return a.reports.size() == 6 && b.reports.size() == 6 && b.texts.size() == 1; }));
+  ASSERT_EQ(a.texts.size(), 1u);
+  EXPECT_EQ(a.texts[0].sender, "arm");
+  EXPECT_EQ(a.texts[0].severity, 1u);
+  EXPECT_EQ(a.reports[4].sender, "drone");
+}
+
+TEST_F(VrpnServerTest, RestartsOnTheSamePortAtOnce) {
+  start();
+  StrictClient first;
+  first.connect(port_);
+  clients_ = {&first};
+  ASSERT_TRUE(until([&] { return first.ready(); }));
+  server_->stop();
+  server_.reset();
+  ASSERT_TRUE(until([&] { return first.closed_by_server(); }));
+  start();  // port_ is that of the first run
+  StrictClient second;
+  second.connect(port_);
+  clients_ = {&second};
+  EXPECT_TRUE(until([&] { return second.ready(); }));
+}
+
+TEST_F(VrpnServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
+  start();
+  config_.port = port_;
+  const auto second = start_vrpn_server(io_, config_, make_scene_frame({})->model, clock_);
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().text(), HasSubstr("port " + std::to_string(port_) + " is in use"));
+  EXPECT_THAT(second.error().text(), HasSubstr("streaming.vrpn.port"));
+}
+
+TEST_F(VrpnServerTest, NamesTheAddressThatThisMachineDoesNotHave) {
+  config_.address = "192.0.2.77";  // reserved for documentation
+  config_.port = 0;
+  const auto server = start_vrpn_server(io_, config_, make_scene_frame({})->model, clock_);
+  ASSERT_FALSE(server);
+  EXPECT_THAT(server.error().text(), HasSubstr("192.0.2.77"));
+  EXPECT_THAT(server.error().text(), HasSubstr("streaming.vrpn.address"));
+}
+
+TEST_F(VrpnServerTest, StatusNamesPeerTransportAndContent) {
+  config_.acceleration = true;
+  start();
+  StrictClient client;
+  client.connect(port_);
+  clients_ = {&client};
+  ASSERT_TRUE(until([&] { return client.ready(); }));
+  clock_.advance(std::chrono::seconds(7));
+  const auto all = status();
+  ASSERT_EQ(all.size(), 1u);
+  EXPECT_EQ(all[0].protocol, "vrpn");
+  EXPECT_THAT(all[0].peer, HasSubstr("127.0.0.1:"));
+  EXPECT_THAT(all[0].peer, HasSubstr(" tcp"));
+  EXPECT_EQ(all[0].detail, "z-up m, velocity on, acceleration on");
+  EXPECT_DOUBLE_EQ(all[0].connected_s, 7.0);
+}
+
+}  // namespace
+}  // namespace fiducap::vrpn
