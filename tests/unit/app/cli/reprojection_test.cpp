@@ -37,7 +37,7 @@ class ReprojectionTest : public ::testing::Test {
   CameraMount camera_;
   std::vector<StampedPose> poses_{{at(0), {exp_so3({0, 0, 0.4}), {1, 2, 3}}}};
   // Two metres in front of that camera, facing it.
-  std::vector<PlacedTag> map_{
+  std::vector<TagPlace> map_{
       {4, 0.2,
        poses_[0].X_WB* Pose{exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}} *
            Pose{exp_so3({3.1, 0.2, 0}), {0.1, -0.1, 2}}}};
