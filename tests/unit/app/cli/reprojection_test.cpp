@@ -60,7 +60,7 @@ TEST_F(ReprojectionTest, OneBadCornerCountsAQuarterOfItsSquare) {
 
 TEST_F(ReprojectionTest, SaysWhyADetectionIsNotScored) {
   map_.push_back(
-      {5, 0.2, poses_[0].X_WB * camera_.X_BV * Pose{{}, {0, 0, -1}}});  // behind the camera
+      {5, 0.2, poses_[0].X_WB * camera_.X_BV * Pose{Eigen::Quaterniond::Identity(), {0, 0, -1}}});  // behind the camera
   ReprojectionMeter meter({camera_}, poses_, map_);
   meter.add({0, at(0), {sighting({0, 0}), sighting({0, 0}, 5), sighting({0, 0}, 6)}});
   meter.add({0, at(1), {sighting({0, 0})}});
