@@ -231,10 +231,11 @@ TEST(ServerOnLoopback, KeepsTheMapFromOneRunToTheNext) {
   const TemporaryFolder folder;
   ServerConfig config = corner_demo();
   config.map.store = folder.file("map.sqlite");
+  config.map.builder.commit_period_s = 0.2;
   {
     RunningServer server(config);
     const auto client = client_of(*server);
-    ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) { return all_valid(frame, 3); }));
+    ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) { return frame.map_version >= 1; }));
   }
   auto store = MapStore::open(config.map.store);
   ASSERT_TRUE(store) << store.error().text();
