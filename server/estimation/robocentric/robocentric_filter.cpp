@@ -26,8 +26,6 @@ constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 constexpr double kStepWithImu_s = 0.02;
 constexpr double kStepWithoutImu_s = 0.05;
-// More readings than this without an image are integrated all the same.
-constexpr std::size_t kMostPendingImu = 512;
 // An update far from the linearisation point is iterated.
 constexpr int kFirstIterations = 5;
 constexpr int kCornerStepIterations = 2;
@@ -43,10 +41,6 @@ constexpr int kForceWithoutImu = 4;
 constexpr double kUnknownStep_m = 30.0;
 constexpr double kUnknownTurn_rad = 2.0;
 constexpr double kGyroTurn_rad = 0.1;
-// An IMU gap is bridged with this rate uncertainty.
-constexpr double kGapRate_rad_s_rtHz = 1.0;
-
-bool is_finite(const ImuSample& s) { return s.w_WB_B.allFinite() && s.f_B.allFinite(); }
 
 }  // namespace
 
@@ -56,9 +50,9 @@ RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, 
       config_(config),
       gate_(chi_square_quantile(8, config.gate_probability)),
       gravity_W_(0, 0, -sensors_.gravity_m_s2),
-      candidates_(config) {
+      candidates_(config),
+      imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
-  imu_.reserve(kMostPendingImu);
   restart();
 }
 
@@ -127,43 +121,17 @@ void RobocentricFilter::start(Instant at) {
 }
 
 void RobocentricFilter::propagate(const ImuSample& imu) {
-  if (!has_imu() || !is_finite(imu)) return;
-  if (!imu_.empty() && imu.sampled_at <= imu_.back().sampled_at) return;
-  if (!imu_.empty()) attitude_.add(imu_.back(), state_.bias_w, state_.bias_f);
-  imu_.push_back(imu);
+  if (!has_imu()) return;
+  const std::optional<ImuSample> before = imu_.newest();
+  if (!imu_.push(imu)) return;
+  if (before) attitude_.add(*before, state_.bias_w, state_.bias_f);
   if (mode_ != Mode::kRunning) {
-    if (imu_.size() > 2) imu_.erase(imu_.begin());
-  } else if (imu_.size() >= kMostPendingImu) {
+    imu_.keep_newest_pair();
+  } else if (imu_.is_full()) {
     // No image for long: move on without one. The newest sample may still close an image's interval.
-    integrate_to(imu_[imu_.size() - 2].sampled_at);
+    integrate_to(imu_.before_newest().sampled_at);
     transition_.apply(state_, motion_);
   }
-}
-
-void RobocentricFilter::forget_imu_before(Instant at) {
-  const auto after = std::find_if(imu_.begin(), imu_.end(), [&](const ImuSample& s) { return s.sampled_at > at; });
-  if (after - imu_.begin() > 1) imu_.erase(imu_.begin(), after - 1);  // the last one before `at` opens the interval
-}
-
-InertialInput RobocentricFilter::input_between(const ImuSample& a, const ImuSample& b, Instant from, Instant to) const {
-  InertialInput input;
-  const ImuNoise& noise = *sensors_.imu;
-  input.gyro_noise = noise.gyro_noise_rad_s_rtHz;
-  input.accel_noise = noise.accel_noise_m_s2_rtHz;
-  input.gyro_walk = noise.gyro_walk_rad_s2_rtHz;
-  input.accel_walk = noise.accel_walk_m_s3_rtHz;
-  const Duration span = b.sampled_at - a.sampled_at;
-  const Instant middle = from + (to - from) / 2;
-  const double share =
-      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0) : 1.0;
-  input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
-  input.f_B = a.f_B + share * (b.f_B - a.f_B);
-  const bool gap = to_seconds(span) > config_.max_imu_gap_s || to_seconds(to - b.sampled_at) > config_.max_imu_gap_s;
-  if (gap) {
-    input.gyro_noise = std::hypot(input.gyro_noise, kGapRate_rad_s_rtHz);
-    input.accel_noise = std::hypot(input.accel_noise, config_.motion_accel_m_s2_rtHz);
-  }
-  return input;
 }
 
 void RobocentricFilter::integrate_to(Instant to) {
@@ -174,16 +142,11 @@ void RobocentricFilter::integrate_to(Instant to) {
     input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
     return step_to(to, input, kStepWithoutImu_s);
   }
-  for (std::size_t i = 0; i < imu_.size() && state_.time < to; ++i) {
-    const ImuSample& a = imu_[i == 0 ? 0 : i - 1];
-    const Instant end = std::min(to, imu_[i].sampled_at);
-    if (end > state_.time) step_to(end, input_between(a, imu_[i], state_.time, end), kStepWithImu_s);
+  while (state_.time < to) {
+    const Instant end = imu_.end_of_interval(state_.time, to);
+    step_to(end, imu_.input_between(state_.time, end), kStepWithImu_s);
   }
-  // Beyond the newest sample its reading holds.
-  if (state_.time < to && !imu_.empty()) {
-    step_to(to, input_between(imu_.back(), imu_.back(), state_.time, to), kStepWithImu_s);
-  }
-  forget_imu_before(to);
+  imu_.forget_before(to);
 }
 
 void RobocentricFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
@@ -452,9 +415,8 @@ BodyEstimate RobocentricFilter::estimate() const {
   out.bias_w = state_.bias_w;
   out.anchored = anchor_ != Anchor::kNone;
   out.w_WB_B = -state_.bias_w;
-  if (has_imu() && !imu_.empty()) {
-    const ImuSample& next = imu_[std::min<std::size_t>(1, imu_.size() - 1)];
-    const InertialInput input = input_between(imu_.front(), next, state_.time, state_.time);
+  if (has_imu() && imu_.newest()) {
+    const InertialInput input = imu_.input_between(state_.time, state_.time);
     out.w_WB_B = input.w_B - state_.bias_w;
     out.a_WB = R * (input.f_B - state_.bias_f) + gravity_W_;
   }
