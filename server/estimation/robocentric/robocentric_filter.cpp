@@ -16,8 +16,6 @@ namespace {
 
 // How little is known at the start, 1-sigma.
 constexpr double kStartTilt_rad = 0.1;
-constexpr double kStartVelocity_m_s = 1.0;
-constexpr double kStartRate_rad_s = 1.0;  // without IMU
 constexpr double kStartBiasF_m_s2 = 0.2;
 constexpr double kStartBiasW_rad_s = 0.02;
 // After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
@@ -37,9 +35,7 @@ constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
-// "Unknown" motion after being adrift.
-constexpr double kUnknownStep_m = 30.0;
-constexpr double kUnknownTurn_rad = 2.0;
+// After being adrift the gyro still says how the body turned.
 constexpr double kGyroTurn_rad = 0.1;
 
 }  // namespace
@@ -249,32 +245,8 @@ bool RobocentricFilter::come_back(const TagObservations& seen) {
   return true;
 }
 
-void RobocentricFilter::jump(const Pose& D, Instant at) {
-  // The step is linearised where the corners say it is, so it may be as uncertain as it likes.
-  const Eigen::Matrix3d R_back = D.rotation().transpose();
-  state_.p_WB_B = R_back * (state_.p_WB_B + D.p);
-  state_.q_WB = (state_.q_WB * D.q).normalized();
-  state_.v_WB_B.setZero();
-  motion_.restart();
-  motion_.X_B0B = D;
-  motion_.Phi.block<3, 3>(kPosition, kPosition) = R_back;
-  motion_.Phi.block<3, 3>(kAttitude, kAttitude) = R_back;
-  motion_.Phi.block<3, 3>(kVelocity, kVelocity).setZero();
-  Eigen::Matrix<double, kMotionSize, 6> from_step = Eigen::Matrix<double, kMotionSize, 6>::Zero();
-  from_step.block<3, 3>(kPosition, 0).setIdentity();
-  from_step.block<3, 3>(kPosition, 3) = skew(state_.p_WB_B);
-  from_step.block<3, 3>(kAttitude, 3).setIdentity();
-  from_step.block<6, 6>(kStepPosition, 0).setIdentity();
-  Matrix6d S = Matrix6d::Zero();
-  S.diagonal() << Eigen::Vector3d::Constant(kUnknownStep_m * kUnknownStep_m),
-      Eigen::Vector3d::Constant(kUnknownTurn_rad * kUnknownTurn_rad);
-  motion_.Q = from_step * S * from_step.transpose();
-  motion_.Q.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
-  if (!has_imu()) {
-    state_.bias_w.setZero();
-    motion_.Phi.block<3, 3>(kBiasW, kBiasW).setZero();
-    motion_.Q.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
-  }
+void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
+  motion_ = step_by_unknown_motion(state_, X_B0B, has_imu());
   transition_.apply(state_, motion_);
   state_.time = at;
   mode_ = Mode::kRunning;
@@ -406,31 +378,14 @@ void RobocentricFilter::tie_workspace(UpdateReport& report) {
 
 BodyEstimate RobocentricFilter::estimate() const {
   FIDUCAP_ASSERT(running());
-  BodyEstimate out;
-  const Eigen::Matrix3d R = state_.q_WB.toRotationMatrix();
-  out.at = state_.time;
-  out.X_WB = state_.X_WB();
-  out.v_WB = R * state_.v_WB_B;
-  out.bias_f = state_.bias_f;
-  out.bias_w = state_.bias_w;
+  BodyEstimate out = body_in_workspace(state_);
   out.anchored = anchor_ != Anchor::kNone;
   out.w_WB_B = -state_.bias_w;
   if (has_imu() && imu_.newest()) {
     const InertialInput input = imu_.input_between(state_.time, state_.time);
     out.w_WB_B = input.w_B - state_.bias_w;
-    out.a_WB = R * (input.f_B - state_.bias_f) + gravity_W_;
+    out.a_WB = state_.q_WB * (input.f_B - state_.bias_f) + gravity_W_;
   }
-  namespace eb = estimate_block;
-  Eigen::Matrix<double, 15, kBodySize> J = Eigen::Matrix<double, 15, kBodySize>::Zero();
-  J.block<3, 3>(eb::kPosition, kPosition) = R;
-  J.block<3, 3>(eb::kPosition, kAttitude) = -R * skew(state_.p_WB_B);
-  J.block<3, 3>(eb::kAttitude, kAttitude) = R;
-  J.block<3, 3>(eb::kVelocity, kVelocity) = R;
-  J.block<3, 3>(eb::kVelocity, kAttitude) = -R * skew(state_.v_WB_B);
-  J.block<3, 3>(eb::kBiasF, kBiasF).setIdentity();
-  J.block<3, 3>(eb::kBiasW, kBiasW).setIdentity();
-  const BodyMatrix P_bb = state_.P().topLeftCorner<kBodySize, kBodySize>();
-  out.covariance = J * P_bb * J.transpose();
   return out;
 }
 
