@@ -25,12 +25,13 @@ std::string shortest(double value) {
 }
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
-  const double total = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s;
+  const double total = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
   const double filter = s.propagate_cpu_s + s.update_cpu_s;
   return {{"read", s.read_cpu_s},
           {"detect", s.detect_cpu_s},
           {"propagate", s.propagate_cpu_s},
           {"update", s.update_cpu_s},
+          {"settle", s.settle_cpu_s},
           {"total", total},
           {"filter_per_second_of_data", s.data_s > 0 ? filter / s.data_s : 0.0}};
 }

@@ -43,11 +43,11 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
 /// linearised there and not at one tag's noisy pose.
 Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
             std::span<const TagToUse> tags, double noise_px) {
-  std::vector<PlacedTag> placed;
-  for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
   const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
-  const Pose near = resect(X_B0B, X_BV, model, placed, kFirstInlierSigmas * noise_px);
-  return resect(near, X_BV, model, placed, kInlierSigmas * noise_px);
+  std::vector<SightedTag> sighted;
+  for (const TagToUse& tag : tags) sighted.push_back({tag.seen, &model, X_BV, tag_in_start_body(state, tag)});
+  const Pose near = resect(X_B0B, sighted, kFirstInlierSigmas * noise_px);
+  return resect(near, sighted, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
