@@ -271,9 +271,9 @@ TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
 TEST_F(RefinementTest, ATagThatNobodySawStaysOrGoesToItsPrior) {
   perturb();
   fix(0);
-  problem_.estimated.push_back({50, kEdge_m, {{}, {9, 9, 9}}, Matrix6d::Zero()});
-  problem_.estimated.push_back({51, kEdge_m, {{}, {9, 9, 9}}, Matrix6d::Zero()});
-  problem_.priors.push_back({51, kEdge_m, {{}, {7, 7, 7}}, Matrix6d::Identity()});
+  problem_.estimated.push_back({50, kEdge_m, {Eigen::Quaterniond::Identity(), {9, 9, 9}}, Matrix6d::Zero()});
+  problem_.estimated.push_back({51, kEdge_m, {Eigen::Quaterniond::Identity(), {9, 9, 9}}, Matrix6d::Zero()});
+  problem_.priors.push_back({51, kEdge_m, {Eigen::Quaterniond::Identity(), {7, 7, 7}}, Matrix6d::Identity()});
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
   ASSERT_EQ(result->tags.size(), 13u);
