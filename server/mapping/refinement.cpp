@@ -155,6 +155,8 @@ class Bundle final {
   Expected<RefinementResult> solve() {
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::SPARSE_SCHUR;
+    // Not SuiteSparse: its BLAS starts threads of its own.
+    options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
     options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (Block& body : bodies_)
       if (ceres_.HasParameterBlock(body.data())) options.linear_solver_ordering->AddElementToGroup(body.data(), 0);
