@@ -14,16 +14,16 @@ constexpr double kLargestStep = 1.0;
 constexpr double kConverged = 1e-9;
 }  // namespace
 
-Pose resect(Pose X_AB, const Pose& X_BV, const CameraModel& camera, std::span<const PlacedTag> tags, double inlier_px) {
-  const Eigen::Matrix3d R_VB = X_BV.rotation().transpose();
+Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px) {
   const double limit = 8 * inlier_px * inlier_px;
   for (int step = 0; step < kSteps; ++step) {
     Matrix6d A = Matrix6d::Zero();
     Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
-    for (const PlacedTag& tag : tags) {
+    for (const SightedTag& tag : tags) {
       const Pose X_BT = X_AB.inverse() * tag.X_AT;
-      const CornerResidual r = corner_residual(*tag.seen, X_BV.inverse() * X_BT, camera);
+      const CornerResidual r = corner_residual(*tag.seen, tag.X_BV.inverse() * X_BT, *tag.camera);
       if (!r.in_front || r.y.squaredNorm() > limit) continue;
+      const Eigen::Matrix3d R_VB = tag.X_BV.rotation().transpose();
       const Eigen::Matrix<double, 8, 3> H_p = r.H.leftCols<3>() * R_VB;
       const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * R_VB;
       Matrix86d H;

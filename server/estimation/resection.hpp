@@ -8,9 +8,11 @@
 
 namespace fiducap {
 
-/// One tag of an image with its place in axes A.
-struct PlacedTag {
+/// One tag seen by one camera of a body, with its place in axes A.
+struct SightedTag {
   const TagObservation* seen{};
+  const CameraModel* camera{};
+  Pose X_BV;
   Pose X_AT;
 };
 
@@ -18,7 +20,6 @@ struct PlacedTag {
 ///
 /// Gauss–Newton; tags that fit worse than `inlier_px` per corner coordinate do not take part, so one wrong tag does no harm.
 /// @return the start when nothing fits or the answer would leave its neighbourhood (1 m and rad together)
-[[nodiscard]] Pose resect(Pose X_AB, const Pose& X_BV, const CameraModel& camera, std::span<const PlacedTag> tags,
-                          double inlier_px);
+[[nodiscard]] Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px);
 
 }  // namespace fiducap

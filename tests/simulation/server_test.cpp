@@ -38,6 +38,8 @@ ServerConfig corner_demo() {
     body.source.simulator.camera.images = false;
     body.source.simulator.faults = {};
   }
+  // Corners alone come with more noise than a detector finds in the demo's sharp images.
+  config->estimator.corner_noise_px = config->bodies.front().source.simulator.camera.corner_noise_px;
   return *config;
 }
 
@@ -177,8 +179,13 @@ TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsersAtTheSameTime) {
   };
   EXPECT_THAT(greeting(server->ports().vrpn, std::string("vrpn: ver. 07.35  0\0\0\0\0\0", 24), 12),
               HasSubstr("vrpn: ver. 0"));
-  EXPECT_THAT(greeting(server->ports().web, "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", 15),
-              HasSubstr("200"));
+  // 503 until the first frame is out.
+  std::string health;
+  for (int i = 0; i < 100 && health.find("200") == std::string::npos; ++i) {
+    std::this_thread::sleep_for(50ms);
+    health = greeting(server->ports().web, "GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n", 15);
+  }
+  EXPECT_THAT(health, HasSubstr("200"));
 }
 
 TEST(ServerOnLoopback, EndsWithinASecond) {
@@ -224,10 +231,11 @@ TEST(ServerOnLoopback, KeepsTheMapFromOneRunToTheNext) {
   const TemporaryFolder folder;
   ServerConfig config = corner_demo();
   config.map.store = folder.file("map.sqlite");
+  config.map.builder.commit_period_s = 0.2;
   {
     RunningServer server(config);
     const auto client = client_of(*server);
-    ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) { return all_valid(frame, 3); }));
+    ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) { return frame.map_version >= 1; }));
   }
   auto store = MapStore::open(config.map.store);
   ASSERT_TRUE(store) << store.error().text();

@@ -16,7 +16,7 @@ namespace {
 struct Reference {
   Evaluation::Against against{Evaluation::Against::kNothing};
   std::vector<TruthSample> poses;
-  std::vector<PlacedTag> map;
+  std::vector<TagPlace> map;
   std::vector<Pose> X_BV;
 };
 
@@ -50,7 +50,7 @@ void choose_reference_tag(const RecordingInfo& info, const RunResults& run,
     evaluation.reference_tag = info.reference_tag;
     return;
   }
-  for (const PlacedTag& tag : run.map) {
+  for (const TagPlace& tag : run.map) {
     if (!common(tag.tag_id)) continue;
     if (!evaluation.reference_tag || tag.tag_id < *evaluation.reference_tag)
       evaluation.reference_tag = tag.tag_id;

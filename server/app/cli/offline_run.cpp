@@ -19,7 +19,7 @@ constexpr double kFixedPosition_m = 1e-3;
 constexpr double kFixedRotation_rad = 1e-3;
 constexpr std::size_t kImuBatch = 4096;  // bounds the memory of a recording whose images never come
 
-enum class Stage { kRead, kDetect, kPropagate, kUpdate };
+enum class Stage { kRead, kDetect, kPropagate, kUpdate, kSettle };
 
 KnownTag known_tag(const RecordedTag& tag) {
   KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
@@ -166,7 +166,7 @@ class OfflineRun final {
     placed_poses_ = result_.trajectory.size();
   }
 
-  OfflineResult finish() {
+  Expected<OfflineResult> finish() {
     OfflineStatistics& s = result_.statistics;
     s.data_s = data_seconds();
     s.read_cpu_s = clock_.seconds(Stage::kRead);
@@ -180,18 +180,28 @@ class OfflineRun final {
     result_.known = setup_.known;
     filter_->tag_beliefs(result_.tags);
     result_.extrinsics = filter_->extrinsics();
-    if (!setup_.sensors.imu) settle();
+    if (!setup_.sensors.imu)
+      if (auto settled = settle(); !settled) return tl::unexpected(settled.error());
     return std::move(result_);
   }
 
-  /// Without IMU the trajectory is that of the finished map; what was known live is kept beside it.
-  void settle() {
-    std::vector<KnownTag> map = result_.known;
-    for (const TagBelief& belief : result_.tags) map.push_back(belief.tag);
+  /// Without IMU map and trajectory are refined together; what was known live is kept beside them.
+  Expected<void> settle() {
+    clock_.enter(Stage::kSettle);
+    SettlingStart start{setup_.sensors.cameras, result_.known, {}, setup_.priors, setup_.gauge.reference_tag};
+    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k) start.cameras[k].X_BV = result_.extrinsics[k].X_BV;
+    std::erase_if(result_.tags, [&](const TagBelief& belief) { return known_.contains(belief.tag.tag_id); });
+    for (const TagBelief& belief : result_.tags) start.estimated.push_back(belief.tag);
+    auto settled = settled_.settle(start);
+    if (!settled) return tl::unexpected(settled.error());
+    for (std::size_t i = 0; i < result_.tags.size(); ++i) result_.tags[i].tag = settled->tags[i];
     result_.live = std::move(result_.trajectory);
-    result_.trajectory = settled_.settle(setup_.sensors.cameras, map);
-    result_.statistics.frames_with_pose = static_cast<int>(result_.trajectory.size());
+    result_.trajectory = std::move(settled->trajectory);
+    result_.statistics.frames_with_pose = settled->images;
     result_.statistics.frames_with_tags_and_pose = result_.statistics.frames_with_pose;
+    clock_.leave();
+    result_.statistics.settle_cpu_s = clock_.seconds(Stage::kSettle);
+    return {};
   }
 
   const OfflineSetup& setup_;
@@ -202,7 +212,7 @@ class OfflineRun final {
   std::vector<TagBelief> beliefs_;
   std::optional<TagDetector> detector_;
   std::map<int, KnownTag> known_;
-  StageClock<Stage, 4> clock_;
+  StageClock<Stage, 5> clock_;
   std::vector<ImuSample> imu_batch_;
   std::optional<SensorSample> image_;
   CornerFrame corners_;

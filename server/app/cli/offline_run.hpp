@@ -37,6 +37,7 @@ struct OfflineStatistics {
   int frames_with_tags_and_pose{};
   double data_s{};  ///< First to last sample.
   double read_cpu_s{}, detect_cpu_s{}, propagate_cpu_s{}, update_cpu_s{};
+  double settle_cpu_s{};  ///< Without IMU: placing and refining after the last image.
   int imu_samples{};
   int tags_rejected{};  ///< Tag by tag, over all frames.
   int tags_used{};
@@ -54,11 +55,11 @@ struct OfflineStatistics {
 struct OfflineResult {
   std::vector<StampedPose>
       trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
-  /// Without IMU `trajectory` is placed in the finished map (SettledTrajectory), and this is what the
+  /// Without IMU `trajectory` and `tags` are refined together (SettledTrajectory), and this is what the
   /// filter gave out live; with IMU it is empty, because `trajectory` is live.
   std::vector<StampedPose> live;
   std::vector<KnownTag> known;  ///< As given.
-  std::vector<TagBelief> tags;  ///< As the filter saw them at the end.
+  std::vector<TagBelief> tags;  ///< As the filter saw them at the end; without IMU refined.
   std::vector<ExtrinsicsEstimate> extrinsics;
   OfflineStatistics statistics;
 };
@@ -68,7 +69,7 @@ using OfflineProgress = std::function<void(double data_s)>;
 
 /// Runs one body's samples through merger, detector and filter, one after the other in this thread:
 /// no clock, no randomness; the same samples give the same result to the last bit.
-/// @return Error when the source is lost. A source without images gives an empty trajectory.
+/// @return Error when the source is lost or the refinement fails. A source without images gives an empty trajectory.
 [[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
                                                   const OfflineProgress& progress = {});
 

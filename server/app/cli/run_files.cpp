@@ -25,12 +25,13 @@ std::string shortest(double value) {
 }
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
-  const double total = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s;
+  const double total = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
   const double filter = s.propagate_cpu_s + s.update_cpu_s;
   return {{"read", s.read_cpu_s},
           {"detect", s.detect_cpu_s},
           {"propagate", s.propagate_cpu_s},
           {"update", s.update_cpu_s},
+          {"settle", s.settle_cpu_s},
           {"total", total},
           {"filter_per_second_of_data", s.data_s > 0 ? filter / s.data_s : 0.0}};
 }
@@ -141,10 +142,10 @@ Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::s
     const YAML::Node root = YAML::Load(text);
     for (std::size_t k = 0; k < cameras; ++k) {
       const std::string name = "cam" + std::to_string(k);
-      const YAML::Node data = root.IsMap() && root[name].IsMap() && root[name]["T_BS"].IsMap()
-                                  ? root[name]["T_BS"]["data"]
-                                  : YAML::Node();
-      if (!data || !data.IsSequence())
+      YAML::Node data = YAML::Clone(root);
+      for (const char* key : {name.c_str(), "T_BS", "data"})
+        data.reset(data.IsMap() ? data[key] : YAML::Node());
+      if (!data.IsDefined() || !data.IsSequence())
         return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
       const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
       if (!pose) return tl::unexpected(pose.error());

@@ -7,6 +7,7 @@
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
+#include "estimation/body_estimate.hpp"
 #include "estimation/known_tag.hpp"
 #include "estimation/robocentric/state_layout.hpp"
 
@@ -71,5 +72,8 @@ struct FilterState {
   Eigen::MatrixXd covariance_;
   Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
 };
+
+/// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and `anchored` are left alone.
+[[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
 
 }  // namespace fiducap::robocentric

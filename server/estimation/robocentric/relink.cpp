@@ -43,11 +43,11 @@ double cost_of(const Pose& X_B0B, const FilterState& state, int camera, const Ca
 /// linearised there and not at one tag's noisy pose.
 Pose refine(const Pose& X_B0B, const FilterState& state, int camera, const CameraModel& model,
             std::span<const TagToUse> tags, double noise_px) {
-  std::vector<PlacedTag> placed;
-  for (const TagToUse& tag : tags) placed.push_back({tag.seen, tag_in_start_body(state, tag)});
   const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
-  const Pose near = resect(X_B0B, X_BV, model, placed, kFirstInlierSigmas * noise_px);
-  return resect(near, X_BV, model, placed, kInlierSigmas * noise_px);
+  std::vector<SightedTag> sighted;
+  for (const TagToUse& tag : tags) sighted.push_back({tag.seen, &model, X_BV, tag_in_start_body(state, tag)});
+  const Pose near = resect(X_B0B, sighted, kFirstInlierSigmas * noise_px);
+  return resect(near, sighted, kInlierSigmas * noise_px);
 }
 
 double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corners_px[2]).norm(); }
@@ -86,6 +86,35 @@ std::optional<StepFound> find_step(const FilterState& state, int camera, const C
     }
   }
   return found;
+}
+
+MotionSinceImage step_by_unknown_motion(FilterState& state, const Pose& X_B0B, bool has_imu) {
+  using namespace layout;  // NOLINT: the block names are the subject of this function
+  const Eigen::Matrix3d R_back = X_B0B.rotation().transpose();
+  state.p_WB_B = R_back * (state.p_WB_B + X_B0B.p);
+  state.q_WB = (state.q_WB * X_B0B.q).normalized();
+  state.v_WB_B.setZero();
+  MotionSinceImage motion;
+  motion.X_B0B = X_B0B;
+  motion.Phi.block<3, 3>(kPosition, kPosition) = R_back;
+  motion.Phi.block<3, 3>(kAttitude, kAttitude) = R_back;
+  motion.Phi.block<3, 3>(kVelocity, kVelocity).setZero();
+  Eigen::Matrix<double, kMotionSize, 6> from_step = Eigen::Matrix<double, kMotionSize, 6>::Zero();
+  from_step.block<3, 3>(kPosition, 0).setIdentity();
+  from_step.block<3, 3>(kPosition, 3) = skew(state.p_WB_B);
+  from_step.block<3, 3>(kAttitude, 3).setIdentity();
+  from_step.block<6, 6>(kStepPosition, 0).setIdentity();
+  Matrix6d S = Matrix6d::Zero();
+  S.diagonal() << Eigen::Vector3d::Constant(kUnknownStep_m * kUnknownStep_m),
+      Eigen::Vector3d::Constant(kUnknownTurn_rad * kUnknownTurn_rad);
+  motion.Q = from_step * S * from_step.transpose();
+  motion.Q.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (!has_imu) {
+    state.bias_w.setZero();
+    motion.Phi.block<3, 3>(kBiasW, kBiasW).setZero();
+    motion.Q.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  return motion;
 }
 
 }  // namespace fiducap::robocentric
