@@ -19,9 +19,10 @@ constexpr double kFirstInlierSigmas = 50.0;
 // What a tag behind the camera counts: that of one a whole image away.
 constexpr double kBehind_px = 1000.0;
 // Where two answers explain an instant equally well, the one that lies nearer to the instants before and after is right.
+// A hand-carried body turns and moves this far at once; from kWander on, its variance grows with the time between.
 constexpr double kTurnSigma_rad = 0.5;
 constexpr double kMoveSigma_m = 1.0;
-constexpr Duration kNeighbourCounts = std::chrono::seconds(2);
+constexpr Duration kWander = std::chrono::seconds(2);
 // A settled pose is left only for one that is cheaper by this much (chi-square): the same pose found again is no news.
 constexpr double kWorthLeaving = 1.0;
 constexpr std::size_t kProposingTags = 4;  // the largest ones; further ones would only repeat what these say
@@ -42,9 +43,10 @@ double misfit(const Pose& X_WB, const std::vector<SightedTag>& tags, double nois
 double jump(const Pose& X_WB, Instant at, const std::vector<StampedPose>& neighbours) {
   double cost = 0;
   for (const StampedPose& other : neighbours) {
-    if (std::chrono::abs(at - other.at) > kNeighbourCounts) continue;
-    cost += std::pow(angle_between(X_WB.q, other.X_WB.q) / kTurnSigma_rad, 2);
-    cost += (X_WB.p - other.X_WB.p).squaredNorm() / (kMoveSigma_m * kMoveSigma_m);
+    const double turns = angle_between(X_WB.q, other.X_WB.q) / kTurnSigma_rad;
+    const double moves = (X_WB.p - other.X_WB.p).norm() / kMoveSigma_m;
+    const double wander = std::max(1.0, to_seconds(std::chrono::abs(at - other.at)) / to_seconds(kWander));
+    cost += (turns * turns + moves * moves) / wander;
   }
   return cost;
 }
