@@ -5,7 +5,8 @@ const server = process.env.FIDUCAP_SERVER ?? 'http://127.0.0.1:8080';
 
 export default defineConfig({
   base: './',
-  server: { proxy: { '/api': { target: server, ws: true } } },
+  // By number: a bare container may not know the name localhost.
+  server: { host: '127.0.0.1', proxy: { '/api': { target: server, ws: true } } },
   build: {
     target: 'es2020',
     outDir: process.env.FIDUCAP_WEB_OUT ?? 'dist',

@@ -55,8 +55,8 @@ MergerStatistics BodyInbox::statistics() const {
 Instant BodyInbox::arrival_of(const SensorSample& sample) const {
   const Instant at = time_of(sample);
   if (std::holds_alternative<ImuSample>(sample)) return at;
-  const auto found =
-      std::find_if(arrivals_.begin(), arrivals_.end(), [&](const Arrival& a) { return a.exposed_at == at; });
+  const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
+                                  [&](const Arrival& a) { return a.exposed_at == at; });
   return found == arrivals_.end() ? at : found->arrived;
 }
 

@@ -16,9 +16,9 @@ struct Delivery {
   Instant arrived{};  ///< Server time; unknown (equal to the sample's time) for IMU readings.
 };
 
-/// Between a body's reader and its worker: SampleMerger with a lock around it. Bounded: the oldest image goes when
-/// images pile up, an IMU reading never goes (full means that the worker is dead). The lock is held for a push or a
-/// pop only, never while somebody computes.
+/// Between a body's reader and its worker: SampleMerger with a lock around it. Bounded: the oldest
+/// image goes when images pile up, an IMU reading never goes (full means that the worker is dead).
+/// The lock is held for a push or a pop only, never while somebody computes.
 class BodyInbox final {
  public:
   explicit BodyInbox(const MergerConfig& config) : merger_(config) {}
@@ -29,7 +29,8 @@ class BodyInbox final {
   void finish();
   /// Nobody will pop any more.
   void close();
-  /// Waits for the next sample in the order of SampleMerger. @return nullopt when exhausted, closed or stopped.
+  /// Waits for the next sample in the order of SampleMerger. @return nullopt when exhausted, closed
+  /// or stopped.
   [[nodiscard]] std::optional<Delivery> pop(std::stop_token stop);
   [[nodiscard]] MergerStatistics statistics() const;
 

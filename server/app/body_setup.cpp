@@ -1,6 +1,7 @@
 #include "app/body_setup.hpp"
 
 #include <fstream>
+#include <sstream>
 #include <utility>
 
 #include "base/log.hpp"
@@ -34,11 +35,12 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
   }
   auto chain = read_kalibr_camchain(camera.calibration);
   if (!chain) return tl::unexpected(chain.error());
-  const std::size_t which = chain->size() == 1 ? 0 : place;  // camera K of the body is camK of the file
+  const std::size_t which =
+      chain->size() == 1 ? 0 : place;  // camera K of the body is camK of the file
   if (which >= chain->size()) {
     return fail(ErrorCode::kNotFound,
-                "has " + std::to_string(chain->size()) + " cameras, but the body's camera " + std::to_string(place) +
-                    " wants cam" + std::to_string(place),
+                "has " + std::to_string(chain->size()) + " cameras, but the body's camera " +
+                    std::to_string(place) + " wants cam" + std::to_string(place),
                 camera.calibration);
   }
   const CameraMount& read = (*chain)[which];
@@ -65,11 +67,14 @@ simulation::SimulatedBodyConfig robot_of(const BodyConfig& body, const BodySetup
   return robot;
 }
 
-/// What stands in for a source that could not be opened: the body is lost from the start, the others are served.
+/// What stands in for a source that could not be opened: the body is lost from the start, the
+/// others are served.
 class FailedSource final : public SensorSource {
  public:
   explicit FailedSource(Error error) : error_(std::move(error)) {}
-  Expected<std::optional<SensorSample>> next(std::stop_token) override { return tl::unexpected(error_); }
+  Expected<std::optional<SensorSample>> next(std::stop_token) override {
+    return tl::unexpected(error_);
+  }
 
  private:
   Error error_;
@@ -108,16 +113,18 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
 }
 
 Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
-                                                    const simulation::RoomConfig& room, Instant start,
-                                                    const Clock& clock) {
+                                                    const simulation::RoomConfig& room,
+                                                    Instant start, const Clock& clock) {
   switch (body.source.type) {
     case SourceType::kSimulator:
-      return as_source(simulation::make_simulated_source(room, robot_of(body, setup), start, &clock));
+      return as_source(
+          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock));
     case SourceType::kRecording: {
       const auto& recording = body.source.recording;
       return open_recording(*setup.recording, {true, recording.loop, recording.speed}, clock);
     }
-    case SourceType::kCamera: break;
+    case SourceType::kCamera:
+      break;
   }
   CameraDeviceConfig device = body.source.camera;
   const CameraMount& mount = setup.sensors.cameras.front();
@@ -131,21 +138,40 @@ std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
   for (const auto& tag : recording.known_tags) {
     KnownTag prior{tag.tag_id, tag.edge_m, tag.X_WT};
     prior.covariance.diagonal().head<3>().setConstant(tag.position_sigma_m * tag.position_sigma_m);
-    prior.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad * tag.rotation_sigma_rad);
+    prior.covariance.diagonal().tail<3>().setConstant(tag.rotation_sigma_rad *
+                                                      tag.rotation_sigma_rad);
     priors.push_back(prior);
   }
   return priors;
 }
 
-std::unique_ptr<SensorSource> failed_source(Error error) { return std::make_unique<FailedSource>(std::move(error)); }
+void warn_about_tags(const std::string& body, const RecordingInfo& recording,
+                     const TagSetConfig& tags) {
+  const bool same = recording.tag_family == tags.family && recording.tag_size_m == tags.size_m &&
+                    recording.tag_sizes_m == tags.sizes_m && recording.ignore_tags == tags.ignore;
+  if (same) return;
+  std::ostringstream text;
+  text << body << ": the recording says: tags.family = " << recording.tag_family
+       << ", tags.size_m = " << recording.tag_size_m << ", " << recording.tag_sizes_m.size()
+       << " tags of other sizes, " << recording.ignore_tags.size()
+       << " ids to ignore; the configuration says: " << tags.family << ", " << tags.size_m << ", "
+       << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
+  log::warning("app", text.str());
+}
+
+std::unique_ptr<SensorSource> failed_source(Error error) {
+  return std::make_unique<FailedSource>(std::move(error));
+}
 
 std::vector<ConfigFault> check_files(const ServerConfig& config) {
   std::vector<ConfigFault> faults;
-  if (config.bodies.empty()) faults.push_back({{"bodies", "[]", "must have at least one body"}, ""});
+  if (config.bodies.empty())
+    faults.push_back({{"bodies", "[]", "must have at least one body"}, ""});
   for (std::size_t i = 0; i < config.bodies.size(); ++i) {
     const BodyConfig& body = config.bodies[i];
     const auto setup = read_body_setup(body, config.simulation);
-    if (!setup) faults.push_back({{"bodies." + std::to_string(i), body.name, setup.error().text()}, ""});
+    if (!setup)
+      faults.push_back({{"bodies." + std::to_string(i), body.name, setup.error().text()}, ""});
   }
   return faults;
 }

@@ -21,22 +21,29 @@ struct BodySetup {
 
 /// Reads calibration files and what a recording says about itself.
 /// @return Error naming the file and what is wrong with it.
-[[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room);
+[[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
+                                                  const simulation::RoomConfig& room);
 
 /// Opens the samples themselves, in real time.
 /// @param start  of simulated motion: the same for all bodies, so that they share one time
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
-                                                                  const simulation::RoomConfig& room, Instant start,
-                                                                  const Clock& clock);
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(
+    const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
+    Instant start, const Clock& clock);
 
 /// What a recording says about the tags it is about.
 [[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);
 
+/// Says in the log where the recording and `tags` differ about what was printed: a wrong size
+/// scales the whole room.
+void warn_about_tags(const std::string& body, const RecordingInfo& recording,
+                     const TagSetConfig& tags);
+
 /// Stands in for a source that could not be opened: gives nothing but this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
 
-/// Everything that can be known about a configuration without starting it: there is a body, and all files that the
-/// configuration names can be read. The rules of the values were checked by load_config.
+/// Everything that can be known about a configuration without starting it: there is a body, and all
+/// files that the configuration names can be read. The rules of the values were checked by
+/// load_config.
 [[nodiscard]] std::vector<ConfigFault> check_files(const ServerConfig& config);
 
 }  // namespace fiducap

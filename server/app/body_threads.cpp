@@ -19,7 +19,8 @@ void BodyThreads::start(std::function<void()> all_ended) {
 }
 
 bool BodyThreads::some_are_reading() const {
-  return std::any_of(workers_.begin(), workers_.end(), [](const auto& worker) { return worker->reading(); });
+  return std::any_of(workers_.begin(), workers_.end(),
+                     [](const auto& worker) { return worker->reading(); });
 }
 
 bool BodyThreads::stop(Duration patience) {
@@ -35,7 +36,8 @@ bool BodyThreads::stop(Duration patience) {
   bool all = true;
   for (std::size_t i = 0; i < reading_.size(); ++i) {
     if (workers_[i]->reading()) {
-      log::warning("capture", workers_[i]->name() + ": the device does not let go; it is left behind");
+      log::warning("capture",
+                   workers_[i]->name() + ": the device does not let go; it is left behind");
       all = false;
     } else {
       reading_[i].join();
@@ -46,7 +48,8 @@ bool BodyThreads::stop(Duration patience) {
 }
 
 void BodyThreads::log_statistics() const {
-  for (const auto& worker : workers_) log::info("app", worker->name() + ": " + worker->statistics().text());
+  for (const auto& worker : workers_)
+    log::info("app", worker->name() + ": " + worker->statistics().text());
 }
 
 std::vector<LearnedBody> BodyThreads::learned() const {

@@ -19,7 +19,8 @@ class BodyThreads final {
   void add(std::unique_ptr<BodyWorker> worker) { workers_.push_back(std::move(worker)); }
   /// @param all_ended  called once, on a worker's thread, when no body has a source any more
   void start(std::function<void()> all_ended);
-  /// Asks every thread to end and waits for them, but not longer than `patience` for a reader inside its device.
+  /// Asks every thread to end and waits for them, but not longer than `patience` for a reader
+  /// inside its device.
   /// @return false when one is left behind.
   [[nodiscard]] bool stop(Duration patience);
   /// One line per body. @pre stop() has returned

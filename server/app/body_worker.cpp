@@ -52,16 +52,19 @@ void BodyWorker::read(std::stop_token stop) {
 void BodyWorker::read_samples(std::stop_token stop) {
   while (!stop.stop_requested()) {
     auto sample = parts_.source->next(stop);
-    if (!sample) return log::error("capture", parts_.name + ": source lost: " + sample.error().text());
+    if (!sample)
+      return log::error("capture", parts_.name + ": source lost: " + sample.error().text());
     if (!sample->has_value()) {
       if (!stop.stop_requested()) log::info("capture", parts_.name + ": source has ended");
       return;
     }
     const auto* imu = std::get_if<ImuSample>(&**sample);
     if (imu != nullptr && !parts_.sensors.imu) continue;
-    if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite()) shared_.scene.add_imu(parts_.index, *imu);
+    if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite())
+      shared_.scene.add_imu(parts_.index, *imu);
     if (!inbox_.push(std::move(**sample), shared_.clock.now())) {
-      return log::error("capture", parts_.name + ": the worker does not keep up with the IMU; the body is lost");
+      return log::error(
+          "capture", parts_.name + ": the worker does not keep up with the IMU; the body is lost");
     }
   }
 }
@@ -77,7 +80,7 @@ void BodyWorker::work(std::stop_token stop) {
   ended_ = true;
   if (stop.stop_requested()) return;
   shared_.scene.source_lost(parts_.index);
-  log::warning("app", parts_.name + " is lost: its source gives nothing more; the server goes on");
+  log::warning("app", parts_.name + " is lost; the server goes on");
 }
 
 void BodyWorker::work_samples(std::stop_token stop) {
@@ -95,7 +98,8 @@ void BodyWorker::work_samples(std::stop_token stop) {
 void BodyWorker::take_frame(const Delivery& delivery) {
   const CornerFrame& corners = corners_of(delivery.sample);
   const auto camera = static_cast<std::size_t>(corners.camera);
-  if (camera >= parts_.sensors.cameras.size()) return;  // a source with more cameras than the body knows
+  if (camera >= parts_.sensors.cameras.size())
+    return;  // a source with more cameras than the body knows
   const CpuMeter meter(statistics_.update_cpu);
   auto& filter = *parts_.filter;
   observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
@@ -107,11 +111,16 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   const UpdateReport report = filter.update(seen_, known_);
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
-  for (const auto& event : shared_.map.take_events()) log::info("mapping", event.text);
+  for (const auto& event : shared_.map.take_events()) {
+    const bool news =
+        event.kind == MapEvent::Kind::kTagAdded;  // versions are announced by the map keeper
+    log::write(news ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
+  }
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
   const std::uint64_t dropped = inbox_.statistics().images_dropped;
-  shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived, dropped);
+  shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived,
+                       dropped);
   ++statistics_.frames;
   statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
   if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
@@ -127,7 +136,7 @@ const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
 }
 
 void BodyWorker::remember_extrinsics(Instant now) {
-  if (now - learned_at_ < kRememberPeriod) return;
+  if (learned_at_ && now - *learned_at_ < kRememberPeriod) return;
   learned_at_ = now;
   auto newest = parts_.filter->extrinsics();
   const std::lock_guard lock(learned_mutex_);
@@ -147,11 +156,12 @@ std::string BodyStatistics::text() const {
   };
   std::ostringstream line;
   line.precision(3);
-  line << frames << " frames (" << frames_with_pose << " with pose), " << tags_used << " tags used, " << imu_samples
-       << " IMU samples; CPU per frame: detect " << per(detect_cpu, frames) << " ms, update "
-       << per(update_cpu, frames) << " ms, propagate " << per(propagate_cpu, frames) << " ms; dropped: "
-       << merger.images_dropped << " images when busy, " << merger.late_dropped << " late, "
-       << merger.backwards_dropped << " backwards, " << merger.bad_dropped << " bad; " << restarts << " restarts";
+  line << frames << " frames (" << frames_with_pose << " with pose), " << tags_used
+       << " tags used, " << imu_samples << " IMU samples; CPU per frame: detect "
+       << per(detect_cpu, frames) << " ms, update " << per(update_cpu, frames) << " ms, propagate "
+       << per(propagate_cpu, frames) << " ms; dropped: " << merger.images_dropped
+       << " images when busy, " << merger.late_dropped << " late, " << merger.backwards_dropped
+       << " backwards, " << merger.bad_dropped << " bad; " << restarts << " restarts";
   return line.str();
 }
 

@@ -45,20 +45,22 @@ struct BodyStatistics {
   std::uint64_t imu_samples{};
   std::uint64_t restarts{};
   Duration detect_cpu{};
-  Duration update_cpu{};     ///< Correction with the corners and everything after it.
+  Duration update_cpu{};  ///< Correction with the corners and everything after it.
   Duration propagate_cpu{};
   MergerStatistics merger{};
 
   [[nodiscard]] std::string text() const;  ///< One line for the log.
 };
 
-/// The life of one body's samples: a reader that waits for the device and a worker that computes. Both are plain
-/// functions for a thread to run; when the source ends or fails, the body is lost and everything else goes on.
+/// The life of one body's samples: a reader that waits for the device and a worker that computes.
+/// Both are plain functions for a thread to run; when the source ends or fails, the body is lost
+/// and everything else goes on.
 class BodyWorker final {
  public:
   BodyWorker(BodyParts parts, const SharedParts& shared);
 
-  /// Waits for the source until it ends, fails or is stopped. Readings of the IMU reach the scene at once.
+  /// Waits for the source until it ends, fails or is stopped. Readings of the IMU reach the scene
+  /// at once.
   void read(std::stop_token stop);
   /// Detects, corrects, maps and publishes until the reader has finished and all is done.
   void work(std::stop_token stop);
@@ -81,7 +83,8 @@ class BodyWorker final {
   BodyParts parts_;
   SharedParts shared_;
   BodyInbox inbox_;
-  std::optional<TagDetector> detector_;  // built with the first image: recordings of corners need none
+  std::optional<TagDetector>
+      detector_;  // built with the first image: recordings of corners need none
   CornerFrame detected_;
   TagObservations seen_;
   std::vector<KnownTag> known_;
@@ -91,7 +94,7 @@ class BodyWorker final {
   std::atomic<bool> ended_{false};
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
-  Instant learned_at_{};
+  std::optional<Instant> learned_at_;
 };
 
 }  // namespace fiducap

@@ -20,7 +20,8 @@ ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& 
     return document.IsNull() ? YAML::Node(YAML::NodeType::Map) : document;
   } catch (const YAML::Exception& failure) {
     const std::string where = name + ":" + std::to_string(failure.mark.line + 1);
-    return tl::unexpected(std::vector{ConfigFault{{"file", name, "is not YAML: " + failure.msg}, where}});
+    return tl::unexpected(
+        std::vector{ConfigFault{{"file", name, "is not YAML: " + failure.msg}, where}});
   }
 }
 
@@ -44,9 +45,11 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   read_whole(*document, reading, read);
   number_the_bodies(read.bodies);
   for (auto& error : check(read)) {
-    // A value that could not even be read keeps its default: whatever rule that breaks is not the user's fault.
-    const bool said = std::any_of(reading.faults.begin(), reading.faults.end(),
-                                  [&](const ConfigFault& fault) { return fault.error.path == error.path; });
+    // A value that could not even be read keeps its default: whatever rule that breaks is not the
+    // user's fault.
+    const bool said =
+        std::any_of(reading.faults.begin(), reading.faults.end(),
+                    [&](const ConfigFault& fault) { return fault.error.path == error.path; });
     std::string where = reading.where(error.path);
     if (!said) reading.faults.push_back({std::move(error), std::move(where)});
   }
@@ -54,12 +57,14 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   return read;
 }
 
-ConfigResult<ServerConfig> load_config(const std::string& file, const std::vector<std::string>& sets) {
+ConfigResult<ServerConfig> load_config(const std::string& file,
+                                       const std::vector<std::string>& sets) {
   if (file.empty()) return parse_config("", "defaults", sets);
   std::ifstream stream(file);
   std::ostringstream text;
   if (!stream || std::filesystem::is_directory(file) || !(text << stream.rdbuf())) {
-    return tl::unexpected(std::vector{ConfigFault{{"file", file, "cannot be read (or is empty)"}, ""}});
+    return tl::unexpected(
+        std::vector{ConfigFault{{"file", file, "cannot be read (or is empty)"}, ""}});
   }
   return parse_config(text.str(), file, sets);
 }

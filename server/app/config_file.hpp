@@ -32,23 +32,25 @@ struct RecordingSourceConfig {
   double speed{1.0};
 };
 
-/// Where a body's samples come from. `type` decides which of the three is read; in the file their keys stand directly
-/// below `source`.
+/// Where a body's samples come from. `type` decides which of the three is read; in the file their
+/// keys stand directly below `source`.
 struct SourceConfig {
   SourceType type{SourceType::kSimulator};
-  simulation::SimulatedBodyConfig simulator;  ///< `cameras` empty: the truth is what the body believes.
+  simulation::SimulatedBodyConfig
+      simulator;  ///< `cameras` empty: the truth is what the body believes.
   RecordingSourceConfig recording;
   CameraDeviceConfig camera;
 };
 
 struct CameraConfig {
-  std::string calibration;  ///< Kalibr camchain (lens, place, time) or a calibration file of one camera (lens only).
+  std::string calibration;  ///< Kalibr camchain (lens, place, time) or a calibration file of one
+                            ///< camera (lens only).
   CameraMount mount;        ///< What `calibration` does not say.
 };
 
 struct BodyConfig {
   std::string name;
-  int id{0};                          ///< Streaming id; 0: place in the list, from 1.
+  int id{0};  ///< Streaming id; 0: place in the list, from 1.
   std::string filter{"robocentric"};
   SourceConfig source;
   std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
@@ -61,17 +63,19 @@ struct BodyConfig {
 
 struct MapSettings {
   MapConfig builder;
-  std::string store;                    ///< SQLite file; empty: the map is forgotten at the end.
-  std::string file;                     ///< Surveyed start for an empty store: our YAML, csv or WPILib json.
-  double file_tag_size_m{0.1651};       ///< WPILib files do not carry sizes.
-  std::optional<int> reference_tag;     ///< WorkspaceGauge
-  std::optional<Pose> reference_pose;   ///< X_WT of the reference tag.
-  bool use_learned_extrinsics{true};    ///< Start from what was learned about the cameras and stored beside the map.
+  std::string store;  ///< SQLite file; empty: the map is forgotten at the end.
+  std::string file;   ///< Surveyed start for an empty store: our YAML, csv or WPILib json.
+  double file_tag_size_m{0.1651};      ///< WPILib files do not carry sizes.
+  std::optional<int> reference_tag;    ///< WorkspaceGauge
+  std::optional<Pose> reference_pose;  ///< X_WT of the reference tag.
+  bool use_learned_extrinsics{
+      true};  ///< Start from what was learned about the cameras and stored beside the map.
 };
 
 struct StreamingConfig {
   double rate_hz{100.0};
-  std::vector<std::string> optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
+  std::vector<std::string>
+      optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
   web::WebConfig web;
@@ -94,22 +98,30 @@ struct ConfigFault {
   ConfigError error;
   std::string where;  ///< `config/demo.yaml:12`, `--set`, or empty
 
-  [[nodiscard]] std::string text() const { return where.empty() ? error.text() : where + ": " + error.text(); }
+  [[nodiscard]] std::string text() const {
+    return where.empty() ? error.text() : where + ": " + error.text();
+  }
 };
 
 template <typename T>
 using ConfigResult = tl::expected<T, std::vector<ConfigFault>>;
 
-/// Reads a configuration and checks it. Unknown keys, wrong types and broken rules are reported all at once.
+/// Reads a configuration and checks it. Unknown keys, wrong types and broken rules are reported all
+/// at once.
 ///
-/// Relative paths in the file are relative to the file, those of `sets` to the working directory; `~` and environment
-/// variables are not expanded. Files that the configuration names are not opened here (see body_sensors.hpp).
+/// Relative paths in the file are relative to the file, those of `sets` to the working directory;
+/// `~` and environment variables are not expanded. Files that the configuration names are not
+/// opened here (see body_sensors.hpp).
 /// @param file  empty: defaults and `sets` only
-/// @param sets  `path.to.key=value`, value in YAML, list entries by number: `bodies.0.source.folder=x`
-[[nodiscard]] ConfigResult<ServerConfig> load_config(const std::string& file, const std::vector<std::string>& sets = {});
+/// @param sets  `path.to.key=value`, value in YAML, list entries by number:
+/// `bodies.0.source.folder=x`
+[[nodiscard]] ConfigResult<ServerConfig> load_config(const std::string& file,
+                                                     const std::vector<std::string>& sets = {});
 
-/// The same for text that is already there. @param name  stands in messages; its folder is the base of relative paths
-[[nodiscard]] ConfigResult<ServerConfig> parse_config(const std::string& text, const std::string& name,
+/// The same for text that is already there. @param name  stands in messages; its folder is the base
+/// of relative paths
+[[nodiscard]] ConfigResult<ServerConfig> parse_config(const std::string& text,
+                                                      const std::string& name,
                                                       const std::vector<std::string>& sets = {});
 
 /// The effective configuration as YAML: every key, paths resolved. Loads again to the same.

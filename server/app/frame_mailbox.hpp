@@ -11,8 +11,9 @@ class io_context;
 
 namespace fiducap {
 
-/// Hands the newest frame from the publisher's thread to the I/O thread. One place: a frame that was not fetched in
-/// time is replaced, so that a busy I/O thread never works on old poses. Nothing is allocated per frame.
+/// Hands the newest frame from the publisher's thread to the I/O thread. One place: a frame that
+/// was not fetched in time is replaced, so that a busy I/O thread never works on old poses. Nothing
+/// is allocated per frame.
 class FrameMailbox final {
  public:
   using Receiver = std::function<void(const std::shared_ptr<const SceneFrame>&)>;

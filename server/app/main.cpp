@@ -1,4 +1,5 @@
-// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 wrong usage or configuration.
+// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 wrong usage or
+// configuration.
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <exception>
@@ -39,7 +40,8 @@ int main(int argc, char** argv) {
   bool check = false;
   bool print = false;
   app.add_option("--config", file, "configuration, YAML")->required();
-  app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")->allow_extra_args(false);
+  app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
+      ->allow_extra_args(false);
   app.add_flag("--check-config", check, "say whether the configuration is usable, and end");
   app.add_flag("--print-config", print, "write the effective configuration, and end");
   app.add_flag("--exit-at-end", exit_at_end, "end when every source has ended");

@@ -8,7 +8,8 @@
 
 namespace fiducap {
 
-MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock, Learned learned)
+MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
+                     Learned learned)
     : store_(std::move(store)),
       map_(map),
       period_(from_seconds(commit_period_s)),
@@ -17,7 +18,8 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
 
 void MapKeeper::run(std::stop_token stop) {
   try {
-    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_) commit();
+    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_)
+      commit();
     commit();
   } catch (const std::exception& failure) {
     log::error("mapping", std::string("the map is no longer stored: ") + failure.what());
@@ -33,8 +35,8 @@ void MapKeeper::commit() {
     return;
   }
   if (!failing_) {
-    log::error("mapping", "the map was not stored (tried again every " + std::to_string(to_seconds(period_)) +
-                              " s; what is stored stays): " + done.error().text());
+    log::error("mapping", "the map was not stored (it is tried again; what is stored stays): " +
+                              done.error().text());
   }
   failing_ = true;
 }
@@ -45,11 +47,12 @@ Expected<void> MapKeeper::store_all() {
   const auto stored = store_.commit(map, "mapped by fiducapd");
   if (!stored) return tl::unexpected(stored.error());
   map_.mark_stored(*stored);
-  log::info("mapping", "map version " + std::to_string(stored->version) + " stored: " +
-                           std::to_string(stored->tags.size()) + " tags");
+  log::info("mapping", "map version " + std::to_string(stored->version) +
+                           " stored: " + std::to_string(stored->tags.size()) + " tags");
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
-      const auto saved = store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
+      const auto saved =
+          store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
       if (!saved) return saved;
     }
   }

@@ -47,10 +47,12 @@ Expected<TagMap> first_map(const MapSettings& settings, const TagSetConfig& tags
   return map;
 }
 
-Expected<void> check_against(const TagMap& map, const MapSettings& settings, const TagSetConfig& tags) {
+Expected<void> check_against(const TagMap& map, const MapSettings& settings,
+                             const TagSetConfig& tags) {
   if (map.family != tags.family) {
     return fail(ErrorCode::kInvalid,
-                "holds " + map.family + " tags, but tags.family is " + tags.family + "; use another map.store",
+                "holds " + map.family + " tags, but tags.family is " + tags.family +
+                    "; use another map.store",
                 settings.store.empty() ? settings.file : settings.store);
   }
   if (map.reference_tag && settings.reference_tag && map.reference_tag != settings.reference_tag) {
@@ -83,7 +85,8 @@ Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfi
     if (!first) return tl::unexpected(first.error());
     start.map = std::move(*first);
   }
-  if (const auto fits = check_against(start.map, settings, tags); !fits) return tl::unexpected(fits.error());
+  if (const auto fits = check_against(start.map, settings, tags); !fits)
+    return tl::unexpected(fits.error());
   if (is_new && start.store && !start.map.tags.empty()) {
     auto committed = start.store->commit(start.map, start.map.comment);
     if (!committed) return tl::unexpected(committed.error());
@@ -95,13 +98,16 @@ Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfi
 void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
                  std::vector<CameraMount>& cameras) {
   for (const auto& stored : learned) {
-    if (stored.body != body || stored.camera < 0 || static_cast<std::size_t>(stored.camera) >= cameras.size()) continue;
+    if (stored.body != body || stored.camera < 0 ||
+        static_cast<std::size_t>(stored.camera) >= cameras.size())
+      continue;
     CameraMount& mount = cameras[static_cast<std::size_t>(stored.camera)];
     const double distance_m = (stored.X_BV.p - mount.X_BV.p).norm();
     const double angle_rad = angle_between(stored.X_BV.q, mount.X_BV.q);
     if (distance_m > kContradiction_sigma * mount.position_sigma_m ||
         angle_rad > kContradiction_sigma * mount.rotation_sigma_rad) {
-      log::warning("mapping", body + ": what was learned about camera " + std::to_string(stored.camera) +
+      log::warning("mapping", body + ": what was learned about camera " +
+                                  std::to_string(stored.camera) +
                                   " contradicts the configuration; the configuration holds");
       continue;
     }

@@ -17,12 +17,15 @@ struct StartMap {
   std::vector<StoredExtrinsics> learned;  ///< Of earlier sessions.
 };
 
-/// Opens the store and takes its newest map; an empty store (or none) starts from `map.file`, which is committed then.
+/// Opens the store and takes its newest map; an empty store (or none) starts from `map.file`, which
+/// is committed then.
 /// @return Error naming the file: damaged, of another tag family, not writable
-[[nodiscard]] Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfig& tags);
+[[nodiscard]] Expected<StartMap> open_start_map(const MapSettings& settings,
+                                                const TagSetConfig& tags);
 
-/// Puts what was learned about the body's cameras in place of the configured X_BV, where it does not contradict the
-/// configuration: a camera that has been moved and measured again starts from the new measurement.
+/// Puts what was learned about the body's cameras in place of the configured X_BV, where it does
+/// not contradict the configuration: a camera that has been moved and measured again starts from
+/// the new measurement.
 void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
                  std::vector<CameraMount>& cameras);
 

@@ -6,7 +6,8 @@
 
 namespace fiducap {
 
-Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock, Receiver receiver)
+Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock,
+                     Receiver receiver)
     : rate_hz_(rate_hz),
       period_(from_seconds(1 / rate_hz)),
       scene_(scene),

@@ -10,14 +10,15 @@
 
 namespace fiducap {
 
-/// Makes a frame of all bodies at a fixed rate. The schedule is absolute: a late tick does not move the next one, and
-/// ticks that were missed altogether are left out, never made up for.
+/// Makes a frame of all bodies at a fixed rate. The schedule is absolute: a late tick does not move
+/// the next one, and ticks that were missed altogether are left out, never made up for.
 class Publisher final {
  public:
   using Receiver = std::function<void(std::shared_ptr<const SceneFrame>)>;
 
   /// @param receiver  called on the publisher's thread, must not wait
-  Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock, Receiver receiver);
+  Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock,
+            Receiver receiver);
 
   /// Ticks until stopped.
   void run(std::stop_token stop);

@@ -1,10 +1,10 @@
 #include "app/server.hpp"
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <algorithm>
 #include <csignal>
 #include <exception>
 #include <optional>
@@ -33,12 +33,18 @@ constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols st
 class Server::Impl final {
  public:
   Impl(const ServerConfig& config, const ServerOptions& options, const Clock& clock)
-      : config_(config), options_(options), clock_(clock), goodbye_(io_), signals_(io_), bodies_(clock) {}
+      : config_(config),
+        options_(options),
+        clock_(clock),
+        goodbye_(io_),
+        signals_(io_),
+        bodies_(clock) {}
 
   Expected<void> build();
   bool run();
   void stop();
-  [[nodiscard]] std::uint16_t web_port() const { return web_port_; }
+  [[nodiscard]] ServerPorts ports() const { return ports_; }
+  [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
 
  private:
   struct Body {
@@ -58,6 +64,7 @@ class Server::Impl final {
   ServerConfig config_;
   ServerOptions options_;
   const Clock& clock_;
+  Instant simulation_start_{};
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
@@ -66,7 +73,7 @@ class Server::Impl final {
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
   StreamHub hub_;
-  std::uint16_t web_port_{0};
+  ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
   std::jthread keeping_;
@@ -74,7 +81,8 @@ class Server::Impl final {
 };
 
 Expected<void> Server::Impl::build() {
-  if (config_.bodies.empty()) return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
+  if (config_.bodies.empty())
+    return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
   auto start = open_start_map(config_.map, config_.tags);
   if (!start) return tl::unexpected(start.error());
   auto bodies = open_bodies(*start);
@@ -95,16 +103,21 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   std::vector<Body> bodies;
   std::optional<Error> first_failure;
   std::size_t opened = 0;
-  const Instant begin = clock_.now();
+  simulation_start_ = clock_.now();
   for (const auto& config : config_.bodies) {
     auto setup = read_body_setup(config, config_.simulation);
-    if (!setup) return tl::unexpected(Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
-    if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors.cameras);
-    auto source = open_source(config, *setup, config_.simulation, begin, clock_);
+    if (!setup)
+      return tl::unexpected(
+          Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
+    if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
+    if (config_.map.use_learned_extrinsics)
+      use_learned(start.learned, config.name, setup->sensors.cameras);
+    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
     if (source) {
       ++opened;
     } else {
-      if (!first_failure) first_failure = Error{source.error().code, config.name + ": " + source.error().text(), {}};
+      if (!first_failure)
+        first_failure = Error{source.error().code, config.name + ": " + source.error().text(), {}};
       source = failed_source(source.error());
     }
     bodies.push_back({std::move(*setup), std::move(*source)});
@@ -117,7 +130,10 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
   std::vector<SceneBody> described;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
-    described.push_back({{config.id, config.name}, config.pivot, config.limits, bodies[i].setup.sensors,
+    described.push_back({{config.id, config.name},
+                         config.pivot,
+                         config.limits,
+                         bodies[i].setup.sensors,
                          config_.estimator});
   }
   scene_.emplace(described);
@@ -131,9 +147,10 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
     BodySensors& sensors = bodies[i].setup.sensors;
     auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
     if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
-    bodies_.add(std::make_unique<BodyWorker>(BodyParts{i, config.id, config.name, std::move(sensors),
-                                                       std::move(bodies[i].source), std::move(filter)},
-                                             shared));
+    bodies_.add(
+        std::make_unique<BodyWorker>(BodyParts{i, config.id, config.name, std::move(sensors),
+                                               std::move(bodies[i].source), std::move(filter)},
+                                     shared));
   }
 }
 
@@ -141,11 +158,15 @@ Expected<void> Server::Impl::build_streaming() {
   const auto model = scene_->model();
   const StreamingConfig& streaming = config_.streaming;
   if (streaming.vrpn.enabled) {
-    const auto done = accept(vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_), "vrpn");
+    auto server = vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_);
+    if (server) ports_.vrpn = (*server)->port();
+    const auto done = accept(std::move(server), "vrpn");
     if (!done) return done;
   }
   if (streaming.native.enabled) {
-    const auto done = accept(native::start_native_server(io_, streaming.native, model, clock_), "native");
+    auto server = native::start_native_server(io_, streaming.native, model, clock_);
+    if (server) ports_.native = native::bound_port(**server);
+    const auto done = accept(std::move(server), "native");
     if (!done) return done;
   }
   if (streaming.web.enabled) {
@@ -154,17 +175,20 @@ Expected<void> Server::Impl::build_streaming() {
     sources.version = FIDUCAP_VERSION;
     sources.map_mode = config_.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
     auto page = web::start_web_server(io_, streaming.web, std::move(sources), model, clock_);
-    if (page) web_port_ = (*page)->port();
+    if (page) ports_.web = (*page)->port();
     const auto done = accept(std::move(page), "web");
     if (!done) return done;
   }
-  mailbox_.emplace(io_, [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
-  publisher_.emplace(streaming.rate_hz, *scene_, *map_, clock_,
-                     [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
+  mailbox_.emplace(io_,
+                   [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
+  publisher_.emplace(
+      streaming.rate_hz, *scene_, *map_, clock_,
+      [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
   return {};
 }
 
-Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name) {
+Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer,
+                                    const std::string& name) {
   if (streamer) {
     hub_.add(std::move(*streamer));
     return {};
@@ -196,8 +220,9 @@ bool Server::Impl::run() {
   }
   start_threads();
   log::info("app", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
-                       (web_port_ == 0 ? "" : ", page on http://" + config_.streaming.web.address + ":" +
-                                                  std::to_string(web_port_) + "/"));
+                       (ports_.web == 0 ? ""
+                                        : ", page on http://" + config_.streaming.web.address +
+                                              ":" + std::to_string(ports_.web) + "/"));
   serve();
   return shut_down();
 }
@@ -238,8 +263,8 @@ bool Server::Impl::shut_down() {
   return all;
 }
 
-Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config, const ServerOptions& options,
-                                                const Clock& clock) {
+Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config,
+                                                const ServerOptions& options, const Clock& clock) {
   auto impl = std::make_unique<Impl>(config, options, clock);
   if (const auto built = impl->build(); !built) return tl::unexpected(built.error());
   return std::unique_ptr<Server>(new Server(std::move(impl)));
@@ -249,6 +274,7 @@ Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Server::~Server() = default;
 bool Server::run() { return impl_->run(); }
 void Server::stop() { impl_->stop(); }
-std::uint16_t Server::web_port() const { return impl_->web_port(); }
+ServerPorts Server::ports() const { return impl_->ports(); }
+Instant Server::simulation_start() const { return impl_->simulation_start(); }
 
 }  // namespace fiducap

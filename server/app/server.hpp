@@ -1,11 +1,11 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "app/config_file.hpp"
 #include "base/clock.hpp"
 #include "base/expected.hpp"
-#include "scene/scene_frame.hpp"
 
 namespace fiducap {
 
@@ -14,27 +14,39 @@ struct ServerOptions {
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
 };
 
+/// Where the protocols really listen (a configured 0 is any free port); 0: not served.
+struct ServerPorts {
+  std::uint16_t vrpn{};
+  std::uint16_t native{};
+  std::uint16_t web{};
+};
+
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
 ///
-/// Threads: per body one reader and one worker; one publisher; one map keeper; the caller of `run` does all I/O.
+/// Threads: per body one reader and one worker; one publisher; one map keeper; the caller of `run`
+/// does all I/O.
 class Server final {
  public:
   /// Opens the map, the sources and the ports. Nothing moves before `run`.
   /// @param clock  real time; outlives the server
-  /// @return Error with what to do about it: a file, a port, a damaged map. A source that cannot be opened is only
+  /// @return Error with what to do about it: a file, a port, a damaged map. A source that cannot be
+  /// opened is only
   ///         an error when no other one can be.
-  [[nodiscard]] static Expected<std::unique_ptr<Server>> build(const ServerConfig& config, const ServerOptions& options,
+  [[nodiscard]] static Expected<std::unique_ptr<Server>> build(const ServerConfig& config,
+                                                               const ServerOptions& options,
                                                                const Clock& clock);
   ~Server();
 
   /// Serves until stopped; returns within a second of that.
-  /// @return false when a source does not let go of its device: its thread is left behind, and the only way to get
+  /// @return false when a source does not let go of its device: its thread is left behind, and the
+  /// only way to get
   ///         rid of it is to end the process without destroying this server.
   [[nodiscard]] bool run();
   /// From any thread.
   void stop();
-  /// The port of the page, for messages; 0 without page.
-  [[nodiscard]] std::uint16_t web_port() const;
+  [[nodiscard]] ServerPorts ports() const;
+  /// When the motion of simulated bodies begins: their t = 0.
+  [[nodiscard]] Instant simulation_start() const;
 
  private:
   class Impl;

@@ -34,6 +34,9 @@ struct CornerFrame {
   int camera{};
   Instant exposed_at{};
   std::vector<TagSighting> tags;
+  /// The corners are where straight lines fitted to the tag's sides meet (libapriltag). A lens bends the sides, so such
+  /// corners are off in a way that the lens model tells; `observe` takes it out.
+  bool fitted_straight_sides{false};
 };
 
 }  // namespace fiducap

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "detection/side_bend.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -16,9 +18,9 @@ bool is_front_view(const std::array<Eigen::Vector2d, 4>& px) {
   return true;
 }
 
-bool undistort_corners(const TagSighting& sighting, const CameraModel& camera, TagObservation& out) {
+bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const CameraModel& camera, TagObservation& out) {
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto pixel = undistort(camera, sighting.corners_px[i]);
+    const auto pixel = undistort(camera, raw_px[i]);
     if (!pixel) return false;
     out.corners_px[i] = pixel->px;
     out.ideal_from_raw[i] = pixel->ideal_from_raw;
@@ -54,7 +56,8 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     tag.hamming = sighting.hamming;
     tag.decision_margin = sighting.decision_margin;
     tag.edge_m = tags.edge_of(sighting.tag_id);
-    if (undistort_corners(sighting, camera, tag)) out.tags.push_back(tag);
+    const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px) : sighting.corners_px;
+    if (undistort_corners(raw_px, camera, tag)) out.tags.push_back(tag);
   }
   drop_doubled_ids(out.tags);
 }

@@ -40,6 +40,16 @@ const Family* find_family(const std::string& name) {
   return found == kFamilies.end() ? nullptr : &*found;
 }
 
+/// A tag cut by the image border is decoded all the same, with corners that are pixels off and a good margin.
+constexpr double kBorder_px = 5.0;
+
+bool is_whole(const TagSighting& tag, const GrayImage& image) {
+  return std::all_of(tag.corners_px.begin(), tag.corners_px.end(), [&](const Eigen::Vector2d& px) {
+    return px.x() >= kBorder_px && px.y() >= kBorder_px && px.x() <= image.width - 1 - kBorder_px &&
+           px.y() <= image.height - 1 - kBorder_px;
+  });
+}
+
 /// The library counts pixel *edges*, we count centres.
 constexpr double kEdgeToCentre_px = 0.5;
 
@@ -93,7 +103,9 @@ class TagDetector::Impl {
     for (int i = 0; i < zarray_size(found); ++i) {
       apriltag_detection_t* d = nullptr;
       zarray_get(found, i, &d);
-      if (static_cast<double>(d->decision_margin) >= min_margin_) out.push_back(to_sighting(*d));
+      if (static_cast<double>(d->decision_margin) < min_margin_) continue;
+      const TagSighting sighting = to_sighting(*d);
+      if (is_whole(sighting, image)) out.push_back(sighting);
     }
     apriltag_detections_destroy(found);
   }
@@ -112,7 +124,7 @@ TagDetector::TagDetector(TagDetector&&) noexcept = default;
 TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
 
 CornerFrame TagDetector::detect(const CameraFrame& frame) {
-  CornerFrame out{frame.camera, frame.exposed_at, {}};
+  CornerFrame out{frame.camera, frame.exposed_at, {}, true};
   if (frame.image == nullptr || frame.image->pixels.empty()) return out;
   impl_->detect(*frame.image, out.tags);
   std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });

@@ -53,7 +53,7 @@ class Wall final {
     seen.camera = 0;
     seen.exposed_at = instant(t);
     seen.tags.clear();
-    const Pose X_VW = (Pose{{}, sway().cwiseProduct(sines(t))} * camera_.X_BV).inverse();
+    const Pose X_VW = (Pose{Eigen::Quaterniond::Identity(), sway().cwiseProduct(sines(t))} * camera_.X_BV).inverse();
     for (int i = first; i < first + count && i < static_cast<int>(X_WT_.size()); ++i) {
       TagObservation tag;
       tag.tag_id = i;

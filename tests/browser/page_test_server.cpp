@@ -1,6 +1,8 @@
-// The web room with three fake robots in a fake hall of 24 tags, for the browser test and for working on the page:
+// The web room with three fake robots in a fake hall of 24 tags, for the browser test and for
+// working on the page:
 //   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
 // Prints the port, serves until its input ends.
+#include <unistd.h>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
@@ -11,7 +13,6 @@
 #include <cstdlib>
 #include <numbers>
 #include <string_view>
-#include <unistd.h>
 
 #include "base/log.hpp"
 #include "base/so3.hpp"
@@ -59,18 +60,24 @@ std::shared_ptr<const TagMap> hall() {
   map->reference_tag = 0;
   const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
   for (int i = 0; i < 8; ++i) {
-    map->tags.push_back(tag(i, facing(z, Eigen::Vector3d::UnitY(), {-3.6 + 2.4 * (i % 4), i < 4 ? -1.2 : 1.2, 0})));
+    map->tags.push_back(
+        tag(i, facing(z, Eigen::Vector3d::UnitY(), {-3.6 + 2.4 * (i % 4), i < 4 ? -1.2 : 1.2, 0})));
   }
   for (int i = 0; i < 5; ++i) {
     const double x = -4 + 2.0 * i;
-    map->tags.push_back(tag(8 + i, facing(Eigen::Vector3d::UnitY(), z, {x, -3, 1.2 + 0.3 * (i % 2)})));
-    map->tags.push_back(tag(13 + i, facing(-Eigen::Vector3d::UnitY(), z, {x, 3, 1.4 - 0.3 * (i % 2)})));
+    map->tags.push_back(
+        tag(8 + i, facing(Eigen::Vector3d::UnitY(), z, {x, -3, 1.2 + 0.3 * (i % 2)})));
+    map->tags.push_back(
+        tag(13 + i, facing(-Eigen::Vector3d::UnitY(), z, {x, 3, 1.4 - 0.3 * (i % 2)})));
   }
   for (int i = 0; i < 3; ++i) {
-    map->tags.push_back(tag(18 + i, facing(Eigen::Vector3d::UnitX(), z, {-5, -1.8 + 1.8 * i, 1.3})));
-    map->tags.push_back(tag(21 + i, facing(-Eigen::Vector3d::UnitX(), z, {5, -1.8 + 1.8 * i, 1.3})));
+    map->tags.push_back(
+        tag(18 + i, facing(Eigen::Vector3d::UnitX(), z, {-5, -1.8 + 1.8 * i, 1.3})));
+    map->tags.push_back(
+        tag(21 + i, facing(-Eigen::Vector3d::UnitX(), z, {5, -1.8 + 1.8 * i, 1.3})));
   }
-  std::sort(map->tags.begin(), map->tags.end(), [](const auto& a, const auto& b) { return a.tag.tag_id < b.tag.tag_id; });
+  std::sort(map->tags.begin(), map->tags.end(),
+            [](const auto& a, const auto& b) { return a.tag.tag_id < b.tag.tag_id; });
   return map;
 }
 
@@ -93,11 +100,13 @@ BodyPose body(int index, double t) {
   made.covariance.topLeftCorner<3, 3>() =
       Eigen::Vector3d(sigma * sigma, 0.5 * sigma * sigma, 0.25 * sigma * sigma).asDiagonal();
   made.covariance.block<3, 3>(3, 3) = Eigen::Matrix3d::Identity() * 4e-6;
-  made.age = std::chrono::milliseconds(12 + static_cast<int>(20 * (0.5 + 0.5 * std::sin(9 * t + index))));
+  made.age =
+      std::chrono::milliseconds(12 + static_cast<int>(20 * (0.5 + 0.5 * std::sin(9 * t + index))));
   made.tags_in_view = 4 + static_cast<int>(2 * std::sin(t + index));
   made.image_rate_hz = 20.0 - 0.1 * index;
   made.reprojection_px = 0.21 + 0.05 * index;
-  made.processing = std::chrono::microseconds(7200 + 900 * index + static_cast<int>(800 * std::sin(3 * t)));
+  made.processing =
+      std::chrono::microseconds(7200 + 900 * index + static_cast<int>(800 * std::sin(3 * t)));
   return made;
 }
 
@@ -107,14 +116,18 @@ void lose_sometimes(BodyPose& made, double t) {
   if (within < 22) return;
   made.tags_in_view = 0;
   made.age = from_seconds(within - 22);
-  made.state = within < 30 ? BodyState::kCoasting : within < 36 ? BodyState::kLost : BodyState::kTracking;
+  made.state = within < 30   ? BodyState::kCoasting
+               : within < 36 ? BodyState::kLost
+                             : BodyState::kTracking;
   made.valid = made.state != BodyState::kLost;
-  if (made.state == BodyState::kCoasting) made.covariance.topLeftCorner<6, 6>() *= 1 + 40 * (within - 22);
+  if (made.state == BodyState::kCoasting)
+    made.covariance.topLeftCorner<6, 6>() *= 1 + 40 * (within - 22);
 }
 
 // The second robot was never placed, the third is lost for good.
 void trouble(std::vector<BodyPose>& bodies) {
   for (std::size_t i = 1; i < std::min<std::size_t>(bodies.size(), 3); ++i) {
+    if (i == 1) bodies[i] = BodyPose{.body_id = bodies[i].body_id};
     bodies[i].valid = false;
     bodies[i].state = i == 1 ? BodyState::kSearching : BodyState::kLost;
     bodies[i].tags_in_view = 0;
@@ -123,7 +136,8 @@ void trouble(std::vector<BodyPose>& bodies) {
 
 class Hall final {
  public:
-  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model, bool troubled)
+  Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model,
+       bool troubled)
       : timer_(io), server_(server), model_(std::move(model)), troubled_(troubled) {}
 
   void run() {
@@ -145,7 +159,8 @@ class Hall final {
     auto frame = std::make_shared<SceneFrame>();
     frame->number = ++number_;
     frame->at = frame->published_at = clock_.now();
-    frame->utc_offset = std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
+    frame->utc_offset =
+        std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
     frame->rate_hz = 100;
     frame->model = model_;
     frame->map = map_;
@@ -155,7 +170,8 @@ class Hall final {
       if (i == 2) lose_sometimes(frame->bodies.back(), t);
     }
     if (troubled_) trouble(frame->bodies);
-    if (number_ % 700 == 0) log::info("mapping", "tag " + std::to_string(number_ / 700 % 24) + " refined");
+    if (number_ % 700 == 0)
+      log::info("mapping", "tag " + std::to_string(number_ / 700 % 24) + " refined");
     if (number_ % 2300 == 0) log::warning("capture", "drone: image 31 ms late, dropped");
     server_.publish(frame);
   }
@@ -203,9 +219,10 @@ int main(int argc, char** argv) {
   sources.clients = [&] {
     const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
     const auto sent = static_cast<std::uint64_t>(up * 100);
-    std::vector<ClientStatus> all{{"vrpn", "192.168.1.20:41522 udp", "z-up m, velocity on", sent, 0, up},
-                                  {"vrpn", "192.168.1.31:50212 tcp", "z-up m", sent, 214, up / 2},
-                                  {"native", "127.0.0.1:39011 udp", "3 bodies", sent * 2, 0, up}};
+    std::vector<ClientStatus> all{
+        {"vrpn", "192.168.1.20:41522 udp", "z-up m, velocity on", sent, 0, up},
+        {"vrpn", "192.168.1.31:50212 tcp", "z-up m", sent, 214, up / 2},
+        {"native", "127.0.0.1:39011 udp", "3 bodies", sent * 2, 0, up}};
     server->append_clients(all);
     return all;
   };
@@ -223,11 +240,12 @@ int main(int argc, char** argv) {
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
   char ignored[64];
   std::function<void()> read = [&] {
-    input.async_read_some(boost::asio::buffer(ignored), [&](boost::system::error_code error, std::size_t) {
-      if (!error) return read();
-      hall.stop();
-      server->stop();
-    });
+    input.async_read_some(boost::asio::buffer(ignored),
+                          [&](boost::system::error_code error, std::size_t) {
+                            if (!error) return read();
+                            hall.stop();
+                            server->stop();
+                          });
   };
   read();
   io.run();

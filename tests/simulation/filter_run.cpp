@@ -150,21 +150,24 @@ class Run {
         best = &b;
       }
     }
-    return truth_of(best->tag.tag_id);
+    return truth_of(best->tag.tag_id).value();
   }
 
-  Pose truth_of(int tag_id) const {
+  /// nullopt: a wrong id, no such tag is in the room.
+  std::optional<Pose> truth_of(int tag_id) const {
     for (const RecordedTag& tag : tags_) {
       if (tag.tag_id == tag_id) return tag.X_WT;
     }
-    throw std::runtime_error("a tag that is not in the room");
+    return std::nullopt;
   }
 
   void finish_map() {
     std::vector<TagBelief> beliefs;
     filter_->tag_beliefs(beliefs);
     double sum = 0;
-    for (const TagBelief& b : beliefs) sum += (b.tag.X_WT.p - (*X_WR_ * truth_of(b.tag.tag_id)).p).squaredNorm();
+    for (const TagBelief& b : beliefs) {
+      if (const auto truth = truth_of(b.tag.tag_id)) sum += (b.tag.X_WT.p - (*X_WR_ * *truth).p).squaredNorm();
+    }
     result_.tags_mapped = static_cast<int>(beliefs.size());
     if (!beliefs.empty()) result_.map_position_m = std::sqrt(sum / static_cast<double>(beliefs.size()));
   }

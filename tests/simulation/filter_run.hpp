@@ -20,8 +20,8 @@ struct FilterRunSetup {
   bool has_imu{true};
   bool true_extrinsics{false};     ///< Given and frozen; else nominal ones, off by a draw of their sigma.
   bool known_map{false};
-  simulation::FaultConfig faults;
-  EstimatorConfig estimator;
+  simulation::FaultConfig faults{};
+  EstimatorConfig estimator{};
 };
 
 /// Errors against the truth in the workspace that the filter defines (levelled at the reference tag) or is given.

@@ -9,6 +9,26 @@ namespace fiducap {
 std::atomic<std::uint64_t> g_allocations{0};
 }
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define FIDUCAP_SANITIZED
+#endif
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define FIDUCAP_SANITIZED
+#endif
+
+// Eigen and C libraries call malloc itself. Sanitizers own malloc, so there only operator new is counted.
+#ifndef FIDUCAP_SANITIZED
+extern "C" {
+void* __libc_malloc(std::size_t size);
+void* malloc(std::size_t size) {
+  ++fiducap::g_allocations;
+  return __libc_malloc(size);
+}
+}
+#endif
+
 namespace {
 void* try_counted(std::size_t size, std::size_t alignment) noexcept {
   ++fiducap::g_allocations;

@@ -1,5 +1,5 @@
 import { element, setText } from './dom';
-import { compact, duration, fixed, length, UNKNOWN, type Quantity } from './format';
+import { compact, count, duration, fixed, latency, length, UNKNOWN, type Quantity } from './format';
 import type { BodyFrame, BodyName } from './protocol';
 import { bodyColour, STATE_WORD } from './theme';
 
@@ -11,6 +11,8 @@ interface Column {
   /** Beside the heading instead of beside every value. */
   fixedUnit?: string;
   read(body: BodyFrame): Quantity;
+  /** More about the value, on pointing at it. */
+  hint?(body: BodyFrame): string;
 }
 
 const GRID_COLUMNS = 48;
@@ -56,6 +58,7 @@ const QUALITY: Column[] = [
     title: 'Tags used in the newest image',
     span: QUALITY_SPAN,
     read: (body) => ({ value: String(body.tags), unit: '' }),
+    hint: (body) => `reprojection ${fixed(body.reprojectionPx, 2)} px`,
   },
   {
     name: 'age',
@@ -67,13 +70,14 @@ const QUALITY: Column[] = [
     name: 'latency',
     title: 'Arrival of the newest image to its update done',
     span: QUALITY_SPAN,
-    read: (body) => ({ value: compact(body.latencyMs, 1), unit: 'ms' }),
+    read: (body) => latency(body.latencyMs),
   },
   {
     name: 'images',
     title: 'Images per second',
     span: QUALITY_SPAN,
     read: (body) => ({ value: compact(body.imageRateHz, 1), unit: 'Hz' }),
+    hint: (body) => `${count(body.imagesDropped)} images dropped`,
   },
 ];
 
@@ -134,6 +138,8 @@ export class BodiesTable {
         const { value, unit } = cell.column.read(body);
         setText(cell.value, value);
         setText(cell.unit, value === UNKNOWN ? '' : unit);
+        const hint = cell.column.hint?.(body);
+        if (hint && cell.value.title !== hint) cell.value.title = hint;
       }
     }
   }
@@ -164,7 +170,7 @@ export class BodiesTable {
 
 /** What the number cells cannot say by themselves. */
 function noteFor(body: BodyFrame): string {
-  if (!body.pose) return 'no pose yet';
+  if (!body.pose) return 'no pose';
   if (!body.valid) return 'last known';
   return '';
 }

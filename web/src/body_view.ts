@@ -58,6 +58,7 @@ export class BodyView {
   private labelSize: { width: number; height: number } | null = null;
   private frame: BodyFrame | null = null;
   private sigmaScale = 0;
+  private drawn = false;
 
   constructor(name: string, colour: string) {
     this.colour = new Color(colour);
@@ -90,12 +91,19 @@ export class BodyView {
       this.placed = false;
       return;
     }
-    this.fromP.copy(this.placed ? this.shown : new Vector3(...frame.pose.p));
-    this.toP.set(...frame.pose.p);
+    // From where it is drawn; from its last goal when nothing was drawn since (a slow screen must not stand still).
     const [w, x, y, z] = frame.pose.q;
+    if (!this.placed) {
+      this.shown.set(...frame.pose.p);
+      this.marker.quaternion.set(x, y, z, w);
+    }
+    const drawn = this.drawn || !this.placed;
+    this.fromP.copy(drawn ? this.shown : this.toP);
+    this.fromQ.copy(drawn ? this.marker.quaternion : this.toQ);
+    this.toP.set(...frame.pose.p);
     this.toQ.set(x, y, z, w);
-    this.fromQ.copy(this.placed ? this.marker.quaternion : this.toQ);
     this.placed = true;
+    this.drawn = false;
     this.dress(frame);
   }
 
@@ -107,6 +115,7 @@ export class BodyView {
   /** @param part  0 the frame before, 1 the newest frame */
   move(part: number, camera: Camera): void {
     if (!this.placed) return;
+    this.drawn = true;
     this.shown.lerpVectors(this.fromP, this.toP, part);
     this.marker.position.copy(this.shown);
     this.marker.quaternion.slerpQuaternions(this.fromQ, this.toQ, part);

@@ -4,7 +4,10 @@ import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 const OBLIQUE = new Vector3(0.24, -0.9, 0.88).normalize();
 // Not exactly down: up would not be defined.
 const DOWN = new Vector3(0, -0.001, 1).normalize();
-const FILLED = 0.95;
+const FILLED_WIDTH = 0.95;
+const FILLED_HEIGHT = 0.88;
+// The buttons stand at the upper edge: the middle of the picture is a little below that of the stage.
+const BELOW_MIDDLE = 0.05;
 const FLIGHT_MS = 450;
 const FOLLOW_DISTANCE_M = 4.5;
 
@@ -137,8 +140,8 @@ export class CameraRig {
       const right = new Vector3().setFromMatrixColumn(probe.matrixWorld, 0);
       const up = new Vector3().setFromMatrixColumn(probe.matrixWorld, 1);
       target.addScaledVector(right, ((x[0] + x[1]) / 2) * reach * probe.aspect * 0.5);
-      target.addScaledVector(up, ((y[0] + y[1]) / 2) * reach * 0.5);
-      const fits = x[1] - x[0] < 2 * FILLED && y[1] - y[0] < 2 * FILLED;
+      target.addScaledVector(up, ((y[0] + y[1]) / 2 + BELOW_MIDDLE) * reach * 0.5);
+      const fits = x[1] - x[0] < 2 * FILLED_WIDTH && y[1] - y[0] < 2 * FILLED_HEIGHT;
       if (fits) far = middle;
       else near = middle;
     }

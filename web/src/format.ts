@@ -33,6 +33,11 @@ export function duration(ms: number | null): Quantity {
   return { value: fixed(ms / 3600e3, 1), unit: 'h' };
 }
 
+/** Like `duration`, with a decimal below ten milliseconds: 7.4 ms, 23 ms, 1.5 s. */
+export function latency(ms: number | null): Quantity {
+  return ms !== null && Math.abs(ms) < 9.95 ? { value: fixed(ms, 1), unit: 'ms' } : duration(ms);
+}
+
 /** 2.1 mm, 48 mm, 1.25 m: uncertainty grows over three decades when a body coasts. */
 export function length(mm: number | null): Quantity {
   if (mm === null || !Number.isFinite(mm)) return { value: UNKNOWN, unit: 'mm' };

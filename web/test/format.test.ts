@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { compact, count, duration, fixed, length, plural, UNKNOWN } from '../src/format';
+import { compact, count, duration, fixed, latency, length, plural, UNKNOWN } from '../src/format';
 
 describe('fixed', () => {
   it('writes a real minus sign and all digits', () => expect(fixed(-1.5, 3)).toBe('−1.500'));
@@ -20,6 +20,12 @@ describe('duration', () => {
     [180_000, '3', 'min'], [7_200_000, '2.0', 'h'],
   ])('%d ms is %s %s', (ms, value, unit) => expect(duration(ms)).toEqual({ value, unit }));
   it('does not know null', () => expect(duration(null).value).toBe(UNKNOWN));
+});
+
+describe('latency', () => {
+  it.each([[7.44, '7.4', 'ms'], [23.4, '23', 'ms'], [1458, '1.5', 's']])('%d ms is %s %s', (ms, value, unit) =>
+    expect(latency(ms)).toEqual({ value, unit }),
+  );
 });
 
 describe('length', () => {

@@ -50,7 +50,7 @@ describe('summaries', () => {
   });
   it('says that a map was never stored', () => {
     expect(mapLine({ type: 'map', version: 0, family: 'tag36h11', referenceTag: null, tags: [] }, 'mapping')).toBe(
-      'Not stored yet · 0 tags · tag36h11 · mapping',
+      'Not stored · 0 tags · tag36h11 · mapping',
     );
   });
 });

@@ -16,7 +16,7 @@ namespace {
 struct Reference {
   Evaluation::Against against{Evaluation::Against::kNothing};
   std::vector<TruthSample> poses;
-  std::vector<PlacedTag> map;
+  std::vector<TagPlace> map;
   std::vector<Pose> X_BV;
 };
 
@@ -50,7 +50,7 @@ void choose_reference_tag(const RecordingInfo& info, const RunResults& run,
     evaluation.reference_tag = info.reference_tag;
     return;
   }
-  for (const PlacedTag& tag : run.map) {
+  for (const TagPlace& tag : run.map) {
     if (!common(tag.tag_id)) continue;
     if (!evaluation.reference_tag || tag.tag_id < *evaluation.reference_tag)
       evaluation.reference_tag = tag.tag_id;
@@ -94,12 +94,12 @@ class UsableCorners final {
  public:
   explicit UsableCorners(const RecordingInfo& info)
       : tags_{info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags} {
-    if (info.max_hamming) config_.max_hamming = *info.max_hamming;
+    if (info.max_hamming) tags_.max_hamming = *info.max_hamming;
   }
 
   CornerFrame of(SensorSample sample) {
     if (const auto* image = std::get_if<CameraFrame>(&sample)) {
-      if (!detector_) detector_.emplace(tags_, config_);
+      if (!detector_) detector_.emplace(tags_, DetectorConfig{});
       return filtered(detector_->detect(*image));
     }
     return filtered(std::move(std::get<CornerFrame>(sample)));
@@ -108,14 +108,13 @@ class UsableCorners final {
  private:
   CornerFrame filtered(CornerFrame frame) const {
     std::erase_if(frame.tags, [&](const TagSighting& tag) {
-      return tag.hamming > config_.max_hamming ||
+      return tag.hamming > tags_.max_hamming ||
              std::find(tags_.ignore.begin(), tags_.ignore.end(), tag.tag_id) != tags_.ignore.end();
     });
     return frame;
   }
 
   TagSetConfig tags_;
-  DetectorConfig config_;
   std::optional<TagDetector> detector_;
 };
 

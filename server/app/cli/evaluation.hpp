@@ -15,7 +15,7 @@ namespace fiducap {
 /// The results of an offline run, read back.
 struct RunResults {
   std::vector<StampedPose> trajectory;
-  std::vector<PlacedTag> map;
+  std::vector<TagPlace> map;
   std::vector<Pose> X_BV;  ///< One per camera.
 };
 

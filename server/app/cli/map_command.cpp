@@ -125,6 +125,9 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   if (!map) return report(terminal, map.error());
   auto store = MapStore::open(arguments.store);
   if (!store) return report(terminal, store.error());
+  const auto newest = store->newest();
+  if (!newest) return report(terminal, newest.error());
+  map->version = newest->version;  // whatever the file was once: here it follows the newest
   if (map->created_utc_ns == 0) map->created_utc_ns = utc_now_ns();
   const std::string comment =
       arguments.comment.empty()

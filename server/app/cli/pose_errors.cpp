@@ -33,9 +33,9 @@ PoseErrors ErrorSum::result() const {
   return errors;
 }
 
-const PlacedTag* find_tag(std::span<const PlacedTag> tags, int tag_id) {
-  const auto found = std::find_if(tags.begin(), tags.end(),
-                                  [&](const PlacedTag& t) { return t.tag_id == tag_id; });
+const TagPlace* find_tag(std::span<const TagPlace> tags, int tag_id) {
+  const auto found =
+      std::find_if(tags.begin(), tags.end(), [&](const TagPlace& t) { return t.tag_id == tag_id; });
   return found == tags.end() ? nullptr : &*found;
 }
 
@@ -65,27 +65,27 @@ PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const T
   return sum.result();
 }
 
-PoseErrors map_errors(std::span<const PlacedTag> estimated, std::span<const PlacedTag> truth,
+PoseErrors map_errors(std::span<const TagPlace> estimated, std::span<const TagPlace> truth,
                       int reference_tag) {
-  const PlacedTag* estimated_reference = find_tag(estimated, reference_tag);
-  const PlacedTag* true_reference = find_tag(truth, reference_tag);
+  const TagPlace* estimated_reference = find_tag(estimated, reference_tag);
+  const TagPlace* true_reference = find_tag(truth, reference_tag);
   ErrorSum sum;
   if (estimated_reference == nullptr || true_reference == nullptr) return {};
   const Pose estimated_X_AW = estimated_reference->X_WT.inverse();
   const Pose true_X_AW = true_reference->X_WT.inverse();
-  for (const PlacedTag& tag : estimated) {
-    const PlacedTag* true_tag = find_tag(truth, tag.tag_id);
+  for (const TagPlace& tag : estimated) {
+    const TagPlace* true_tag = find_tag(truth, tag.tag_id);
     if (true_tag == nullptr || tag.tag_id == reference_tag) continue;
     sum.add(estimated_X_AW * tag.X_WT, true_X_AW * true_tag->X_WT);
   }
   return sum.result();
 }
 
-std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated,
-                                            std::span<const PlacedTag> truth) {
-  std::vector<std::pair<const PlacedTag*, const PlacedTag*>> pairs;
-  for (const PlacedTag& tag : estimated)
-    if (const PlacedTag* true_tag = find_tag(truth, tag.tag_id)) pairs.emplace_back(&tag, true_tag);
+std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
+                                            std::span<const TagPlace> truth) {
+  std::vector<std::pair<const TagPlace*, const TagPlace*>> pairs;
+  for (const TagPlace& tag : estimated)
+    if (const TagPlace* true_tag = find_tag(truth, tag.tag_id)) pairs.emplace_back(&tag, true_tag);
   if (pairs.size() < 3) return std::nullopt;
   Eigen::Matrix3Xd from(3, pairs.size());
   Eigen::Matrix3Xd to(3, pairs.size());

@@ -45,7 +45,7 @@ class ErrorSum final {
                                      const Pose& true_X_WA, Instant from);
 
 /// A tag's pose in the map.
-struct PlacedTag {
+struct TagPlace {
   int tag_id{};
   double edge_m{};
   Pose X_WT;
@@ -53,14 +53,14 @@ struct PlacedTag {
 
 /// Errors of the tags that both maps have, in the axes of the reference tag (which is not counted
 /// itself).
-[[nodiscard]] PoseErrors map_errors(std::span<const PlacedTag> estimated,
-                                    std::span<const PlacedTag> truth, int reference_tag);
+[[nodiscard]] PoseErrors map_errors(std::span<const TagPlace> estimated,
+                                    std::span<const TagPlace> truth, int reference_tag);
 
 /// The same after the best rigid fit over the tag centres (Umeyama, without scale): agreement in
 /// shape.
 /// @return nullopt with fewer than three common tags.
-[[nodiscard]] std::optional<PoseErrors> fitted_map_errors(std::span<const PlacedTag> estimated,
-                                                          std::span<const PlacedTag> truth);
+[[nodiscard]] std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
+                                                          std::span<const TagPlace> truth);
 
 /// Axes at the tag's place with z up and the tag's heading: that of its x axis, or of its y axis
 /// when x is upright.
@@ -69,6 +69,6 @@ struct PlacedTag {
 /// @return true when the x axis is closer to horizontal than y.
 [[nodiscard]] bool heading_along_x(const Pose& X_WT);
 
-[[nodiscard]] const PlacedTag* find_tag(std::span<const PlacedTag> tags, int tag_id);
+[[nodiscard]] const TagPlace* find_tag(std::span<const TagPlace> tags, int tag_id);
 
 }  // namespace fiducap

@@ -25,7 +25,9 @@ class Mentioned final {
       if (set.starts_with(path) && set.size() > path.size() &&
           (set[path.size()] == '=' || set[path.size()] == '.'))
         return true;
-    return root_.IsMap() && root_[section].IsMap() && root_[section][key].IsDefined();
+    // A missing key gives a node that throws at any question but IsDefined.
+    if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
+    return root_[section][key].IsDefined();
   }
 
  private:
@@ -43,10 +45,8 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
                 config.error().size() > 1 ? "several faults\n  " : "configuration");
   }
   const Mentioned mentioned(arguments.config, arguments.sets);
-  const int max_hamming = setup.detector.max_hamming;
   setup.estimator = config->estimator;
   setup.detector = config->detector;
-  if (!mentioned("detector", "max_hamming")) setup.detector.max_hamming = max_hamming;
   if (mentioned("tags", "family")) setup.tags.family = config->tags.family;
   if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;

@@ -20,9 +20,9 @@ double quantile(std::vector<double> values, double share) {
 
 ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
                                      std::span<const StampedPose> poses,
-                                     std::span<const PlacedTag> map)
+                                     std::span<const TagPlace> map)
     : cameras_(std::move(cameras)), poses_(poses) {
-  for (const PlacedTag& tag : map) map_.emplace(tag.tag_id, tag);
+  for (const TagPlace& tag : map) map_.emplace(tag.tag_id, tag);
 }
 
 void ReprojectionMeter::add(const CornerFrame& frame) {

@@ -38,7 +38,7 @@ class ReprojectionMeter final {
   /// @param cameras  X_BV is what is tested
   /// @pre poses sorted by time
   ReprojectionMeter(std::vector<CameraMount> cameras, std::span<const StampedPose> poses,
-                    std::span<const PlacedTag> map);
+                    std::span<const TagPlace> map);
 
   /// @param frame  usable detections only
   void add(const CornerFrame& frame);
@@ -49,7 +49,7 @@ class ReprojectionMeter final {
 
   std::vector<CameraMount> cameras_;
   std::span<const StampedPose> poses_;
-  std::map<int, PlacedTag> map_;
+  std::map<int, TagPlace> map_;
   ReprojectionSummary counts_;
   std::vector<double> errors_px_;
 };

@@ -142,10 +142,10 @@ Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::s
     const YAML::Node root = YAML::Load(text);
     for (std::size_t k = 0; k < cameras; ++k) {
       const std::string name = "cam" + std::to_string(k);
-      const YAML::Node data = root.IsMap() && root[name].IsMap() && root[name]["T_BS"].IsMap()
-                                  ? root[name]["T_BS"]["data"]
-                                  : YAML::Node();
-      if (!data || !data.IsSequence())
+      YAML::Node data = YAML::Clone(root);
+      for (const char* key : {name.c_str(), "T_BS", "data"})
+        data.reset(data.IsMap() ? data[key] : YAML::Node());
+      if (!data.IsDefined() || !data.IsSequence())
         return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
       const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
       if (!pose) return tl::unexpected(pose.error());

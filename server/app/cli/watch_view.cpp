@@ -14,6 +14,8 @@ namespace fiducap {
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr std::size_t kAngleWidth = 8;
+constexpr std::size_t kRateWidth = 7;
 
 const char* name_of(Tracking tracking) {
   switch (tracking) {
@@ -48,6 +50,15 @@ std::string right(const std::string& text, std::size_t width) {
   return text.size() >= width ? text : std::string(width - text.size(), ' ') + text;
 }
 
+std::string column_names() {
+  std::string text = "body             state    ";
+  for (const char* name : {"x [m]", "y [m]", "z [m]"}) text += ' ' + right(name, 8);
+  for (const char* name : {"yaw[deg]", "pitch", "roll"}) text += ' ' + right(name, kAngleWidth);
+  for (const char* name : {"[m/s]", "[deg/s]"}) text += ' ' + right(name, kRateWidth);
+  for (const char* name : {"1s [mm]", "1s[deg]", "age[ms]"}) text += ' ' + right(name, 7);
+  return text + " tags\n";
+}
+
 std::string row(const Body& body) {
   std::array<char, 96> head{};
   std::snprintf(head.data(), head.size(), "%-16.32s %-9s", body.name.c_str(),
@@ -58,11 +69,11 @@ std::string row(const Body& body) {
     text += ' ' + right(body.valid && std::isfinite(value) ? fixed(value, decimals) : "-", width);
   };
   for (const double p : body.position_m) add(p, 3, 8);
-  for (const double angle : yaw_pitch_roll_deg(body.orientation_wxyz)) add(angle, 1, 7);
-  add(length(body.velocity_m_s), 2, 6);
-  add(kDegrees * length(body.body_rate_rad_s), 0, 6);
+  for (const double angle : yaw_pitch_roll_deg(body.orientation_wxyz)) add(angle, 1, kAngleWidth);
+  add(length(body.velocity_m_s), 2, kRateWidth);
+  add(kDegrees * length(body.body_rate_rad_s), 0, kRateWidth);
   add(1000 * body.position_sigma_m, 1, 7);
-  add(kDegrees * body.rotation_sigma_rad, 2, 6);
+  add(kDegrees * body.rotation_sigma_rad, 2, 7);
   text += ' ' + right(std::isfinite(body.age_s) ? fixed(1000 * body.age_s, 0) : "-", 7) + ' ' +
           right(std::to_string(body.tags_in_view), 4);
   return text + '\n';
@@ -81,9 +92,7 @@ std::string watch_table(const std::string& server, const Frame& frame,
                         const ClientStatistics& statistics) {
   std::string text = server + (statistics.connected ? "  " : "  NOT ANSWERING  ") +
                      summary(frame, statistics) + "\n";
-  text +=
-      "body             state        x [m]    y [m]    z [m] yaw [d] pitch    roll  [m/s]  [d/s] "
-      "1s [mm] 1s [d] age[ms] tags\n";
+  text += column_names();
   for (const Body& body : frame.bodies) text += row(body);
   if (frame.bodies.empty()) text += "(the server has no bodies)\n";
   return text;

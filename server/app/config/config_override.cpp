@@ -27,7 +27,8 @@ Broken descend(YAML::Node& at, const std::string& part) {
   if (at.IsSequence()) {
     const auto index = index_of(part);
     if (!index || *index >= at.size()) {
-      return "the list has " + std::to_string(at.size()) + " entries, counted from 0; there is no `" + part + "`";
+      return "the list has " + std::to_string(at.size()) +
+             " entries, counted from 0; there is no `" + part + "`";
     }
     at.reset(at[*index]);
     return std::nullopt;
@@ -46,7 +47,8 @@ void apply_override(YAML::Node& document, const std::string& assignment, Reading
     reading.faults.push_back({{path, value, rule}, "--set"});
   };
   const auto parts = split(path);
-  if (equals == std::string::npos || parts.empty()) return broken("?", "must be written path.to.key=value");
+  if (equals == std::string::npos || parts.empty())
+    return broken("?", "must be written path.to.key=value");
   const std::string value = assignment.substr(equals + 1);
   YAML::Node parsed(value);
   try {

@@ -8,8 +8,8 @@
 
 namespace fiducap {
 
-/// Writes one `path.to.key=value` into the document, before anything is checked; a key that no struct knows is found
-/// by the reader then. What cannot be applied becomes a fault.
+/// Writes one `path.to.key=value` into the document, before anything is checked; a key that no
+/// struct knows is found by the reader then. What cannot be applied becomes a fault.
 void apply_override(YAML::Node& document, const std::string& assignment, Reading& reading);
 
 }  // namespace fiducap

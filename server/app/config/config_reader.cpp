@@ -21,8 +21,10 @@ std::string shown(const YAML::Node& node) {
 }
 
 bool is_file_name(const std::string& device) {
-  const bool number = std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
-  return !number && device.find('!') == std::string::npos && device.find("://") == std::string::npos;
+  const bool number =
+      std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
+  return !number && device.find('!') == std::string::npos &&
+         device.find("://") == std::string::npos;
 }
 
 }  // namespace
@@ -46,8 +48,9 @@ std::string Reading::where(const std::string& path) const {
 ConfigReader::ConfigReader(const YAML::Node& section, std::string path, Reading& reading)
     : section_(section), path_(std::move(path)), reading_(reading) {
   if (section_.IsMap() || section_.IsNull()) return;
-  reading_.faults.push_back({{path_.empty() ? "file" : path_, shown(section_), "must be a section of `key: value`"},
-                             reading_.where(path_)});
+  reading_.faults.push_back(
+      {{path_.empty() ? "file" : path_, shown(section_), "must be a section of `key: value`"},
+       reading_.where(path_)});
   section_ = YAML::Node(YAML::NodeType::Map);
 }
 

@@ -14,7 +14,8 @@ struct Reading {
   std::string file;                  ///< As the user wrote it; stands in messages.
   std::string folder;                ///< Base of relative paths in the file.
   std::set<std::string> overridden;  ///< Paths that came by `--set`.
-  std::map<std::string, std::string> places{};  ///< Path → `file:line` of everything that was given.
+  std::map<std::string, std::string>
+      places{};  ///< Path → `file:line` of everything that was given.
   std::vector<ConfigFault> faults{};
 
   [[nodiscard]] bool is_overridden(const std::string& path) const;
@@ -22,7 +23,8 @@ struct Reading {
   [[nodiscard]] std::string where(const std::string& path) const;
 };
 
-/// The visitor that fills structs from one section of the file. Faults are collected, nothing is thrown.
+/// The visitor that fills structs from one section of the file. Faults are collected, nothing is
+/// thrown.
 class ConfigReader final {
  public:
   /// @param path  of the section, e.g. `bodies.0`; empty: the whole file
@@ -74,7 +76,9 @@ class ConfigReader final {
   template <typename T>
   friend void read_whole(const YAML::Node& node, Reading& reading, T& out);
 
-  [[nodiscard]] std::string path_of(const std::string& key) const { return path_.empty() ? key : path_ + "." + key; }
+  [[nodiscard]] std::string path_of(const std::string& key) const {
+    return path_.empty() ? key : path_ + "." + key;
+  }
   [[nodiscard]] std::string resolved(const std::string& path, const std::string& file) const;
   [[nodiscard]] YAML::Node take(const char* key);
   void report(const std::string& key, const YAML::Node& node, const Broken& broken);

@@ -11,7 +11,8 @@ namespace {
 
 using Errors = std::vector<ConfigError>;
 
-/// Rooms name their own section (`vrpn.port`); the file has it further down (`streaming.vrpn.port`).
+/// Rooms name their own section (`vrpn.port`); the file has it further down
+/// (`streaming.vrpn.port`).
 void append(Errors& all, Errors more, const std::string& prefix) {
   for (auto& error : more) {
     for (std::size_t from = 0; from != std::string::npos; from = prefix.find('.', from)) {
@@ -26,7 +27,9 @@ void append(Errors& all, Errors more, const std::string& prefix) {
 }
 
 bool is_name(const std::string& name) {
-  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.'; };
+  const auto good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
+  };
   return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
 }
 
@@ -57,8 +60,9 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
   switch (body.source.type) {
     case SourceType::kSimulator: {
       // Cameras that a file describes are checked when the file has been read.
-      const bool by_file = std::any_of(body.cameras.begin(), body.cameras.end(),
-                                       [](const CameraConfig& camera) { return !camera.calibration.empty(); });
+      const bool by_file =
+          std::any_of(body.cameras.begin(), body.cameras.end(),
+                      [](const CameraConfig& camera) { return !camera.calibration.empty(); });
       auto robot = body.source.simulator;
       if (robot.cameras.empty() && by_file) break;
       if (robot.cameras.empty()) {
@@ -70,24 +74,31 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
     case SourceType::kRecording:
       append(all,
              Checker{prefix}
-                 .require(!body.source.recording.folder.empty(), "folder", "\"\"", "must name a recording")
+                 .require(!body.source.recording.folder.empty(), "folder", "\"\"",
+                          "must name a recording")
                  .positive("speed", body.source.recording.speed)
                  .errors,
              prefix);
       break;
-    case SourceType::kCamera: append(all, body.source.camera.check(prefix), prefix); break;
+    case SourceType::kCamera:
+      append(all, body.source.camera.check(prefix), prefix);
+      break;
   }
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
   const bool camera = body.source.type == SourceType::kCamera;
   Checker rules{prefix};
-  rules.require(is_name(body.name), "name", '"' + body.name + '"', "must have 1 to 63 of a-z A-Z 0-9 _ - .")
+  rules
+      .require(is_name(body.name), "name", '"' + body.name + '"',
+               "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric", "filter", body.filter, "must be robocentric")
-      .require(!camera || body.cameras.size() == 1, "cameras", std::to_string(body.cameras.size()) + " entries",
+      .require(!camera || body.cameras.size() == 1, "cameras",
+               std::to_string(body.cameras.size()) + " entries",
                "a camera source has exactly one camera")
-      .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}", "a camera source has no IMU")
+      .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}",
+               "a camera source has no IMU")
       .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
                "a simulated body needs at least one camera");
   append(all, rules.errors, prefix);
@@ -118,7 +129,9 @@ void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
   std::set<int> ids;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     Checker rules{"bodies." + std::to_string(i) + "."};
-    rules.require(names.insert(bodies[i].name).second, "name", '"' + bodies[i].name + '"', "is taken by another body")
+    rules
+        .require(names.insert(bodies[i].name).second, "name", '"' + bodies[i].name + '"',
+                 "is taken by another body")
         .require(ids.insert(bodies[i].id).second, "id", bodies[i].id, "is taken by another body");
     append(all, rules.errors, "bodies.");
   }

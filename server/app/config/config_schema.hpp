@@ -1,9 +1,10 @@
 #pragma once
 
-#include "app/config_file.hpp"
 #include "app/config/config_words.hpp"
+#include "app/config_file.hpp"
 
-/// What a configuration file may say, one description per struct. A visitor V reads, prints or lists the same fields:
+/// What a configuration file may say, one description per struct. A visitor V reads, prints or
+/// lists the same fields:
 ///
 ///   value(key, x)             one value                word(key, x, words)   an enum
 ///   seconds(key, duration)    a time span in seconds   path(key, text)       a file or folder
@@ -19,6 +20,7 @@ void describe(V& v, TagSetConfig& c) {
   v.value("size_m", c.size_m);
   v.value("sizes_m", c.sizes_m);
   v.value("ignore", c.ignore);
+  v.value("max_hamming", c.max_hamming);
 }
 
 template <class V>

@@ -39,12 +39,15 @@ std::string joined(const Range& range, ToText to_text) {
 }  // namespace
 
 Broken read_value(const YAML::Node& node, bool& out) {
-  if (!is_plain(node) || (node.Scalar() != "true" && node.Scalar() != "false")) return "must be true or false";
+  if (!is_plain(node) || (node.Scalar() != "true" && node.Scalar() != "false"))
+    return "must be true or false";
   out = node.Scalar() == "true";
   return std::nullopt;
 }
 
-Broken read_value(const YAML::Node& node, int& out) { return read_plain(node, out, "must be a whole number"); }
+Broken read_value(const YAML::Node& node, int& out) {
+  return read_plain(node, out, "must be a whole number");
+}
 
 Broken read_value(const YAML::Node& node, std::uint16_t& out) {
   return read_plain(node, out, "must be a whole number in [0, 65535]");
@@ -82,8 +85,8 @@ Broken read_value(const YAML::Node& node, Eigen::Vector3d& out) {
 }
 
 Broken read_value(const YAML::Node& node, Pose& out) {
-  constexpr double kUnit = 1e-3;     // what hand-typed digits may leave out
-  constexpr double kExact = 1e-12;   // below it the text is ours: kept to the last bit
+  constexpr double kUnit = 1e-3;    // what hand-typed digits may leave out
+  constexpr double kExact = 1e-12;  // below it the text is ours: kept to the last bit
   const char* rule = "must be {p: [x, y, z], q_wxyz: [w, x, y, z]} with a unit quaternion";
   if (!node.IsMap()) return rule;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();
@@ -169,7 +172,9 @@ std::string text_of(const std::vector<std::string>& value) {
 }
 
 std::string text_of(const std::map<int, double>& value) {
-  return "{" + joined(value, [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); }) + "}";
+  return "{" +
+         joined(value, [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); }) +
+         "}";
 }
 
 }  // namespace fiducap

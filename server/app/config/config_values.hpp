@@ -26,7 +26,8 @@ using Broken = std::optional<std::string>;
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::uint64_t& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, double& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::string& out);
-[[nodiscard]] Broken read_value(const YAML::Node& node, Pose& out);  ///< {p: [x, y, z], q_wxyz: [w, x, y, z]}
+[[nodiscard]] Broken read_value(const YAML::Node& node,
+                                Pose& out);  ///< {p: [x, y, z], q_wxyz: [w, x, y, z]}
 [[nodiscard]] Broken read_value(const YAML::Node& node, Eigen::Vector3d& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::vector<int>& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::vector<std::string>& out);
@@ -37,7 +38,8 @@ using Broken = std::optional<std::string>;
 [[nodiscard]] std::string text_of(int value);
 [[nodiscard]] std::string text_of(std::uint16_t value);
 [[nodiscard]] std::string text_of(std::uint64_t value);
-[[nodiscard]] std::string text_of(double value);  ///< Shortest text that reads back to the same number.
+[[nodiscard]] std::string text_of(
+    double value);  ///< Shortest text that reads back to the same number.
 [[nodiscard]] std::string text_of(const std::string& value);
 [[nodiscard]] std::string text_of(const Pose& value);
 [[nodiscard]] std::string text_of(const Eigen::Vector3d& value);
@@ -70,7 +72,8 @@ template <typename T>
 }
 
 template <typename E>
-[[nodiscard]] Broken read_word(const YAML::Node& node, std::span<const words::Word<E>> vocabulary, E& out) {
+[[nodiscard]] Broken read_word(const YAML::Node& node, std::span<const words::Word<E>> vocabulary,
+                               E& out) {
   std::string all;
   for (const auto& word : vocabulary) {
     if (node.IsScalar() && node.Scalar() == word.text) {

@@ -18,10 +18,12 @@ inline constexpr std::array<Word<log::Level>, 4> kLogLevel{{{"debug", log::Level
                                                             {"info", log::Level::kInfo},
                                                             {"warning", log::Level::kWarning},
                                                             {"error", log::Level::kError}}};
-inline constexpr std::array<Word<MapMode>, 2> kMapMode{{{"mapping", MapMode::kMapping}, {"frozen", MapMode::kFrozen}}};
-inline constexpr std::array<Word<Distortion>, 3> kDistortion{{{"none", Distortion::kNone},
-                                                              {"radial-tangential", Distortion::kRadialTangential},
-                                                              {"equidistant", Distortion::kEquidistant}}};
+inline constexpr std::array<Word<MapMode>, 2> kMapMode{
+    {{"mapping", MapMode::kMapping}, {"frozen", MapMode::kFrozen}}};
+inline constexpr std::array<Word<Distortion>, 3> kDistortion{
+    {{"none", Distortion::kNone},
+     {"radial-tangential", Distortion::kRadialTangential},
+     {"equidistant", Distortion::kEquidistant}}};
 inline constexpr std::array<Word<SourceType>, 3> kSourceType{{{"simulator", SourceType::kSimulator},
                                                               {"recording", SourceType::kRecording},
                                                               {"camera", SourceType::kCamera}}};

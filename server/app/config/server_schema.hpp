@@ -11,9 +11,15 @@ template <class V>
 void describe(V& v, SourceConfig& c) {
   v.word("type", c.type, words::kSourceType);
   switch (c.type) {
-    case SourceType::kSimulator: describe(v, c.simulator); break;
-    case SourceType::kRecording: describe(v, c.recording); break;
-    case SourceType::kCamera: describe(v, c.camera); break;
+    case SourceType::kSimulator:
+      describe(v, c.simulator);
+      break;
+    case SourceType::kRecording:
+      describe(v, c.recording);
+      break;
+    case SourceType::kCamera:
+      describe(v, c.camera);
+      break;
   }
 }
 

@@ -71,7 +71,8 @@ void describe(V& v, simulation::FaultConfig& c) {
   v.value("moved_by_m", c.moved_by_m);
 }
 
-/// `has_imu` is not here: the body's `use_imu` says it. `paced` neither: the server lives in real time.
+/// `has_imu` is not here: the body's `use_imu` says it. `paced` neither: the server lives in real
+/// time.
 template <class V>
 void describe(V& v, simulation::SimulatedBodyConfig& c) {
   v.list("cameras", c.cameras);

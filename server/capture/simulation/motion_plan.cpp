@@ -109,8 +109,7 @@ Eigen::Vector3d up_for(const Eigen::Vector3d& viewing) {
 Pose view_of(const RecordedTag& tag, Random& random) {
   const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
   const double distance = tag.edge_m * random.uniform(5.0, 8.0);
-  const auto aside = [&](double share) { return distance * random.uniform(-share, share); };
-  Eigen::Vector3d p = tag.X_WT * Eigen::Vector3d(aside(0.25), aside(0.25), distance);
+  Eigen::Vector3d p = tag.X_WT * (distance * random.inside({-0.25, -0.25, 1}, {0.25, 0.25, 1}));
   if (std::abs(normal.z()) < 0.5)
     p.z() = std::clamp(p.z(), tag.X_WT.p.z() - 0.4, tag.X_WT.p.z() + 0.4);
   return look_at(p, tag.X_WT.p, up_for(tag.X_WT.p - p));
@@ -148,14 +147,15 @@ MotionPlan survey(std::uint64_t seed, const RoomConfig& room) {
   std::vector<RecordedTag> tags = by_bearing(tags_of(room));
   if (random.chance(0.5)) std::reverse(tags.begin(), tags.end());
   std::rotate(tags.begin(), tags.begin() + random.below(static_cast<int>(tags.size())), tags.end());
-  // A few tags are looked at from several places, of many every second or third is visited.
+  // A few tags are looked at from several places each, of many some are passed by.
   constexpr std::size_t kFewest = 9;
   const std::size_t rounds = (kFewest + tags.size() - 1) / tags.size();
   std::vector<Pose> waypoints;
   for (std::size_t round = 0; round < rounds; ++round) {
-    for (std::size_t i = 0;
-         i<tags.size(); i += rounds> 1 ? 1 : 1 + static_cast<std::size_t>(random.below(2))) {
+    std::size_t i = 0;
+    while (i < tags.size()) {
       waypoints.push_back(view_of(tags[i], random));
+      i += rounds == 1 && random.chance(0.5) ? 2 : 1;
     }
   }
   return finish(waypoints, random, 0.5, {0.9, 0.9, 1.5}, {0.06, 0.06, 0.04}, {0.05, 0.06, 0.05});
@@ -176,11 +176,8 @@ MotionPlan table(std::uint64_t seed) {
   const Eigen::Vector3d middle(0.2, -0.12, 0);
   std::vector<Pose> waypoints;
   for (int i = 0; i < 24; ++i) {
-    const Eigen::Vector3d p =
-        middle + Eigen::Vector3d(random.uniform(-0.35, 0.35), random.uniform(-0.35, 0.35),
-                                 random.uniform(0.75, 1.15));
-    const Eigen::Vector3d target =
-        middle + Eigen::Vector3d(random.uniform(-0.25, 0.25), random.uniform(-0.12, 0.12), 0);
+    const Eigen::Vector3d p = middle + random.inside({-0.35, -0.35, 0.75}, {0.35, 0.35, 1.15});
+    const Eigen::Vector3d target = middle + random.inside({-0.25, -0.12, 0}, {0.25, 0.12, 0});
     const double turn = random.uniform(-0.5, 0.5);
     waypoints.push_back(look_at(p, target, {std::sin(turn), std::cos(turn), 0}));
   }
@@ -199,12 +196,10 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
     const RecordedTag& tag = tags[static_cast<std::size_t>(looked_at)];
     const double distance = random.uniform(1.3, 2.4);
     const Eigen::Vector3d p =
-        tag.X_WT * Eigen::Vector3d(distance * random.uniform(-0.45, 0.45),
-                                   distance * random.uniform(-0.45, 0.45), distance);
-    const Eigen::Vector3d past(random.uniform(-0.6, 0.6), random.uniform(-0.6, 0.6),
-                               random.uniform(-0.3, 0.3));
-    waypoints.push_back(
-        look_at(p, tag.X_WT.p + past, {random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1}));
+        tag.X_WT * (distance * random.inside({-0.45, -0.45, 1}, {0.45, 0.45, 1}));
+    const Eigen::Vector3d past = random.inside({-0.6, -0.6, -0.3}, {0.6, 0.6, 0.3});
+    const Eigen::Vector3d up = random.inside({-0.2, -0.2, 1}, {0.2, 0.2, 1});
+    waypoints.push_back(look_at(p, tag.X_WT.p + past, up));
   }
   return finish(waypoints, random, 0.3, {1.8, 2.0, 5.0}, {0.05, 0.05, 0.05}, {0.08, 0.08, 0.1});
 }
@@ -227,9 +222,8 @@ MotionPlan ceiling(std::uint64_t seed) {
   Random random(seed, Purpose::kMotion);
   std::vector<Pose> waypoints;
   for (int i = 0; i < 40; ++i) {
-    const Eigen::Vector3d p(random.uniform(-4, 4), random.uniform(-4, 4), random.uniform(0.8, 1.4));
-    const Eigen::Vector3d above =
-        p + Eigen::Vector3d(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2), 1);
+    const Eigen::Vector3d p = random.inside({-4, -4, 0.8}, {4, 4, 1.4});
+    const Eigen::Vector3d above = p + random.inside({-0.2, -0.2, 1}, {0.2, 0.2, 1});
     const double turn = random.uniform(-1.0, 1.0);
     waypoints.push_back(look_at(p, above, {std::sin(turn), std::cos(turn), 0}));
   }

@@ -39,6 +39,13 @@ class Random final {
   /// In [0, 1).
   double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  /// In a box. (Two draws must not be arguments of one call: compilers evaluate those in different
+  /// orders.)
+  Eigen::Vector3d inside(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+    const double x = uniform(low.x(), high.x());
+    const double y = uniform(low.y(), high.y());
+    return {x, y, uniform(low.z(), high.z())};
+  }
   /// In [0, n), n > 0.
   int below(int n) { return static_cast<int>(bits() % static_cast<std::uint64_t>(n)); }
   bool chance(double probability) { return uniform() < probability; }

@@ -91,4 +91,26 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   return error;
 }
 
+BodyEstimate body_in_workspace(const FilterState& state) {
+  namespace eb = estimate_block;
+  BodyEstimate out;
+  const Eigen::Matrix3d R = state.q_WB.toRotationMatrix();
+  out.at = state.time;
+  out.X_WB = state.X_WB();
+  out.v_WB = R * state.v_WB_B;
+  out.bias_f = state.bias_f;
+  out.bias_w = state.bias_w;
+  Eigen::Matrix<double, 15, layout::kBodySize> J = Eigen::Matrix<double, 15, layout::kBodySize>::Zero();
+  J.block<3, 3>(eb::kPosition, layout::kPosition) = R;
+  J.block<3, 3>(eb::kPosition, layout::kAttitude) = -R * skew(state.p_WB_B);
+  J.block<3, 3>(eb::kAttitude, layout::kAttitude) = R;
+  J.block<3, 3>(eb::kVelocity, layout::kVelocity) = R;
+  J.block<3, 3>(eb::kVelocity, layout::kAttitude) = -R * skew(state.v_WB_B);
+  J.block<3, 3>(eb::kBiasF, layout::kBiasF).setIdentity();
+  J.block<3, 3>(eb::kBiasW, layout::kBiasW).setIdentity();
+  const BodyMatrix P_bb = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
+  out.covariance = J * P_bb * J.transpose();
+  return out;
+}
+
 }  // namespace fiducap::robocentric

@@ -7,6 +7,7 @@
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
+#include "estimation/body_estimate.hpp"
 #include "estimation/known_tag.hpp"
 #include "estimation/robocentric/state_layout.hpp"
 
@@ -45,6 +46,12 @@ struct FilterState {
   [[nodiscard]] auto P() { return covariance_.topLeftCorner(size(), size()); }
   [[nodiscard]] auto P() const { return covariance_.topLeftCorner(size(), size()); }
 
+  /// Scratch of 6 × size(), content undefined; kept so that nothing is allocated per image.
+  [[nodiscard]] auto six_rows() {
+    if (six_rows_.cols() < size()) six_rows_.resize(6, covariance_.cols());
+    return six_rows_.leftCols(size());
+  }
+
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const;
   /// Appends a tag, uncorrelated with everything.
@@ -63,6 +70,10 @@ struct FilterState {
 
  private:
   Eigen::MatrixXd covariance_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
 };
+
+/// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and `anchored` are left alone.
+[[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
 
 }  // namespace fiducap::robocentric

@@ -4,7 +4,8 @@ namespace fiducap::robocentric {
 
 void redefine(FilterState& state, int first, int second, std::span<const LinearTerm> terms, const Matrix6d& noise) {
   auto P = state.P();
-  Eigen::Matrix<double, 6, Eigen::Dynamic> rows = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, state.size());
+  auto rows = state.six_rows();
+  rows.setZero();
   for (const LinearTerm& term : terms) rows.noalias() += term.J * P.middleRows<3>(term.at);
   Matrix6d self = noise;
   for (const LinearTerm& term : terms) self.noalias() += rows.middleCols<3>(term.at) * term.J.transpose();

@@ -5,8 +5,15 @@
 
 #include "capture/camera_model.hpp"
 #include "estimation/robocentric/corner_update.hpp"
+#include "estimation/robocentric/propagation.hpp"
 
 namespace fiducap::robocentric {
+
+// "Unknown" for a linear filter that is linearised at the right place; velocity and rate as at a start.
+inline constexpr double kUnknownStep_m = 30.0;
+inline constexpr double kUnknownTurn_rad = 2.0;
+inline constexpr double kStartVelocity_m_s = 1.0;
+inline constexpr double kStartRate_rad_s = 1.0;  // without IMU
 
 /// What is known beforehand about the motion since the last image.
 struct StepGuess {
@@ -29,5 +36,10 @@ struct StepFound {
 [[nodiscard]] std::optional<StepFound> find_step(const FilterState& state, int camera, const CameraModel& model,
                                                  std::span<const TagToUse> tags, const StepGuess& guess,
                                                  double corner_noise_px);
+
+/// Moves the body's mean by X_B0B, velocity to zero. The step is linearised where the corners say it is, so it may be as
+/// uncertain as it likes.
+/// @return the motion to hand to FrameTransition
+[[nodiscard]] MotionSinceImage step_by_unknown_motion(FilterState& state, const Pose& X_B0B, bool has_imu);
 
 }  // namespace fiducap::robocentric

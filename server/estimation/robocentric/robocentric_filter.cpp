@@ -16,8 +16,6 @@ namespace {
 
 // How little is known at the start, 1-sigma.
 constexpr double kStartTilt_rad = 0.1;
-constexpr double kStartVelocity_m_s = 1.0;
-constexpr double kStartRate_rad_s = 1.0;  // without IMU
 constexpr double kStartBiasF_m_s2 = 0.2;
 constexpr double kStartBiasW_rad_s = 0.02;
 // After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
@@ -26,25 +24,19 @@ constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 constexpr double kStepWithImu_s = 0.02;
 constexpr double kStepWithoutImu_s = 0.05;
-// More readings than this without an image are integrated all the same.
-constexpr std::size_t kMostPendingImu = 512;
 // An update far from the linearisation point is iterated.
 constexpr int kFirstIterations = 5;
 constexpr int kCornerStepIterations = 2;
 // Contradictions in a row before something is given up.
 constexpr int kRejectionsToDrop = 10;
 constexpr int kBarrenToRestart = 20;
+// A tag is believed to be there after so many views.
+constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
-// "Unknown" motion after being adrift.
-constexpr double kUnknownStep_m = 30.0;
-constexpr double kUnknownTurn_rad = 2.0;
+// After being adrift the gyro still says how the body turned.
 constexpr double kGyroTurn_rad = 0.1;
-// An IMU gap is bridged with this rate uncertainty.
-constexpr double kGapRate_rad_s_rtHz = 1.0;
-
-bool is_finite(const ImuSample& s) { return s.w_WB_B.allFinite() && s.f_B.allFinite(); }
 
 }  // namespace
 
@@ -54,9 +46,9 @@ RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, 
       config_(config),
       gate_(chi_square_quantile(8, config.gate_probability)),
       gravity_W_(0, 0, -sensors_.gravity_m_s2),
-      candidates_(config) {
+      candidates_(config),
+      imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
-  imu_.reserve(kMostPendingImu);
   restart();
 }
 
@@ -125,43 +117,17 @@ void RobocentricFilter::start(Instant at) {
 }
 
 void RobocentricFilter::propagate(const ImuSample& imu) {
-  if (!has_imu() || !is_finite(imu)) return;
-  if (!imu_.empty() && imu.sampled_at <= imu_.back().sampled_at) return;
-  if (!imu_.empty()) attitude_.add(imu_.back(), state_.bias_w, state_.bias_f);
-  imu_.push_back(imu);
+  if (!has_imu()) return;
+  const std::optional<ImuSample> before = imu_.newest();
+  if (!imu_.push(imu)) return;
+  if (before) attitude_.add(*before, state_.bias_w, state_.bias_f);
   if (mode_ != Mode::kRunning) {
-    if (imu_.size() > 2) imu_.erase(imu_.begin());
-  } else if (imu_.size() >= kMostPendingImu) {
+    imu_.keep_newest_pair();
+  } else if (imu_.is_full()) {
     // No image for long: move on without one. The newest sample may still close an image's interval.
-    integrate_to(imu_[imu_.size() - 2].sampled_at);
+    integrate_to(imu_.before_newest().sampled_at);
     transition_.apply(state_, motion_);
   }
-}
-
-void RobocentricFilter::forget_imu_before(Instant at) {
-  const auto after = std::find_if(imu_.begin(), imu_.end(), [&](const ImuSample& s) { return s.sampled_at > at; });
-  if (after - imu_.begin() > 1) imu_.erase(imu_.begin(), after - 1);  // the last one before `at` opens the interval
-}
-
-InertialInput RobocentricFilter::input_between(const ImuSample& a, const ImuSample& b, Instant from, Instant to) const {
-  InertialInput input;
-  const ImuNoise& noise = *sensors_.imu;
-  input.gyro_noise = noise.gyro_noise_rad_s_rtHz;
-  input.accel_noise = noise.accel_noise_m_s2_rtHz;
-  input.gyro_walk = noise.gyro_walk_rad_s2_rtHz;
-  input.accel_walk = noise.accel_walk_m_s3_rtHz;
-  const Duration span = b.sampled_at - a.sampled_at;
-  const Instant middle = from + (to - from) / 2;
-  const double share =
-      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0) : 1.0;
-  input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
-  input.f_B = a.f_B + share * (b.f_B - a.f_B);
-  const bool gap = to_seconds(span) > config_.max_imu_gap_s || to_seconds(to - b.sampled_at) > config_.max_imu_gap_s;
-  if (gap) {
-    input.gyro_noise = std::hypot(input.gyro_noise, kGapRate_rad_s_rtHz);
-    input.accel_noise = std::hypot(input.accel_noise, config_.motion_accel_m_s2_rtHz);
-  }
-  return input;
 }
 
 void RobocentricFilter::integrate_to(Instant to) {
@@ -172,16 +138,11 @@ void RobocentricFilter::integrate_to(Instant to) {
     input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
     return step_to(to, input, kStepWithoutImu_s);
   }
-  for (std::size_t i = 0; i < imu_.size() && state_.time < to; ++i) {
-    const ImuSample& a = imu_[i == 0 ? 0 : i - 1];
-    const Instant end = std::min(to, imu_[i].sampled_at);
-    if (end > state_.time) step_to(end, input_between(a, imu_[i], state_.time, end), kStepWithImu_s);
+  while (state_.time < to) {
+    const Instant end = imu_.end_of_interval(state_.time, to);
+    step_to(end, imu_.input_between(state_.time, end), kStepWithImu_s);
   }
-  // Beyond the newest sample its reading holds.
-  if (state_.time < to && !imu_.empty()) {
-    step_to(to, input_between(imu_.back(), imu_.back(), state_.time, to), kStepWithImu_s);
-  }
-  forget_imu_before(to);
+  imu_.forget_before(to);
 }
 
 void RobocentricFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
@@ -284,32 +245,8 @@ bool RobocentricFilter::come_back(const TagObservations& seen) {
   return true;
 }
 
-void RobocentricFilter::jump(const Pose& D, Instant at) {
-  // The step is linearised where the corners say it is, so it may be as uncertain as it likes.
-  const Eigen::Matrix3d R_back = D.rotation().transpose();
-  state_.p_WB_B = R_back * (state_.p_WB_B + D.p);
-  state_.q_WB = (state_.q_WB * D.q).normalized();
-  state_.v_WB_B.setZero();
-  motion_.restart();
-  motion_.X_B0B = D;
-  motion_.Phi.block<3, 3>(kPosition, kPosition) = R_back;
-  motion_.Phi.block<3, 3>(kAttitude, kAttitude) = R_back;
-  motion_.Phi.block<3, 3>(kVelocity, kVelocity).setZero();
-  Eigen::Matrix<double, kMotionSize, 6> from_step = Eigen::Matrix<double, kMotionSize, 6>::Zero();
-  from_step.block<3, 3>(kPosition, 0).setIdentity();
-  from_step.block<3, 3>(kPosition, 3) = skew(state_.p_WB_B);
-  from_step.block<3, 3>(kAttitude, 3).setIdentity();
-  from_step.block<6, 6>(kStepPosition, 0).setIdentity();
-  Matrix6d S = Matrix6d::Zero();
-  S.diagonal() << Eigen::Vector3d::Constant(kUnknownStep_m * kUnknownStep_m),
-      Eigen::Vector3d::Constant(kUnknownTurn_rad * kUnknownTurn_rad);
-  motion_.Q = from_step * S * from_step.transpose();
-  motion_.Q.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
-  if (!has_imu()) {
-    state_.bias_w.setZero();
-    motion_.Phi.block<3, 3>(kBiasW, kBiasW).setZero();
-    motion_.Q.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
-  }
+void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
+  motion_ = step_by_unknown_motion(state_, X_B0B, has_imu());
   transition_.apply(state_, motion_);
   state_.time = at;
   mode_ = Mode::kRunning;
@@ -361,10 +298,11 @@ std::optional<CameraAttitude> RobocentricFilter::camera_attitude(int camera, Ins
 void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
   if (has_imu() && !attitude_.ready()) return;
   const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
+  const int at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, forced_after);
+    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
     if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
   }
 }
@@ -440,32 +378,14 @@ void RobocentricFilter::tie_workspace(UpdateReport& report) {
 
 BodyEstimate RobocentricFilter::estimate() const {
   FIDUCAP_ASSERT(running());
-  BodyEstimate out;
-  const Eigen::Matrix3d R = state_.q_WB.toRotationMatrix();
-  out.at = state_.time;
-  out.X_WB = state_.X_WB();
-  out.v_WB = R * state_.v_WB_B;
-  out.bias_f = state_.bias_f;
-  out.bias_w = state_.bias_w;
+  BodyEstimate out = body_in_workspace(state_);
   out.anchored = anchor_ != Anchor::kNone;
   out.w_WB_B = -state_.bias_w;
-  if (has_imu() && !imu_.empty()) {
-    const ImuSample& next = imu_[std::min<std::size_t>(1, imu_.size() - 1)];
-    const InertialInput input = input_between(imu_.front(), next, state_.time, state_.time);
+  if (has_imu() && imu_.newest()) {
+    const InertialInput input = imu_.input_between(state_.time, state_.time);
     out.w_WB_B = input.w_B - state_.bias_w;
-    out.a_WB = R * (input.f_B - state_.bias_f) + gravity_W_;
+    out.a_WB = state_.q_WB * (input.f_B - state_.bias_f) + gravity_W_;
   }
-  namespace eb = estimate_block;
-  Eigen::Matrix<double, 15, kBodySize> J = Eigen::Matrix<double, 15, kBodySize>::Zero();
-  J.block<3, 3>(eb::kPosition, kPosition) = R;
-  J.block<3, 3>(eb::kPosition, kAttitude) = -R * skew(state_.p_WB_B);
-  J.block<3, 3>(eb::kAttitude, kAttitude) = R;
-  J.block<3, 3>(eb::kVelocity, kVelocity) = R;
-  J.block<3, 3>(eb::kVelocity, kAttitude) = -R * skew(state_.v_WB_B);
-  J.block<3, 3>(eb::kBiasF, kBiasF).setIdentity();
-  J.block<3, 3>(eb::kBiasW, kBiasW).setIdentity();
-  const BodyMatrix P_bb = state_.P().topLeftCorner<kBodySize, kBodySize>();
-  out.covariance = J * P_bb * J.transpose();
   return out;
 }
 

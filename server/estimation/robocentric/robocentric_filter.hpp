@@ -8,6 +8,7 @@
 #include "estimation/robocentric/attitude_start.hpp"
 #include "estimation/robocentric/corner_update.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
+#include "estimation/robocentric/imu_buffer.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/relink.hpp"
 #include "estimation/robocentric/tag_candidates.hpp"
@@ -57,8 +58,6 @@ class RobocentricFilter final : public BodyFilter {
   void start(Instant at);
   void integrate_to(Instant to);
   void step_to(Instant to, const InertialInput& input, double longest_s);
-  [[nodiscard]] InertialInput input_between(const ImuSample& a, const ImuSample& b, Instant from, Instant to) const;
-  void forget_imu_before(Instant at);
 
   void sort_tags(const TagObservations& seen, std::span<const KnownTag> known);
   bool move_to(const TagObservations& seen);
@@ -88,10 +87,10 @@ class RobocentricFilter final : public BodyFilter {
   CornerUpdate corner_update_;
   AttitudeStart attitude_;
   TagCandidates candidates_;
+  ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;
   std::map<int, KnownTag> priors_;
-  std::vector<ImuSample> imu_;  ///< From the last reading at or before the state's time on.
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
   std::vector<TagToUse> fresh_;   ///< … and those that may join it.

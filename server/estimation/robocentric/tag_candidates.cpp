@@ -27,7 +27,8 @@ void TagCandidates::forget(int tag_id) {
 }
 
 std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                         const std::optional<CameraAttitude>& attitude, int forced_after) {
+                                         const std::optional<CameraAttitude>& attitude, int at_least,
+                                         int forced_after) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
@@ -35,7 +36,8 @@ std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen,
   const bool forced = forced_after > 0 && candidate.seen_times >= forced_after;
   const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
                                 : judge_alone(candidate, poses, forced);
-  if (decided) forget(seen.tag_id);
+  if (!decided || candidate.seen_times < at_least) return std::nullopt;
+  forget(seen.tag_id);
   return decided;
 }
 

@@ -26,10 +26,12 @@ class TagCandidates final {
   explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
 
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
+  /// @param at_least      views before a tag is believed at all: a phantom id is rarely seen twice
   /// @param forced_after  a branch is taken without enough evidence after so many views; 0: never
   /// @return the tag in the camera's axes once its branch is certain, else nullopt
   [[nodiscard]] std::optional<Pose> judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                          const std::optional<CameraAttitude>& attitude, int forced_after);
+                                          const std::optional<CameraAttitude>& attitude, int at_least,
+                                          int forced_after);
   void forget(int tag_id);
   void forget_all() { candidates_.clear(); }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }

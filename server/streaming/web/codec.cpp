@@ -14,13 +14,15 @@ constexpr std::size_t kLongestText = 1000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
 constexpr double kMillimetres = 1e3;
 
-// Digits a page can show, no more: a frame is a third as long as with all of a double's digits. As a quotient, so that
-// 0.1 is written `0.1` and not `0.09999999999999999`.
+// Digits a page can show, no more: a frame is a third as long as with all of a double's digits. As
+// a quotient, so that 0.1 is written `0.1` and not `0.09999999999999999`.
 double rounded(double value, double parts) { return std::round(value * parts) / parts; }
 double micro(double value) { return rounded(value, 1e6); }
 double milli(double value) { return rounded(value, 1e3); }
 
-Json vector_json(const Eigen::Vector3d& v) { return Json::array({micro(v.x()), micro(v.y()), micro(v.z())}); }
+Json vector_json(const Eigen::Vector3d& v) {
+  return Json::array({micro(v.x()), micro(v.y()), micro(v.z())});
+}
 
 Json quaternion_json(const Eigen::Quaterniond& q) {
   return Json::array({micro(q.w()), micro(q.x()), micro(q.y()), micro(q.z())});
@@ -38,11 +40,18 @@ Json covariance_json(const Eigen::MatrixBase<Derived>& c) {
 double to_ms(Duration d) { return milli(to_seconds(d) * 1e3); }
 
 // Bytes that are not UTF-8 (a body's name, a peer's text) become U+FFFD instead of an exception.
-std::string text_of(const Json& json) { return json.dump(-1, ' ', false, Json::error_handler_t::replace); }
+std::string text_of(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+// Every pose a filter gave has a covariance. Without one the zeros are no place, not even an old
+// one.
+bool was_ever_placed(const BodyPose& body) {
+  return body.valid || body.covariance.diagonal().head<3>().maxCoeff() > 0;
+}
 
 void add_pose(Json& out, const BodyPose& body) {
-  // Searching means: nothing ties this body to the workspace. Its numbers are about nowhere.
-  if (!body.valid && body.state == BodyState::kSearching) {
+  if (!was_ever_placed(body)) {
     for (const char* name :
          {"p", "q", "v", "speed", "turn_rate_deg_s", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
       out[name] = nullptr;
@@ -98,7 +107,8 @@ std::string encode_hello(const Hello& hello, const SceneModel& model) {
            {"map_mode", hello.map_mode},
            {"page_rate_hz", hello.rate_hz},
            {"bodies", Json::array()}};
-  for (const auto& body : model.bodies) out["bodies"].push_back({{"id", body.id}, {"name", body.name}});
+  for (const auto& body : model.bodies)
+    out["bodies"].push_back({{"id", body.id}, {"name", body.name}});
   return text_of(out);
 }
 

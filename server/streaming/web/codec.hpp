@@ -8,8 +8,9 @@
 #include "scene/scene_frame.hpp"
 #include "streaming/streamer.hpp"
 
-// The page's JSON messages, each an object with `type`. Positions in m, workspace axes, z up; quaternions w x y z, unit;
-// a number that is not finite becomes null. The reader is web/src/protocol.ts.
+// The page's JSON messages, each an object with `type`. Positions in m, workspace axes, z up;
+// quaternions w x y z, unit; a number that is not finite becomes null. The reader is
+// web/src/protocol.ts.
 namespace fiducap::web {
 
 /// What a page learns first, and again when the list of bodies changes.
@@ -23,20 +24,22 @@ struct Hello {
 /// `hello`: server, version, map_mode, page_rate_hz, bodies [{id, name}]
 [[nodiscard]] std::string encode_hello(const Hello& hello, const SceneModel& model);
 
-/// `map`: version, parent, hash, family, reference_tag (or null), comment, tags [{id, edge_m, state, component, sightings,
-/// p, q, sigma_mm, cov}]; cov is the position covariance xx xy xz yy yz zz in m².
+/// `map`: version, parent, hash, family, reference_tag (or null), comment, tags [{id, edge_m,
+/// state, component, sightings, p, q, sigma_mm, cov}]; cov is the position covariance xx xy xz yy
+/// yz zz in m².
 [[nodiscard]] std::string encode_map(const TagMap& map);
 
-/// `frame`: number, utc_ms, rate_hz, map_version, bodies [{id, state, valid, p, q, v, speed, turn_rate_deg_s, sigma_mm,
-/// sigma_deg, cov, age_ms, latency_ms, tags, image_rate_hz, reprojection_px, images_dropped}].
-/// A body that was never tied to the workspace has p, q, v, cov, speed, turn rate, sigmas and age null: it has no pose,
-/// not even an old one.
+/// `frame`: number, utc_ms, rate_hz, map_version, bodies [{id, state, valid, p, q, v, speed,
+/// turn_rate_deg_s, sigma_mm, sigma_deg, cov, age_ms, latency_ms, tags, image_rate_hz,
+/// reprojection_px, images_dropped}]. A body that was never placed in the workspace has p, q, v,
+/// cov, speed, turn rate, sigmas and age null: it has no pose, not even an old one.
 [[nodiscard]] std::string encode_frame(const SceneFrame& frame);
 
 /// `clients`: clients [{protocol, peer, detail, sent, dropped, connected_s}]
 [[nodiscard]] std::string encode_clients(std::span<const ClientStatus> clients);
 
-/// `log`: lines [{n, utc_ms, level, room, text}], oldest first; a text longer than 1000 bytes is cut.
+/// `log`: lines [{n, utc_ms, level, room, text}], oldest first; a text longer than 1000 bytes is
+/// cut.
 [[nodiscard]] std::string encode_log(std::span<const log::Line> lines);
 
 /// The answer of `/api/v1/state`: every message above under its type's name.

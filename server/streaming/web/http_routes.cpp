@@ -55,7 +55,8 @@ std::string lower(std::string_view text) {
 std::string with_port(std::string host, std::string_view port) {
   const auto colon = host.rfind(':');
   const auto bracket = host.rfind(']');
-  const bool has_port = colon != std::string::npos && (bracket == std::string::npos || colon > bracket);
+  const bool has_port =
+      colon != std::string::npos && (bracket == std::string::npos || colon > bracket);
   return has_port ? host : host + ":" + std::string(port);
 }
 
@@ -68,9 +69,12 @@ HttpResponse plain_response(int status, std::string text) {
   return response;
 }
 
-std::string_view path_of(std::string_view target) { return target.substr(0, target.find_first_of("?#")); }
+std::string_view path_of(std::string_view target) {
+  return target.substr(0, target.find_first_of("?#"));
+}
 
-HttpResponse answer(const HttpRequest& request, const PageFiles& page, const RouteSources& sources) {
+HttpResponse answer(const HttpRequest& request, const PageFiles& page,
+                    const RouteSources& sources) {
   if (request.method != "GET" && request.method != "HEAD") {
     return plain_response(405, "expected GET or HEAD\n");
   }

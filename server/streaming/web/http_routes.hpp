@@ -22,7 +22,7 @@ struct HttpResponse {
   int status{200};
   std::string content_type{"text/plain; charset=utf-8"};
   std::shared_ptr<const std::string> body;
-  std::string etag;                       ///< Empty: none.
+  std::string etag;  ///< Empty: none.
   std::string cache_control{"no-store"};
 };
 
@@ -34,19 +34,23 @@ struct RouteSources {
 
 [[nodiscard]] HttpResponse plain_response(int status, std::string text);
 
-/// GET and HEAD of the page, `/api/v1/state` and `/healthz`; everything else is an error status with one plain line.
-[[nodiscard]] HttpResponse answer(const HttpRequest& request, const PageFiles& page, const RouteSources& sources);
+/// GET and HEAD of the page, `/api/v1/state` and `/healthz`; everything else is an error status
+/// with one plain line.
+[[nodiscard]] HttpResponse answer(const HttpRequest& request, const PageFiles& page,
+                                  const RouteSources& sources);
 
 /// The path of a target without its query: `/x?y` → `/x`.
 [[nodiscard]] std::string_view path_of(std::string_view target);
 
-/// May a page of `origin` open the live socket of `host`? Programs that are no browser send no origin and may.
+/// May a page of `origin` open the live socket of `host`? Programs that are no browser send no
+/// origin and may.
 /// @param origin  e.g. `http://hall:8080`   @param host  e.g. `hall:8080`
 [[nodiscard]] bool same_origin(std::string_view origin, std::string_view host);
 
 /// Sent with every answer: nothing from elsewhere runs in the page, and the page runs nowhere else.
 inline constexpr std::string_view kContentSecurityPolicy =
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src "
+    "'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 }  // namespace fiducap::web

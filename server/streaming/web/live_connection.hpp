@@ -19,11 +19,13 @@ using Message = std::shared_ptr<const std::string>;
 enum class Topic : std::size_t { kHello, kMap, kFrame, kClients, kLog };
 inline constexpr std::size_t kTopics = 5;
 
-/// One live page's conversation, without its socket: one waiting message per topic, the newest wins, so a page that
-/// reads slowly costs five messages and no more. Only frames count as dropped; log lines wait until there is room.
+/// One live page's conversation, without its socket: one waiting message per topic, the newest
+/// wins, so a page that reads slowly costs five messages and no more. Only frames count as dropped;
+/// log lines wait until there is room.
 class LiveConnection final {
  public:
-  LiveConnection(std::string peer, Instant connected_at) : peer_(std::move(peer)), connected_at_(connected_at) {}
+  LiveConnection(std::string peer, Instant connected_at)
+      : peer_(std::move(peer)), connected_at_(connected_at) {}
 
   /// Leaves `message` for the page; a waiting one of the same topic is forgotten.
   void offer(Topic topic, Message message);

@@ -14,7 +14,8 @@ using namespace std::chrono_literals;
 constexpr Duration kTickPeriod = 1s;
 // While mapping, a map may change with every image; a page is served well by two a second.
 constexpr Duration kMapPeriod = 500ms;
-// A frame this much early is taken: waiting for the next one would halve the rate of a jittering publisher.
+// A frame this much early is taken: waiting for the next one would halve the rate of a jittering
+// publisher.
 constexpr Duration kJitter = 2ms;
 constexpr Duration kFrozenAfter = 2s;
 
@@ -22,8 +23,11 @@ Message shared(std::string text) { return std::make_shared<const std::string>(st
 
 }  // namespace
 
-LiveFeed::LiveFeed(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model)
-    : frame_period_(from_seconds(1.0 / config.rate_hz)), sources_(std::move(sources)), model_(std::move(model)) {}
+LiveFeed::LiveFeed(const WebConfig& config, WebSources sources,
+                   std::shared_ptr<const SceneModel> model)
+    : frame_period_(from_seconds(1.0 / config.rate_hz)),
+      sources_(std::move(sources)),
+      model_(std::move(model)) {}
 
 std::shared_ptr<LiveConnection> LiveFeed::join(std::string peer, Instant now) {
   auto connection = std::make_shared<LiveConnection>(std::move(peer), now);
@@ -89,11 +93,13 @@ void LiveFeed::offer_log(LiveConnection& connection) const {
 
 Message LiveFeed::hello() const {
   return shared(encode_hello(
-      {sources_.server_name, sources_.version, sources_.map_mode, 1.0 / to_seconds(frame_period_)}, *model_));
+      {sources_.server_name, sources_.version, sources_.map_mode, 1.0 / to_seconds(frame_period_)},
+      *model_));
 }
 
 Message LiveFeed::clients() const {
-  return shared(encode_clients(sources_.clients ? sources_.clients() : std::vector<ClientStatus>{}));
+  return shared(
+      encode_clients(sources_.clients ? sources_.clients() : std::vector<ClientStatus>{}));
 }
 
 std::string LiveFeed::state() const {

@@ -10,8 +10,9 @@
 
 namespace fiducap::web {
 
-/// What the live pages get, and when: frames at the page's rate, the map when it changes, clients and log once a second.
-/// Encodes once for all pages, and not at all while nobody looks. No socket, no thread; time comes in.
+/// What the live pages get, and when: frames at the page's rate, the map when it changes, clients
+/// and log once a second. Encodes once for all pages, and not at all while nobody looks. No socket,
+/// no thread; time comes in.
 class LiveFeed final {
  public:
   LiveFeed(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model);
@@ -24,7 +25,9 @@ class LiveFeed final {
   /// Clients and log, when a second has passed since the last time.
   void tick(Instant now);
 
-  [[nodiscard]] const std::vector<std::shared_ptr<LiveConnection>>& connections() const { return connections_; }
+  [[nodiscard]] const std::vector<std::shared_ptr<LiveConnection>>& connections() const {
+    return connections_;
+  }
   /// JSON of `/api/v1/state`.
   [[nodiscard]] std::string state() const;
   /// Empty when frames flow; else one sentence.

@@ -64,12 +64,14 @@ PageFiles PageFiles::load(const fs::path& root) {
   PageFiles page;
   std::error_code error;
   std::uintmax_t bytes = 0;
-  for (fs::recursive_directory_iterator at(root, error), end; !error && at != end; at.increment(error)) {
+  for (fs::recursive_directory_iterator at(root, error), end; !error && at != end;
+       at.increment(error)) {
     const auto type = type_of(at->path());
     if (!type || !fs::is_regular_file(at->symlink_status(error))) continue;
     bytes += fs::file_size(at->path(), error);
     if (error || page.files_.size() == kMostFiles || bytes > kMostBytes) {
-      log::warning("web", "page folder " + root.string() + " is larger than a page: the rest is not served");
+      log::warning(
+          "web", "page folder " + root.string() + " is larger than a page: the rest is not served");
       break;
     }
     auto content = read(at->path());

@@ -12,11 +12,12 @@ namespace fiducap::web {
 struct PageFile {
   std::shared_ptr<const std::string> body;
   std::string content_type;
-  std::string etag;          ///< Of the content, with its quotes.
-  bool never_changes{};      ///< Its name carries its content's hash.
+  std::string etag;      ///< Of the content, with its quotes.
+  bool never_changes{};  ///< Its name carries its content's hash.
 };
 
-/// The bundled page, read once at start. Serving is a look-up by exact name, so no request can reach another file.
+/// The bundled page, read once at start. Serving is a look-up by exact name, so no request can
+/// reach another file.
 class PageFiles final {
  public:
   /// Regular files of known types under `root`, bounded in number and size; links are not followed.
@@ -31,7 +32,8 @@ class PageFiles final {
   std::map<std::string, PageFile, std::less<>> files_;
 };
 
-/// @param configured  from the configuration; empty: `web` or `../share/fiducap/web` beside the running program
+/// @param configured  from the configuration; empty: `web` or `../share/fiducap/web` beside the
+/// running program
 [[nodiscard]] std::filesystem::path page_root(const std::string& configured);
 
 }  // namespace fiducap::web

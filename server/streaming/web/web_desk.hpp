@@ -11,10 +11,12 @@
 
 namespace fiducap::web {
 
-/// Everything a session asks its server, without a socket. Shared by the sessions, so that it outlives the last of them.
+/// Everything a session asks its server, without a socket. Shared by the sessions, so that it
+/// outlives the last of them.
 class WebDesk final {
  public:
-  WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model, const Clock& clock)
+  WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
+          const Clock& clock)
       : page_(PageFiles::load(page_root(config.root))),
         feed_(config, std::move(sources), std::move(model)),
         most_pages_(static_cast<std::size_t>(config.max_clients)),

@@ -24,13 +24,17 @@ constexpr auto kTick = 1s;
 constexpr auto kAcceptPause = 100ms;
 
 Error bind_error(const WebConfig& config, const ErrorCodeOf& error) {
-  const std::string context = "web server on " + config.address + " port " + std::to_string(config.port);
+  const std::string context =
+      "web server on " + config.address + " port " + std::to_string(config.port);
   if (error == asio::error::address_in_use) {
     return {ErrorCode::kUnavailable,
-            "another program has this port; end it, or set streaming.web.port to another one (0: any free one)", context};
+            "another program has this port; end it, or set streaming.web.port to another one (0: "
+            "any free one)",
+            context};
   }
   if (error == asio::error::access_denied) {
-    return {ErrorCode::kUnavailable, "ports below 1024 need special rights; set streaming.web.port above", context};
+    return {ErrorCode::kUnavailable,
+            "ports below 1024 need special rights; set streaming.web.port above", context};
   }
   return {ErrorCode::kUnavailable,
           error.message() + "; streaming.web.address must be an address of this machine", context};
@@ -41,7 +45,11 @@ Error bind_error(const WebConfig& config, const ErrorCodeOf& error) {
 class WebServer::Impl final : public std::enable_shared_from_this<WebServer::Impl> {
  public:
   Impl(asio::io_context& io, std::shared_ptr<WebDesk> desk, std::size_t most_connections)
-      : acceptor_(io), timer_(io), pause_(io), desk_(std::move(desk)), most_connections_(most_connections) {}
+      : acceptor_(io),
+        timer_(io),
+        pause_(io),
+        desk_(std::move(desk)),
+        most_connections_(most_connections) {}
 
   [[nodiscard]] ErrorCodeOf listen(const tcp::endpoint& at);
   void start() {
@@ -96,7 +104,8 @@ void WebServer::Impl::on_accepted(ErrorCodeOf error, tcp::socket socket) {
   }
   std::erase_if(sessions_, [](const auto& session) { return session.expired(); });
   // Above the limit the socket closes by itself here.
-  if (sessions_.size() < most_connections_) sessions_.push_back(start_session(std::move(socket), desk_));
+  if (sessions_.size() < most_connections_)
+    sessions_.push_back(start_session(std::move(socket), desk_));
   accept();
 }
 
@@ -123,7 +132,8 @@ void WebServer::Impl::pump_all() {
 }
 
 void WebServer::Impl::append_clients(std::vector<ClientStatus>& out) const {
-  for (const auto& connection : desk_->feed().connections()) out.push_back(connection->status(desk_->now()));
+  for (const auto& connection : desk_->feed().connections())
+    out.push_back(connection->status(desk_->now()));
 }
 
 void WebServer::Impl::stop() {
@@ -144,21 +154,25 @@ void WebServer::stop() { impl_->stop(); }
 std::uint16_t WebServer::port() const { return impl_->port(); }
 
 Expected<std::unique_ptr<WebServer>> start_web_server(asio::io_context& io, const WebConfig& config,
-                                                      WebSources sources, std::shared_ptr<const SceneModel> model,
+                                                      WebSources sources,
+                                                      std::shared_ptr<const SceneModel> model,
                                                       const Clock& clock) {
   ErrorCodeOf error;
   const auto address = asio::ip::make_address(config.address, error);
   if (error) {
-    return fail(ErrorCode::kInvalid, "expected an IP address like 127.0.0.1 or ::, got `" + config.address + "`",
+    return fail(ErrorCode::kInvalid,
+                "expected an IP address like 127.0.0.1 or ::, got `" + config.address + "`",
                 "streaming.web.address");
   }
   auto desk = std::make_shared<WebDesk>(config, std::move(sources), std::move(model), clock);
   if (!desk->has_page()) {
-    log::warning("web", "no page bundle in " + page_root(config.root).string() + ": only the API is served");
+    log::warning(
+        "web", "no page bundle in " + page_root(config.root).string() + ": only the API is served");
   }
   auto impl = std::make_shared<WebServer::Impl>(
       io, std::move(desk), static_cast<std::size_t>(config.max_clients) + kPlainConnections);
-  if (const auto failed = impl->listen({address, config.port})) return tl::unexpected(bind_error(config, failed));
+  if (const auto failed = impl->listen({address, config.port}))
+    return tl::unexpected(bind_error(config, failed));
   impl->start();
   const std::string host = address.is_v6() ? "[" + config.address + "]" : config.address;
   log::info("web", "page at http://" + host + ":" + std::to_string(impl->port()) + "/");

@@ -32,7 +32,8 @@ constexpr auto kRequestTimeout = 15s;
 constexpr auto kResponseTimeout = 30s;
 constexpr auto kLingerTimeout = 2s;
 constexpr Duration kReaderPatience = 5s;
-// Small, so that a page that stopped reading shows after a few frames instead of after megabytes in the kernel.
+// Small, so that a page that stopped reading shows after a few frames instead of after megabytes in
+// the kernel.
 constexpr int kSendBuffer = 256 * 1024;
 constexpr std::size_t kLongestClientMessage = 1024;
 
@@ -41,7 +42,8 @@ std::string peer_text(const asio::ip::tcp::socket& socket) {
   const auto peer = socket.remote_endpoint(error);
   if (error) return "gone";
   const std::string address = peer.address().to_string();
-  return (peer.address().is_v6() ? "[" + address + "]" : address) + ":" + std::to_string(peer.port()) + " tcp";
+  return (peer.address().is_v6() ? "[" + address + "]" : address) + ":" +
+         std::to_string(peer.port()) + " tcp";
 }
 
 std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
@@ -103,7 +105,8 @@ void WebSession::read_request() {
 void WebSession::on_request(ErrorCodeOf error, std::size_t) {
   if (error) return refuse(error);
   const auto& request = parser_->get();
-  if (websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath) return upgrade();
+  if (websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath)
+    return upgrade();
   send(desk_->answer({view(request.method_string()), view(request.target()),
                       view(request[http::field::if_none_match])}),
        request.keep_alive());
@@ -113,10 +116,13 @@ void WebSession::refuse(ErrorCodeOf error) {
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
     return send(plain_response(431, "request header larger than 8 KiB\n"), false);
   }
-  if (error == http::error::unexpected_body) return send(plain_response(413, "expected no body\n"), false);
-  // Anything else of the parser is not HTTP; the rest are ends and timeouts, which nobody waits to hear about.
-  const bool malformed = error.category() == http::make_error_code(http::error::bad_method).category() &&
-                         error != http::error::end_of_stream && error != http::error::partial_message;
+  if (error == http::error::unexpected_body)
+    return send(plain_response(413, "expected no body\n"), false);
+  // Anything else of the parser is not HTTP; the rest are ends and timeouts, which nobody waits to
+  // hear about.
+  const bool malformed =
+      error.category() == http::make_error_code(http::error::bad_method).category() &&
+      error != http::error::end_of_stream && error != http::error::partial_message;
   if (malformed) return send(plain_response(400, "not an HTTP request\n"), false);
   close();
 }
@@ -148,7 +154,8 @@ void WebSession::on_sent(ErrorCodeOf error, std::size_t) {
   linger();
 }
 
-// Closing on unread bytes would reset the connection and take the answer with it: the rest is read and forgotten.
+// Closing on unread bytes would reset the connection and take the answer with it: the rest is read
+// and forgotten.
 void WebSession::linger() {
   buffer_.clear();
   tcp().async_read_some(buffer_.prepare(kHeaderLimit), on(&WebSession::on_lingered));
@@ -165,8 +172,10 @@ void WebSession::upgrade() {
   if (!same_origin(view(request[http::field::origin]), view(request[http::field::host]))) {
     return send(plain_response(403, "the live socket serves its own page only\n"), false);
   }
-  if (!desk_->has_room()) return send(plain_response(503, "too many live pages; try again later\n"), false);
-  if (buffer_.size() != 0) return send(plain_response(400, "expected nothing before the upgrade's answer\n"), false);
+  if (!desk_->has_room())
+    return send(plain_response(503, "too many live pages; try again later\n"), false);
+  if (buffer_.size() != 0)
+    return send(plain_response(400, "expected nothing before the upgrade's answer\n"), false);
   tcp().expires_never();
   websocket::stream_base::timeout timeout{};
   timeout.handshake_timeout = 10s;
@@ -216,7 +225,8 @@ void WebSession::close() {
   tcp().close();
 }
 
-std::shared_ptr<WebSession> start_session(asio::ip::tcp::socket socket, std::shared_ptr<WebDesk> desk) {
+std::shared_ptr<WebSession> start_session(asio::ip::tcp::socket socket,
+                                          std::shared_ptr<WebDesk> desk) {
   auto session = std::make_shared<WebSession>(std::move(socket), std::move(desk));
   session->read_request();
   return session;

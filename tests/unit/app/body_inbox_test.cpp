@@ -7,6 +7,12 @@ namespace {
 
 constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
+ImuSample imu_at(Instant at) {
+  ImuSample sample;
+  sample.sampled_at = at;
+  return sample;
+}
+
 MergerConfig small() {
   MergerConfig config;
   config.has_imu = false;
@@ -36,7 +42,8 @@ TEST(BodyInbox, GivesTheRestAfterTheEndAndThenNothing) {
 
 TEST(BodyInbox, DropsTheOldestImageWhenNobodyFetchesThem) {
   BodyInbox inbox(small());
-  for (int i = 0; i < 5; ++i) ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10 + 50 * i), {}}, ms(10 + 50 * i)));
+  for (int i = 0; i < 5; ++i)
+    ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10 + 50 * i), {}}, ms(10 + 50 * i)));
   inbox.finish();
   EXPECT_EQ(inbox.statistics().images_dropped, 3u);
   EXPECT_EQ(time_of(inbox.pop({})->sample), ms(160));
@@ -47,7 +54,7 @@ TEST(BodyInbox, RefusesImuReadingsThatNobodyFetchesInsteadOfDroppingThem) {
   config.max_imu = 10;
   BodyInbox inbox(config);
   int taken = 0;
-  while (taken < 100 && inbox.push(ImuSample{ms(taken), {}, {}}, ms(taken))) ++taken;
+  while (taken < 100 && inbox.push(imu_at(ms(taken)), ms(taken))) ++taken;
   EXPECT_EQ(taken, 10);
 }
 

@@ -32,7 +32,8 @@ KnownTag known_tag(int id) {
   return tag;
 }
 
-/// One body called `robot` with a camera and an IMU, everything real except its source and its filter.
+/// One body called `robot` with a camera and an IMU, everything real except its source and its
+/// filter.
 class BodyWorkerTest : public testing::Test {
  protected:
   BodyWorkerTest() {
@@ -43,7 +44,8 @@ class BodyWorkerTest : public testing::Test {
   }
 
   void build(std::unique_ptr<ScriptedSource> source) {
-    scene_ = std::make_unique<Scene>(std::vector<SceneBody>{{{1, "robot"}, Pose{}, BodyLimits{}, sensors_, {}}});
+    scene_ = std::make_unique<Scene>(
+        std::vector<SceneBody>{{{1, "robot"}, Pose{}, BodyLimits{}, sensors_, {}}});
     map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
     auto filter = std::make_unique<RecordingFilter>(log_);
     filter_ = filter.get();
@@ -51,14 +53,18 @@ class BodyWorkerTest : public testing::Test {
         BodyParts{0, 1, "robot", sensors_, std::move(source), std::move(filter)},
         SharedParts{tags_, detector_, *map_, *scene_, clock_});
   }
-  void build(std::vector<SensorSample> samples) { build(std::make_unique<ScriptedSource>(std::move(samples))); }
+  void build(std::vector<SensorSample> samples) {
+    build(std::make_unique<ScriptedSource>(std::move(samples)));
+  }
 
   /// Reader and worker one after the other: what the threads do, without threads.
   void run() {
     worker_->read({});
     worker_->work({});
   }
-  BodyPose pose_at(Instant at) { return scene_->sample(at, at, {}, 100, map_->snapshot())->bodies.front(); }
+  BodyPose pose_at(Instant at) {
+    return scene_->sample(at, at, {}, 100, map_->snapshot())->bodies.front();
+  }
 
   BodySensors sensors_;
   TagSetConfig tags_;
@@ -73,7 +79,8 @@ class BodyWorkerTest : public testing::Test {
 };
 
 TEST_F(BodyWorkerTest, GivesTheFilterImuReadingsAndImagesInItsOrder) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), imu_at(ms(1010)), frame_at(ms(1004)), imu_at(ms(1015))});
+  build(
+      {imu_at(ms(1000)), imu_at(ms(1005)), imu_at(ms(1010)), frame_at(ms(1004)), imu_at(ms(1015))});
   run();
   EXPECT_THAT(log_.propagated, ElementsAre(ms(1000), ms(1005), ms(1010), ms(1015)));
   ASSERT_EQ(log_.updated.size(), 1u);
@@ -83,7 +90,8 @@ TEST_F(BodyWorkerTest, GivesTheFilterImuReadingsAndImagesInItsOrder) {
 }
 
 TEST_F(BodyWorkerTest, TellsTheFilterWhereSeenTagsAreThatTheMapKnows) {
-  start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0}, {known_tag(9), TagState::kCalibrated, 0, 0, 0, 0}};
+  start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0},
+                 {known_tag(9), TagState::kCalibrated, 0, 0, 0, 0}};
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5})});
   run();
   ASSERT_EQ(log_.known.size(), 1u);
@@ -137,8 +145,8 @@ TEST_F(BodyWorkerTest, SurvivesAFilterThatThrowsAndTakesNothingMore) {
 
 TEST_F(BodyWorkerTest, TellsTheFilterThatMotionWasLostWhenTagsComeBackAfterTheBodyWasLost) {
   const int lost = 1000 + 6000;  // BodyLimits::lose_after_s is 5
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)), imu_at(ms(lost + 5)),
-         frame_at(ms(lost + 2))});
+  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(lost)),
+         imu_at(ms(lost + 5)), frame_at(ms(lost + 2))});
   run();
   EXPECT_EQ(log_.losses, 1);
   EXPECT_EQ(log_.updated.size(), 2u);
@@ -170,7 +178,8 @@ TEST_F(BodyWorkerTest, LeavesImagesOfACameraOutThatTheBodyDoesNotHave) {
 }
 
 TEST_F(BodyWorkerTest, CountsWhatItDid) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5}), imu_at(ms(1010)), frame_at(ms(1008), {})});
+  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002), {4, 5}), imu_at(ms(1010)),
+         frame_at(ms(1008), {})});
   run();
   const BodyStatistics done = worker_->statistics();
   EXPECT_EQ(done.frames, 2u);
@@ -178,7 +187,8 @@ TEST_F(BodyWorkerTest, CountsWhatItDid) {
   EXPECT_EQ(done.tags_used, 2u);
   EXPECT_EQ(done.imu_samples, 3u);
   EXPECT_GT(done.update_cpu.count(), 0);
-  EXPECT_THAT(done.text(), testing::HasSubstr("2 frames (1 with pose), 2 tags used, 3 IMU samples"));
+  EXPECT_THAT(done.text(),
+              testing::HasSubstr("2 frames (1 with pose), 2 tags used, 3 IMU samples"));
   EXPECT_EQ(worker_->learned().size(), 1u);
 }
 

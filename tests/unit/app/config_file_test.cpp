@@ -29,7 +29,8 @@ bodies:
 streaming: {rate_hz: 250, vrpn: {up: "y"}}
 )";
 
-std::vector<std::string> faults_of(const std::string& text, const std::vector<std::string>& sets = {}) {
+std::vector<std::string> faults_of(const std::string& text,
+                                   const std::vector<std::string>& sets = {}) {
   const auto config = parse_config(text, "test.yaml", sets);
   std::vector<std::string> lines;
   if (!config) {
@@ -73,11 +74,13 @@ estimator:
 streaming:
   rate_hz: 5000
 )");
-  EXPECT_THAT(faults, UnorderedElementsAre(
-                          StartsWith("test.yaml:2: tags.size_m = -1: must be"),
-                          StartsWith("test.yaml:3: tags.colour = black: unknown key; known here are family"),
-                          "test.yaml:5: estimator.corner_noise_px = much: must be a number",
-                          "test.yaml:7: streaming.rate_hz = 5000: must be in [1, 1000]"));
+  EXPECT_THAT(
+      faults,
+      UnorderedElementsAre(
+          StartsWith("test.yaml:2: tags.size_m = -1: must be"),
+          StartsWith("test.yaml:3: tags.colour = black: unknown key; known here are family"),
+          "test.yaml:5: estimator.corner_noise_px = much: must be a number",
+          "test.yaml:7: streaming.rate_hz = 5000: must be in [1, 1000]"));
 }
 
 TEST(ConfigFile, FindsUnknownKeysInsideLists) {
@@ -86,12 +89,15 @@ TEST(ConfigFile, FindsUnknownKeysInsideLists) {
 }
 
 TEST(ConfigFile, KnowsWhichKeysBelongToASource) {
-  EXPECT_THAT(faults_of("bodies: [{name: a, source: {type: recording, folder: x, open: y}}]"),
-              ElementsAre(HasSubstr("bodies.0.source.open = y: unknown key; known here are type, folder, loop, speed")));
+  EXPECT_THAT(
+      faults_of("bodies: [{name: a, source: {type: recording, folder: x, open: y}}]"),
+      ElementsAre(HasSubstr(
+          "bodies.0.source.open = y: unknown key; known here are type, folder, loop, speed")));
 }
 
 TEST(ConfigFile, RefusesAKeyGivenTwice) {
-  EXPECT_THAT(faults_of("tags: {size_m: 0.1}\ntags: {size_m: 0.2}\n"), ElementsAre(EndsWith("is given twice")));
+  EXPECT_THAT(faults_of("tags: {size_m: 0.1}\ntags: {size_m: 0.2}\n"),
+              ElementsAre(EndsWith("is given twice")));
 }
 
 struct BadValue {
@@ -109,7 +115,8 @@ INSTANTIATE_TEST_SUITE_P(
     ConfigFile, BadValueTest,
     testing::Values(
         BadValue{"detector: {refine_edges: 1}", "detector.refine_edges = 1: must be true or false"},
-        BadValue{"detector: {max_hamming: 1.5}", "detector.max_hamming = 1.5: must be a whole number"},
+        BadValue{"detector: {max_hamming: 1.5}",
+                 "detector.max_hamming = 1.5: must be a whole number"},
         BadValue{"tags: {size_m: \"0.2\"}", "must be a number"},
         BadValue{"tags: {size_m: .nan}", "tags.size_m = .nan: must be a"},
         BadValue{"tags: {ignore: 13}", "tags.ignore = 13: must be a list of whole numbers"},
@@ -117,20 +124,29 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"tags: 5", "tags = 5: must be a section"},
         BadValue{"bodies: {}", "must be a list"},
         BadValue{"map: {mode: chilled}", "map.mode = chilled: must be one of mapping, frozen"},
-        BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0], q_wxyz: [1, 0, 0, 0]}}", "map.reference_pose ="},
-        BadValue{"map: {reference_tag: 0, reference_pose: {q_wxyz: [1, 1, 0, 0]}}", "with a unit quaternion"},
+        BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0], q_wxyz: [1, 0, 0, 0]}}",
+                 "map.reference_pose ="},
+        BadValue{"map: {reference_tag: 0, reference_pose: {q_wxyz: [1, 1, 0, 0]}}",
+                 "with a unit quaternion"},
         BadValue{"map: {reference_pose: {p: [0, 0, 0]}}", "needs reference_tag"},
-        BadValue{"streaming: {vrpn: {port: 70000}}", "streaming.vrpn.port = 70000: must be a whole number in [0, 65535]"},
+        BadValue{"streaming: {vrpn: {port: 70000}}",
+                 "streaming.vrpn.port = 70000: must be a whole number in [0, 65535]"},
         BadValue{"streaming: {web: {rate_hz: 0}}", "streaming.web.rate_hz = 0: must be"},
-        BadValue{"streaming: {optional: [telnet]}", "streaming.optional = telnet: must be some of vrpn"},
-        BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]", "bodies.0.name = \"a b\": must have"},
-        BadValue{"bodies: [{name: a, source: {type: recording}}]", "bodies.0.source.folder = \"\": must name"},
+        BadValue{"streaming: {optional: [telnet]}",
+                 "streaming.optional = telnet: must be some of vrpn"},
+        BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]",
+                 "bodies.0.name = \"a b\": must have"},
+        BadValue{"bodies: [{name: a, source: {type: recording}}]",
+                 "bodies.0.source.folder = \"\": must name"},
         BadValue{"bodies: [{name: a, source: {type: simulator}}]", "bodies.0.cameras = []"},
         BadValue{"bodies: [{name: a, source: {type: camera, open: x}}]", "exactly one camera"},
-        BadValue{"bodies: [{name: a, filter: magic, source: {type: recording, folder: x}}]", "bodies.0.filter = magic"},
-        BadValue{"bodies: [{name: a, source: {type: recording, folder: x}}, {name: a, source: {type: recording, folder: x}}]",
+        BadValue{"bodies: [{name: a, filter: magic, source: {type: recording, folder: x}}]",
+                 "bodies.0.filter = magic"},
+        BadValue{"bodies: [{name: a, source: {type: recording, folder: x}}, {name: a, source: "
+                 "{type: recording, folder: x}}]",
                  "bodies.1.name = \"a\": is taken by another body"},
-        BadValue{"bodies: [{name: a, limits: {coast_after_s: -1}, source: {type: recording, folder: x}}]",
+        BadValue{"bodies: [{name: a, limits: {coast_after_s: -1}, source: {type: recording, "
+                 "folder: x}}]",
                  "bodies.0.limits.coast_after_s = -1: must be"}));
 
 TEST(ConfigFile, SaysWhereTextStopsBeingYaml) {
@@ -145,9 +161,10 @@ TEST(ConfigFile, IsNotFoundWithItsName) {
 }
 
 TEST(ConfigOverride, GoesBeforeTheFile) {
-  const auto config = parse_config(kOneCamera, "test.yaml",
-                                   {"bodies.0.source.open=other.mp4", "streaming.rate_hz=50", "tags.sizes_m.9=0.3",
-                                    "map.mode=frozen", "bodies.0.pivot={p: [0, 0, 1], q_wxyz: [1, 0, 0, 0]}"});
+  const auto config =
+      parse_config(kOneCamera, "test.yaml",
+                   {"bodies.0.source.open=other.mp4", "streaming.rate_hz=50", "tags.sizes_m.9=0.3",
+                    "map.mode=frozen", "bodies.0.pivot={p: [0, 0, 1], q_wxyz: [1, 0, 0, 0]}"});
   ASSERT_TRUE(config) << config.error().front().text();
   EXPECT_THAT(config->bodies[0].source.camera.open, EndsWith("/other.mp4"));
   EXPECT_EQ(config->streaming.rate_hz, 50);
@@ -163,11 +180,15 @@ TEST(ConfigOverride, IsCheckedLikeTheFile) {
 }
 
 TEST(ConfigOverride, SaysWhatIsWrongWithItsPath) {
-  EXPECT_THAT(faults_of(kOneCamera, {"bodies.3.name=x"}), ElementsAre(HasSubstr("the list has 1 entries")));
+  EXPECT_THAT(faults_of(kOneCamera, {"bodies.3.name=x"}),
+              ElementsAre(HasSubstr("the list has 1 entries")));
   EXPECT_THAT(faults_of(kOneCamera, {"streaming.speed=1"}), ElementsAre(HasSubstr("unknown key")));
-  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz.fast=1"}), ElementsAre(HasSubstr("not a section")));
-  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz"}), ElementsAre(HasSubstr("path.to.key=value")));
-  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz=[1"}), ElementsAre(HasSubstr("is not YAML")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz.fast=1"}),
+              ElementsAre(HasSubstr("not a section")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz"}),
+              ElementsAre(HasSubstr("path.to.key=value")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz=[1"}),
+              ElementsAre(HasSubstr("is not YAML")));
 }
 
 TEST(ConfigPaths, AreRelativeToTheFileThatNamesThem) {
@@ -180,19 +201,21 @@ TEST(ConfigPaths, AreRelativeToTheFileThatNamesThem) {
 }
 
 TEST(ConfigPaths, DevicesAndPipelinesStayAsTheyAre) {
-  for (const std::string device : {"0", "/dev/video3", "v4l2src ! appsink", "rtsp://camera/stream"}) {
+  for (const std::string device :
+       {"0", "/dev/video3", "v4l2src ! appsink", "rtsp://camera/stream"}) {
     const auto config = parse_config("bodies: [{name: a, source: {type: camera, open: \"" + device +
-                                        "\"}, cameras: [{calibration: c.json}]}]",
-                                    "a/test.yaml");
+                                         "\"}, cameras: [{calibration: c.json}]}]",
+                                     "a/test.yaml");
     ASSERT_TRUE(config) << config.error().front().text();
     EXPECT_EQ(config->bodies[0].source.camera.open, device);
   }
 }
 
 TEST(ConfigPrint, LoadsAgainToTheSame) {
-  const auto config = parse_config(kOneCamera, "test.yaml",
-                                   {"map.reference_tag=3", "bodies.0.limits.coast_after_s=0.1234567890123",
-                                    "map.reference_pose={p: [1, 2, 3], q_wxyz: [0.7071, 0.7071, 0, 0]}"});
+  const auto config =
+      parse_config(kOneCamera, "test.yaml",
+                   {"map.reference_tag=3", "bodies.0.limits.coast_after_s=0.1234567890123",
+                    "map.reference_pose={p: [1, 2, 3], q_wxyz: [0.7071, 0.7071, 0, 0]}"});
   ASSERT_TRUE(config) << config.error().front().text();
   const std::string printed = print_config(*config);
   const auto again = parse_config(printed, "elsewhere/printed.yaml");
@@ -205,8 +228,8 @@ TEST(ConfigPrint, LoadsAgainToTheSame) {
 TEST(ConfigPrint, ShowsEveryKeyAlsoThoseWithDefaults) {
   const auto config = parse_config(kOneCamera, "test.yaml");
   ASSERT_TRUE(config);
-  for (const char* key : {"decimate:", "gate_probability:", "commit_period_s:", "reference_tag: null", "minor_version:",
-                          "lose_after_s:", "q_wxyz"}) {
+  for (const char* key : {"decimate:", "gate_probability:", "commit_period_s:",
+                          "reference_tag: null", "minor_version:", "lose_after_s:", "q_wxyz"}) {
     EXPECT_THAT(print_config(*config), HasSubstr(key));
   }
 }

@@ -14,8 +14,10 @@ namespace fiducap {
 /// Gives the samples it was given, then ends: with nullopt, an error or an exception.
 class ScriptedSource final : public SensorSource {
  public:
-  explicit ScriptedSource(std::vector<SensorSample> samples) : samples_(samples.begin(), samples.end()) {}
-  ScriptedSource(std::vector<SensorSample> samples, Error error) : ScriptedSource(std::move(samples)) {
+  explicit ScriptedSource(std::vector<SensorSample> samples)
+      : samples_(samples.begin(), samples.end()) {}
+  ScriptedSource(std::vector<SensorSample> samples, Error error)
+      : ScriptedSource(std::move(samples)) {
     error_ = std::move(error);
   }
 
@@ -53,7 +55,8 @@ class RecordingFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override {
     log_.updated.push_back(seen);
     log_.known.emplace_back(known.begin(), known.end());
-    if (throws_at > 0 && log_.updated.size() == throws_at) throw std::runtime_error("a matrix is singular");
+    if (throws_at > 0 && log_.updated.size() == throws_at)
+      throw std::runtime_error("a matrix is singular");
     UpdateReport report;
     report.exposed_at = estimate_.at = seen.exposed_at;
     report.tags_seen = report.tags_used = static_cast<int>(seen.tags.size());
@@ -70,7 +73,9 @@ class RecordingFilter final : public BodyFilter {
     return estimate;
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
-  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return {{Pose{}, Matrix6d::Identity()}}; }
+  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
+    return {{Pose{}, Matrix6d::Identity()}};
+  }
 
   std::vector<TagBelief> beliefs;
   std::size_t throws_at{0};

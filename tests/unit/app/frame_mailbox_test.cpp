@@ -26,7 +26,8 @@ TEST_F(FrameMailboxTest, DeliversAFrameOnTheIoThread) {
 }
 
 TEST_F(FrameMailboxTest, KeepsOnlyTheNewestFrame) {
-  for (std::uint64_t number = 1; number <= 5; ++number) mailbox_.put(make_scene_frame({"robot"}, number));
+  for (std::uint64_t number = 1; number <= 5; ++number)
+    mailbox_.put(make_scene_frame({"robot"}, number));
   io_.poll();
   EXPECT_EQ(received_, std::vector<std::uint64_t>{5});
 }

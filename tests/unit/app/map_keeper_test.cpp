@@ -29,9 +29,12 @@ class MapKeeperTest : public testing::Test {
     map_ = std::make_unique<MapBuilder>(config, TagMap{});
     auto store = MapStore::open(file_);
     ASSERT_TRUE(store) << store.error().text();
-    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_, [this] { return learned_; });
+    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_,
+                                          [this] { return learned_; });
   }
-  void see(int id, double x = 1.0) { map_->absorb(1, std::vector{belief(id, x)}, 1'700'000'000'000'000'000); }
+  void see(int id, double x = 1.0) {
+    map_->absorb(1, std::vector{belief(id, x)}, 1'700'000'000'000'000'000);
+  }
   [[nodiscard]] std::vector<MapVersionInfo> stored() const {
     auto store = MapStore::open(file_);
     return store ? store->log().value() : std::vector<MapVersionInfo>{};
@@ -82,7 +85,8 @@ TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
 TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
   build(MapMode::kMapping);
   see(4);
-  learned_ = {{"robot", {{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, Matrix6d::Identity()}}}};
+  learned_ = {
+      {"robot", {{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, Matrix6d::Identity()}}}};
   keeper_->commit();
   auto store = MapStore::open(file_);
   ASSERT_TRUE(store);
@@ -145,7 +149,8 @@ TEST_F(MapStartTest, IsEmptyWithoutStoreAndFile) {
 
 TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
   settings_.store = folder_.file("map.sqlite");
-  settings_.file = folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   const auto first = open_start_map(settings_, tags_);
   ASSERT_TRUE(first) << first.error().text();
   ASSERT_EQ(first->map.tags.size(), 1u);
@@ -167,7 +172,8 @@ TEST_F(MapStartTest, NamesADamagedStoreAndLeavesItAlone) {
 }
 
 TEST_F(MapStartTest, RefusesAMapOfAnotherTagFamily) {
-  settings_.file = folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   tags_.family = "tag25h9";
   const auto start = open_start_map(settings_, tags_);
   ASSERT_FALSE(start);
@@ -187,7 +193,8 @@ TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
   cameras[1].X_BV.p = {0.1, 0, 0};
   const Pose close{Eigen::Quaterniond::Identity(), {0.11, 0, 0}};
   const Pose far{Eigen::Quaterniond::Identity(), {0.5, 0, 0}};
-  use_learned({{"robot", 0, close}, {"robot", 1, far}, {"other", 0, far}, {"robot", 9, close}}, "robot", cameras);
+  use_learned({{"robot", 0, close}, {"robot", 1, far}, {"other", 0, far}, {"robot", 9, close}},
+              "robot", cameras);
   EXPECT_EQ(cameras[0].X_BV.p.x(), 0.11);
   EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
 }

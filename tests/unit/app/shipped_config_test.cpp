@@ -62,12 +62,14 @@ TEST(DemoConfig, HasThreeRobotsWithImagesInAHallOf24Tags) {
 }
 
 TEST(DemoConfig, KnowsWhereItsReferenceTagReallyIs) {
-  // The workspace is the room only if the surveyed pose is the simulated one; the file has 17 digits.
+  // The workspace is the room only if the surveyed pose is the simulated one; the file has 17
+  // digits.
   constexpr double kRounding = 1e-12;
   const ServerConfig demo = load("demo");
   ASSERT_TRUE(demo.map.reference_tag && demo.map.reference_pose);
   const auto tags = simulation::tags_of(demo.simulation);
-  const auto tag = std::find_if(tags.begin(), tags.end(), [&](const auto& t) { return t.tag_id == *demo.map.reference_tag; });
+  const auto tag = std::find_if(tags.begin(), tags.end(),
+                                [&](const auto& t) { return t.tag_id == *demo.map.reference_tag; });
   ASSERT_NE(tag, tags.end());
   EXPECT_LT((tag->X_WT.p - demo.map.reference_pose->p).norm(), kRounding);
   EXPECT_LT(tag->X_WT.q.angularDistance(demo.map.reference_pose->q), 1e-7);

@@ -106,7 +106,7 @@ TEST(Pivot, CovarianceIsCarriedWithTheJacobian) {
 TEST(Pivot, GyroNoiseReachesRateAndLeverArmVelocity) {
   BodyEstimate body;
   BodyPose out;
-  write_pivot(body, Pose{{}, {0.5, 0, 0}}, 0.04, out);
+  write_pivot(body, Pose{Eigen::Quaterniond::Identity(), {0.5, 0, 0}}, 0.04, out);
   VectorXd expected = VectorXd::Zero(12);
   expected.segment<3>(6) << 0, 0.01, 0.01;
   expected.segment<3>(9).setConstant(0.04);

@@ -28,7 +28,8 @@ RecordingInfo info() {
   info.ignore_tags = {9};
   info.max_hamming = 2;
   info.reference_tag = 1;
-  info.known_tags = {{1, 0.25, {{}, {1, 2, 3}}, 1e-4, 1e-5}, {2, 0.25, {{}, {4, 5, 6}}, 0.5, 0.1}};
+  info.known_tags = {{1, 0.25, {Eigen::Quaterniond::Identity(), {1, 2, 3}}, 1e-4, 1e-5},
+                     {2, 0.25, {Eigen::Quaterniond::Identity(), {4, 5, 6}}, 0.5, 0.1}};
   return info;
 }
 
@@ -56,7 +57,7 @@ TEST(ReplaySetup, WhatNobodyMentionsStaysAsTheRecordingHasIt) {
   EXPECT_EQ(setup->tags.size_m, 0.3);
   EXPECT_EQ(setup->tags.sizes_m.at(3), 0.5);
   EXPECT_EQ(setup->tags.ignore, std::vector{5});
-  EXPECT_EQ(setup->detector.max_hamming, 2);
+  EXPECT_EQ(setup->tags.max_hamming, 2);
   EXPECT_EQ(setup->estimator.corner_noise_px, 0.7);
   EXPECT_EQ(setup->gauge.reference_tag, 1);
 }

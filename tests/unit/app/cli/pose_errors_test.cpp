@@ -80,7 +80,7 @@ TEST(PoseErrors, AreRootMeanSquareAndWorstOfWhatComesAfterTheStart) {
   EXPECT_NEAR(errors.rotation_rmse_rad, std::sqrt((0.03 * 0.03 + 0.04 * 0.04) / 2), 1e-9);
 }
 
-std::vector<PlacedTag> room() {
+std::vector<TagPlace> room() {
   return {{0, 0.2, Pose{}},
           {1, 0.2, {exp_so3({0.1, 0, 0}), {2, 0, 0}}},
           {2, 0.2, {exp_so3({0, 0.4, 0}), {0, 3, 1}}},
@@ -88,8 +88,8 @@ std::vector<PlacedTag> room() {
 }
 
 TEST(MapErrors, CountTheTagsThatBothMapsHaveExceptTheReference) {
-  std::vector<PlacedTag> estimated;
-  for (PlacedTag tag : room()) {
+  std::vector<TagPlace> estimated;
+  for (TagPlace tag : room()) {
     tag.X_WT = kSomewhere * tag.X_WT;
     if (tag.tag_id == 1) tag.X_WT = tag.X_WT * Pose{exp_so3({0, 0, 0.02}), {0.01, 0, 0}};
     if (tag.tag_id != 7) estimated.push_back(tag);
@@ -105,8 +105,8 @@ TEST(MapErrors, CountTheTagsThatBothMapsHaveExceptTheReference) {
 }
 
 TEST(MapErrors, FittedErrorsIgnoreWhereTheMapLies) {
-  std::vector<PlacedTag> estimated = room();
-  for (PlacedTag& tag : estimated) tag.X_WT = kSomewhere * tag.X_WT;
+  std::vector<TagPlace> estimated = room();
+  for (TagPlace& tag : estimated) tag.X_WT = kSomewhere * tag.X_WT;
   const auto errors = fitted_map_errors(estimated, room());
   ASSERT_TRUE(errors);
   EXPECT_EQ(errors->samples, 4);

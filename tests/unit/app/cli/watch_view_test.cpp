@@ -49,7 +49,7 @@ TEST(WatchView, TableShowsPoseSpeedAndLoss) {
       table,
       HasSubstr(
           "hall:21600  frame 42  100.0 Hz  latency p50 0.25 ms p99 unknown  lost 7  map v3\n"));
-  EXPECT_THAT(table, HasSubstr("drone            tracking     1.250   -2.500    0.375    90.0"));
+  EXPECT_THAT(table, HasSubstr("drone            tracking     1.250   -2.500    0.375     90.0"));
   EXPECT_THAT(table, HasSubstr(" 5.00 "));
 }
 

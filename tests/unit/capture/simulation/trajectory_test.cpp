@@ -121,6 +121,23 @@ TEST(Trajectory, AimsTheCameraWhereverItSitsOnTheBody) {
   }
 }
 
+TEST(Trajectory, ASeedIsTheSameMotionWithEveryCompiler) {
+  // Written down from a GCC build; Clang evaluates arguments in another order, and demos, scores
+  // and bug reports name seeds. Change these numbers only when the motion is meant to change.
+  const std::vector<std::pair<std::string, Eigen::Vector3d>> after_20_s{
+      {"survey", {2.102815, -1.024579, 1.019457}}, {"hover", {-2.919340, -3.378057, 1.508900}},
+      {"table", {0.081157, -0.070668, 0.857476}},  {"sparse", {0.343124, -0.326863, 1.647574}},
+      {"loop", {17.072799, 6.235383, 3.360563}},   {"ceiling", {-1.474402, 0.633703, 0.887882}}};
+  for (const auto& [kind, p_WB] : after_20_s) {
+    TrajectoryConfig config;
+    config.kind = kind;
+    config.seed = 5;
+    const bool in_hall = kind == "survey" || kind == "hover";
+    const auto trajectory = make_trajectory(config, room_of(in_hall ? "hall" : kind)).value();
+    EXPECT_LT((trajectory->at(20).X_WB.p - p_WB).norm(), 2e-6) << kind;
+  }
+}
+
 TEST(Trajectory, UnknownKindIsAnError) {
   TrajectoryConfig config;
   config.kind = "teleport";

@@ -114,7 +114,8 @@ TEST(FrameTransition, KeepsTagsWhereTheyAreInTheWorkspace) {
 class MeasurementJacobian : public testing::TestWithParam<std::tuple<int, bool>> {};
 
 TEST_P(MeasurementJacobian, MatchesDifferences) {
-  const auto [camera, is_known] = GetParam();
+  const int camera = std::get<0>(GetParam());
+  const bool is_known = std::get<1>(GetParam());
   const FilterState state = example_state();
   const CameraModel model = example_camera();
   const KnownTag known{11, 0.2, tag_in_workspace(state, 1).X_WT, Matrix6d::Zero()};

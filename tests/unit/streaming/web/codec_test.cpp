@@ -65,22 +65,26 @@ TEST(WebCodec, CovarianceIsTheUpperTriangleRowByRow) {
 
 TEST(WebCodec, BodyThatWasNeverPlacedHasNoPose) {
   const auto scene = make_scene_frame({"a"});
-  scene->bodies[0].valid = false;
-  scene->bodies[0].state = BodyState::kSearching;
-  const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
-  for (const char* name : {"p", "q", "v", "speed", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
-    EXPECT_TRUE(body.at(name).is_null()) << name;
+  scene->bodies[0] = BodyPose{};
+  for (const BodyState state : {BodyState::kSearching, BodyState::kLost}) {
+    scene->bodies[0].state = state;
+    const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
+    for (const char* name : {"p", "q", "v", "speed", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
+      EXPECT_TRUE(body.at(name).is_null()) << name;
+    }
   }
 }
 
-TEST(WebCodec, LostBodyKeepsItsLastPoseAndSaysThatItIsInvalid) {
+TEST(WebCodec, BodyWithoutTagsKeepsItsLastPoseAndSaysThatItIsInvalid) {
   const auto scene = make_scene_frame({"a"});
   scene->bodies[0].valid = false;
-  scene->bodies[0].state = BodyState::kLost;
-  const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
-  EXPECT_EQ(body["valid"], false);
-  EXPECT_EQ(body["state"], "lost");
-  EXPECT_TRUE(body["p"].is_array());
+  for (const BodyState state : {BodyState::kSearching, BodyState::kLost}) {
+    scene->bodies[0].state = state;
+    const auto body = Json::parse(encode_frame(*scene))["bodies"][0];
+    EXPECT_EQ(body["valid"], false);
+    EXPECT_EQ(body["state"], name_of(state));
+    EXPECT_TRUE(body["p"].is_array());
+  }
 }
 
 TEST(WebCodec, NumbersThatAreNotFiniteBecomeNull) {
@@ -130,12 +134,14 @@ TEST(WebCodec, MapWithoutReferenceSaysNull) {
 TEST(WebCodec, ClientsCarryTheirDrops) {
   const std::vector<ClientStatus> clients{{"vrpn", "10.0.0.2:4 udp", "z-up m", 100, 3, 1.5}};
   const auto sent = Json::parse(encode_clients(clients));
-  EXPECT_EQ(sent["clients"][0], Json::parse(R"({"protocol":"vrpn","peer":"10.0.0.2:4 udp","detail":"z-up m",
+  EXPECT_EQ(sent["clients"][0],
+            Json::parse(R"({"protocol":"vrpn","peer":"10.0.0.2:4 udp","detail":"z-up m",
                                                 "sent":100,"dropped":3,"connected_s":1.5})"));
 }
 
 TEST(WebCodec, LongLogTextIsCut) {
-  const std::vector<log::Line> lines{{4, 1700, log::Level::kWarning, "vrpn", std::string(5000, 'x')}};
+  const std::vector<log::Line> lines{
+      {4, 1700, log::Level::kWarning, "vrpn", std::string(5000, 'x')}};
   const auto sent = Json::parse(encode_log(lines));
   EXPECT_EQ(sent["lines"][0]["n"], 4);
   EXPECT_EQ(sent["lines"][0]["level"], "warning");
@@ -143,7 +149,8 @@ TEST(WebCodec, LongLogTextIsCut) {
 }
 
 TEST(WebCodec, StateJoinsTheMessagesAndSaysNullForWhatIsMissing) {
-  const auto state = Json::parse(encode_state({R"({"type":"hello"})", "", "", R"({"clients":[]})", ""}));
+  const auto state =
+      Json::parse(encode_state({R"({"type":"hello"})", "", "", R"({"clients":[]})", ""}));
   EXPECT_EQ(state["hello"]["type"], "hello");
   EXPECT_TRUE(state["map"].is_null());
   EXPECT_TRUE(state["frame"].is_null());

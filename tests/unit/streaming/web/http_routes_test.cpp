@@ -9,8 +9,10 @@ namespace {
 
 class HttpRoutesTest : public testing::Test {
  protected:
-  HttpResponse get(std::string_view target, std::string_view method = "GET", std::string_view etag = {}) {
-    return answer({method, target, etag}, page_, {[] { return "{}"; }, [this] { return trouble_; }});
+  HttpResponse get(std::string_view target, std::string_view method = "GET",
+                   std::string_view etag = {}) {
+    return answer({method, target, etag}, page_,
+                  {[] { return "{}"; }, [this] { return trouble_; }});
   }
 
   TemporaryPage files_;
@@ -41,9 +43,10 @@ TEST_F(HttpRoutesTest, KnownEtagIsAnsweredWithoutTheContent) {
 }
 
 TEST_F(HttpRoutesTest, NoPathLeadsOutOfThePage) {
-  for (const char* target : {"/../secret.txt", "/..%2fsecret.txt", "/%2e%2e/secret.txt", "/assets/../../secret.txt",
-                             "/./../secret.txt", "//etc/passwd", "/etc/passwd", "\\..\\secret.txt", "/assets", "/assets/",
-                             "", "*", "http://elsewhere/"}) {
+  for (const char* target :
+       {"/../secret.txt", "/..%2fsecret.txt", "/%2e%2e/secret.txt", "/assets/../../secret.txt",
+        "/./../secret.txt", "//etc/passwd", "/etc/passwd", "\\..\\secret.txt", "/assets",
+        "/assets/", "", "*", "http://elsewhere/"}) {
     EXPECT_EQ(get(target).status, 404) << target;
   }
 }
@@ -68,7 +71,9 @@ TEST_F(HttpRoutesTest, HealthFollowsTheFrames) {
   EXPECT_NE(get("/healthz").body->find("frames stopped"), std::string::npos);
 }
 
-TEST_F(HttpRoutesTest, LivePathWithoutUpgradeSaysWhatItWants) { EXPECT_EQ(get("/api/v1/live").status, 426); }
+TEST_F(HttpRoutesTest, LivePathWithoutUpgradeSaysWhatItWants) {
+  EXPECT_EQ(get("/api/v1/live").status, 426);
+}
 
 TEST_F(HttpRoutesTest, MissingBundleGivesAPageThatSaysHowToBuildIt) {
   page_ = PageFiles::load(files_.root() / "nowhere");
@@ -90,8 +95,9 @@ TEST(SameOrigin, HoldsForThePageItselfAndForProgramsWithoutOrigin) {
 }
 
 TEST(SameOrigin, FailsForEveryOtherPage) {
-  for (const char* origin : {"http://elsewhere:8080", "http://hall:8081", "http://hall", "null", "hall:8080", "http://",
-                             "file://hall:8080", "http://hall:8080.elsewhere", "http://hall:8080/"}) {
+  for (const char* origin :
+       {"http://elsewhere:8080", "http://hall:8081", "http://hall", "null", "hall:8080", "http://",
+        "file://hall:8080", "http://hall:8080.elsewhere", "http://hall:8080/"}) {
     EXPECT_FALSE(same_origin(origin, "hall:8080")) << origin;
   }
 }

@@ -28,7 +28,8 @@ TEST_F(LiveConnectionTest, HelloLeavesFirstWhateverCameFirst) {
   connection_.offer(Topic::kFrame, text("frame"));
   connection_.offer(Topic::kMap, text("map"));
   connection_.offer(Topic::kHello, text("hello"));
-  for (const char* expected : {"hello", "map", "frame", "clients", "log", ""}) EXPECT_EQ(take(), expected);
+  for (const char* expected : {"hello", "map", "frame", "clients", "log", ""})
+    EXPECT_EQ(take(), expected);
 }
 
 TEST_F(LiveConnectionTest, NewestFrameWinsAndTheOlderOneIsCounted) {

@@ -27,10 +27,12 @@ inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& 
 /// A peer of the server under test, byte by byte: it can also do what a browser never would.
 class LoopbackClient final {
  public:
-  LoopbackClient(boost::asio::io_context& io, std::uint16_t port, int receive_buffer = 0) : io_(io), socket_(io) {
+  LoopbackClient(boost::asio::io_context& io, std::uint16_t port, int receive_buffer = 0)
+      : io_(io), socket_(io) {
     const boost::asio::ip::tcp::endpoint at(boost::asio::ip::address_v4::loopback(), port);
     socket_.open(at.protocol());
-    if (receive_buffer > 0) socket_.set_option(boost::asio::socket_base::receive_buffer_size(receive_buffer));
+    if (receive_buffer > 0)
+      socket_.set_option(boost::asio::socket_base::receive_buffer_size(receive_buffer));
     socket_.connect(at);
     socket_.non_blocking(true);
   }
@@ -48,7 +50,8 @@ class LoopbackClient final {
   void upgrade(const std::string& headers = "") {
     get("/api/v1/live",
         "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" + headers);
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
+            headers);
   }
 
   /// Reads what is there; @return everything read and not yet taken.
@@ -90,7 +93,9 @@ class LoopbackClient final {
   std::optional<std::string> take_message() {
     const std::string& in = received();
     if (in.size() < 2) return std::nullopt;
-    const auto byte = [&](std::size_t i) { return static_cast<std::uint64_t>(static_cast<unsigned char>(in[i])); };
+    const auto byte = [&](std::size_t i) {
+      return static_cast<std::uint64_t>(static_cast<unsigned char>(in[i]));
+    };
     const std::size_t extra = byte(1) == 127 ? 8 : byte(1) == 126 ? 2 : 0;
     if (in.size() < 2 + extra) return std::nullopt;
     std::uint64_t length = extra == 0 ? byte(1) : 0;

@@ -94,7 +94,8 @@ TEST_F(WebServerTest, AnswersManyRequestsOnOneConnection) {
 TEST_F(WebServerTest, UnknownPathIs404) { EXPECT_EQ(get("/nothing").rfind("HTTP/1.1 404", 0), 0); }
 
 TEST_F(WebServerTest, TraversalReachesNothing) {
-  for (const char* target : {"/../secret.txt", "/assets/../../secret.txt", "/..%2fsecret.txt", "/etc/passwd"}) {
+  for (const char* target :
+       {"/../secret.txt", "/assets/../../secret.txt", "/..%2fsecret.txt", "/etc/passwd"}) {
     const std::string answer = get(target);
     EXPECT_EQ(answer.find("outside of the page"), std::string::npos) << target;
     EXPECT_EQ(answer.rfind("HTTP/1.1 4", 0), 0) << target;
@@ -229,8 +230,10 @@ TEST_F(WebServerTest, SilentConnectionsAreBoundedAndThePageStaysReachable) {
   config_.max_clients = 1;
   start();
   std::vector<std::unique_ptr<LoopbackClient>> silent;
-  for (int i = 0; i < 80; ++i) silent.push_back(std::make_unique<LoopbackClient>(io_, server_->port()));
-  EXPECT_TRUE(run_until(io_, [&] { return silent.back()->closed(); })) << "connection 80 of at most 65 stays open";
+  for (int i = 0; i < 80; ++i)
+    silent.push_back(std::make_unique<LoopbackClient>(io_, server_->port()));
+  EXPECT_TRUE(run_until(io_, [&] { return silent.back()->closed(); }))
+      << "connection 80 of at most 65 stays open";
   EXPECT_FALSE(silent.front()->closed());
   silent.erase(silent.begin(), silent.begin() + 40);
   io_.restart();
@@ -240,8 +243,7 @@ TEST_F(WebServerTest, SilentConnectionsAreBoundedAndThePageStaysReachable) {
 
 TEST_F(WebServerTest, PortInUseIsAnErrorWithARemedy) {
   config_.port = server_->port();
-  const auto second =
-      start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_);
+  const auto second = start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_);
   ASSERT_FALSE(second.has_value());
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
   EXPECT_NE(second.error().text().find("streaming.web.port"), std::string::npos);
@@ -250,7 +252,8 @@ TEST_F(WebServerTest, PortInUseIsAnErrorWithARemedy) {
 
 TEST_F(WebServerTest, AddressThatIsNoneIsAnError) {
   config_.address = "the hall";
-  EXPECT_FALSE(start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_).has_value());
+  EXPECT_FALSE(
+      start_web_server(io_, config_, {}, std::make_shared<SceneModel>(), clock_).has_value());
 }
 
 TEST_F(WebServerTest, StopEndsEveryConnectionAndTheLoop) {

@@ -1,0 +1,83 @@
+#include "detection/observe.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+namespace fiducap {
+namespace {
+
+class Observe : public testing::Test {
+ protected:
+  Observe() {
+    camera_.width = 752;
+    camera_.height = 480;
+    camera_.fu = camera_.fv = 460;
+    camera_.cu = 376;
+    camera_.cv = 240;
+    frame_.camera = 1;
+    frame_.exposed_at = instant_from_ns(42);
+    frame_.tags = {sighting(5), sighting(3)};
+  }
+
+  static TagSighting sighting(int id) {
+    TagSighting s;
+    s.tag_id = id;
+    s.decision_margin = 60;
+    s.corners_px = {Eigen::Vector2d{100, 160}, {150, 160}, {150, 110}, {100, 110}};
+    return s;
+  }
+
+  const TagObservations& observed() {
+    observe(frame_, camera_, tags_, detector_, out_);
+    return out_;
+  }
+
+  CameraModel camera_;
+  CornerFrame frame_;
+  TagSetConfig tags_;
+  DetectorConfig detector_;
+  TagObservations out_;
+};
+
+TEST_F(Observe, GivesTagsSortedByIdWithTheirSizes) {
+  tags_.sizes_m[3] = 0.3;
+  ASSERT_EQ(observed().tags.size(), 2u);
+  EXPECT_EQ(out_.tags[0].tag_id, 3);
+  EXPECT_EQ(out_.tags[0].edge_m, 0.3);
+  EXPECT_EQ(out_.tags[1].edge_m, 0.16);
+  EXPECT_EQ(out_.camera, 1);
+  EXPECT_EQ(out_.exposed_at, instant_from_ns(42));
+}
+
+TEST_F(Observe, DropsIgnoredIds) {
+  tags_.ignore = {3};
+  ASSERT_EQ(observed().tags.size(), 1u);
+  EXPECT_EQ(out_.tags[0].tag_id, 5);
+}
+
+TEST_F(Observe, DropsBothOfADoubledId) {
+  frame_.tags.push_back(sighting(3));
+  ASSERT_EQ(observed().tags.size(), 1u);
+  EXPECT_EQ(out_.tags[0].tag_id, 5);
+}
+
+TEST_F(Observe, DropsWeakAndMuchCorrectedSightings) {
+  frame_.tags[0].decision_margin = 10;
+  frame_.tags[1].hamming = 4;
+  EXPECT_TRUE(observed().tags.empty());
+}
+
+TEST_F(Observe, AMarginOfZeroMeansThatTheSourceHasNone) {
+  frame_.tags[0].decision_margin = 0;
+  EXPECT_EQ(observed().tags.size(), 2u);
+}
+
+TEST_F(Observe, DropsTagsSeenFromBehindOrTwisted) {
+  std::swap(frame_.tags[0].corners_px[0], frame_.tags[0].corners_px[1]);
+  frame_.tags[1].corners_px[2].x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(observed().tags.empty());
+}
+
+}  // namespace
+}  // namespace fiducap
