@@ -6,9 +6,9 @@
 #include <set>
 #include <string>
 
+#include <ceres/ceres.h>
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <ceres/ceres.h>
 
 #include "mapping/refinement_residuals.hpp"
 
@@ -17,23 +17,30 @@ namespace fiducap {
 namespace {
 
 constexpr int kMaxIterations = 100;
-// Relative change of the cost. Long chains of tags bend at next to no cost: a looser bound stops while metres still move
-// by centimetres.
+// Relative change of the cost. Long chains of tags bend at next to no cost: a looser bound stops
+// while metres still move by centimetres.
 constexpr double kConverged = 1e-8;
-// Starts come from a filter: nearly Gauss–Newton from the first step on. Ceres' own 1e4 holds those chains stiff.
+// Starts come from a filter: nearly Gauss–Newton from the first step on. Ceres' own 1e4 holds those
+// chains stiff.
 constexpr double kFirstTrustRegion = 1e8;
 constexpr double kUnit = 1e-3;  // further from 1 a quaternion is a mistake, not rounding
 
 /// A pose as Ceres keeps it: q (x y z w), then p.
 using Block = std::array<double, 7>;
-using PoseManifold = ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
+using PoseManifold =
+    ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
 
-Block to_block(const Pose& X) { return {X.q.x(), X.q.y(), X.q.z(), X.q.w(), X.p.x(), X.p.y(), X.p.z()}; }
+Block to_block(const Pose& X) {
+  return {X.q.x(), X.q.y(), X.q.z(), X.q.w(), X.p.x(), X.p.y(), X.p.z()};
+}
 
-Pose to_pose(const double* b) { return {Eigen::Quaterniond(b[3], b[0], b[1], b[2]).normalized(), {b[4], b[5], b[6]}}; }
+Pose to_pose(const double* b) {
+  return {Eigen::Quaterniond(b[3], b[0], b[1], b[2]).normalized(), {b[4], b[5], b[6]}};
+}
 
-/// Carries a derivative by (position, rotation vector in W) to the seven numbers of a block. Ceres multiplies it with
-/// the derivative E of the manifold's plus; E has orthonormal columns and a step of half the rotation vector.
+/// Carries a derivative by (position, rotation vector in W) to the seven numbers of a block. Ceres
+/// multiplies it with the derivative E of the manifold's plus; E has orthonormal columns and a step
+/// of half the rotation vector.
 template <int N>
 void lift(const Eigen::Matrix<double, N, 6>& J, const double* b, double* out) {
   if (out == nullptr) return;
@@ -53,10 +60,13 @@ class SightingCost final : public ceres::SizedCostFunction<8, 7, 7> {
       : seen_(seen), camera_(camera), noise_px_(noise_px) {}
 
   bool Evaluate(const double* const* blocks, double* residuals, double** jacobians) const override {
-    const SightingResidual r = sighting_residual(seen_, camera_, to_pose(blocks[0]), to_pose(blocks[1]));
+    const SightingResidual r =
+        sighting_residual(seen_, camera_, to_pose(blocks[0]), to_pose(blocks[1]));
     Eigen::Map<Vector8d> y(residuals);
-    // Behind the camera nothing pulls; the cost is that of a tag a whole image away, so no step wants to go there.
-    y = r.in_front ? Vector8d(r.y / noise_px_) : Vector8d::Constant(camera_.model.width / noise_px_);
+    // Behind the camera nothing pulls; the cost is that of a tag a whole image away, so no step
+    // wants to go there.
+    y = r.in_front ? Vector8d(r.y / noise_px_)
+                   : Vector8d::Constant(camera_.model.width / noise_px_);
     if (jacobians == nullptr) return true;
     lift<8>(r.d_body / noise_px_, blocks[0], jacobians[0]);
     lift<8>(r.d_tag / noise_px_, blocks[1], jacobians[1]);
@@ -108,30 +118,48 @@ Expected<void> check_tags(const RefinementProblem& problem) {
   std::set<int> ids;
   for (const auto* tags : {&problem.fixed, &problem.estimated}) {
     for (const KnownTag& tag : *tags) {
-      if (!ids.insert(tag.tag_id).second) return fail(ErrorCode::kInvalid, "an id may come once", tag_name(tag));
-      if (!is_pose(tag.X_WT)) return fail(ErrorCode::kInvalid, "the start needs finite numbers and a unit quaternion", tag_name(tag));
+      if (!ids.insert(tag.tag_id).second)
+        return fail(ErrorCode::kInvalid, "an id may come once", tag_name(tag));
+      if (!is_pose(tag.X_WT))
+        return fail(ErrorCode::kInvalid, "the start needs finite numbers and a unit quaternion",
+                    tag_name(tag));
     }
   }
   for (const KnownTag& prior : problem.priors) {
-    if (!is_pose(prior.X_WT)) return fail(ErrorCode::kInvalid, "the prior needs finite numbers and a unit quaternion", tag_name(prior));
+    if (!is_pose(prior.X_WT))
+      return fail(ErrorCode::kInvalid, "the prior needs finite numbers and a unit quaternion",
+                  tag_name(prior));
     if (!prior.covariance.allFinite() || prior.covariance.llt().info() != Eigen::Success)
-      return fail(ErrorCode::kInvalid, "the prior needs a positive definite covariance; an exact one is a fixed tag", tag_name(prior));
+      return fail(ErrorCode::kInvalid,
+                  "the prior needs a positive definite covariance; an exact one is a fixed tag",
+                  tag_name(prior));
   }
   return {};
 }
 
 Expected<void> check(const RefinementProblem& problem) {
   if (!(std::isfinite(problem.corner_noise_px) && problem.corner_noise_px > 0))
-    return fail(ErrorCode::kInvalid, "corner_noise_px = " + std::to_string(problem.corner_noise_px) + ": must be finite and > 0");
+    return fail(ErrorCode::kInvalid,
+                "corner_noise_px = " + std::to_string(problem.corner_noise_px) +
+                    ": must be finite and > 0");
   for (std::size_t i = 0; i < problem.frames.size(); ++i) {
     const RefinementFrame& frame = problem.frames[i];
     const std::string name = "frame " + std::to_string(i);
-    if (!is_pose(frame.X_WB)) return fail(ErrorCode::kInvalid, "the start needs finite numbers and a unit quaternion", name);
+    if (!is_pose(frame.X_WB))
+      return fail(ErrorCode::kInvalid, "the start needs finite numbers and a unit quaternion",
+                  name);
     for (const TagObservations& image : frame.images) {
       if (image.camera < 0 || static_cast<std::size_t>(image.camera) >= problem.cameras.size())
-        return fail(ErrorCode::kInvalid, "camera " + std::to_string(image.camera) + " of " + std::to_string(problem.cameras.size()), name);
+        return fail(ErrorCode::kInvalid,
+                    "camera " + std::to_string(image.camera) + " of " +
+                        std::to_string(problem.cameras.size()),
+                    name);
       for (const TagObservation& tag : image.tags) {
-        if (!is_seen(tag)) return fail(ErrorCode::kInvalid, "tag " + std::to_string(tag.tag_id) + " needs an edge > 0, finite corners and invertible lens derivatives", name);
+        if (!is_seen(tag))
+          return fail(ErrorCode::kInvalid,
+                      "tag " + std::to_string(tag.tag_id) +
+                          " needs an edge > 0, finite corners and invertible lens derivatives",
+                      name);
       }
     }
   }
@@ -159,9 +187,11 @@ class Bundle final {
     options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
     options.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();
     for (Block& body : bodies_)
-      if (ceres_.HasParameterBlock(body.data())) options.linear_solver_ordering->AddElementToGroup(body.data(), 0);
+      if (ceres_.HasParameterBlock(body.data()))
+        options.linear_solver_ordering->AddElementToGroup(body.data(), 0);
     for (auto& [id, tag] : tags_)
-      if (ceres_.HasParameterBlock(tag.data())) options.linear_solver_ordering->AddElementToGroup(tag.data(), 1);
+      if (ceres_.HasParameterBlock(tag.data()))
+        options.linear_solver_ordering->AddElementToGroup(tag.data(), 1);
     options.max_num_iterations = kMaxIterations;
     options.function_tolerance = kConverged;
     options.initial_trust_region_radius = kFirstTrustRegion;
@@ -169,7 +199,8 @@ class Bundle final {
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &ceres_, &summary);
-    if (!summary.IsSolutionUsable()) return fail(ErrorCode::kInvalid, summary.message, "refinement");
+    if (!summary.IsSolutionUsable())
+      return fail(ErrorCode::kInvalid, summary.message, "refinement");
     return result(summary);
   }
 
@@ -189,7 +220,8 @@ class Bundle final {
         if (tag == tags_.end()) continue;
         ceres_.AddParameterBlock(body.data(), 7, &manifold_);
         ceres_.AddParameterBlock(tag->second.data(), 7, &manifold_);
-        ceres_.AddResidualBlock(new SightingCost(seen, camera, problem_.corner_noise_px), &loss_, body.data(), tag->second.data());
+        ceres_.AddResidualBlock(new SightingCost(seen, camera, problem_.corner_noise_px), &loss_,
+                                body.data(), tag->second.data());
         seen_.insert(seen.tag_id);
       }
     }
@@ -208,12 +240,15 @@ class Bundle final {
         if (prior.tag_id != tag.tag_id) continue;
         Block& block = tags_[tag.tag_id];
         ceres_.AddParameterBlock(block.data(), 7, &manifold_);
-        ceres_.AddResidualBlock(new PriorCost(prior.X_WT, prior.covariance.llt().matrixL()), nullptr, block.data());
+        ceres_.AddResidualBlock(new PriorCost(prior.X_WT, prior.covariance.llt().matrixL()),
+                                nullptr, block.data());
         anchored = true;
       }
     }
     if (anchored) return;
-    const int gauge = problem_.gauge_tag && seen_.contains(*problem_.gauge_tag) ? *problem_.gauge_tag : first_seen();
+    const int gauge = problem_.gauge_tag && seen_.contains(*problem_.gauge_tag)
+                          ? *problem_.gauge_tag
+                          : first_seen();
     ceres_.SetParameterBlockConstant(tags_[gauge].data());
   }
 
@@ -248,7 +283,9 @@ class Bundle final {
 Expected<RefinementResult> refine(const RefinementProblem& problem) {
   if (auto sound = check(problem); !sound) return tl::unexpected(sound.error());
   Bundle bundle(problem);
-  if (bundle.empty()) return fail(ErrorCode::kInvalid, "needs images that see a fixed or an estimated tag; there is none", "refinement");
+  if (bundle.empty())
+    return fail(ErrorCode::kInvalid,
+                "needs images that see a fixed or an estimated tag; there is none", "refinement");
   return bundle.solve();
 }
 

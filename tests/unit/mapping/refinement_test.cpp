@@ -23,8 +23,8 @@ constexpr double kNoise_px = 0.3;
 constexpr double kEdge_m = 0.4;
 constexpr int kTags = 12;
 constexpr int kFrames = 60;
-// f = 450 px, 2 m away: 0.3 px is 1.3 mm on one corner, and a tag's distance is known to 0.3 % of 2 m per sighting. The
-// start is 50 mm off per axis.
+// f = 450 px, 2 m away: 0.3 px is 1.3 mm on one corner, and a tag's distance is known to 0.3 % of 2
+// m per sighting. The start is 50 mm off per axis.
 constexpr double kMapError_m = 0.008;
 // A body pose rests on the few tags of one instant besides.
 constexpr double kPoseError_m = 0.015;
@@ -44,7 +44,8 @@ Pose looking(const Eigen::Vector3d& from, const Eigen::Vector3d& at) {
   return {Eigen::Quaterniond(R), from};
 }
 
-/// Twelve tags on the four walls of a room of 4 m × 4 m, and a body with two cameras walking round its middle.
+/// Twelve tags on the four walls of a room of 4 m × 4 m, and a body with two cameras walking round
+/// its middle.
 class RefinementTest : public ::testing::Test {
  protected:
   RefinementTest() {
@@ -59,17 +60,20 @@ class RefinementTest : public ::testing::Test {
       const double angle = (id / 3) * M_PI / 2;
       const Eigen::Vector3d along(-std::sin(angle), std::cos(angle), 0);
       const Eigen::Vector3d wall(2 * std::cos(angle), 2 * std::sin(angle), 0);
-      const Eigen::Vector3d p = wall + (id % 3 - 1) * 0.9 * along + Eigen::Vector3d(0, 0, 0.2 * (id % 2));
+      const Eigen::Vector3d p =
+          wall + (id % 3 - 1) * 0.9 * along + Eigen::Vector3d(0, 0, 0.2 * (id % 2));
       // z out of the face into the room, y up.
       Eigen::Matrix3d R;
       R << -along, Eigen::Vector3d::UnitZ(), -wall.normalized();
-      true_tags_.push_back({id, kEdge_m, {Eigen::Quaterniond(R).normalized(), p}, Matrix6d::Zero()});
+      true_tags_.push_back(
+          {id, kEdge_m, {Eigen::Quaterniond(R).normalized(), p}, Matrix6d::Zero()});
     }
     for (int i = 0; i < kFrames; ++i) see(2 * M_PI * i / kFrames);
   }
 
   void see(double angle) {
-    const Eigen::Vector3d from(-0.5 * std::cos(angle), -0.6 * std::sin(angle), 0.3 * std::sin(3 * angle));
+    const Eigen::Vector3d from(-0.5 * std::cos(angle), -0.6 * std::sin(angle),
+                               0.3 * std::sin(3 * angle));
     const Pose X_WB = looking(from, {2 * std::cos(angle), 2 * std::sin(angle), 0.2});
     RefinementFrame frame{X_WB, {}};
     for (int k = 0; k < 2; ++k) {
@@ -85,7 +89,8 @@ class RefinementTest : public ::testing::Test {
     problem_.frames.push_back(frame);
   }
 
-  std::optional<TagObservation> project(const KnownTag& tag, const CameraMount& camera, const Pose& X_WB) {
+  std::optional<TagObservation> project(const KnownTag& tag, const CameraMount& camera,
+                                        const Pose& X_WB) {
     const Pose X_VT = (X_WB * camera.X_BV).inverse() * tag.X_WT;
     if ((X_VT.q * Eigen::Vector3d::UnitZ()).z() > -0.2) return std::nullopt;
     TagObservation seen;
@@ -100,7 +105,8 @@ class RefinementTest : public ::testing::Test {
       const Eigen::Vector2d noise(noise_(random_), noise_(random_));
       seen.corners_px[k] = camera.model.pinhole(p) + seen.ideal_from_raw[k] * noise;
       const Eigen::Vector2d px = camera.model.pinhole(p);
-      if (px.x() < 0 || px.y() < 0 || px.x() > camera.model.width || px.y() > camera.model.height) return std::nullopt;
+      if (px.x() < 0 || px.y() < 0 || px.x() > camera.model.width || px.y() > camera.model.height)
+        return std::nullopt;
     }
     return seen;
   }
@@ -126,13 +132,15 @@ class RefinementTest : public ::testing::Test {
     problem_.fixed.push_back(true_tags_[static_cast<std::size_t>(tag_id)]);
   }
 
-  /// What a held tag's own attitude error (10 mrad) does to the map as a whole: best rigid fit of the tags' places.
+  /// What a held tag's own attitude error (10 mrad) does to the map as a whole: best rigid fit of
+  /// the tags' places.
   [[nodiscard]] Pose fit(const RefinementResult& result) const {
     Eigen::Matrix3Xd ours(3, result.tags.size());
     Eigen::Matrix3Xd theirs(3, result.tags.size());
     for (std::size_t i = 0; i < result.tags.size(); ++i) {
       ours.col(static_cast<Eigen::Index>(i)) = result.tags[i].X_WT.p;
-      theirs.col(static_cast<Eigen::Index>(i)) = true_tags_[static_cast<std::size_t>(result.tags[i].tag_id)].X_WT.p;
+      theirs.col(static_cast<Eigen::Index>(i)) =
+          true_tags_[static_cast<std::size_t>(result.tags[i].tag_id)].X_WT.p;
     }
     const Eigen::Matrix4d X = Eigen::umeyama(ours, theirs, false);
     return {Eigen::Quaterniond(Eigen::Matrix3d(X.topLeftCorner<3, 3>())), X.topRightCorner<3, 1>()};
@@ -144,7 +152,8 @@ class RefinementTest : public ::testing::Test {
       EXPECT_LT((fitted * tag.X_WT.p - truth.X_WT.p).norm(), kMapError_m) << "tag " << tag.tag_id;
     }
     for (std::size_t i = 0; i < result.X_WB.size(); ++i)
-      EXPECT_LT((fitted * result.X_WB[i].p - true_poses_[i].p).norm(), kPoseError_m) << "frame " << i;
+      EXPECT_LT((fitted * result.X_WB[i].p - true_poses_[i].p).norm(), kPoseError_m)
+          << "frame " << i;
   }
 
   std::mt19937 random_{7};
@@ -161,11 +170,16 @@ TEST_F(RefinementTest, DerivativesOfASightingAreThoseOfCentralDifferences) {
   for (const TagObservations& image : frame.images) {
     const CameraMount& camera = problem_.cameras[static_cast<std::size_t>(image.camera)];
     for (const TagObservation& seen : image.tags) {
-      const Pose X_WT = moved(true_tags_[static_cast<std::size_t>(seen.tag_id)].X_WT, jolt(0.02, 0.02));
+      const Pose X_WT =
+          moved(true_tags_[static_cast<std::size_t>(seen.tag_id)].X_WT, jolt(0.02, 0.02));
       const SightingResidual at = sighting_residual(seen, camera, X_WB, X_WT);
       ASSERT_TRUE(at.in_front);
-      expect_jacobian(at.d_body, [&](const Eigen::VectorXd& d) { return sighting_residual(seen, camera, moved(X_WB, d), X_WT).y; });
-      expect_jacobian(at.d_tag, [&](const Eigen::VectorXd& d) { return sighting_residual(seen, camera, X_WB, moved(X_WT, d)).y; });
+      expect_jacobian(at.d_body, [&](const Eigen::VectorXd& d) {
+        return sighting_residual(seen, camera, moved(X_WB, d), X_WT).y;
+      });
+      expect_jacobian(at.d_tag, [&](const Eigen::VectorXd& d) {
+        return sighting_residual(seen, camera, X_WB, moved(X_WT, d)).y;
+      });
       ++checked;
     }
   }
@@ -175,8 +189,9 @@ TEST_F(RefinementTest, DerivativesOfASightingAreThoseOfCentralDifferences) {
 TEST_F(RefinementTest, DerivativesOfAPriorAreThoseOfCentralDifferences) {
   for (const double size : {0.0, 1e-8, 0.7}) {
     const Pose X_WT = moved(true_tags_[4].X_WT, jolt(size, size));
-    expect_jacobian(prior_residual(X_WT, true_tags_[4].X_WT).d_tag,
-                    [&](const Eigen::VectorXd& d) { return prior_residual(moved(X_WT, d), true_tags_[4].X_WT).y; });
+    expect_jacobian(prior_residual(X_WT, true_tags_[4].X_WT).d_tag, [&](const Eigen::VectorXd& d) {
+      return prior_residual(moved(X_WT, d), true_tags_[4].X_WT).y;
+    });
   }
 }
 
@@ -199,7 +214,9 @@ TEST_F(RefinementTest, ExplainsTheCornersAsWellAsTheirNoiseAllows) {
     for (const TagObservations& image : problem_.frames[i].images) {
       for (const TagObservation& seen : image.tags) {
         const auto& tag = result->tags[static_cast<std::size_t>(seen.tag_id)];
-        squares += sighting_residual(seen, problem_.cameras[static_cast<std::size_t>(image.camera)], result->X_WB[i], tag.X_WT).y.squaredNorm();
+        squares += sighting_residual(seen, problem_.cameras[static_cast<std::size_t>(image.camera)],
+                                     result->X_WB[i], tag.X_WT)
+                       .y.squaredNorm();
         numbers += 8;
       }
     }
@@ -252,7 +269,8 @@ TEST_F(RefinementTest, TheGaugeTagStaysAndElseTheFirstSeen) {
   const auto by_first = refine(problem_);
   ASSERT_TRUE(by_first) << by_first.error().text();
   EXPECT_LT((by_first->tags[0].X_WT.p - problem_.estimated[0].X_WT.p).norm(), kSame);
-  EXPECT_GT((by_first->tags[5].X_WT.p - start_5.p).norm(), kMapError_m) << "the gauge tag was wrong by centimetres";
+  EXPECT_GT((by_first->tags[5].X_WT.p - start_5.p).norm(), kMapError_m)
+      << "the gauge tag was wrong by centimetres";
 }
 
 TEST_F(RefinementTest, APriorPullsWhereNothingElseDoes) {
@@ -268,7 +286,8 @@ TEST_F(RefinementTest, APriorPullsWhereNothingElseDoes) {
   ASSERT_TRUE(result) << result.error().text();
   for (const KnownTag& tag : result->tags) {
     const Pose& truth = true_tags_[static_cast<std::size_t>(tag.tag_id)].X_WT;
-    EXPECT_LT((tag.X_WT.p - truth.p - Eigen::Vector3d::UnitX()).norm(), kMapError_m) << "tag " << tag.tag_id;
+    EXPECT_LT((tag.X_WT.p - truth.p - Eigen::Vector3d::UnitX()).norm(), kMapError_m)
+        << "tag " << tag.tag_id;
   }
 }
 
@@ -278,7 +297,8 @@ TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
     KnownTag prior = true_tags_[static_cast<std::size_t>(id)];
     const double sigma_m = id == 2 ? 0.01 : 0.1;
     if (id == 8) prior.X_WT.p.z() += 0.05;
-    prior.covariance.diagonal() << Eigen::Vector3d::Constant(sigma_m * sigma_m), Eigen::Vector3d::Constant(1e-6);
+    prior.covariance.diagonal() << Eigen::Vector3d::Constant(sigma_m * sigma_m),
+        Eigen::Vector3d::Constant(1e-6);
     problem_.priors.push_back(prior);
   }
   const auto result = refine(problem_);
