@@ -192,6 +192,7 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<co
     at_image = false;
   }
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
   return report;
@@ -285,7 +286,6 @@ void RobocentricFilter::count_rejections(const std::vector<bool>& accepted, Upda
     state_.remove_tag(i);
     ++report.tags_dropped;
   }
-  if (barren_updates_ >= kBarrenToRestart) restart();
 }
 
 std::optional<CameraAttitude> RobocentricFilter::camera_attitude(int camera, Instant at) const {

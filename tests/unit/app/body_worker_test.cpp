@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "fake_body.hpp"
+#include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 
 namespace fiducap {
@@ -43,7 +44,7 @@ class BodyWorkerTest : public testing::Test {
     sensors_.imu = ImuNoise{};
   }
 
-  void build(std::unique_ptr<ScriptedSource> source) {
+  void build(std::unique_ptr<SensorSource> source) {
     scene_ = std::make_unique<Scene>(
         std::vector<SceneBody>{{{1, "robot"}, Pose{}, BodyLimits{}, sensors_, {}}});
     map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
@@ -200,6 +201,35 @@ TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
   worker_->work(stop.get_token());
   EXPECT_TRUE(log_.updated.empty());
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kSearching);
+}
+
+TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
+  constexpr int kImages = 300;
+  constexpr int kWarm = 150;
+  constexpr int kCounted = kImages - 2 * PacedSource::kAhead;  // the end of the source is a line in the log
+  std::vector<SensorSample> samples;
+  for (int k = 0; k < kImages; ++k) {
+    for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));
+    samples.push_back(frame_at(ms(1000 + 50 * k + 42), {4, 5, 6}));
+  }
+  start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0}};
+  std::atomic<int> images_done{0};
+  build(std::make_unique<PacedSource>(std::move(samples), images_done));
+  filter_->quiet = true;
+  filter_->beliefs = {{known_tag(5), 100, ms(0), ms(1002)}};
+  std::uint64_t at_warm = 0;
+  std::uint64_t at_end = 0;
+  filter_->on_image = [&](int done) {
+    if (done == kWarm) at_warm = g_allocations;
+    if (done == kCounted) at_end = g_allocations;
+    images_done = done;
+  };
+  std::thread reader([&] { worker_->read({}); });
+  worker_->work({});
+  reader.join();
+  EXPECT_EQ(filter_->images_done, kImages);
+  ASSERT_GT(at_warm, 0u);
+  EXPECT_EQ(at_end - at_warm, 0u);
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <functional>
 #include <stdexcept>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -40,6 +42,31 @@ class ScriptedSource final : public SensorSource {
   std::optional<Error> error_;
 };
 
+/// Gives prepared samples, but never runs more than a few images ahead of the filter, so that none
+/// is dropped.
+class PacedSource final : public SensorSource {
+ public:
+  static constexpr int kAhead = 3;
+
+  PacedSource(std::vector<SensorSample> samples, const std::atomic<int>& images_done)
+      : samples_(std::move(samples)), images_done_(images_done) {}
+
+  Expected<std::optional<SensorSample>> next(std::stop_token) override {
+    if (next_ == samples_.size()) return std::nullopt;
+    if (std::holds_alternative<CornerFrame>(samples_[next_])) {
+      while (images_given_ - images_done_ >= kAhead) std::this_thread::yield();
+      ++images_given_;
+    }
+    return std::optional<SensorSample>(std::move(samples_[next_++]));
+  }
+
+ private:
+  std::vector<SensorSample> samples_;
+  const std::atomic<int>& images_done_;
+  std::size_t next_{0};
+  int images_given_{0};
+};
+
 /// Writes down what it is asked, and answers with a body at rest in the workspace.
 class RecordingFilter final : public BodyFilter {
  public:
@@ -51,10 +78,14 @@ class RecordingFilter final : public BodyFilter {
   };
   explicit RecordingFilter(Log& log) : log_(log) {}
 
-  void propagate(const ImuSample& imu) override { log_.propagated.push_back(imu.sampled_at); }
+  void propagate(const ImuSample& imu) override {
+    if (!quiet) log_.propagated.push_back(imu.sampled_at);
+  }
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override {
-    log_.updated.push_back(seen);
-    log_.known.emplace_back(known.begin(), known.end());
+    ++images_done;
+    if (on_image) on_image(images_done);
+    if (!quiet) log_.updated.push_back(seen);
+    if (!quiet) log_.known.emplace_back(known.begin(), known.end());
     if (throws_at > 0 && log_.updated.size() == throws_at)
       throw std::runtime_error("a matrix is singular");
     UpdateReport report;
@@ -74,11 +105,15 @@ class RecordingFilter final : public BodyFilter {
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
+    if (quiet) return {};
     return {{Pose{}, Matrix6d::Identity()}};
   }
 
   std::vector<TagBelief> beliefs;
   std::size_t throws_at{0};
+  bool quiet{false};  ///< Writes nothing down, so that it allocates nothing.
+  std::atomic<int> images_done{0};
+  std::function<void(int images_done)> on_image;
 
  private:
   Log& log_;
