@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 
 #include "base/so3.hpp"
+#include "detection/tag_pose.hpp"
 
 namespace fiducap {
 namespace {
@@ -86,12 +87,16 @@ std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
   std::vector<std::pair<const TagPlace*, const TagPlace*>> pairs;
   for (const TagPlace& tag : estimated)
     if (const TagPlace* true_tag = find_tag(truth, tag.tag_id)) pairs.emplace_back(&tag, true_tag);
-  if (pairs.size() < 3) return std::nullopt;
-  Eigen::Matrix3Xd from(3, pairs.size());
-  Eigen::Matrix3Xd to(3, pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    from.col(static_cast<Eigen::Index>(i)) = pairs[i].first->X_WT.p;
-    to.col(static_cast<Eigen::Index>(i)) = pairs[i].second->X_WT.p;
+  if (pairs.size() < 2) return std::nullopt;
+  // Corners instead of centres: tags in one line leave no rotation open.
+  Eigen::Matrix3Xd from(3, 4 * pairs.size());
+  Eigen::Matrix3Xd to(3, 4 * pairs.size());
+  Eigen::Index column = 0;
+  for (const auto& [tag, true_tag] : pairs) {
+    for (int corner = 0; corner < 4; ++corner, ++column) {
+      from.col(column) = tag->X_WT * tag_corner(corner, true_tag->edge_m);
+      to.col(column) = true_tag->X_WT * tag_corner(corner, true_tag->edge_m);
+    }
   }
   const Eigen::Matrix4d fit = Eigen::umeyama(from, to, false);
   const Pose moved{Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())),

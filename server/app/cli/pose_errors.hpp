@@ -56,9 +56,9 @@ struct TagPlace {
 [[nodiscard]] PoseErrors map_errors(std::span<const TagPlace> estimated,
                                     std::span<const TagPlace> truth, int reference_tag);
 
-/// The same after the best rigid fit over the tag centres (Umeyama, without scale): agreement in
+/// The same after the best rigid fit over the tags' corners (Umeyama, without scale): agreement in
 /// shape.
-/// @return nullopt with fewer than three common tags.
+/// @return nullopt with fewer than two common tags.
 [[nodiscard]] std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
                                                           std::span<const TagPlace> truth);
 

@@ -112,8 +112,17 @@ TEST(MapErrors, FittedErrorsIgnoreWhereTheMapLies) {
   EXPECT_EQ(errors->samples, 4);
   EXPECT_LT(errors->position_max_m, 1e-9);
   EXPECT_LT(errors->rotation_max_rad, 1e-7);
-  estimated.resize(2);
-  EXPECT_FALSE(fitted_map_errors(estimated, room())) << "two points do not fix a rotation";
+  estimated.resize(1);
+  EXPECT_FALSE(fitted_map_errors(estimated, room())) << "one tag has no shape";
+}
+
+TEST(MapErrors, TagsInOneLineLeaveNoRotationOpen) {
+  std::vector<TagPlace> line;
+  for (int id = 0; id < 4; ++id)
+    line.push_back({id, 0.2, {exp_so3({0.3, 0, 0}), {0.5 * id, 1, 2}}});
+  std::vector<TagPlace> estimated = line;
+  for (TagPlace& tag : estimated) tag.X_WT = kSomewhere * tag.X_WT;
+  EXPECT_LT(fitted_map_errors(estimated, line)->rotation_max_rad, 1e-7);
 }
 
 TEST(Levelled, KeepsPlaceAndHeadingOnly) {
