@@ -56,12 +56,12 @@ class Watch final {
     if (complained_) return;
     complained_ = true;
     const std::string problem = client_.statistics().problem;
-    terminal_.err << "fiducap: no Fiducap server answers at " << name_
-                  << (problem.empty() ? "" : " (" + problem + ")")
-                  << ". Is it running there (fiducapd --config config/demo.yaml), with "
-                     "streaming.native on this address "
-                     "and port? Name another with --server HOST:PORT."
-                  << std::endl;
+    terminal_.err
+        << "fiducap: no Fiducap server answers at " << name_
+        << (problem.empty() ? "" : " (" + problem + ")")
+        << ". Start one (fiducapd --config config/demo.yaml), look at its streaming.native "
+           "section, or name another with --server HOST:PORT."
+        << std::endl;
     lines_shown_ = 0;  // what is on the screen has moved
   }
 
