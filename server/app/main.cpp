@@ -1,5 +1,4 @@
-// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 wrong usage or
-// configuration.
+// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration.
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <exception>
@@ -36,9 +35,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Fiducap server: motion capture from printed tags."};
   std::string file;
   std::vector<std::string> sets;
-  bool exit_at_end = false;
-  bool check = false;
-  bool print = false;
+  bool exit_at_end = false, check = false, print = false;
   app.add_option("--config", file, "configuration, YAML")->required();
   app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
       ->allow_extra_args(false);

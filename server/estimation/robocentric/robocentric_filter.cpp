@@ -7,6 +7,7 @@
 #include "base/so3.hpp"
 #include "estimation/chi_square.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
+#include "estimation/robocentric/tag_score.hpp"
 
 namespace fiducap::robocentric {
 
@@ -27,8 +28,7 @@ constexpr double kStepWithoutImu_s = 0.05;
 // An update far from the linearisation point is iterated.
 constexpr int kFirstIterations = 5;
 constexpr int kCornerStepIterations = 2;
-// Contradictions in a row before something is given up.
-constexpr int kRejectionsToDrop = 10;
+// Images in a row with usable tags and none accepted, before everything is given up.
 constexpr int kBarrenToRestart = 20;
 // A tag is believed to be there after so many views.
 constexpr int kViewsToBelieve = 3;
@@ -268,22 +268,8 @@ void RobocentricFilter::count_rejections(const std::vector<bool>& accepted, Upda
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
-  for (std::size_t i = 0; i < usable_.size(); ++i) {
-    if (usable_[i].local < 0) continue;
-    LocalTag& tag = state_.tags[static_cast<std::size_t>(usable_[i].local)];
-    if (accepted[i]) {
-      ++tag.sightings;
-      tag.last_seen = report.exposed_at;
-      tag.rejected_in_row = 0;
-    } else if (any) {
-      ++tag.rejected_in_row;
-    }
-  }
-  // A tag that keeps contradicting the others is gone from its place; it may join again like a new one.
-  for (std::size_t i = state_.tags.size(); i-- > 0;) {
-    if (state_.tags[i].rejected_in_row < kRejectionsToDrop) continue;
-    if (gauge_tag_ == state_.tags[i].tag_id) gauge_tag_.reset();
-    state_.remove_tag(i);
+  for (const int tag_id : keep_score(state_, usable_, accepted, report.exposed_at)) {
+    if (gauge_tag_ == tag_id) gauge_tag_.reset();
     ++report.tags_dropped;
   }
 }

@@ -8,10 +8,9 @@
 #include <random>
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 
 #include "base/so3.hpp"
-#include "mapping/refinement_residuals.hpp"
+#include "support/bundle_nees.hpp"
 #include "support/jacobian_check.hpp"
 
 namespace fiducap {
@@ -20,14 +19,13 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr double kNoise_px = 0.3;
-constexpr double kEdge_m = 0.4;
+constexpr double kEdge_m = 0.2;
 constexpr int kTags = 12;
 constexpr int kFrames = 60;
-// f = 450 px, 2 m away: 0.3 px is 1.3 mm on one corner, and a tag's distance is known to 0.3 % of 2
-// m per sighting. The start is 50 mm off per axis.
-constexpr double kMapError_m = 0.008;
-// A body pose rests on the few tags of one instant besides.
-constexpr double kPoseError_m = 0.015;
+// Standard deviations of chi-square: what an estimate at the Cramér–Rao bound exceeds once in 10^5.
+constexpr double kSigmas = 4.5;
+// The start is 50 mm off per axis.
+constexpr double kStartError_m = 0.05;
 // Nothing but rounding.
 constexpr double kSame = 1e-9;
 
@@ -122,8 +120,8 @@ class RefinementTest : public ::testing::Test {
   void perturb() {
     problem_.estimated = true_tags_;
     for (KnownTag& tag : problem_.estimated)
-      if (tag.tag_id != 0) tag.X_WT = moved(tag.X_WT, jolt(0.05, 0.05));
-    for (RefinementFrame& frame : problem_.frames) frame.X_WB = moved(frame.X_WB, jolt(0.05, 0.05));
+      if (tag.tag_id != 0) tag.X_WT = moved(tag.X_WT, jolt(kStartError_m, 0.05));
+    for (RefinementFrame& frame : problem_.frames) frame.X_WB = moved(frame.X_WB, jolt(kStartError_m, 0.05));
   }
 
   /// The first estimated tag with its true pose becomes an input.
@@ -132,28 +130,11 @@ class RefinementTest : public ::testing::Test {
     problem_.fixed.push_back(true_tags_[static_cast<std::size_t>(tag_id)]);
   }
 
-  /// What a held tag's own attitude error (10 mrad) does to the map as a whole: best rigid fit of
-  /// the tags' places.
-  [[nodiscard]] Pose fit(const RefinementResult& result) const {
-    Eigen::Matrix3Xd ours(3, result.tags.size());
-    Eigen::Matrix3Xd theirs(3, result.tags.size());
-    for (std::size_t i = 0; i < result.tags.size(); ++i) {
-      ours.col(static_cast<Eigen::Index>(i)) = result.tags[i].X_WT.p;
-      theirs.col(static_cast<Eigen::Index>(i)) =
-          true_tags_[static_cast<std::size_t>(result.tags[i].tag_id)].X_WT.p;
-    }
-    const Eigen::Matrix4d X = Eigen::umeyama(ours, theirs, false);
-    return {Eigen::Quaterniond(Eigen::Matrix3d(X.topLeftCorner<3, 3>())), X.topRightCorner<3, 1>()};
-  }
-
-  void expect_recovered(const RefinementResult& result, const Pose& fitted = Pose()) const {
-    for (const KnownTag& tag : result.tags) {
-      const KnownTag& truth = true_tags_[static_cast<std::size_t>(tag.tag_id)];
-      EXPECT_LT((fitted * tag.X_WT.p - truth.X_WT.p).norm(), kMapError_m) << "tag " << tag.tag_id;
-    }
-    for (std::size_t i = 0; i < result.X_WB.size(); ++i)
-      EXPECT_LT((fitted * result.X_WB[i].p - true_poses_[i].p).norm(), kPoseError_m)
-          << "frame " << i;
+  /// The answer is as close to the truth as the corners of `evidence` allow; `gauge_freedom` as for bundle_nees.
+  void expect_efficient(const RefinementResult& result, const RefinementProblem& evidence,
+                        int gauge_freedom = 0) const {
+    const BundleNees nees = bundle_nees(evidence, true_tags_, true_poses_, result.tags, result.X_WB, gauge_freedom);
+    EXPECT_LT(std::abs(nees.sigmas()), kSigmas) << nees.value << " of " << nees.numbers;
   }
 
   std::mt19937 random_{7};
@@ -200,7 +181,7 @@ TEST_F(RefinementTest, FindsTagsAndPosesFromAWrongStart) {
   problem_.gauge_tag = 0;
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  expect_recovered(*result, fit(*result));
+  expect_efficient(*result, problem_);
   EXPECT_LT(result->final_cost, result->initial_cost);
 }
 
@@ -234,7 +215,8 @@ TEST_F(RefinementTest, OneTagReadAsAnotherHardlyPulls) {
   tags[0].tag_id = (tags[0].tag_id + 6) % kTags;  // one from the opposite wall
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  expect_recovered(*result, fit(*result));
+  tags.erase(tags.begin());
+  expect_efficient(*result, problem_);
 }
 
 TEST_F(RefinementTest, FixedTagsDoNotMoveAndHoldTheRest) {
@@ -244,7 +226,7 @@ TEST_F(RefinementTest, FixedTagsDoNotMoveAndHoldTheRest) {
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
   EXPECT_EQ(result->tags.size(), problem_.estimated.size());
-  expect_recovered(*result);
+  expect_efficient(*result, problem_);
 }
 
 TEST_F(RefinementTest, InAMapThatIsFixedOnlyThePosesMove) {
@@ -254,7 +236,7 @@ TEST_F(RefinementTest, InAMapThatIsFixedOnlyThePosesMove) {
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
   EXPECT_TRUE(result->tags.empty());
-  expect_recovered(*result);
+  expect_efficient(*result, problem_);
 }
 
 TEST_F(RefinementTest, TheGaugeTagStaysAndElseTheFirstSeen) {
@@ -269,7 +251,7 @@ TEST_F(RefinementTest, TheGaugeTagStaysAndElseTheFirstSeen) {
   const auto by_first = refine(problem_);
   ASSERT_TRUE(by_first) << by_first.error().text();
   EXPECT_LT((by_first->tags[0].X_WT.p - problem_.estimated[0].X_WT.p).norm(), kSame);
-  EXPECT_GT((by_first->tags[5].X_WT.p - start_5.p).norm(), kMapError_m)
+  EXPECT_GT((by_first->tags[5].X_WT.p - start_5.p).norm(), kStartError_m / 5)
       << "the gauge tag was wrong by centimetres";
 }
 
@@ -284,11 +266,16 @@ TEST_F(RefinementTest, APriorPullsWhereNothingElseDoes) {
   }
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  for (const KnownTag& tag : result->tags) {
-    const Pose& truth = true_tags_[static_cast<std::size_t>(tag.tag_id)].X_WT;
-    EXPECT_LT((tag.X_WT.p - truth.p - Eigen::Vector3d::UnitX()).norm(), kMapError_m)
-        << "tag " << tag.tag_id;
+  RefinementResult back = *result;
+  Eigen::Vector3d mean_error = Eigen::Vector3d::Zero();
+  for (KnownTag& tag : back.tags) {
+    tag.X_WT.p.x() -= 1.0;
+    mean_error += (tag.X_WT.p - true_tags_[static_cast<std::size_t>(tag.tag_id)].X_WT.p) / kTags;
   }
+  for (Pose& X_WB : back.X_WB) X_WB.p.x() -= 1.0;
+  expect_efficient(back, problem_, 6);
+  // The priors balance: they agree with each other, so the noise of the corners leaves their mean alone.
+  EXPECT_LT(mean_error.norm(), 1e-6);
 }
 
 TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
@@ -303,8 +290,8 @@ TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
   }
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  // 1 : 100 by variance: half a millimetre of the 50 mm, and the noise of the map.
-  EXPECT_LT(std::abs(result->tags[2].X_WT.p.z() - true_tags_[2].X_WT.p.z()), kMapError_m);
+  // 1 : 100 by variance: half a millimetre of the 50 mm.
+  EXPECT_NEAR(result->tags[2].X_WT.p.z() - true_tags_[2].X_WT.p.z(), 0.05 / 101, 5e-5);
 }
 
 TEST_F(RefinementTest, ATagThatNobodySawStaysOrGoesToItsPrior) {
