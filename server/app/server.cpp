@@ -19,6 +19,7 @@
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
+#include "streaming/natnet/natnet_server.hpp"
 #include "streaming/stream_hub.hpp"
 
 namespace fiducap {
@@ -167,6 +168,12 @@ Expected<void> Server::Impl::build_streaming() {
     auto server = native::start_native_server(io_, streaming.native, model, clock_);
     if (server) ports_.native = native::bound_port(**server);
     const auto done = accept(std::move(server), "native");
+    if (!done) return done;
+  }
+  if (streaming.natnet.enabled) {
+    auto server = natnet::start_natnet_server(io_, streaming.natnet, model, clock_, nullptr, streaming.rate_hz);
+    if (server) ports_.natnet = (*server)->port();
+    const auto done = accept(std::move(server), "natnet");
     if (!done) return done;
   }
   if (streaming.web.enabled) {
