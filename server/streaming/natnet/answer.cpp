@@ -36,7 +36,7 @@ Datagram encode(const ServerInfo& info) {
 
 Datagram encode_echo(std::uint64_t client_ticks, Instant received_at) {
   Datagram out;
-  begin(out, Message::kEchoResponse, 16).u64(client_ticks).i64(to_ns(received_at));
+  begin(out, Message::kEchoResponse, 16).u64(client_ticks).i64(ticks(received_at));
   return out;
 }
 

@@ -76,8 +76,8 @@ void FrameEncoder::load(const SceneFrame& frame, Instant sent_at, std::int16_t b
   number_ = static_cast<std::int32_t>(frame.number & 0x7fffffff);
   const Instant received = std::max(frame.at, frame.published_at);
   const Instant sent = std::max(received, sent_at);
-  stamps_ = {to_seconds(frame.at - epoch_), static_cast<float>(to_seconds(sent - frame.at)), to_ns(frame.at),
-             to_ns(received), to_ns(sent)};
+  stamps_ = {to_seconds(frame.at - epoch_), static_cast<float>(to_seconds(sent - frame.at)), ticks(frame.at),
+             ticks(received), ticks(sent)};
   bits_ = bits;
   const std::size_t bodies = std::min(frame.bodies.size(), kMaxBodies);
   last_valid_.resize(bodies);

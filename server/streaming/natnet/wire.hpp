@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/time.hpp"
+
 namespace fiducap::natnet {
 
 enum class Message : std::uint16_t {
@@ -34,7 +36,12 @@ inline constexpr std::size_t kMaxBodies = 1000;
 inline constexpr std::size_t kMaxName = 255;
 /// Text of an answer, NUL included: a sample client copies it into 260 bytes.
 inline constexpr std::size_t kMaxText = 256;
-/// Ticks per second of every tick count: nanoseconds of the server's monotonic clock.
-inline constexpr std::uint64_t kClockFrequency = 1'000'000'000;
+/// Ticks per second of every tick count; they count from the epoch of the server's monotonic clock. 10 MHz as the
+/// commercial server's on Windows: a client that misreads SERVERINFO by 4 bytes takes the lowest byte for the version,
+/// and with this one (0x80) still finds its way.
+inline constexpr std::uint64_t kClockFrequency = 10'000'000;
+[[nodiscard]] constexpr std::int64_t ticks(Instant at) {
+  return to_ns(at) / static_cast<std::int64_t>(1'000'000'000 / kClockFrequency);
+}
 
 }  // namespace fiducap::natnet
