@@ -32,7 +32,7 @@ struct NatNetConfig {
   NameAliases aliases;
   std::vector<std::string> targets;  ///< `ip:port` that get frames without asking, for clients that only listen.
   int max_clients{64};
-  int max_clients_per_address{64};
+  int max_clients_per_address{16};  ///< Of others; this machine's own may take all places.
   double client_timeout_s{15.0};  ///< Of silence; some clients speak every 5 s only.
   RemoteControl remote_control{RemoteControl::kLoopback};  ///< The protocol knows no password.
 

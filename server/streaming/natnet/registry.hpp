@@ -10,7 +10,7 @@ namespace fiducap::natnet {
 
 struct RegistryLimits {
   int max_clients{64};
-  int max_clients_per_address{64};
+  int max_clients_per_address{16};  ///< Of others; this machine's own may take all places.
   Duration timeout{std::chrono::seconds(15)};
 };
 
