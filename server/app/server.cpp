@@ -20,6 +20,7 @@
 #include "base/log.hpp"
 #include "scene/scene.hpp"
 #include "streaming/stream_hub.hpp"
+#include "streaming/vicon/vicon_server.hpp"
 
 namespace fiducap {
 
@@ -167,6 +168,12 @@ Expected<void> Server::Impl::build_streaming() {
     auto server = native::start_native_server(io_, streaming.native, model, clock_);
     if (server) ports_.native = native::bound_port(**server);
     const auto done = accept(std::move(server), "native");
+    if (!done) return done;
+  }
+  if (streaming.vicon.enabled) {
+    auto server = vicon::start_vicon_server(io_, streaming.vicon, clock_);
+    if (server) ports_.vicon = (*server)->port();
+    const auto done = accept(std::move(server), "vicon");
     if (!done) return done;
   }
   if (streaming.web.enabled) {

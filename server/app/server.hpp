@@ -18,6 +18,7 @@ struct ServerOptions {
 struct ServerPorts {
   std::uint16_t vrpn{};
   std::uint16_t native{};
+  std::uint16_t vicon{};
   std::uint16_t web{};
 };
 

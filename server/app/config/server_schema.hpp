@@ -63,6 +63,16 @@ void describe(V& v, native::NativeConfig& c) {
 }
 
 template <class V>
+void describe(V& v, vicon::ViconConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+}
+
+template <class V>
 void describe(V& v, web::WebConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);
@@ -78,6 +88,7 @@ void describe(V& v, StreamingConfig& c) {
   v.value("optional", c.optional);
   v.section("vrpn", c.vrpn);
   v.section("native", c.native);
+  v.section("vicon", c.vicon);
   v.section("web", c.web);
 }
 
