@@ -21,6 +21,7 @@
 #include "scene/body_tracker.hpp"
 #include "streaming/native/native_server.hpp"
 #include "streaming/natnet/natnet_config.hpp"
+#include "streaming/vicon/vicon_config.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -82,6 +83,7 @@ struct StreamingConfig {
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
   natnet::NatNetConfig natnet;
+  vicon::ViconConfig vicon;
   web::WebConfig web;
 };
 

@@ -23,6 +23,7 @@
 #include "scene/scene.hpp"
 #include "streaming/natnet/natnet_server.hpp"
 #include "streaming/stream_hub.hpp"
+#include "streaming/vicon/vicon_server.hpp"
 
 namespace fiducap {
 
@@ -185,6 +186,10 @@ Expected<void> Server::Impl::build_streaming() {
     auto server = natnet::start_natnet_server(io_, streaming.natnet, model, clock_, &*desk_, streaming.rate_hz);
     if (server) ports_.natnet = (*server)->port();
     const auto done = accept(std::move(server), "natnet");
+  if (streaming.vicon.enabled) {
+    auto server = vicon::start_vicon_server(io_, streaming.vicon, clock_);
+    if (server) ports_.vicon = (*server)->port();
+    const auto done = accept(std::move(server), "vicon");
     if (!done) return done;
   }
   if (streaming.web.enabled) {

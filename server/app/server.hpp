@@ -24,6 +24,7 @@ struct ServerPorts {
   std::uint16_t vrpn{};
   std::uint16_t native{};
   std::uint16_t natnet{};
+  std::uint16_t vicon{};
   std::uint16_t web{};
 };
 

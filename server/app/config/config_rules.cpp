@@ -109,9 +109,12 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   for (const auto& name : streaming.optional) {
     rules.require(name == "vrpn" || name == "native" || name == "natnet" || name == "web", "optional",
                   name, "must be some of vrpn, native, natnet, web");
+    rules.require(name == "vrpn" || name == "native" || name == "vicon" || name == "web", "optional", name,
+                  "must be some of vrpn, native, vicon, web");
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.vicon.check(), "streaming.vicon.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.natnet.check(), "streaming.natnet.");
   append(all, streaming.web.check(), "streaming.web.");

@@ -83,6 +83,13 @@ void describe(V& v, natnet::NatNetConfig& c) {
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("client_timeout_s", c.client_timeout_s);
   v.word("remote_control", c.remote_control, words::kRemoteControl);
+void describe(V& v, vicon::ViconConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
 }
 
 template <class V>
@@ -102,6 +109,7 @@ void describe(V& v, StreamingConfig& c) {
   v.section("vrpn", c.vrpn);
   v.section("native", c.native);
   v.section("natnet", c.natnet);
+  v.section("vicon", c.vicon);
   v.section("web", c.web);
 }
 
