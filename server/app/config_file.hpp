@@ -18,6 +18,7 @@
 #include "mapping/map_builder.hpp"
 #include "scene/body_tracker.hpp"
 #include "streaming/native/native_server.hpp"
+#include "streaming/qualisys/qualisys_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -78,6 +79,7 @@ struct StreamingConfig {
       optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
+  qualisys::QualisysConfig qualisys;
   web::WebConfig web;
 };
 

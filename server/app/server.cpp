@@ -169,6 +169,12 @@ Expected<void> Server::Impl::build_streaming() {
     const auto done = accept(std::move(server), "native");
     if (!done) return done;
   }
+  if (streaming.qualisys.enabled) {
+    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, nullptr, model, clock_);
+    if (server) ports_.qualisys = (*server)->base_port();
+    const auto done = accept(std::move(server), "qualisys");
+    if (!done) return done;
+  }
   if (streaming.web.enabled) {
     web::WebSources sources;
     sources.clients = [this] { return hub_.clients(); };

@@ -115,11 +115,12 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    rules.require(name == "vrpn" || name == "native" || name == "web", "optional", name,
-                  "must be some of vrpn, native, web");
+    rules.require(name == "vrpn" || name == "native" || name == "qualisys" || name == "web", "optional", name,
+                  "must be some of vrpn, native, qualisys, web");
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.web.check(), "streaming.web.");
 }

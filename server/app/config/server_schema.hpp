@@ -63,6 +63,20 @@ void describe(V& v, native::NativeConfig& c) {
 }
 
 template <class V>
+void describe(V& v, qualisys::QualisysConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("base_port", c.base_port);
+  v.value("discovery_port", c.discovery_port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("qtm_version", c.qtm_version);
+}
+
+template <class V>
 void describe(V& v, web::WebConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);
@@ -78,6 +92,7 @@ void describe(V& v, StreamingConfig& c) {
   v.value("optional", c.optional);
   v.section("vrpn", c.vrpn);
   v.section("native", c.native);
+  v.section("qualisys", c.qualisys);
   v.section("web", c.web);
 }
 
