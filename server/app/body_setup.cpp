@@ -112,6 +112,20 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   return setup;
 }
 
+RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags, std::optional<int> reference_tag) {
+  RecordingInfo info;
+  info.cameras = sensors.cameras;
+  for (CameraMount& camera : info.cameras) camera.time_shift = {};  // stamps are on the server's clock already
+  info.imu = sensors.imu;
+  info.tag_family = tags.family;
+  info.tag_size_m = tags.size_m;
+  info.tag_sizes_m = tags.sizes_m;
+  info.ignore_tags = tags.ignore;
+  info.max_hamming = tags.max_hamming;
+  info.reference_tag = reference_tag;
+  return info;
+}
+
 Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
                                                     const simulation::RoomConfig& room,
                                                     Instant start, const Clock& clock) {

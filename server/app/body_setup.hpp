@@ -24,6 +24,10 @@ struct BodySetup {
 [[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
                                                   const simulation::RoomConfig& room);
 
+/// How what these sensors give is written to disk (see SessionRecorder).
+[[nodiscard]] RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
+                                         std::optional<int> reference_tag);
+
 /// Opens the samples themselves, in real time.
 /// @param start  of simulated motion: the same for all bodies, so that they share one time
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(

@@ -6,6 +6,8 @@
 
 #include <tl/expected.hpp>
 
+#include "app/control_desk.hpp"
+#include "app/session_recorder.hpp"
 #include "base/config_check.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
@@ -93,6 +95,8 @@ struct ServerConfig {
   simulation::RoomConfig simulation;
   std::vector<BodyConfig> bodies;
   StreamingConfig streaming;
+  OperatorConfig operators;
+  RecorderConfig recorder;
 };
 
 /// One broken rule and where it was written.

@@ -15,7 +15,9 @@
 #include "app/body_threads.hpp"
 #include "app/frame_mailbox.hpp"
 #include "app/map_start.hpp"
+#include "app/control_desk.hpp"
 #include "app/publisher.hpp"
+#include "app/session_recorder.hpp"
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
@@ -38,7 +40,8 @@ class Server::Impl final {
         clock_(clock),
         goodbye_(io_),
         signals_(io_),
-        bodies_(clock) {}
+        bodies_(clock),
+        recorder_(config.recorder) {}
 
   Expected<void> build();
   bool run();
@@ -72,11 +75,14 @@ class Server::Impl final {
   std::optional<Scene> scene_;
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
+  SessionRecorder recorder_;
+  std::optional<ControlDesk> desk_;
   StreamHub hub_;
   ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
   std::jthread keeping_;
+  std::jthread recording_;
   std::jthread publishing_;
 };
 
@@ -96,6 +102,9 @@ Expected<void> Server::Impl::build() {
   }
   build_scene(*bodies);
   build_workers(std::move(*bodies));
+  std::function<void()> commit;
+  if (keeper_) commit = [this] { keeper_->request_commit(); };
+  desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
   return build_streaming();
 }
 
@@ -141,10 +150,11 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
   const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
-  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_, recorder_};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     BodySensors& sensors = bodies[i].setup.sensors;
+    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag));
     auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
     if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
     bodies_.add(
@@ -170,7 +180,7 @@ Expected<void> Server::Impl::build_streaming() {
     if (!done) return done;
   }
   if (streaming.qualisys.enabled) {
-    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, nullptr, model, clock_);
+    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, &*desk_, model, clock_);
     if (server) ports_.qualisys = (*server)->base_port();
     const auto done = accept(std::move(server), "qualisys");
     if (!done) return done;
@@ -213,6 +223,7 @@ void Server::Impl::start_threads() {
     if (options_.exit_at_end) stop();
   });
   if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
+  recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
 }
 
@@ -259,6 +270,8 @@ bool Server::Impl::shut_down() {
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourcePatience);
   publishing_.join();
+  recording_.request_stop();
+  recording_.join();
   if (keeping_.joinable()) {
     keeping_.request_stop();
     keeping_.join();

@@ -1,6 +1,5 @@
 // The rules of all rooms, and those that only the whole configuration can break.
 #include <algorithm>
-#include <cctype>
 #include <set>
 
 #include "app/config_file.hpp"
@@ -24,13 +23,6 @@ void append(Errors& all, Errors more, const std::string& prefix) {
     }
     all.push_back(std::move(error));
   }
-}
-
-bool is_name(const std::string& name) {
-  const auto good = [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
-  };
-  return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
 }
 
 void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
@@ -90,7 +82,7 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
   const bool camera = body.source.type == SourceType::kCamera;
   Checker rules{prefix};
   rules
-      .require(is_name(body.name), "name", '"' + body.name + '"',
+      .require(is_body_name(body.name), "name", '"' + body.name + '"',
                "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric", "filter", body.filter, "must be robocentric")
@@ -163,6 +155,8 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
+  append(all, config.operators.check(), "operator.");
+  append(all, config.recorder.check(), "recorder.");
   return all;
 }
 

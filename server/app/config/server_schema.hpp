@@ -97,6 +97,17 @@ void describe(V& v, StreamingConfig& c) {
 }
 
 template <class V>
+void describe(V& v, OperatorConfig& c) {
+  v.value("token", c.token);
+}
+
+template <class V>
+void describe(V& v, RecorderConfig& c) {
+  v.path("folder", c.folder);
+  v.value("images", c.images);
+}
+
+template <class V>
 void describe(V& v, ServerConfig& c) {
   v.word("log_level", c.log_level, words::kLogLevel);
   v.section("tags", c.tags);
@@ -106,6 +117,8 @@ void describe(V& v, ServerConfig& c) {
   v.section("simulation", c.simulation);
   v.list("bodies", c.bodies);
   v.section("streaming", c.streaming);
+  v.section("operator", c.operators);
+  v.section("recorder", c.recorder);
 }
 
 }  // namespace fiducap

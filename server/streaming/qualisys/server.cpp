@@ -107,9 +107,6 @@ void Server::publish(const std::shared_ptr<const SceneFrame>& frame) {
   if (frame->model != nullptr && room_->bodies.update(*frame->model)) {
     tell_all(Event::kCameraSettingsChanged);
   }
-  events_.clear();
-  room_->control.observe(events_);
-  for (const Event event : events_) tell_all(event);
   room_->frames.put(frame, room_->bodies);
   batch_.clear();
   for (const auto& session : sessions_) {
@@ -169,6 +166,9 @@ void Server::tick() {
   const Instant now = clock_.now();
   for (const auto& session : sessions_) session->tick(now);
   sweep();
+  events_.clear();
+  room_->control.observe(events_);
+  for (const Event event : events_) tell_all(event);
   for (auto& door : doors_) door.tick();
   if (discovery_) discovery_->tick();
   timer_.expires_after(kTick);
