@@ -87,9 +87,21 @@ void add_6d(std::string& out, Version version, std::span<const BodyTable::Entry>
   out += "</The_6D>";
 }
 
+std::string_view upwards(UpAxis up) {
+  switch (up) {
+    case UpAxis::kZ:
+      return "+Z";
+    case UpAxis::kY:
+      return "+Y";
+    case UpAxis::kDown:
+      return "-Z";
+  }
+  return "+Z";
+}
+
 void add_3d(std::string& out, UpAxis up) {
   out += "<The_3D>";
-  add(out, "AxisUpwards", up == UpAxis::kZ ? "+Z" : "+Y");
+  add(out, "AxisUpwards", upwards(up));
   out += "<CalibrationTime></CalibrationTime><Labels>0</Labels></The_3D>";
 }
 
