@@ -22,6 +22,7 @@
 #include "streaming/native/native_server.hpp"
 #include "streaming/natnet/natnet_config.hpp"
 #include "streaming/vicon/vicon_config.hpp"
+#include "streaming/qualisys/qualisys_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -84,6 +85,7 @@ struct StreamingConfig {
   native::NativeConfig native;
   natnet::NatNetConfig natnet;
   vicon::ViconConfig vicon;
+  qualisys::QualisysConfig qualisys;
   web::WebConfig web;
 };
 

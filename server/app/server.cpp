@@ -190,6 +190,10 @@ Expected<void> Server::Impl::build_streaming() {
     auto server = vicon::start_vicon_server(io_, streaming.vicon, clock_);
     if (server) ports_.vicon = (*server)->port();
     const auto done = accept(std::move(server), "vicon");
+  if (streaming.qualisys.enabled) {
+    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, &*desk_, model, clock_);
+    if (server) ports_.qualisys = (*server)->base_port();
+    const auto done = accept(std::move(server), "qualisys");
     if (!done) return done;
   }
   if (streaming.web.enabled) {

@@ -115,6 +115,12 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
   append(all, streaming.vicon.check(), "streaming.vicon.");
+    rules.require(name == "vrpn" || name == "native" || name == "qualisys" || name == "web", "optional", name,
+                  "must be some of vrpn, native, qualisys, web");
+  }
+  append(all, rules.errors, "streaming.");
+  append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.natnet.check(), "streaming.natnet.");
   append(all, streaming.web.check(), "streaming.web.");

@@ -90,6 +90,17 @@ void describe(V& v, vicon::ViconConfig& c) {
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+void describe(V& v, qualisys::QualisysConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("base_port", c.base_port);
+  v.value("discovery_port", c.discovery_port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("qtm_version", c.qtm_version);
 }
 
 template <class V>
@@ -110,6 +121,7 @@ void describe(V& v, StreamingConfig& c) {
   v.section("native", c.native);
   v.section("natnet", c.natnet);
   v.section("vicon", c.vicon);
+  v.section("qualisys", c.qualisys);
   v.section("web", c.web);
 }
 
