@@ -258,12 +258,12 @@ std::vector<std::uint8_t> encode(const SubscribeRequest& request) {
   out.set_client_name(request.client_name.substr(0, kMaxClientName));
   out.set_frames_received(request.frames_received);
   out.set_frames_lost(request.frames_lost);
-  out.set_padding(std::string(kMinSubscribe, '\0'));
   if (!request.profile.is_default()) put(request.profile, *out.mutable_profile());
   out.set_multicast(request.multicast);
   out.set_clock_offset_ns(request.clock_offset);
   out.set_clock_sigma_ns(static_cast<std::uint64_t>(request.clock_sigma));
   out.set_latency_p99_ns(static_cast<std::uint64_t>(request.latency_p99));
+  if (envelope.ByteSizeLong() < kMinSubscribe) out.set_padding(std::string(kMinSubscribe, '\0'));
   return to_bytes(envelope);
 }
 

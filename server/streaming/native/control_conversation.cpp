@@ -38,23 +38,19 @@ void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
 
 bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<std::byte>& out, Instant now) {
   if (begun_.empty()) idle_since_ = now;
+  const auto length = [this] { return std::size_t{LittleEndianReader(begun_).u32()}; };
   while (!bytes.empty()) {
-    std::size_t wanted = kLengthSize;
-    if (begun_.size() >= kLengthSize) {
-      const std::uint32_t length = LittleEndianReader(begun_).u32();
-      if (length > kMaxControlMessage) {
-        append(out, {sequence_ + 1, ControlResult::kMalformed,
-                     "a message has at most 65536 bytes, this one says " + std::to_string(length), {}, {}});
-        return false;
-      }
-      wanted += length;
-    }
+    const std::size_t wanted = begun_.size() < kLengthSize ? kLengthSize : kLengthSize + length();
     const std::size_t taken = std::min(wanted - begun_.size(), bytes.size());
     begun_.insert(begun_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(taken));
     bytes = bytes.subspan(taken);
-    const bool complete = begun_.size() > kLengthSize && begun_.size() == wanted;
-    const bool empty = begun_.size() == kLengthSize && LittleEndianReader(begun_).u32() == 0;
-    if (!complete && !empty) continue;
+    if (begun_.size() < kLengthSize) return true;
+    if (length() > kMaxControlMessage) {
+      append(out, {sequence_ + 1, ControlResult::kMalformed,
+                   "a message has at most 65536 bytes, this one says " + std::to_string(length()), {}, {}});
+      return false;
+    }
+    if (begun_.size() < kLengthSize + length()) continue;
     const bool go_on = answer(std::span(begun_).subspan(kLengthSize), out, now);
     begun_.clear();
     if (!go_on) return false;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 #include "base/assert.hpp"
@@ -197,6 +198,12 @@ std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFram
     at += kMaxDatagram;
   }
   return datagrams_;
+}
+
+std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame) {
+  all_.resize(frame.bodies.size());
+  std::iota(all_.begin(), all_.end(), 0u);
+  return encode(frame, all_);
 }
 
 }  // namespace fiducap::native

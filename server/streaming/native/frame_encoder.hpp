@@ -27,6 +27,8 @@ class FrameEncoder final {
   [[nodiscard]] std::span<const std::span<const std::byte>> encode(const SceneFrame& frame,
                                                                    std::span<const std::uint32_t> chosen,
                                                                    std::uint64_t step = 1);
+  /// All bodies.
+  [[nodiscard]] std::span<const std::span<const std::byte>> encode(const SceneFrame& frame);
 
  private:
   class Messages;  // protobuf stays in the source file
@@ -34,6 +36,7 @@ class FrameEncoder final {
   std::unique_ptr<Messages> messages_;
   std::vector<std::byte> bytes_;
   std::vector<std::span<const std::byte>> datagrams_;
+  std::vector<std::uint32_t> all_;
 };
 
 }  // namespace fiducap::native
