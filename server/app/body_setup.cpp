@@ -128,11 +128,12 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
 
 Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
                                                     const simulation::RoomConfig& room,
-                                                    Instant start, const Clock& clock) {
+                                                    Instant start, const Clock& clock,
+                                                    std::unique_ptr<simulation::Trajectory> motion) {
   switch (body.source.type) {
     case SourceType::kSimulator:
       return as_source(
-          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock));
+          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock, std::move(motion)));
     case SourceType::kRecording: {
       const auto& recording = body.source.recording;
       return open_recording(*setup.recording, {true, recording.loop, recording.speed}, clock);

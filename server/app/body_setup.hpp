@@ -29,10 +29,11 @@ struct BodySetup {
                                          std::optional<int> reference_tag);
 
 /// Opens the samples themselves, in real time.
-/// @param start  of simulated motion: the same for all bodies, so that they share one time
+/// @param start   of simulated motion: the same for all bodies, so that they share one time
+/// @param motion  of a simulated body; nullptr: as configured
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(
     const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
-    Instant start, const Clock& clock);
+    Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion = nullptr);
 
 /// What a recording says about the tags it is about.
 [[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);

@@ -121,7 +121,8 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics)
       use_learned(start.learned, config.name, setup->sensors.cameras);
-    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
+    auto motion = options_.motion ? options_.motion(config.name) : nullptr;
+    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
     if (source) {
       ++opened;
     } else {
