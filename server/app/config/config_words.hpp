@@ -4,6 +4,8 @@
 #include <string_view>
 
 #include "app/config_file.hpp"
+#include "streaming/conventions/validity.hpp"
+#include "streaming/operator_desk.hpp"
 
 /// The words a configuration uses for each enum.
 namespace fiducap::words {
@@ -27,7 +29,13 @@ inline constexpr std::array<Word<Distortion>, 3> kDistortion{
 inline constexpr std::array<Word<SourceType>, 3> kSourceType{{{"simulator", SourceType::kSimulator},
                                                               {"recording", SourceType::kRecording},
                                                               {"camera", SourceType::kCamera}}};
-inline constexpr std::array<Word<UpAxis>, 2> kUpAxis{{{"z", UpAxis::kZ}, {"y", UpAxis::kY}}};
+inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
+    {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
+inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
+    {{"flag", WhenInvalid::kFlag}, {"stop", WhenInvalid::kStop}, {"hold", WhenInvalid::kHold}}};
+inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{{{"off", RemoteControl::kOff},
+                                                                    {"loopback", RemoteControl::kLoopback},
+                                                                    {"all", RemoteControl::kAll}}};
 inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
     {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
 

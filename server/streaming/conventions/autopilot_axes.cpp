@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "streaming/conventions/protocol_conventions.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -11,28 +13,24 @@ constexpr double kFullQualityPosition_m = 0.01;
 constexpr double kFullQualityRotation_rad = 0.0175;
 constexpr double kBestBlindQuality = 50;
 
-Eigen::Matrix3d world_change(AutopilotWorld world) {
-  Eigen::Matrix3d R_NW;
-  if (world == AutopilotWorld::kNed) {
-    R_NW << 0, 1, 0, 1, 0, 0, 0, 0, -1;
-  } else {
-    R_NW << 1, 0, 0, 0, -1, 0, 0, 0, -1;
-  }
-  return R_NW;
+/// W turned about the vertical so that its x axis points where its y axis did: east, north, up → north, west, up.
+BodyPose north_first(const BodyPose& body) {
+  Eigen::Matrix3d R;
+  R << 0, 1, 0, -1, 0, 0, 0, 0, 1;  // exact: axes are swapped, nothing is rounded
+  BodyPose out = body;
+  out.X_WP = {(Eigen::Quaterniond(std::sqrt(0.5), 0, 0, -std::sqrt(0.5)) * body.X_WP.q).normalized(), R * body.X_WP.p};
+  out.v_WP = R * body.v_WP;
+  out.a_WP = R * body.a_WP;
+  Matrix12d J = Matrix12d::Identity();
+  for (int block = 0; block < 3; ++block) J.block<3, 3>(3 * block, 3 * block) = R;
+  out.covariance = J * body.covariance * J.transpose();
+  return out;
 }
 
 Eigen::Matrix3d skew(const Eigen::Vector3d& v) {
   Eigen::Matrix3d S;
   S << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
   return S;
-}
-
-/// J C Jᵀ for the position–attitude block, J = diag(A, B).
-Matrix6d turned(const Matrix6d& C, const Eigen::Matrix3d& A, const Eigen::Matrix3d& B) {
-  Matrix6d out;
-  out << A * C.topLeftCorner<3, 3>() * A.transpose(), A * C.topRightCorner<3, 3>() * B.transpose(),
-      B * C.bottomLeftCorner<3, 3>() * A.transpose(), B * C.bottomRightCorner<3, 3>() * B.transpose();
-  return out;
 }
 
 }  // namespace
@@ -48,21 +46,21 @@ Matrix6d body_twist_covariance(const BodyPose& body) {
 }
 
 AutopilotOdometry to_autopilot(const BodyPose& body, AutopilotWorld world) {
-  const Eigen::Matrix3d R_NW = world_change(world);
-  const Eigen::Vector3d flip(1, -1, -1);  // P (forward, left, up) ↔ F (forward, right, down)
-  const Eigen::Matrix3d R_FP = flip.asDiagonal();
+  const BodyPose told = to_client(world == AutopilotWorld::kNed ? north_first(body) : body, kAutopilot);
   AutopilotOdometry out;
-  out.p_NF = R_NW * body.X_WP.p;
-  out.q_NF = Eigen::Quaterniond(R_NW * body.X_WP.rotation() * R_FP).normalized();
+  out.p_NF = told.X_WP.p;
+  out.q_NF = told.X_WP.q;
   if (out.q_NF.w() < 0) out.q_NF.coeffs() *= -1;
-  out.v_NF = R_NW * body.v_WP;
-  out.v_NF_F = R_FP * (body.X_WP.q.conjugate() * body.v_WP);
-  out.w_NF_F = R_FP * body.w_WP_P;
-  const double yaw = roll_pitch_yaw(out.q_NF).z();
-  const Eigen::Matrix3d to_heading = Eigen::AngleAxisd(-yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R_NW;
-  out.pose_covariance = turned(body.covariance.topLeftCorner<6, 6>(), R_NW, to_heading);
-  out.twist_covariance = turned(body_twist_covariance(body), R_FP, R_FP);
-  out.velocity_variance = (R_NW * body.covariance.block<3, 3>(6, 6) * R_NW.transpose()).diagonal();
+  out.v_NF = told.v_WP;
+  out.v_NF_F = told.X_WP.q.conjugate() * told.v_WP;
+  out.w_NF_F = told.w_WP_P;
+  // Attitude errors turn about N's axes; roll and pitch are meant about the heading's.
+  Matrix6d J = Matrix6d::Identity();
+  J.bottomRightCorner<3, 3>() =
+      Eigen::AngleAxisd(-roll_pitch_yaw(out.q_NF).z(), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  out.pose_covariance = J * told.covariance.topLeftCorner<6, 6>() * J.transpose();
+  out.twist_covariance = body_twist_covariance(told);
+  out.velocity_variance = told.covariance.diagonal().segment<3>(6);
   return out;
 }
 

@@ -24,7 +24,7 @@ class Offer final {
 
   /// @return the first topic that could not be made
   Expected<void> use(const SceneModel& model) {
-    const auto names = ros_names(model.bodies);
+    const auto names = ros_names(model);
     bodies_.clear();
     bodies_.reserve(names.size());
     for (const auto& name : names) bodies_.emplace_back(make_, name, names.size() == 1);

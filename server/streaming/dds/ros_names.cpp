@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "streaming/conventions/protocol_conventions.hpp"
+
 namespace fiducap::dds {
 
 namespace {
@@ -45,12 +47,15 @@ bool is_ros_frame(std::string_view name) {
   return !name.empty() && name.size() <= 100 && name.front() != '/' && std::all_of(name.begin(), name.end(), good);
 }
 
-std::vector<std::string> ros_names(const std::vector<BodyDescription>& bodies) {
+std::vector<std::string> ros_names(const SceneModel& model) {
   std::vector<std::string> names;
-  names.reserve(bodies.size());
-  for (const auto& body : bodies) {
-    std::string name = as_ros_name(body.name);
-    while (std::find(names.begin(), names.end(), name) != names.end()) name += "_" + std::to_string(body.id);
+  names.reserve(model.bodies.size());
+  for (const auto& known : client_names(model, conventions_of("ros2").names)) {
+    const std::string plain = as_ros_name(known);
+    std::string name = plain;
+    for (int again = 2; std::find(names.begin(), names.end(), name) != names.end(); ++again) {
+      name = plain + "_" + std::to_string(again);
+    }
     names.push_back(std::move(name));
   }
   return names;

@@ -15,8 +15,7 @@ namespace fiducap::dds {
 /// tf2: not empty, no leading slash, nothing that needs quoting.
 [[nodiscard]] bool is_ros_frame(std::string_view name);
 
-/// The bodies' names in ROS, in their order: what is not allowed becomes `_`, names that would be equal then get the
-/// body's id behind.
-[[nodiscard]] std::vector<std::string> ros_names(const std::vector<BodyDescription>& bodies);
+/// The bodies' names in ROS, in their order: what the conventions allow, and a letter first. Distinct.
+[[nodiscard]] std::vector<std::string> ros_names(const SceneModel& model);
 
 }  // namespace fiducap::dds

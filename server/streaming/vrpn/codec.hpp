@@ -15,7 +15,7 @@
 #include "streaming/vrpn/protocol.hpp"
 
 /// VRPN messages to bytes and back. Pure; everything is big-endian. Encoders append to the caller's vector, so that a
-/// reused one allocates nothing. Positions and attitudes are already in the client's axes and metres (streaming/axes.hpp).
+/// reused one allocates nothing. Positions and attitudes are already in the client's axes and metres (streaming/conventions/axes.hpp).
 namespace fiducap::vrpn {
 
 /// What stands before every payload, apart from its length.

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "scene/scene_frame.hpp"
-#include "streaming/axes.hpp"
+#include "streaming/conventions/axes.hpp"
 
 namespace fiducap::vrpn {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
-#include "streaming/axes.hpp"
+#include "streaming/conventions/axes.hpp"
 
 namespace fiducap::vrpn {
 

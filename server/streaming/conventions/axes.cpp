@@ -1,4 +1,4 @@
-#include "streaming/axes.hpp"
+#include "streaming/conventions/axes.hpp"
 
 #include <array>
 #include <cmath>
@@ -8,12 +8,17 @@ namespace fiducap {
 AxesChange::AxesChange(const OutputAxes& axes)
     : R_CW_(Eigen::Matrix3d::Identity()),
       q_CW_(Eigen::Quaterniond::Identity()),
-      turns_world_(axes.up == UpAxis::kY),
+      turns_world_(axes.up != UpAxis::kZ),
       turns_body_(turns_world_ && axes.scope == AxesScope::kWorldAndBody),
       units_per_m_(axes.units_per_m) {
-  if (!turns_world_) return;
-  R_CW_ << 1, 0, 0, 0, 0, 1, 0, -1, 0;  // exact: axes are swapped, nothing is rounded
-  q_CW_ = Eigen::Quaterniond(std::sqrt(0.5), -std::sqrt(0.5), 0, 0);
+  // Exact: axes are swapped or turned round, nothing is rounded.
+  if (axes.up == UpAxis::kY) {
+    R_CW_ << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+    q_CW_ = Eigen::Quaterniond(std::sqrt(0.5), -std::sqrt(0.5), 0, 0);
+  } else if (axes.up == UpAxis::kDown) {
+    R_CW_ << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+    q_CW_ = Eigen::Quaterniond(0, 1, 0, 0);
+  }
 }
 
 Pose AxesChange::pose(const Pose& X_WP) const {

@@ -12,12 +12,22 @@ namespace fiducap {
 
 /// Which way is up for a client. Inside it is always z.
 /// y-up: x' = x, y' = z, z' = -y, that is the axes of the world turned by -90 degrees about x.
-enum class UpAxis { kZ, kY };
+/// z-down: x' = x, y' = -y, z' = -z, turned by 180 degrees about x. With the body's axes too, forward-left-up becomes
+/// the autopilots' forward-right-down, and a world of north-west-up their north-east-down.
+enum class UpAxis { kZ, kY, kDown };
 /// What turns with the world: only the world axes (q' = F q), or the body's own axes too (q' = F q F*).
 enum class AxesScope { kWorld, kWorldAndBody };
 
 [[nodiscard]] constexpr std::string_view name_of(UpAxis up) {
-  return up == UpAxis::kZ ? "z-up" : "y-up";
+  switch (up) {
+    case UpAxis::kZ:
+      return "z-up";
+    case UpAxis::kY:
+      return "y-up";
+    case UpAxis::kDown:
+      return "z-down";
+  }
+  return "z-up";
 }
 
 /// One client's conventions. Units, axes and quaternion order are changed here and nowhere else,

@@ -1,4 +1,4 @@
-#include "streaming/axes.hpp"
+#include "streaming/conventions/axes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,6 +14,7 @@ constexpr double kRounding = 1e-12;
 // Sample covariance of 4000 draws against the transformed one: 1/sqrt(4000) = 1.6 %, five sigma.
 constexpr double kSampling = 0.08;
 
+const Eigen::Matrix3d kZDown = Eigen::Vector3d(1, -1, -1).asDiagonal();
 const Eigen::Matrix3d kYUp = (Eigen::Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
 
 Eigen::Vector3d random_vector(std::mt19937& random) {
@@ -37,7 +38,7 @@ BodyPose random_body(std::mt19937& random) {
 
 std::vector<OutputAxes> all_axes() {
   std::vector<OutputAxes> all;
-  for (const UpAxis up : {UpAxis::kZ, UpAxis::kY}) {
+  for (const UpAxis up : {UpAxis::kZ, UpAxis::kY, UpAxis::kDown}) {
     for (const AxesScope scope : {AxesScope::kWorld, AxesScope::kWorldAndBody}) {
       for (const double units : {1.0, 1000.0}) all.push_back({up, scope, units});
     }
@@ -47,7 +48,8 @@ std::vector<OutputAxes> all_axes() {
 
 /// World axes of the client from W, by definition and not by the code under test.
 Eigen::Matrix3d world(const OutputAxes& axes) {
-  return axes.up == UpAxis::kY ? kYUp : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+  if (axes.up == UpAxis::kY) return kYUp;
+  return axes.up == UpAxis::kDown ? kZDown : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
 }
 Eigen::Matrix3d body_axes(const OutputAxes& axes) {
   return axes.scope == AxesScope::kWorldAndBody ? world(axes) : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
@@ -72,6 +74,16 @@ TEST(Axes, YUpPutsTheHeightIntoY) {
   body.X_WP.p = {1, 2, 3};
   EXPECT_EQ(to_client(body, {UpAxis::kY}).X_WP.p, Eigen::Vector3d(1, 3, -2));
   EXPECT_EQ(to_client(body, {UpAxis::kY, AxesScope::kWorld, 1000}).X_WP.p, Eigen::Vector3d(1000, 3000, -2000));
+}
+
+TEST(Axes, ForwardLeftUpBecomesForwardRightDown) {
+  BodyPose body;
+  body.X_WP = {exp_so3({0, 0, 0.7}), {1, 2, 3}};  // heading to the left
+  body.w_WP_P = {0, 0, 1};
+  const auto out = to_client(body, {UpAxis::kDown, AxesScope::kWorldAndBody});
+  EXPECT_EQ(out.X_WP.p, Eigen::Vector3d(1, -2, -3));
+  EXPECT_LT(angle_between(out.X_WP.q, exp_so3({0, 0, -0.7})), 1e-9) << "to the left is against the clock's yaw";
+  EXPECT_EQ(out.w_WP_P, Eigen::Vector3d(0, 0, -1));
 }
 
 TEST(Axes, ALevelBodyIsLevelInYUpWorldAndBody) {

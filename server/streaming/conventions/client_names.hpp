@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "scene/scene_frame.hpp"
+
+namespace fiducap {
+
+/// What a protocol can carry in a body's name.
+struct NameRule {
+  std::size_t max_bytes{127};
+  std::string_view forbidden{};  ///< Characters; control characters always are.
+  bool ascii_only{false};
+  bool spaces{true};
+};
+
+/// Name that clients of a protocol see, by our name.
+using NameAliases = std::map<std::string, std::string>;
+
+/// One name made fit: its alias if there is one, every character that the rule forbids as `_`, cut at a whole UTF-8
+/// character. Never empty.
+[[nodiscard]] std::string client_name(const std::string& name, const NameRule& rule, const NameAliases& aliases = {});
+
+/// The names of a scene in the order of its bodies, fit and distinct: a later one that became equal to an earlier one
+/// ends in `_2`, `_3`, ….
+[[nodiscard]] std::vector<std::string> client_names(const SceneModel& model, const NameRule& rule,
+                                                    const NameAliases& aliases = {});
+
+}  // namespace fiducap

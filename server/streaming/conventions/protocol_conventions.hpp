@@ -1,0 +1,51 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "streaming/conventions/axes.hpp"
+#include "streaming/conventions/client_names.hpp"
+#include "streaming/conventions/validity.hpp"
+
+namespace fiducap {
+
+/// How one protocol's clients expect a pose: its defaults, which the configuration may change.
+struct ProtocolConventions {
+  std::string_view protocol;
+  OutputAxes axes;
+  std::string_view attitude;  ///< `xyzw`, `wxyz` or `matrix`, as on the wire.
+  WhenInvalid when_invalid{WhenInvalid::kFlag};
+  std::string_view invalid_looks;  ///< How a client tells, e.g. `tracking-valid bit clear`.
+  NameRule names;
+  std::string_view stamp;  ///< Which instant the wire's time stamp is.
+};
+
+inline constexpr OutputAxes kMetres{UpAxis::kZ, AxesScope::kWorld, 1.0};
+inline constexpr OutputAxes kMillimetres{UpAxis::kZ, AxesScope::kWorld, 1000.0};
+inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 1.0};
+
+inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
+    {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", {95, "@", false, true}, "UTC of the pose"},
+    {"natnet", kMetres, "xyzw", WhenInvalid::kFlag, "tracking-valid bit clear", {255, "", false, true},
+     "server seconds of the pose; exposure and transmit in ticks"},
+    {"vicon", kMillimetres, "xyzw", WhenInvalid::kFlag, "occluded", {255, "", false, true},
+     "frame number; total latency counts back to the exposure"},
+    {"qualisys", kMillimetres, "matrix", WhenInvalid::kFlag, "NaN", {255, "<>&\"'", false, true},
+     "server microseconds of the pose"},
+    {"ros2", kMetres, "xyzw", WhenInvalid::kStop, "no messages; diagnostics say why",
+     {128, "-./~{}:\\", true, false}, "UTC of the pose"},
+    {"px4", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {128, "-./~{}:\\", true, false}, "UTC of the pose"},
+    {"mavlink", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {0, "", true, true},
+     "the autopilot's time of the pose, by TIMESYNC"},
+    {"native", kMetres, "wxyz", WhenInvalid::kFlag, "valid = false", {128, "", false, true},
+     "server nanoseconds of the pose, with its offset to UTC"},
+}};
+
+[[nodiscard]] constexpr const ProtocolConventions& conventions_of(std::string_view protocol) {
+  for (const auto& one : kProtocolConventions) {
+    if (one.protocol == protocol) return one;
+  }
+  return kProtocolConventions.back();
+}
+
+}  // namespace fiducap

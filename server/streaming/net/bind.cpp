@@ -1,0 +1,90 @@
+#include "streaming/net/bind.hpp"
+
+#include <boost/asio/ip/address.hpp>
+
+namespace fiducap::net {
+
+namespace {
+
+namespace asio = boost::asio;
+using boost::system::error_code;
+
+constexpr int kBacklog = 64;
+constexpr std::uint16_t kFirstFreePort = 1024;
+
+std::string where(const BindTarget& target, std::string_view transport) {
+  return target.address + ":" + std::to_string(target.port) + " " + std::string(transport);
+}
+
+Expected<asio::ip::address> address_of(const BindTarget& target) {
+  error_code error;
+  const auto address = asio::ip::make_address(target.address, error);
+  if (error) {
+    return fail(ErrorCode::kInvalid,
+                "expected an IP address, e.g. 127.0.0.1 or 0.0.0.0 for all, came \"" + target.address + "\"",
+                std::string(target.key) + ".address");
+  }
+  return address;
+}
+
+template <typename Endpoint>
+std::string text_of(const Endpoint& peer, std::string_view transport) {
+  const auto address = peer.address();
+  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
+  return host + ":" + std::to_string(peer.port()) + " " + std::string(transport);
+}
+
+}  // namespace
+
+std::string bind_remedy(const error_code& error, const BindTarget& target) {
+  namespace errc = boost::system::errc;
+  const std::string number = std::to_string(target.port);
+  const std::string section(target.key);
+  const std::string key = section + "." + std::string(target.port_key);
+  if (error == errc::address_in_use) {
+    return "port " + number + " is in use, perhaps by another mocap server; end it (`ss -tulpn | grep " + number +
+           "` shows it) or set " + key + " to a free one";
+  }
+  if (error == errc::permission_denied && target.port < kFirstFreePort) {
+    return "ports below 1024 need a permission: `sudo setcap cap_net_bind_service=+ep` on fiducapd, or "
+           "`sudo sysctl net.ipv4.ip_unprivileged_port_start=" + number + "`, or set " + key + " to 1024 or above";
+  }
+  if (error == errc::address_not_available) {
+    return "this machine has no interface with the address " + target.address + "; set " + section +
+           ".address to one of its addresses (`ip addr` lists them) or to 0.0.0.0 for all";
+  }
+  return "cannot use port " + number + ": " + error.message();
+}
+
+Expected<asio::ip::udp::socket> bind_udp(asio::io_context& io, const BindTarget& target) {
+  const auto address = address_of(target);
+  if (!address) return tl::unexpected(address.error());
+  const asio::ip::udp::endpoint endpoint(*address, target.port);
+  asio::ip::udp::socket socket(io);
+  error_code error;
+  socket.open(endpoint.protocol(), error);
+  if (!error) socket.bind(endpoint, error);
+  if (!error) socket.non_blocking(true, error);
+  if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "udp"));
+  return socket;
+}
+
+Expected<asio::ip::tcp::acceptor> listen_tcp(asio::io_context& io, const BindTarget& target) {
+  const auto address = address_of(target);
+  if (!address) return tl::unexpected(address.error());
+  const asio::ip::tcp::endpoint endpoint(*address, target.port);
+  asio::ip::tcp::acceptor acceptor(io);
+  error_code error;
+  acceptor.open(endpoint.protocol(), error);
+  // So that a restart need not wait for connections that were closed a moment ago.
+  if (!error) acceptor.set_option(asio::ip::tcp::acceptor::reuse_address(true), error);
+  if (!error) acceptor.bind(endpoint, error);
+  if (!error) acceptor.listen(kBacklog, error);
+  if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "tcp"));
+  return acceptor;
+}
+
+std::string peer_text(const asio::ip::tcp::endpoint& peer) { return text_of(peer, "tcp"); }
+std::string peer_text(const asio::ip::udp::endpoint& peer) { return text_of(peer, "udp"); }
+
+}  // namespace fiducap::net
