@@ -7,6 +7,7 @@
 #include <tl/expected.hpp>
 
 #include "base/config_check.hpp"
+#include "base/dds/network.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
 #include "capture/camera_device.hpp"
@@ -17,6 +18,7 @@
 #include "estimation/estimator_config.hpp"
 #include "mapping/map_builder.hpp"
 #include "scene/body_tracker.hpp"
+#include "streaming/dds/dds_config.hpp"
 #include "streaming/native/native_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
@@ -79,6 +81,7 @@ struct StreamingConfig {
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
   web::WebConfig web;
+  dds::DdsConfig dds;
 };
 
 /// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.
@@ -91,6 +94,7 @@ struct ServerConfig {
   simulation::RoomConfig simulation;
   std::vector<BodyConfig> bodies;
   StreamingConfig streaming;
+  dds::NetworkConfig dds;  ///< For ROS 2 in both directions.
 };
 
 /// One broken rule and where it was written.

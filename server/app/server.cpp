@@ -19,6 +19,7 @@
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
+#include "streaming/dds/dds_server.hpp"
 #include "streaming/stream_hub.hpp"
 
 namespace fiducap {
@@ -57,6 +58,7 @@ class Server::Impl final {
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
   Expected<void> accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name);
+  Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
   bool shut_down();
@@ -68,6 +70,7 @@ class Server::Impl final {
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
+  std::shared_ptr<dds::Participant> participant_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
   BodyThreads bodies_;
@@ -179,12 +182,29 @@ Expected<void> Server::Impl::build_streaming() {
     const auto done = accept(std::move(page), "web");
     if (!done) return done;
   }
+  if (streaming.dds.enabled) {
+    auto participant = join_dds();
+    if (!participant) {
+      if (const auto done = accept(tl::unexpected(participant.error()), "dds"); !done) return done;
+    } else {
+      const auto done = accept(dds::start_dds_server(*participant, streaming.dds, model, clock_), "dds");
+      if (!done) return done;
+    }
+  }
   mailbox_.emplace(io_,
                    [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
   publisher_.emplace(
       streaming.rate_hz, *scene_, *map_, clock_,
       [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
   return {};
+}
+
+/// One participant for ROS sources and ROS topics, made when first needed.
+Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
+  if (participant_) return participant_;
+  auto joined = dds::Participant::open(config_.dds);
+  if (joined) participant_ = *joined;
+  return joined;
 }
 
 Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer,

@@ -115,13 +115,14 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    rules.require(name == "vrpn" || name == "native" || name == "web", "optional", name,
-                  "must be some of vrpn, native, web");
+    rules.require(name == "vrpn" || name == "native" || name == "web" || name == "dds",
+                  "optional", name, "must be some of vrpn, native, web, dds");
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.web.check(), "streaming.web.");
+  append(all, streaming.dds.check(), "streaming.dds.");
 }
 
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
@@ -162,6 +163,7 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
+  append(all, config.dds.check(), "dds.");
   return all;
 }
 

@@ -36,6 +36,9 @@ inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
 inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{{{"off", RemoteControl::kOff},
                                                                     {"loopback", RemoteControl::kLoopback},
                                                                     {"all", RemoteControl::kAll}}};
+inline constexpr std::array<Word<dds::Px4Profile>, 3> kPx4Profile{{{"off", dds::Px4Profile::kOff},
+                                                                   {"ned", dds::Px4Profile::kNed},
+                                                                   {"frd", dds::Px4Profile::kFrd}}};
 inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
     {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
 

@@ -73,12 +73,41 @@ void describe(V& v, web::WebConfig& c) {
 }
 
 template <class V>
+void describe(V& v, dds::DdsConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("prefix", c.prefix);
+  v.value("world_frame", c.world_frame);
+  v.value("pose", c.pose);
+  v.value("twist", c.twist);
+  v.value("odometry", c.odometry);
+  v.value("tf", c.tf);
+  v.value("poses", c.poses);
+  v.value("poses_deadline_hz", c.poses_deadline_hz);
+  v.value("rigid_bodies", c.rigid_bodies);
+  v.value("diagnostics", c.diagnostics);
+  v.value("native", c.native);
+  v.word("px4", c.px4, words::kPx4Profile);
+  v.value("px4_rate_hz", c.px4_rate_hz);
+  v.value("reliable", c.reliable);
+}
+
+template <class V>
+void describe(V& v, dds::NetworkConfig& c) {
+  v.value("domain", c.domain);
+  v.value("interface", c.interface);
+  v.value("peers", c.peers);
+  v.value("max_participants", c.max_participants);
+  v.value("announce_s", c.announce_s);
+}
+
+template <class V>
 void describe(V& v, StreamingConfig& c) {
   v.value("rate_hz", c.rate_hz);
   v.value("optional", c.optional);
   v.section("vrpn", c.vrpn);
   v.section("native", c.native);
   v.section("web", c.web);
+  v.section("dds", c.dds);
 }
 
 template <class V>
@@ -91,6 +120,7 @@ void describe(V& v, ServerConfig& c) {
   v.section("simulation", c.simulation);
   v.list("bodies", c.bodies);
   v.section("streaming", c.streaming);
+  v.section("dds", c.dds);
 }
 
 }  // namespace fiducap
