@@ -19,6 +19,7 @@
 #include "mapping/map_builder.hpp"
 #include "scene/body_tracker.hpp"
 #include "streaming/dds/dds_config.hpp"
+#include "streaming/mavlink/mavlink_config.hpp"
 #include "streaming/native/native_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
@@ -82,6 +83,7 @@ struct StreamingConfig {
   native::NativeConfig native;
   web::WebConfig web;
   dds::DdsConfig dds;
+  mavlink::MavlinkConfig mavlink;
 };
 
 /// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.

@@ -20,6 +20,7 @@
 #include "base/log.hpp"
 #include "scene/scene.hpp"
 #include "streaming/dds/dds_server.hpp"
+#include "streaming/mavlink/mavlink_server.hpp"
 #include "streaming/stream_hub.hpp"
 
 namespace fiducap {
@@ -190,6 +191,11 @@ Expected<void> Server::Impl::build_streaming() {
       const auto done = accept(dds::start_dds_server(*participant, streaming.dds, model, clock_), "dds");
       if (!done) return done;
     }
+  }
+  if (streaming.mavlink.enabled) {
+    auto server = mavlink::start_mavlink_server(io_, streaming.mavlink, model, clock_);
+    const auto done = accept(std::move(server), "mavlink");
+    if (!done) return done;
   }
   mailbox_.emplace(io_,
                    [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });

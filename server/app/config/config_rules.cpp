@@ -115,14 +115,27 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    rules.require(name == "vrpn" || name == "native" || name == "web" || name == "dds",
-                  "optional", name, "must be some of vrpn, native, web, dds");
+    rules.require(name == "vrpn" || name == "native" || name == "web" || name == "dds" ||
+                      name == "mavlink",
+                  "optional", name, "must be some of vrpn, native, web, dds, mavlink");
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.web.check(), "streaming.web.");
   append(all, streaming.dds.check(), "streaming.dds.");
+  append(all, streaming.mavlink.check(), "streaming.mavlink.");
+}
+
+void check_vehicles(Errors& all, const ServerConfig& config) {
+  for (std::size_t i = 0; i < config.streaming.mavlink.vehicles.size(); ++i) {
+    const std::string& name = config.streaming.mavlink.vehicles[i].body;
+    const bool known = std::any_of(config.bodies.begin(), config.bodies.end(),
+                                   [&name](const BodyConfig& body) { return body.name == name; });
+    if (known || name.empty()) continue;
+    all.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
+                   "must be the name of one of the bodies"});
+  }
 }
 
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
@@ -163,6 +176,7 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
+  check_vehicles(all, config);
   append(all, config.dds.check(), "dds.");
   return all;
 }

@@ -39,6 +39,12 @@ inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{{{"off", Remo
 inline constexpr std::array<Word<dds::Px4Profile>, 3> kPx4Profile{{{"off", dds::Px4Profile::kOff},
                                                                    {"ned", dds::Px4Profile::kNed},
                                                                    {"frd", dds::Px4Profile::kFrd}}};
+inline constexpr std::array<Word<AutopilotWorld>, 2> kAutopilotWorld{
+    {{"ned", AutopilotWorld::kNed}, {"frd", AutopilotWorld::kFrd}}};
+inline constexpr std::array<Word<mavlink::PoseMessage>, 3> kPoseMessage{
+    {{"odometry", mavlink::PoseMessage::kOdometry},
+     {"vision-position", mavlink::PoseMessage::kVisionPosition},
+     {"both", mavlink::PoseMessage::kBoth}}};
 inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
     {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
 

@@ -101,6 +101,26 @@ void describe(V& v, dds::NetworkConfig& c) {
 }
 
 template <class V>
+void describe(V& v, mavlink::VehicleConfig& c) {
+  v.value("body", c.body);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.word("message", c.message, words::kPoseMessage);
+  v.word("world", c.world, words::kAutopilotWorld);
+  v.value("rate_hz", c.rate_hz);
+  v.value("system_id", c.system_id);
+  v.value("component_id", c.component_id);
+}
+
+template <class V>
+void describe(V& v, mavlink::MavlinkConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.list("vehicles", c.vehicles);
+}
+
+template <class V>
 void describe(V& v, StreamingConfig& c) {
   v.value("rate_hz", c.rate_hz);
   v.value("optional", c.optional);
@@ -108,6 +128,7 @@ void describe(V& v, StreamingConfig& c) {
   v.section("native", c.native);
   v.section("web", c.web);
   v.section("dds", c.dds);
+  v.section("mavlink", c.mavlink);
 }
 
 template <class V>
