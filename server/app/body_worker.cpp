@@ -88,6 +88,7 @@ void BodyWorker::work_samples(std::stop_token stop) {
     if (const auto* imu = std::get_if<ImuSample>(&delivery->sample)) {
       const CpuMeter meter(statistics_.propagate_cpu);
       parts_.filter->propagate(*imu);
+      shared_.recorder.take(parts_.index, delivery->sample);
       ++statistics_.imu_samples;
       continue;
     }
@@ -100,6 +101,8 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   const auto camera = static_cast<std::size_t>(corners.camera);
   if (camera >= parts_.sensors.cameras.size())
     return;  // a source with more cameras than the body knows
+  shared_.recorder.take(parts_.index, delivery.sample);
+  if (&corners == &detected_) shared_.recorder.take(parts_.index, detected_);
   const CpuMeter meter(statistics_.update_cpu);
   auto& filter = *parts_.filter;
   observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);

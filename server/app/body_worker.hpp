@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/body_inbox.hpp"
+#include "app/session_recorder.hpp"
 #include "base/clock.hpp"
 #include "capture/sensor_source.hpp"
 #include "detection/tag_detector.hpp"
@@ -35,6 +36,7 @@ struct SharedParts {
   MapBuilder& map;
   Scene& scene;
   const Clock& clock;
+  SessionRecorder& recorder;
 };
 
 /// What a body did and what it cost. CPU of its worker thread.

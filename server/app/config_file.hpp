@@ -6,12 +6,15 @@
 
 #include <tl/expected.hpp>
 
+#include "app/control_desk.hpp"
+#include "app/session_recorder.hpp"
 #include "base/config_check.hpp"
 #include "base/dds/network.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/camera_model.hpp"
+#include "capture/dds/ros_config.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/simulation/simulation.hpp"
 #include "detection/detector_config.hpp"
@@ -26,7 +29,7 @@
 
 namespace fiducap {
 
-enum class SourceType { kSimulator, kRecording, kCamera };
+enum class SourceType { kSimulator, kRecording, kCamera, kRos };
 
 /// A folder in the EuRoC/ASL layout, played at its own pace.
 struct RecordingSourceConfig {
@@ -35,7 +38,7 @@ struct RecordingSourceConfig {
   double speed{1.0};
 };
 
-/// Where a body's samples come from. `type` decides which of the three is read; in the file their
+/// Where a body's samples come from. `type` decides which of the four is read; in the file their
 /// keys stand directly below `source`.
 struct SourceConfig {
   SourceType type{SourceType::kSimulator};
@@ -43,6 +46,7 @@ struct SourceConfig {
       simulator;  ///< `cameras` empty: the truth is what the body believes.
   RecordingSourceConfig recording;
   CameraDeviceConfig camera;
+  dds::RosSourceConfig ros;
 };
 
 struct CameraConfig {
@@ -97,6 +101,8 @@ struct ServerConfig {
   std::vector<BodyConfig> bodies;
   StreamingConfig streaming;
   dds::NetworkConfig dds;  ///< For ROS 2 in both directions.
+  OperatorConfig operators;
+  RecorderConfig recorder;
 };
 
 /// One broken rule and where it was written.

@@ -1,5 +1,6 @@
 #include "app/map_keeper.hpp"
 
+#include <algorithm>
 #include <exception>
 #include <utility>
 
@@ -7,6 +8,13 @@
 #include "base/log.hpp"
 
 namespace fiducap {
+
+namespace {
+
+// How long a requested commit may wait.
+constexpr Duration kLook = std::chrono::milliseconds(200);
+
+}  // namespace
 
 MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
                      Learned learned)
@@ -18,8 +26,12 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
 
 void MapKeeper::run(std::stop_token stop) {
   try {
-    for (Instant next = clock_.now() + period_; clock_.wait_until(next, stop); next += period_)
-      commit();
+    Instant next = clock_.now() + period_;
+    while (clock_.wait_until(std::min(next, clock_.now() + kLook), stop)) {
+      const bool due = clock_.now() >= next;
+      if (due) next += period_;
+      if (requested_.exchange(false) || due) commit();
+    }
     commit();
   } catch (const std::exception& failure) {
     log::error("mapping", std::string("the map is no longer stored: ") + failure.what());

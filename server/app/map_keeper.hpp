@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <stop_token>
 #include <string>
@@ -32,6 +33,8 @@ class MapKeeper final {
 
   /// Commits until stopped, and once more then.
   void run(std::stop_token stop);
+  /// The next round comes now, not at the end of the period. From any thread.
+  void request_commit() { requested_ = true; }
   /// One round, if the map has changed.
   void commit();
 
@@ -43,6 +46,7 @@ class MapKeeper final {
   Duration period_;
   const Clock& clock_;
   Learned learned_;
+  std::atomic<bool> requested_{false};
   bool failing_{false};
 };
 

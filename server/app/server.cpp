@@ -15,7 +15,9 @@
 #include "app/body_threads.hpp"
 #include "app/frame_mailbox.hpp"
 #include "app/map_start.hpp"
+#include "app/control_desk.hpp"
 #include "app/publisher.hpp"
+#include "app/session_recorder.hpp"
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
@@ -40,7 +42,8 @@ class Server::Impl final {
         clock_(clock),
         goodbye_(io_),
         signals_(io_),
-        bodies_(clock) {}
+        bodies_(clock),
+        recorder_(config.recorder) {}
 
   Expected<void> build();
   bool run();
@@ -55,6 +58,7 @@ class Server::Impl final {
   };
 
   Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  Expected<std::unique_ptr<SensorSource>> open_ros(const BodyConfig& body, BodySetup& setup);
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
@@ -76,11 +80,14 @@ class Server::Impl final {
   std::optional<Scene> scene_;
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
+  SessionRecorder recorder_;
+  std::optional<ControlDesk> desk_;
   StreamHub hub_;
   ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
   std::jthread keeping_;
+  std::jthread recording_;
   std::jthread publishing_;
 };
 
@@ -100,6 +107,9 @@ Expected<void> Server::Impl::build() {
   }
   build_scene(*bodies);
   build_workers(std::move(*bodies));
+  std::function<void()> commit;
+  if (keeper_) commit = [this] { keeper_->request_commit(); };
+  desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
   return build_streaming();
 }
 
@@ -116,7 +126,13 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics)
       use_learned(start.learned, config.name, setup->sensors.cameras);
-    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
+    auto motion = options_.motion ? options_.motion(config.name) : nullptr;
+    auto source = config.source.type == SourceType::kRos
+                      ? open_ros(config, *setup)
+                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
+    if (!source && config.source.type == SourceType::kRos) {
+      return tl::unexpected(Error{source.error().code, config.name + ": " + source.error().text(), {}});
+    }
     if (source) {
       ++opened;
     } else {
@@ -128,6 +144,12 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   }
   if (opened == 0) return tl::unexpected(*first_failure);
   return bodies;
+}
+
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body, BodySetup& setup) {
+  auto participant = join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  return open_ros_body(body, setup, *participant, clock_);
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
@@ -145,10 +167,11 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
   const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
-  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_, recorder_};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     BodySensors& sensors = bodies[i].setup.sensors;
+    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag));
     auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
     if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
     bodies_.add(
@@ -233,6 +256,7 @@ void Server::Impl::start_threads() {
     if (options_.exit_at_end) stop();
   });
   if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
+  recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
 }
 
@@ -279,6 +303,8 @@ bool Server::Impl::shut_down() {
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourcePatience);
   publishing_.join();
+  recording_.request_stop();
+  recording_.join();
   if (keeping_.joinable()) {
     keeping_.request_stop();
     keeping_.join();

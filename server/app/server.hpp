@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 
 #include "app/config_file.hpp"
 #include "base/clock.hpp"
@@ -12,6 +14,9 @@ namespace fiducap {
 struct ServerOptions {
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
+  /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as configured. For robots that
+  /// answer to a controller.
+  std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
 };
 
 /// Where the protocols really listen (a configured 0 is any free port); 0: not served.

@@ -42,6 +42,7 @@ class BodyTracker final {
   /// @param processing  arrival of the image → now
   void ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
               Duration processing, std::uint64_t images_dropped);
+  void set_pivot(const Pose& X_BP) { X_BP_ = X_BP; }
   /// The source ended or failed: lost until the next image.
   void source_lost();
   /// The body at one instant, pivot applied (lever arm included), state and validity decided.

@@ -5,13 +5,64 @@
 namespace fiducap {
 
 Scene::Scene(const std::vector<SceneBody>& bodies) {
-  auto model = std::make_shared<SceneModel>();
   for (const SceneBody& body : bodies) {
-    model->bodies.push_back(body.description);
+    list_.push_back({body.description, true, body.X_BP});
     bodies_.push_back(std::make_unique<Guarded>(
         BodyTracker(body.description.id, body.X_BP, body.limits, body.sensors, body.estimator)));
   }
-  model_ = std::move(model);
+  renew_roster();
+}
+
+std::shared_ptr<const Scene::Roster> Scene::roster() const {
+  const std::lock_guard lock(list_mutex_);
+  return roster_;
+}
+
+std::shared_ptr<const SceneModel> Scene::model() const { return roster()->model; }
+
+void Scene::renew_roster() {
+  auto model = std::make_shared<SceneModel>();
+  if (roster_) model->generation = roster_->model->generation + 1;
+  auto next = std::make_shared<Roster>();
+  for (std::size_t i = 0; i < list_.size(); ++i) {
+    if (!list_[i].enabled) continue;
+    model->bodies.push_back(list_[i].description);
+    next->bodies.push_back(i);
+  }
+  next->model = std::move(model);
+  roster_ = std::move(next);
+}
+
+void Scene::set_enabled(std::size_t body, bool enabled) {
+  FIDUCAP_ASSERT(body < bodies_.size());
+  const std::lock_guard lock(list_mutex_);
+  if (list_[body].enabled == enabled) return;
+  list_[body].enabled = enabled;
+  renew_roster();
+}
+
+void Scene::rename(std::size_t body, const std::string& name) {
+  FIDUCAP_ASSERT(body < bodies_.size());
+  const std::lock_guard lock(list_mutex_);
+  if (list_[body].description.name == name) return;
+  list_[body].description.name = name;
+  renew_roster();
+}
+
+void Scene::set_pivot(std::size_t body, const Pose& X_BP) {
+  {
+    const std::lock_guard lock(list_mutex_);
+    FIDUCAP_ASSERT(body < list_.size());
+    list_[body].X_BP = X_BP;
+  }
+  Guarded& one = guarded(body);
+  const std::lock_guard lock(one.mutex);
+  one.tracker.set_pivot(X_BP);
+}
+
+std::vector<Scene::Listed> Scene::list() const {
+  const std::lock_guard lock(list_mutex_);
+  return list_;
 }
 
 Scene::Guarded& Scene::guarded(std::size_t body) const {
@@ -53,12 +104,14 @@ std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at
   frame->published_at = published_at;
   frame->utc_offset = utc_offset;
   frame->rate_hz = rate_hz;
-  frame->model = model_;
+  const auto listed = roster();
+  frame->model = listed->model;
   frame->map = std::move(map);
-  frame->bodies.resize(bodies_.size());
-  for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    const std::lock_guard lock(bodies_[i]->mutex);
-    bodies_[i]->tracker.sample(at, frame->bodies[i]);
+  frame->bodies.resize(listed->bodies.size());
+  for (std::size_t i = 0; i < listed->bodies.size(); ++i) {
+    Guarded& one = guarded(listed->bodies[i]);
+    const std::lock_guard lock(one.mutex);
+    one.tracker.sample(at, frame->bodies[i]);
   }
   return frame;
 }

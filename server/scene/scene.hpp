@@ -36,7 +36,21 @@ class Scene final {
   [[nodiscard]] std::shared_ptr<const SceneFrame> sample(Instant at, Instant published_at,
                                                          Duration utc_offset, double rate_hz,
                                                          std::shared_ptr<const TagMap> map);
-  [[nodiscard]] std::shared_ptr<const SceneModel> model() const { return model_; }
+  /// The enabled bodies. From any thread.
+  [[nodiscard]] std::shared_ptr<const SceneModel> model() const;
+
+  /// A disabled body is followed on, but no client sees it. From any thread, like the two below; each change of the list
+  /// makes a new generation of the model.
+  void set_enabled(std::size_t body, bool enabled);
+  void rename(std::size_t body, const std::string& name);
+  void set_pivot(std::size_t body, const Pose& X_BP);
+  struct Listed {
+    BodyDescription description;
+    bool enabled{true};
+    Pose X_BP;
+  };
+  /// All bodies, in the constructor's order.
+  [[nodiscard]] std::vector<Listed> list() const;
 
  private:
   struct Guarded {
@@ -44,10 +58,19 @@ class Scene final {
     BodyTracker tracker;
     explicit Guarded(BodyTracker t) : tracker(std::move(t)) {}
   };
+  /// Which bodies a frame holds, immutable.
+  struct Roster {
+    std::shared_ptr<const SceneModel> model;
+    std::vector<std::size_t> bodies;  ///< Index in bodies_, order of model->bodies.
+  };
   [[nodiscard]] Guarded& guarded(std::size_t body) const;
+  [[nodiscard]] std::shared_ptr<const Roster> roster() const;
+  void renew_roster();
 
-  std::shared_ptr<const SceneModel> model_;
   std::vector<std::unique_ptr<Guarded>> bodies_;
+  mutable std::mutex list_mutex_;  ///< For the two below; held to read or change them, never while computing.
+  std::vector<Listed> list_;
+  std::shared_ptr<const Roster> roster_;
   ObjectPool<SceneFrame> frames_;
   std::uint64_t next_number_{1};
 };

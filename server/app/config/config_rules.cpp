@@ -1,6 +1,5 @@
 // The rules of all rooms, and those that only the whole configuration can break.
 #include <algorithm>
-#include <cctype>
 #include <set>
 
 #include "app/config_file.hpp"
@@ -24,13 +23,6 @@ void append(Errors& all, Errors more, const std::string& prefix) {
     }
     all.push_back(std::move(error));
   }
-}
-
-bool is_name(const std::string& name) {
-  const auto good = [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
-  };
-  return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
 }
 
 void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
@@ -83,14 +75,18 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
     case SourceType::kCamera:
       append(all, body.source.camera.check(prefix), prefix);
       break;
+    case SourceType::kRos:
+      append(all, body.source.ros.check(prefix), prefix);
+      break;
   }
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
   const bool camera = body.source.type == SourceType::kCamera;
+  const bool ros = body.source.type == SourceType::kRos;
   Checker rules{prefix};
   rules
-      .require(is_name(body.name), "name", '"' + body.name + '"',
+      .require(is_body_name(body.name), "name", '"' + body.name + '"',
                "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric", "filter", body.filter, "must be robocentric")
@@ -99,13 +95,18 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
                "a camera source has exactly one camera")
       .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}",
                "a camera source has no IMU")
+      .require(!ros || body.cameras.size() == body.source.ros.images.size(), "cameras",
+               std::to_string(body.cameras.size()) + " entries",
+               "a ros source has one camera per topic in source.images")
       .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
                "a simulated body needs at least one camera");
   append(all, rules.errors, prefix);
   check_source(all, body, prefix + "source.");
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {
     const auto& [calibration, mount] = body.cameras[i];
-    check_mount(all, mount, !calibration.empty(), prefix + "cameras." + std::to_string(i) + ".");
+    // The lens may come by a file, or by the camera_info of ROS.
+    const bool elsewhere = !calibration.empty() || (ros && mount.model.width == 0);
+    check_mount(all, mount, elsewhere, prefix + "cameras." + std::to_string(i) + ".");
   }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
@@ -178,6 +179,8 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   check_streaming(all, config.streaming);
   check_vehicles(all, config);
   append(all, config.dds.check(), "dds.");
+  append(all, config.operators.check(), "operator.");
+  append(all, config.recorder.check(), "recorder.");
   return all;
 }
 

@@ -26,9 +26,10 @@ inline constexpr std::array<Word<Distortion>, 3> kDistortion{
     {{"none", Distortion::kNone},
      {"radial-tangential", Distortion::kRadialTangential},
      {"equidistant", Distortion::kEquidistant}}};
-inline constexpr std::array<Word<SourceType>, 3> kSourceType{{{"simulator", SourceType::kSimulator},
+inline constexpr std::array<Word<SourceType>, 4> kSourceType{{{"simulator", SourceType::kSimulator},
                                                               {"recording", SourceType::kRecording},
-                                                              {"camera", SourceType::kCamera}}};
+                                                              {"camera", SourceType::kCamera},
+                                                              {"ros", SourceType::kRos}}};
 inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
     {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
 inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{

@@ -6,6 +6,15 @@
 /// The rest of what a configuration file may say: bodies, streaming and the whole.
 namespace fiducap {
 
+template <class V>
+void describe(V& v, dds::RosSourceConfig& c) {
+  v.value("images", c.images);
+  v.value("imu", c.imu);
+  v.value("reliable", c.reliable);
+  v.value("synchronized", c.synchronized);
+  v.value("camera_info_wait_s", c.camera_info_wait_s);
+}
+
 /// `type` comes first: it decides which other keys there are.
 template <class V>
 void describe(V& v, SourceConfig& c) {
@@ -19,6 +28,9 @@ void describe(V& v, SourceConfig& c) {
       break;
     case SourceType::kCamera:
       describe(v, c.camera);
+      break;
+    case SourceType::kRos:
+      describe(v, c.ros);
       break;
   }
 }
@@ -132,6 +144,17 @@ void describe(V& v, StreamingConfig& c) {
 }
 
 template <class V>
+void describe(V& v, OperatorConfig& c) {
+  v.value("token", c.token);
+}
+
+template <class V>
+void describe(V& v, RecorderConfig& c) {
+  v.path("folder", c.folder);
+  v.value("images", c.images);
+}
+
+template <class V>
 void describe(V& v, ServerConfig& c) {
   v.word("log_level", c.log_level, words::kLogLevel);
   v.section("tags", c.tags);
@@ -142,6 +165,8 @@ void describe(V& v, ServerConfig& c) {
   v.list("bodies", c.bodies);
   v.section("streaming", c.streaming);
   v.section("dds", c.dds);
+  v.section("operator", c.operators);
+  v.section("recorder", c.recorder);
 }
 
 }  // namespace fiducap

@@ -124,6 +124,26 @@ Expected<Reader> Reader::make(const Participant& in, const TopicName& topic, con
   return reader;
 }
 
+Expected<WaitSet> WaitSet::make(const Participant& in) {
+  WaitSet made;
+  made.set_ = Entity(dds_create_waitset(in.handle()));
+  if (!made.set_) return failed<WaitSet>(made.set_.handle(), "cannot wait for messages", "dds");
+  return made;
+}
+
+Expected<void> WaitSet::add(const Reader& reader) {
+  Entity unread(dds_create_readcondition(reader.handle(), DDS_ANY_STATE));
+  if (!unread) return failed<void>(unread.handle(), "cannot wait for messages", "dds");
+  const auto attached = dds_waitset_attach(set_.handle(), unread.handle(), 0);
+  if (attached != DDS_RETCODE_OK) return failed<void>(attached, "cannot wait for messages", "dds");
+  conditions_.push_back(std::move(unread));
+  return {};
+}
+
+bool WaitSet::wait(Duration patience) {
+  return dds_waitset_wait(set_.handle(), nullptr, 0, patience.count()) > 0;
+}
+
 Reader::Loan::~Loan() {
   if (sample_ != nullptr) dds_return_loan(reader_, &sample_, 1);
 }

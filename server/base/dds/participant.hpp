@@ -9,6 +9,7 @@
 
 #include "base/dds/network.hpp"
 #include "base/expected.hpp"
+#include "base/time.hpp"
 
 struct dds_topic_descriptor;
 
@@ -138,6 +139,22 @@ class Reader final {
 
   Entity topic_;
   Entity reader_;
+};
+
+/// Waits for messages of several readers.
+class WaitSet final {
+ public:
+  [[nodiscard]] static Expected<WaitSet> make(const Participant& in);
+  /// @param reader  outlives the wait set
+  [[nodiscard]] Expected<void> add(const Reader& reader);
+  /// @return true when a message is there before `patience` is over
+  [[nodiscard]] bool wait(Duration patience);
+
+ private:
+  WaitSet() = default;
+
+  Entity set_;
+  std::vector<Entity> conditions_;
 };
 
 /// What the middleware means by a negative answer.

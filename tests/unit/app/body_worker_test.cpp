@@ -45,14 +45,16 @@ class BodyWorkerTest : public testing::Test {
   }
 
   void build(std::unique_ptr<SensorSource> source) {
-    scene_ = std::make_unique<Scene>(
-        std::vector<SceneBody>{{{1, "robot"}, Pose{}, BodyLimits{}, sensors_, {}}});
+    std::vector<SceneBody> bodies(1);
+    bodies[0].description = {1, "robot"};
+    bodies[0].sensors = sensors_;
+    scene_ = std::make_unique<Scene>(bodies);
     map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
     auto filter = std::make_unique<RecordingFilter>(log_);
     filter_ = filter.get();
     worker_ = std::make_unique<BodyWorker>(
         BodyParts{0, 1, "robot", sensors_, std::move(source), std::move(filter)},
-        SharedParts{tags_, detector_, *map_, *scene_, clock_});
+        SharedParts{tags_, detector_, *map_, *scene_, clock_, recorder_});
   }
   void build(std::vector<SensorSample> samples) {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
@@ -72,6 +74,7 @@ class BodyWorkerTest : public testing::Test {
   DetectorConfig detector_;
   TagMap start_;
   FakeClock clock_{ms(1000)};
+  SessionRecorder recorder_{RecorderConfig{}};
   RecordingFilter::Log log_;
   RecordingFilter* filter_{nullptr};
   std::unique_ptr<Scene> scene_;

@@ -64,6 +64,40 @@ TEST(Scene, DescribesItsBodiesOnceAndForAll) {
   EXPECT_EQ(scene.model()->bodies[1].id, 2);
 }
 
+TEST(Scene, ADisabledBodyIsFollowedButNotShown) {
+  Scene scene(two_bodies());
+  scene.set_enabled(0, false);
+  scene.ingest(0, estimate(100), report(100), {}, 0);
+  auto frame = scene.sample(at_ms(110), at_ms(110), {}, 200.0, nullptr);
+  ASSERT_EQ(frame->bodies.size(), 1u);
+  EXPECT_EQ(frame->bodies[0].body_id, 2);
+  EXPECT_EQ(frame->model->bodies[0].name, "beta");
+  EXPECT_EQ(frame->model->generation, 2u);
+  scene.set_enabled(0, true);
+  frame = scene.sample(at_ms(110), at_ms(110), {}, 200.0, nullptr);
+  EXPECT_EQ(frame->model->generation, 3u);
+  EXPECT_EQ(frame->bodies[0].state, BodyState::kTracking) << "it was followed all the time";
+  scene.set_enabled(0, true);
+  EXPECT_EQ(scene.model()->generation, 3u) << "nothing changed";
+}
+
+TEST(Scene, ANewNameIsANewGenerationAndOldFramesKeepTheirs) {
+  Scene scene(two_bodies());
+  const auto before = scene.sample(at_ms(110), at_ms(110), {}, 200.0, nullptr);
+  scene.rename(1, "gamma");
+  EXPECT_EQ(before->model->bodies[1].name, "beta");
+  EXPECT_EQ(scene.model()->bodies[1].name, "gamma");
+  EXPECT_EQ(scene.model()->bodies[1].id, 2);
+  EXPECT_EQ(scene.list()[1].description.name, "gamma");
+}
+
+TEST(Scene, ThePivotMoves) {
+  Scene scene(two_bodies());
+  scene.ingest(1, estimate(100), report(100), {}, 0);
+  scene.set_pivot(1, {Eigen::Quaterniond::Identity(), {0.5, 0, 0}});
+  EXPECT_NEAR(scene.sample(at_ms(100), at_ms(100), {}, 200.0, nullptr)->bodies[1].X_WP.p.x(), 0.5, 1e-12);
+}
+
 TEST(Scene, ALostSourceLosesOnlyItsBody) {
   Scene scene(two_bodies());
   scene.ingest(0, estimate(100), report(100), {}, 0);

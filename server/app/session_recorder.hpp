@@ -1,0 +1,71 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+#include "capture/recording/recording_writer.hpp"
+
+namespace fiducap {
+
+struct RecorderConfig {
+  std::string folder{"recordings"};  ///< Each session is a folder in it, each body a recording in that.
+  bool images{false};                ///< False: the detected corners and the IMU, enough for `fiducap replay`.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+/// Writes the sensors of all bodies to disk while the server runs. `take` costs one atomic read when nothing is
+/// recorded, and never waits for the disk: when the disk does not keep up, samples are dropped and counted.
+class SessionRecorder final {
+ public:
+  static constexpr std::size_t kMaxWaiting = 20000;
+
+  explicit SessionRecorder(RecorderConfig config) : config_(std::move(config)) {}
+
+  /// Before the first `take`, in the order of the bodies. @param info  `folder` and `has_…` are filled in here
+  void add_body(const std::string& name, RecordingInfo info);
+
+  /// @param name  of the session; a plain folder name, new
+  Expected<void> start(const std::string& name);
+  /// What was taken until now is written, then the files are closed.
+  Expected<void> stop();
+  [[nodiscard]] std::optional<std::string> current() const;
+
+  /// From any thread. Images are taken only when they are configured.
+  void take(std::size_t body, const SensorSample& sample);
+  /// The writer: runs until stopped and everything is on disk.
+  void run(std::stop_token stop);
+
+ private:
+  struct Session {
+    std::string name;
+    std::vector<RecordingWriter> writers;
+    std::atomic<std::uint64_t> dropped{0};
+    bool failed{false};  ///< Said once; only the writer touches it.
+  };
+  struct Item {
+    std::shared_ptr<Session> session;
+    std::size_t body{};
+    std::optional<SensorSample> sample;  ///< nullopt: the end of the session.
+  };
+  void write(Item& item);
+
+  RecorderConfig config_;
+  std::vector<RecordingInfo> bodies_;
+  std::atomic<bool> recording_{false};
+  mutable std::mutex mutex_;
+  std::condition_variable_any filled_;
+  std::shared_ptr<Session> session_;
+  std::vector<Item> waiting_;
+};
+
+}  // namespace fiducap
