@@ -111,14 +111,15 @@ class RosSource final : public SensorSource {
                        message.step,
                        {message.data._buffer, message.data._length}};
     auto gray = pool_.acquire();
-    return finish(k, message.header.stamp, to_gray(raw, cameras_[k].mount.model, *gray), std::move(gray));
+    const auto converted = to_gray(raw, cameras_[k].mount.model, *gray);
+    return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
   std::optional<SensorSample> read(std::size_t k, const sensor_msgs_msg_dds__CompressedImage_& message) {
     auto gray = pool_.acquire();
-    return finish(k, message.header.stamp,
-                  decode_gray({message.data._buffer, message.data._length}, cameras_[k].mount.model, *gray),
-                  std::move(gray));
+    const auto converted =
+        decode_gray({message.data._buffer, message.data._length}, cameras_[k].mount.model, *gray);
+    return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
   std::optional<SensorSample> finish(std::size_t k, const builtin_interfaces_msg_dds__Time_& stamp,
