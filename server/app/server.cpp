@@ -22,6 +22,8 @@
 #include "base/log.hpp"
 #include "scene/scene.hpp"
 #include "streaming/natnet/natnet_server.hpp"
+#include "streaming/dds/dds_server.hpp"
+#include "streaming/mavlink/mavlink_server.hpp"
 #include "streaming/stream_hub.hpp"
 #include "streaming/vicon/vicon_server.hpp"
 
@@ -58,10 +60,12 @@ class Server::Impl final {
   };
 
   Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  Expected<std::unique_ptr<SensorSource>> open_ros(const BodyConfig& body, BodySetup& setup);
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
   Expected<void> accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name);
+  Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
   bool shut_down();
@@ -73,6 +77,7 @@ class Server::Impl final {
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
+  std::shared_ptr<dds::Participant> participant_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
   BodyThreads bodies_;
@@ -124,7 +129,12 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
     if (config_.map.use_learned_extrinsics)
       use_learned(start.learned, config.name, setup->sensors.cameras);
     auto motion = options_.motion ? options_.motion(config.name) : nullptr;
-    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
+    auto source = config.source.type == SourceType::kRos
+                      ? open_ros(config, *setup)
+                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
+    if (!source && config.source.type == SourceType::kRos) {
+      return tl::unexpected(Error{source.error().code, config.name + ": " + source.error().text(), {}});
+    }
     if (source) {
       ++opened;
     } else {
@@ -136,6 +146,12 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   }
   if (opened == 0) return tl::unexpected(*first_failure);
   return bodies;
+}
+
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body, BodySetup& setup) {
+  auto participant = join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  return open_ros_body(body, setup, *participant, clock_);
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
@@ -206,12 +222,34 @@ Expected<void> Server::Impl::build_streaming() {
     const auto done = accept(std::move(page), "web");
     if (!done) return done;
   }
+  if (streaming.dds.enabled) {
+    auto participant = join_dds();
+    if (!participant) {
+      if (const auto done = accept(tl::unexpected(participant.error()), "dds"); !done) return done;
+    } else {
+      const auto done = accept(dds::start_dds_server(*participant, streaming.dds, model, clock_), "dds");
+      if (!done) return done;
+    }
+  }
+  if (streaming.mavlink.enabled) {
+    auto server = mavlink::start_mavlink_server(io_, streaming.mavlink, model, clock_);
+    const auto done = accept(std::move(server), "mavlink");
+    if (!done) return done;
+  }
   mailbox_.emplace(io_,
                    [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
   publisher_.emplace(
       streaming.rate_hz, *scene_, *map_, clock_,
       [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
   return {};
+}
+
+/// One participant for ROS sources and ROS topics, made when first needed.
+Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
+  if (participant_) return participant_;
+  auto joined = dds::Participant::open(config_.dds);
+  if (joined) participant_ = *joined;
+  return joined;
 }
 
 Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer,

@@ -6,6 +6,15 @@
 /// The rest of what a configuration file may say: bodies, streaming and the whole.
 namespace fiducap {
 
+template <class V>
+void describe(V& v, dds::RosSourceConfig& c) {
+  v.value("images", c.images);
+  v.value("imu", c.imu);
+  v.value("reliable", c.reliable);
+  v.value("synchronized", c.synchronized);
+  v.value("camera_info_wait_s", c.camera_info_wait_s);
+}
+
 /// `type` comes first: it decides which other keys there are.
 template <class V>
 void describe(V& v, SourceConfig& c) {
@@ -19,6 +28,9 @@ void describe(V& v, SourceConfig& c) {
       break;
     case SourceType::kCamera:
       describe(v, c.camera);
+      break;
+    case SourceType::kRos:
+      describe(v, c.ros);
       break;
   }
 }
@@ -114,6 +126,54 @@ void describe(V& v, web::WebConfig& c) {
 }
 
 template <class V>
+void describe(V& v, dds::DdsConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("prefix", c.prefix);
+  v.value("world_frame", c.world_frame);
+  v.value("pose", c.pose);
+  v.value("twist", c.twist);
+  v.value("odometry", c.odometry);
+  v.value("tf", c.tf);
+  v.value("poses", c.poses);
+  v.value("poses_deadline_hz", c.poses_deadline_hz);
+  v.value("rigid_bodies", c.rigid_bodies);
+  v.value("diagnostics", c.diagnostics);
+  v.value("native", c.native);
+  v.word("px4", c.px4, words::kPx4Profile);
+  v.value("px4_rate_hz", c.px4_rate_hz);
+  v.value("reliable", c.reliable);
+}
+
+template <class V>
+void describe(V& v, dds::NetworkConfig& c) {
+  v.value("domain", c.domain);
+  v.value("interface", c.interface);
+  v.value("peers", c.peers);
+  v.value("max_participants", c.max_participants);
+  v.value("announce_s", c.announce_s);
+}
+
+template <class V>
+void describe(V& v, mavlink::VehicleConfig& c) {
+  v.value("body", c.body);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.word("message", c.message, words::kPoseMessage);
+  v.word("world", c.world, words::kAutopilotWorld);
+  v.value("rate_hz", c.rate_hz);
+  v.value("system_id", c.system_id);
+  v.value("component_id", c.component_id);
+}
+
+template <class V>
+void describe(V& v, mavlink::MavlinkConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.list("vehicles", c.vehicles);
+}
+
+template <class V>
 void describe(V& v, StreamingConfig& c) {
   v.value("rate_hz", c.rate_hz);
   v.value("optional", c.optional);
@@ -123,6 +183,8 @@ void describe(V& v, StreamingConfig& c) {
   v.section("vicon", c.vicon);
   v.section("qualisys", c.qualisys);
   v.section("web", c.web);
+  v.section("dds", c.dds);
+  v.section("mavlink", c.mavlink);
 }
 
 template <class V>
@@ -146,6 +208,7 @@ void describe(V& v, ServerConfig& c) {
   v.section("simulation", c.simulation);
   v.list("bodies", c.bodies);
   v.section("streaming", c.streaming);
+  v.section("dds", c.dds);
   v.section("operator", c.operators);
   v.section("recorder", c.recorder);
 }

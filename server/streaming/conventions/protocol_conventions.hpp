@@ -39,7 +39,7 @@ inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
      {128, "-./~{}:\\", true, false}, "UTC of the pose"},
     {"px4", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {128, "-./~{}:\\", true, false}, "UTC of the pose"},
     {"mavlink", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {0, "", true, true},
-     "the autopilot's time of the pose, by TIMESYNC"},
+     "server time of the pose; TIMESYNC ties it to the autopilot's"},
     {"native", kMetres, "wxyz", WhenInvalid::kFlag, "valid = false", {128, "", false, true},
      "server nanoseconds of the pose, with its offset to UTC"},
 }};
