@@ -193,7 +193,7 @@ Expected<void> Server::Impl::build_streaming() {
     if (!done) return done;
   }
   if (streaming.native.enabled) {
-    auto server = native::start_native_server(io_, streaming.native, model, clock_);
+    auto server = native::start_native_server(io_, streaming.native, model, clock_, &*desk_);
     if (server) ports_.native = native::bound_port(**server);
     const auto done = accept(std::move(server), "native");
     if (!done) return done;

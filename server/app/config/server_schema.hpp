@@ -72,6 +72,12 @@ void describe(V& v, native::NativeConfig& c) {
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("lease_s", c.lease_s);
+  v.value("discovery", c.discovery);
+  v.value("control", c.control);
+  v.value("multicast_group", c.multicast_group);
+  v.value("multicast_port", c.multicast_port);
+  v.value("multicast_ttl", c.multicast_ttl);
+  v.value("multicast_interface", c.multicast_interface);
 }
 
 template <class V>
