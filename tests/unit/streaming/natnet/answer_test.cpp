@@ -28,7 +28,7 @@ TEST(Answer, ServerInfoBeforeThreeEndsWithTheVersion) {
 
 TEST(Answer, EchoCountsTicksOfTheFrames) {
   EXPECT_EQ(to_hex(encode_echo(278554190, instant_from_ns(123'456'789'000))),
-            to_hex(from_hex("0d00 1000 4e669a1000000000 870dd649 00000000")));
+            to_hex(from_hex("0d00 1000 4e669a1000000000 d2029649 00000000")));
 }
 
 // The answers of a commercial server, 3.0: 120 Hz, and 0 analog samples.

@@ -59,21 +59,21 @@ const std::string kEnd = "00000000";
 const std::string k0 = "00000000";
 
 TEST_F(FrameBytes, TwoFive) {
-  EXPECT_EQ(bytes({2, 5}), hex("0700 4c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + k0 + k0 + kLatency +
+  EXPECT_EQ(bytes({2, 5}), hex("0700 5000" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + k0 + k0 + kLatency +
                                kNoTimecode + kEnd));
 }
 TEST_F(FrameBytes, TwoSixAddsValidityTimeAndBits) {
-  EXPECT_EQ(bytes({2, 6}), hex("0700 5400" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
+  EXPECT_EQ(bytes({2, 6}), hex("0700 5800" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
                                kLatency + kNoTimecode + "0000c03f" + kBits + kEnd));
 }
 TEST_F(FrameBytes, TwoSevenHasTheTimeAsDouble) {
-  const std::string wanted = hex("0700 5800" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
+  const std::string wanted = hex("0700 5c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
                                  kLatency + kNoTimecode + kSeconds + kBits + kEnd);
   EXPECT_EQ(bytes({2, 7}), wanted);
   EXPECT_EQ(bytes({2, 8}), wanted);
 }
 TEST_F(FrameBytes, TwoNineAddsForcePlates) {
-  const std::string wanted = hex("0700 5c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
+  const std::string wanted = hex("0700 6000" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
                                  k0 + kLatency + kNoTimecode + kSeconds + kBits + kEnd);
   EXPECT_EQ(bytes({2, 9}), wanted);
   EXPECT_EQ(bytes({2, 10}), wanted);

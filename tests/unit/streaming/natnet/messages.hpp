@@ -17,14 +17,20 @@ namespace fiducap::natnet {
 
 using Bytes = std::vector<std::byte>;
 
+inline constexpr std::size_t kLongestPayload = 300;  // reserved, so that GCC 12 does not warn about what cannot happen
+
 inline Bytes message(Message id, std::span<const std::byte> payload = {}) {
-  Bytes out;
-  LittleEndianWriter(out).u16(static_cast<std::uint16_t>(id)).u16(static_cast<std::uint16_t>(payload.size())).bytes(payload);
+  const auto low = [](std::size_t value) { return static_cast<std::byte>(value & 0xff); };
+  const auto number = static_cast<std::size_t>(id);
+  Bytes out{low(number), low(number >> 8), low(payload.size()), low(payload.size() >> 8)};
+  out.resize(kHeaderSize + payload.size());
+  std::copy(payload.begin(), payload.end(), out.begin() + kHeaderSize);
   return out;
 }
 
 inline Bytes words(std::string_view text) {
   Bytes payload;
+  payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text(text).u8(0);
   return message(Message::kRequest, payload);
 }
@@ -32,6 +38,7 @@ inline Bytes words(std::string_view text) {
 /// 264 bytes: what a 3.x library sends.
 inline Bytes sender_block(Bitstream library, std::string_view name = "NatNetLib") {
   Bytes payload;
+  payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text(name).zeros(256 - name.size()).zeros(4).u8(library.major).u8(library.minor).zeros(2);
   return payload;
 }
@@ -47,6 +54,7 @@ inline Bytes connect(Bitstream library, Bitstream wanted, bool subscribed_data_o
 
 inline Bytes ping() {
   Bytes payload;
+  payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text("Ping").u8(0);
   return message(Message::kConnect, payload);
 }

@@ -11,7 +11,7 @@
 namespace fiducap::natnet {
 namespace {
 
-const std::vector<BodyDescription> kTwo{{9, "arm"}, {12, "k\xc3\xa4fer"}};
+const std::vector<BodyDescription> kTwo{{9, "arm"}, {12, "k\xc3\xa4" "fer"}};
 const NameRule kRule{255, ",", false, true};
 
 SceneModel model_of(int bodies, std::size_t name_bytes) {
@@ -26,7 +26,7 @@ SceneModel model_of(int bodies, std::size_t name_bytes) {
 
 TEST(ModelEncoder, BeforeThreeThereAreNoMarkers) {
   EXPECT_EQ(to_hex(encode_model(kTwo, ModelLayout::k2_5)),
-            to_hex(from_hex("0500 4300 02000000"
+            to_hex(from_hex("0500 3f00 02000000"
                             "01000000 61726d00       09000000 ffffffff 000000000000000000000000"
                             "01000000 6bc3a4666572 00 0c000000 ffffffff 000000000000000000000000")));
 }

@@ -60,7 +60,12 @@ TEST(ReflectionGuard, OneAddressCannotHaveEverything) {
   std::size_t bytes = 0;
   for (int i = 0; i < 1000; ++i) bytes += guard.may_answer(kSomeone, 50000, false, at(0)) ? 50000 : 0;
   EXPECT_LE(bytes, ReflectionGuard::kAddressBurst);
-  EXPECT_GE(bytes, 64 * 46000U) << "64 clients of one computer fetch the definitions of 1000 bodies";
+  EXPECT_GE(bytes, 16 * 50000U) << "16 clients of one computer fetch the definitions of 1000 bodies";
+}
+
+TEST(ReflectionGuard, NobodyOutsideCanAskInTheNameOfThisMachine) {
+  ReflectionGuard guard(1);
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(guard.may_answer({0x7f000001, 9}, 50000, true, at(0)));
 }
 
 TEST(ReflectionGuard, AClientMeetsItselfAgainInTheMiddleOfAFlood) {
