@@ -2,12 +2,14 @@
 //
 // The input is a list of datagrams: one byte says who sends to which port and how much time has passed since the one
 // before, two bytes its length (little-endian), then come its bytes; the last may be cut.
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "base/assert.hpp"
 #include "base/byte_reader.hpp"
+#include "base/log.hpp"
 #include "streaming/natnet/conversation.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/streaming/natnet/fake_desk.hpp"
@@ -59,6 +61,7 @@ void play(std::span<const std::byte> input) {
 }  // namespace fiducap::natnet
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  fiducap::log::set_level(fiducap::log::Level::kError);
   fiducap::natnet::play(std::as_bytes(std::span(data, size)));
   return 0;
 }
