@@ -1,7 +1,9 @@
-// Datagrams as anybody can send them, to a server with clients: every request, every command, in any order.
+// Datagrams as anybody can send them, to a server with clients: every request, every command, in
+// any order.
 //
-// The input is a list of datagrams: one byte says who sends to which port and how much time has passed since the one
-// before, two bytes its length (little-endian), then come its bytes; the last may be cut.
+// The input is a list of datagrams: one byte says who sends to which port and how much time has
+// passed since the one before, two bytes its length (little-endian), then come its bytes; the last
+// may be cut.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -19,7 +21,8 @@ namespace {
 
 constexpr std::size_t kMostDatagrams = 64;
 
-/// First byte: bits 0-1 who, bit 2 from another machine, bit 3 to the multicast clients' port, bits 4-7 time.
+/// First byte: bits 0-1 who, bit 2 from another machine, bit 3 to the multicast clients' port, bits
+/// 4-7 time.
 struct Step {
   Peer from;
   Channel channel{};

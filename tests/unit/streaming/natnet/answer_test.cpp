@@ -14,16 +14,17 @@ std::string name_field() { return "46696475636170" + std::string(2 * (256 - 7), 
 
 TEST(Answer, ServerInfoByteForByte) {
   EXPECT_EQ(to_hex(encode(kInfo)), to_hex(from_hex("0100 1701" + name_field() +
-                                                   "02010007"            // application
-                                                   "03010000"            // bitstream
-                                                   "8096980000000000"    // 10 MHz
+                                                   "02010007"              // application
+                                                   "03010000"              // bitstream
+                                                   "8096980000000000"      // 10 MHz
                                                    "e705 01 efff2a63")));  // port, multicast, group
 }
 
 TEST(Answer, ServerInfoBeforeThreeEndsWithTheVersion) {
   ServerInfo info = kInfo;
   info.bitstream = {2, 10};
-  EXPECT_EQ(to_hex(encode(info)), to_hex(from_hex("0100 0801" + name_field() + "02010007 020a0000")));
+  EXPECT_EQ(to_hex(encode(info)),
+            to_hex(from_hex("0100 0801" + name_field() + "02010007 020a0000")));
 }
 
 TEST(Answer, EchoCountsTicksOfTheFrames) {

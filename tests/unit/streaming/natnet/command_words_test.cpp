@@ -50,19 +50,40 @@ TEST_F(CommandWordsTest, FactsAreNumbers) {
 }
 
 TEST_F(CommandWordsTest, EveryWordThatClientsAreKnownToSendIsAnswered) {
-  for (const char* word :
-       {"UnitsToMillimeters", "FrameRate", "CurrentMode", "LiveMode", "EditMode", "StartRecording", "StopRecording",
-        "SetRecordTakeName,take", "SetPlaybackTakeName,take", "SetCurrentSession,day", "TimelinePlay", "TimelineStop",
-        "SetPlaybackStartFrame,1", "SetPlaybackStopFrame,2", "SetPlaybackCurrentFrame,0", "SetPlaybackLooping,1",
-        "EnableAsset,arm", "DisableAsset,arm", "EnableAsset,arm", "GetProperty,,FrameRate", "SetProperty,arm,Active,true",
-        "Bitstream", "Disconnect", "SubscribeToData", "SubscribeByID", "SubscribedDataOnly"}) {
+  for (const char* word : {"UnitsToMillimeters",
+                           "FrameRate",
+                           "CurrentMode",
+                           "LiveMode",
+                           "EditMode",
+                           "StartRecording",
+                           "StopRecording",
+                           "SetRecordTakeName,take",
+                           "SetPlaybackTakeName,take",
+                           "SetCurrentSession,day",
+                           "TimelinePlay",
+                           "TimelineStop",
+                           "SetPlaybackStartFrame,1",
+                           "SetPlaybackStopFrame,2",
+                           "SetPlaybackCurrentFrame,0",
+                           "SetPlaybackLooping,1",
+                           "EnableAsset,arm",
+                           "DisableAsset,arm",
+                           "EnableAsset,arm",
+                           "GetProperty,,FrameRate",
+                           "SetProperty,arm,Active,true",
+                           "Bitstream",
+                           "Disconnect",
+                           "SubscribeToData",
+                           "SubscribeByID",
+                           "SubscribedDataOnly"}) {
     EXPECT_EQ(id_of(ask(word).datagram), Message::kResponse) << word;
   }
 }
 
 TEST_F(CommandWordsTest, AnythingElseIsUnrecognized) {
-  for (const char* word : {"", ",", "framerate", "FrameRate2", "Shutdown", "service20,-1,x", "GetProperty", "GetProperty,,",
-                           "GetProperty,nobody,Name", "GetTakeProperty,x,y"}) {
+  for (const char* word :
+       {"", ",", "framerate", "FrameRate2", "Shutdown", "service20,-1,x", "GetProperty",
+        "GetProperty,,", "GetProperty,nobody,Name", "GetTakeProperty,x,y"}) {
     EXPECT_EQ(id_of(ask(word).datagram), Message::kUnrecognized) << word;
   }
 }
@@ -92,7 +113,8 @@ TEST_F(CommandWordsTest, AssetsAreFoundByNameAndById) {
   EXPECT_FALSE(desk_.find(2)->enabled);
   EXPECT_EQ(number("EnableAsset,2"), kDone);
   EXPECT_TRUE(desk_.find(2)->enabled);
-  EXPECT_EQ(number("EnableAsset,spare"), kDone) << "a disabled one is in no frame, and yet must be found";
+  EXPECT_EQ(number("EnableAsset,spare"), kDone)
+      << "a disabled one is in no frame, and yet must be found";
   EXPECT_TRUE(desk_.find(3)->enabled);
   EXPECT_EQ(number("EnableAsset,nobody"), kRefused);
   EXPECT_EQ(number("EnableAsset"), kRefused);
@@ -127,8 +149,9 @@ TEST_F(CommandWordsTest, WhatHasNoMeaningHereIsRefusedCleanly) {
 
 TEST_F(CommandWordsTest, OthersMayLookButNotTouch) {
   from_ = kElsewhere;
-  for (const char* word : {"StartRecording", "StopRecording", "SetRecordTakeName,x", "EnableAsset,arm", "DisableAsset,arm",
-                           "SetProperty,arm,Name,leg", "ResetAssetOrientation,arm", "ResetAssetLocation,arm"}) {
+  for (const char* word : {"StartRecording", "StopRecording", "SetRecordTakeName,x",
+                           "EnableAsset,arm", "DisableAsset,arm", "SetProperty,arm,Name,leg",
+                           "ResetAssetOrientation,arm", "ResetAssetLocation,arm"}) {
     EXPECT_EQ(number(word), kRefused) << word;
   }
   EXPECT_TRUE(desk_.takes.empty());
@@ -156,7 +179,8 @@ TEST_F(CommandWordsTest, TheBitstreamIsToldAndSwitched) {
 }
 
 TEST_F(CommandWordsTest, BitstreamsThatWeDoNotHaveAreRefused) {
-  for (const char* word : {"Bitstream,255.255", "Bitstream,4.3", "Bitstream,x", "Bitstream,", "Bitstream,-1.0"}) {
+  for (const char* word :
+       {"Bitstream,255.255", "Bitstream,4.3", "Bitstream,x", "Bitstream,", "Bitstream,-1.0"}) {
     const auto answer = ask(word);
     EXPECT_EQ(number_in(answer.datagram), kRefused) << word;
     EXPECT_FALSE(answer.switch_to) << word;
@@ -200,7 +224,8 @@ TEST_F(CommandWordsTest, OfOtherTypesThereIsNothing) {
 
 TEST_F(CommandWordsTest, ASubscriptionToNobodyIsRefusedAndRemembersNothing) {
   EXPECT_EQ(number("SubscribeToData,RigidBody,nobody"), kRefused);
-  for (int id = 100; id < 200; ++id) EXPECT_EQ(number("SubscribeByID,RigidBody," + std::to_string(id)), kRefused);
+  for (int id = 100; id < 200; ++id)
+    EXPECT_EQ(number("SubscribeByID,RigidBody," + std::to_string(id)), kRefused);
   EXPECT_EQ(subscriber_.selection, Selection());
 }
 

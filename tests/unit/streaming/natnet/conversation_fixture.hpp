@@ -16,11 +16,13 @@ class ConversationFixture : public testing::Test {
   static constexpr Peer kOther{0x0a000008, 40002};
 
   void start() {
-    conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &desk_, 100, 12345, now_);
+    conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &desk_, 100, 12345,
+                          now_);
   }
   void SetUp() override { start(); }
 
-  std::span<const std::byte> say(const Bytes& datagram, const Peer& from = kClient, Channel channel = Channel::kUnicast) {
+  std::span<const std::byte> say(const Bytes& datagram, const Peer& from = kClient,
+                                 Channel channel = Channel::kUnicast) {
     return conversation_->receive(datagram, from, channel, now_);
   }
   void pass(double seconds) {
@@ -28,7 +30,8 @@ class ConversationFixture : public testing::Test {
     conversation_->expire(now_);
   }
   /// The next frame. @param generation  of its model
-  void next_frame(std::uint64_t generation = 1, const std::vector<std::string>& names = {"arm", "drone"}) {
+  void next_frame(std::uint64_t generation = 1,
+                  const std::vector<std::string>& names = {"arm", "drone"}) {
     auto frame = make_scene_frame(names, ++number_);
     auto model = std::make_shared<SceneModel>(*frame->model);
     model->generation = generation;

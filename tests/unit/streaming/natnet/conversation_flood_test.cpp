@@ -6,7 +6,8 @@
 namespace fiducap::natnet {
 namespace {
 
-/// Ten seconds of 10 000 datagrams a second from addresses that are not the sender's, and 100 frames a second.
+/// Ten seconds of 10 000 datagrams a second from addresses that are not the sender's, and 100
+/// frames a second.
 class FloodTest : public ConversationFixture {
  protected:
   static constexpr int kPerSecond = 10000;
@@ -28,19 +29,23 @@ class FloodTest : public ConversationFixture {
       conversation_->expire(now_);
       next_frame();
       for (const auto& one : conversation_->subscribers()) {
-        if (one.peer != kClient) traffic.out += static_cast<double>(conversation_->frame_for(one, now_).size());
+        if (one.peer != kClient)
+          traffic.out += static_cast<double>(conversation_->frame_for(one, now_).size());
       }
     }
     return traffic;
   }
   std::mt19937 random_{3};  // every flood comes from other addresses
-  static double allowance() { return ReflectionGuard::kStrangerBurst + kSeconds * ReflectionGuard::kStrangerBytes_s; }
+  static double allowance() {
+    return ReflectionGuard::kStrangerBurst + kSeconds * ReflectionGuard::kStrangerBytes_s;
+  }
 };
 
 TEST_F(FloodTest, StrangersGetNoMoreBytesThanTheySentAndTheAllowance) {
-  for (const Bytes& datagram : {ping(), connect({4, 1}, {4, 1}), message(Message::kKeepAlive), message(Message::kConnect),
-                                message(Message::kRequestModel), message(Message::kRequestFrame), words("FrameRate"),
-                                message(Message::kEchoRequest, Bytes(8)), words("GetProperty,,FrameRate")}) {
+  for (const Bytes& datagram :
+       {ping(), connect({4, 1}, {4, 1}), message(Message::kKeepAlive), message(Message::kConnect),
+        message(Message::kRequestModel), message(Message::kRequestFrame), words("FrameRate"),
+        message(Message::kEchoRequest, Bytes(8)), words("GetProperty,,FrameRate")}) {
     const Traffic traffic = flood(datagram);
     EXPECT_LE(traffic.out, traffic.in + allowance()) << to_hex(datagram).substr(0, 40);
   }
@@ -48,7 +53,8 @@ TEST_F(FloodTest, StrangersGetNoMoreBytesThanTheySentAndTheAllowance) {
 
 TEST_F(FloodTest, ClientsKeepTheirPlaceAndTheirFrames) {
   join(ping());
-  config_.client_timeout_s = 600;  // it stays silent during the flood; only the flood could push it out
+  config_.client_timeout_s =
+      600;  // it stays silent during the flood; only the flood could push it out
   start();
   join(ping());
   (void)flood(ping());

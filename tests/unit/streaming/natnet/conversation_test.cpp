@@ -43,7 +43,8 @@ TEST_F(ConversationTest, EachPortSaysWhatKindOfServerItIs) {
 }
 
 TEST_F(ConversationTest, MulticastClientsAreAllToldTheSameVersionAndNotRemembered) {
-  EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast)), (Bitstream{3, 1}));
+  EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast)),
+            (Bitstream{3, 1}));
   EXPECT_TRUE(say(message(Message::kKeepAlive), kClient, Channel::kMulticast).empty());
   EXPECT_TRUE(conversation_->subscribers().empty());
 }
@@ -111,7 +112,9 @@ TEST_F(ConversationTest, TwoClientsGetTheirOwnVersions) {
 
 TEST_F(ConversationTest, TheModelIsInTheVersionOfTheAddress) {
   (void)say(connect({2, 7}), kOther);
-  const auto model_of = [&](const Peer& peer) { return say(message(Message::kRequestModel), peer).size(); };
+  const auto model_of = [&](const Peer& peer) {
+    return say(message(Message::kRequestModel), peer).size();
+  };
   const std::size_t in_2 = model_of(kOther);
   EXPECT_EQ(model_of(kClient), in_2 + 2 * 4) << "3.1 has an empty list of markers for each body";
   (void)say(connect({4, 2}, {4, 2}));

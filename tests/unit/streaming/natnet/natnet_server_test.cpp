@@ -16,12 +16,14 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::udp;
 
-constexpr auto kPatience = std::chrono::seconds(2);  // for datagrams on loopback; reached only by a failure
+constexpr auto kPatience =
+    std::chrono::seconds(2);  // for datagrams on loopback; reached only by a failure
 
 /// A client's socket; what it gets, in order.
 class Client {
  public:
-  explicit Client(asio::io_context& io) : socket_(io, udp::endpoint(asio::ip::address_v4::loopback(), 0)) {
+  explicit Client(asio::io_context& io)
+      : socket_(io, udp::endpoint(asio::ip::address_v4::loopback(), 0)) {
     socket_.non_blocking(true);
   }
   void send(const Bytes& datagram, std::uint16_t port, const char* address = "127.0.0.1") {
@@ -98,7 +100,8 @@ TEST_F(NatNetServerTest, FramesGoToTheSocketThatAskedFromAPortOfTheirOwn) {
   const Bytes frame = wait_for(client);
   EXPECT_EQ(id_of(frame), Message::kFrame);
   EXPECT_EQ(bodies_in(frame).size(), 2U);
-  EXPECT_NE(client.from().port(), server_->port()) << "the vendor's library ignores frames from the command port";
+  EXPECT_NE(client.from().port(), server_->port())
+      << "the vendor's library ignores frames from the command port";
 }
 
 TEST_F(NatNetServerTest, ListsWhatItsClientsReceive) {
@@ -119,7 +122,8 @@ TEST_F(NatNetServerTest, HearsDiscoveryByBroadcastOnTheLoopback) {
   start();
   Client client(io_);
   client.socket().set_option(asio::socket_base::broadcast(true));
-  client.send(message(Message::kDiscovery, sender_block({3, 1})), server_->port(), "127.255.255.255");
+  client.send(message(Message::kDiscovery, sender_block({3, 1})), server_->port(),
+              "127.255.255.255");
   EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
   EXPECT_EQ(client.from().port(), server_->port());
 }
@@ -175,7 +179,8 @@ TEST_F(NatNetServerTest, MulticastFramesReachTheGroup) {
   member.bind({asio::ip::address_v4::any(), 0});
   const auto group = asio::ip::make_address_v4(config_.multicast_group);
   boost::system::error_code error;
-  member.set_option(asio::ip::multicast::join_group(group, asio::ip::address_v4::loopback()), error);
+  member.set_option(asio::ip::multicast::join_group(group, asio::ip::address_v4::loopback()),
+                    error);
   if (error) GTEST_SKIP() << "no multicast here: " << error.message();
   config_.data_port = member.local_endpoint().port();
   start();
@@ -204,7 +209,8 @@ TEST_F(NatNetServerTest, SaysWhatToDoWhenAPortIsTaken) {
   config_.port = server_->port();
   const auto second = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
   ASSERT_FALSE(second);
-  EXPECT_NE(second.error().text().find("streaming.natnet.port"), std::string::npos) << second.error().text();
+  EXPECT_NE(second.error().text().find("streaming.natnet.port"), std::string::npos)
+      << second.error().text();
 }
 
 TEST_F(NatNetServerTest, GivesItsPortsBackWhenItStops) {
@@ -225,7 +231,8 @@ TEST_F(NatNetServerTest, SurvivesEverySortOfRubbish) {
   start();
   Client client(io_);
   client.send({}, server_->port());
-  for (std::size_t size : {1U, 3U, 4U, 5U, 65507U}) client.send(Bytes(size, std::byte{0xff}), server_->port());
+  for (std::size_t size : {1U, 3U, 4U, 5U, 65507U})
+    client.send(Bytes(size, std::byte{0xff}), server_->port());
   join(client);
 }
 

@@ -17,7 +17,9 @@ class PropertiesTest : public testing::Test {
     server_.model = server_.frame->model;
     server_.announced = server_.model->bodies;
   }
-  std::string get(std::string_view text) { return get_property(parse_command(text), server_).value_or("none"); }
+  std::string get(std::string_view text) {
+    return get_property(parse_command(text), server_).value_or("none");
+  }
   bool set(std::string_view text) { return set_property(parse_command(text), server_).has_value(); }
 
   FakeDesk desk_;
