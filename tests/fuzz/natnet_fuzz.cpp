@@ -19,7 +19,7 @@
 namespace fiducap::natnet {
 namespace {
 
-constexpr std::size_t kMostDatagrams = 64;
+constexpr std::size_t kMostDatagrams = 16;
 
 /// First byte: bits 0-1 who, bit 2 from another machine, bit 3 to the multicast clients' port, bits
 /// 4-7 time.
