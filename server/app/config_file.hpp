@@ -24,6 +24,9 @@
 #include "streaming/dds/dds_config.hpp"
 #include "streaming/mavlink/mavlink_config.hpp"
 #include "streaming/native/native_server.hpp"
+#include "streaming/natnet/natnet_config.hpp"
+#include "streaming/vicon/vicon_config.hpp"
+#include "streaming/qualisys/qualisys_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -85,6 +88,9 @@ struct StreamingConfig {
       optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
+  natnet::NatNetConfig natnet;
+  vicon::ViconConfig vicon;
+  qualisys::QualisysConfig qualisys;
   web::WebConfig web;
   dds::DdsConfig dds;
   mavlink::MavlinkConfig mavlink;

@@ -21,9 +21,11 @@
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
+#include "streaming/natnet/natnet_server.hpp"
 #include "streaming/dds/dds_server.hpp"
 #include "streaming/mavlink/mavlink_server.hpp"
 #include "streaming/stream_hub.hpp"
+#include "streaming/vicon/vicon_server.hpp"
 
 namespace fiducap {
 
@@ -194,6 +196,20 @@ Expected<void> Server::Impl::build_streaming() {
     auto server = native::start_native_server(io_, streaming.native, model, clock_);
     if (server) ports_.native = native::bound_port(**server);
     const auto done = accept(std::move(server), "native");
+    if (!done) return done;
+  }
+  if (streaming.natnet.enabled) {
+    auto server = natnet::start_natnet_server(io_, streaming.natnet, model, clock_, &*desk_, streaming.rate_hz);
+    if (server) ports_.natnet = (*server)->port();
+    const auto done = accept(std::move(server), "natnet");
+  if (streaming.vicon.enabled) {
+    auto server = vicon::start_vicon_server(io_, streaming.vicon, clock_);
+    if (server) ports_.vicon = (*server)->port();
+    const auto done = accept(std::move(server), "vicon");
+  if (streaming.qualisys.enabled) {
+    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, &*desk_, model, clock_);
+    if (server) ports_.qualisys = (*server)->base_port();
+    const auto done = accept(std::move(server), "qualisys");
     if (!done) return done;
   }
   if (streaming.web.enabled) {

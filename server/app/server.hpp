@@ -22,7 +22,10 @@ struct ServerOptions {
 /// Where the protocols really listen (a configured 0 is any free port); 0: not served.
 struct ServerPorts {
   std::uint16_t vrpn{};
+  std::uint16_t qualisys{};  ///< Base port.
   std::uint16_t native{};
+  std::uint16_t natnet{};
+  std::uint16_t vicon{};
   std::uint16_t web{};
 };
 

@@ -116,13 +116,25 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
+    rules.require(name == "vrpn" || name == "native" || name == "natnet" || name == "web", "optional",
+                  name, "must be some of vrpn, native, natnet, web");
+    rules.require(name == "vrpn" || name == "native" || name == "vicon" || name == "web", "optional", name,
+                  "must be some of vrpn, native, vicon, web");
     rules.require(name == "vrpn" || name == "native" || name == "web" || name == "dds" ||
                       name == "mavlink",
                   "optional", name, "must be some of vrpn, native, web, dds, mavlink");
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.vicon.check(), "streaming.vicon.");
+    rules.require(name == "vrpn" || name == "native" || name == "qualisys" || name == "web", "optional", name,
+                  "must be some of vrpn, native, qualisys, web");
+  }
+  append(all, rules.errors, "streaming.");
+  append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.native.check(), "streaming.native.");
+  append(all, streaming.natnet.check(), "streaming.natnet.");
   append(all, streaming.web.check(), "streaming.web.");
   append(all, streaming.dds.check(), "streaming.dds.");
   append(all, streaming.mavlink.check(), "streaming.mavlink.");

@@ -75,6 +75,47 @@ void describe(V& v, native::NativeConfig& c) {
 }
 
 template <class V>
+void describe(V& v, natnet::NatNetConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("data_port", c.data_port);
+  v.value("unicast", c.unicast);
+  v.value("multicast", c.multicast);
+  v.value("multicast_command_port", c.multicast_command_port);
+  v.value("multicast_group", c.multicast_group);
+  v.value("multicast_interface", c.multicast_interface);
+  v.value("multicast_ttl", c.multicast_ttl);
+  v.value("bitstream", c.bitstream);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("targets", c.targets);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.value("client_timeout_s", c.client_timeout_s);
+  v.word("remote_control", c.remote_control, words::kRemoteControl);
+void describe(V& v, vicon::ViconConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+void describe(V& v, qualisys::QualisysConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("base_port", c.base_port);
+  v.value("discovery_port", c.discovery_port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("qtm_version", c.qtm_version);
+}
+
+template <class V>
 void describe(V& v, web::WebConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);
@@ -138,6 +179,9 @@ void describe(V& v, StreamingConfig& c) {
   v.value("optional", c.optional);
   v.section("vrpn", c.vrpn);
   v.section("native", c.native);
+  v.section("natnet", c.natnet);
+  v.section("vicon", c.vicon);
+  v.section("qualisys", c.qualisys);
   v.section("web", c.web);
   v.section("dds", c.dds);
   v.section("mavlink", c.mavlink);
