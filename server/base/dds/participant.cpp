@@ -33,9 +33,9 @@ Expected<T> failed(std::int32_t code, const std::string& what, const std::string
   return fail(ErrorCode::kUnavailable, what + " (" + error_text(code) + ")", where);
 }
 
-Expected<Entity> make_topic(const Participant& in, const TopicName& topic, const Qos& qos) {
-  const auto with = make_qos(qos, {});
-  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), with.get(), nullptr));
+/// Without QoS of its own: a participant may read and write a topic in several ways.
+Expected<Entity> make_topic(const Participant& in, const TopicName& topic) {
+  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), nullptr, nullptr));
   if (!entity) return failed<Entity>(entity.handle(), "the topic cannot be made", "topic " + topic.name);
   return entity;
 }
@@ -67,7 +67,7 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
 
 Expected<Writer> Writer::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Writer writer;
-  auto entity = make_topic(in, topic, qos);
+  auto entity = make_topic(in, topic);
   if (!entity) return tl::unexpected(entity.error());
   writer.topic_ = std::move(*entity);
   writer.name_ = topic.name;
@@ -115,7 +115,7 @@ void Writer::dispose(const void* sample) { dds_dispose(writer_.handle(), sample)
 
 Expected<Reader> Reader::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Reader reader;
-  auto entity = make_topic(in, topic, qos);
+  auto entity = make_topic(in, topic);
   if (!entity) return tl::unexpected(entity.error());
   reader.topic_ = std::move(*entity);
   const auto with = make_qos(qos, topic.type_hash);
