@@ -1,9 +1,14 @@
 #include "base/dds/participant.hpp"
 
 #include <dds/dds.h>
+#include <dds/ddsrt/log.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <string_view>
+
+#include "base/log.hpp"
 
 namespace fiducap::dds {
 
@@ -26,6 +31,20 @@ QosPointer make_qos(const Qos& wanted, const std::string& type_hash) {
   const std::string text = "typehash=" + type_hash + ";";
   if (!type_hash.empty()) dds_qset_userdata(qos.get(), text.data(), text.size());
   return qos;
+}
+
+/// The middleware's warnings go where ours go, a few of them: a cable that is unplugged or a hostile peer must not fill
+/// the disk.
+void log_some(void*, const dds_log_data_t* data) {
+  constexpr int kMost = 20;
+  static std::atomic<int> said{0};
+  if (data->message == nullptr || (data->priority & (DDS_LC_WARNING | DDS_LC_ERROR | DDS_LC_FATAL)) == 0) return;
+  const int count = ++said;
+  if (count > kMost) return;
+  std::string_view text(data->message);
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.remove_suffix(1);
+  log::warning("dds", text);
+  if (count == kMost) log::warning("dds", "more of this kind is left out");
 }
 
 template <typename T>
@@ -51,6 +70,7 @@ Entity::~Entity() {
 Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config) {
   const std::string where = "domain " + std::to_string(config.domain);
   const std::string xml = cyclone_xml(config);
+  dds_set_log_sink(log_some, nullptr);
   Entity domain(dds_create_domain(static_cast<dds_domainid_t>(config.domain), xml.c_str()));
   if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET) {
     return fail(ErrorCode::kUnavailable, "this process takes part in the domain already: set dds.domain to another one",
