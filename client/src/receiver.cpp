@@ -33,8 +33,8 @@ Nanoseconds retry_of(const ClientOptions& options) {
 Profile profile_of(const ClientOptions& options) {
   constexpr std::size_t kBytesForNames = 900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
   Profile profile;
-  profile.y_up = options.up == UpAxis::kY;
-  profile.turn_bodies = profile.y_up && options.scope == AxesScope::kWorldAndBody;
+  profile.y_up = options.up == WorldUp::kY;
+  profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
   const bool limits_rate = std::isfinite(options.max_rate_hz) && options.max_rate_hz > 0;
   profile.max_rate_hz = limits_rate ? static_cast<float>(options.max_rate_hz) : 0.0F;
   profile.without_covariance = !options.covariance;

@@ -16,16 +16,13 @@
 #include "app/frame_mailbox.hpp"
 #include "app/map_start.hpp"
 #include "app/control_desk.hpp"
+#include "app/protocol_servers.hpp"
 #include "app/publisher.hpp"
 #include "app/session_recorder.hpp"
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
-#include "streaming/natnet/natnet_server.hpp"
-#include "streaming/dds/dds_server.hpp"
-#include "streaming/mavlink/mavlink_server.hpp"
 #include "streaming/stream_hub.hpp"
-#include "streaming/vicon/vicon_server.hpp"
 
 namespace fiducap {
 
@@ -64,7 +61,6 @@ class Server::Impl final {
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
-  Expected<void> accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name);
   Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
@@ -184,62 +180,13 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  const auto model = scene_->model();
-  const StreamingConfig& streaming = config_.streaming;
-  if (streaming.vrpn.enabled) {
-    auto server = vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_);
-    if (server) ports_.vrpn = (*server)->port();
-    const auto done = accept(std::move(server), "vrpn");
-    if (!done) return done;
-  }
-  if (streaming.native.enabled) {
-    auto server = native::start_native_server(io_, streaming.native, model, clock_);
-    if (server) ports_.native = native::bound_port(**server);
-    const auto done = accept(std::move(server), "native");
-    if (!done) return done;
-  }
-  if (streaming.natnet.enabled) {
-    auto server = natnet::start_natnet_server(io_, streaming.natnet, model, clock_, &*desk_, streaming.rate_hz);
-    if (server) ports_.natnet = (*server)->port();
-    const auto done = accept(std::move(server), "natnet");
-  if (streaming.vicon.enabled) {
-    auto server = vicon::start_vicon_server(io_, streaming.vicon, clock_);
-    if (server) ports_.vicon = (*server)->port();
-    const auto done = accept(std::move(server), "vicon");
-  if (streaming.qualisys.enabled) {
-    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, &*desk_, model, clock_);
-    if (server) ports_.qualisys = (*server)->base_port();
-    const auto done = accept(std::move(server), "qualisys");
-    if (!done) return done;
-  }
-  if (streaming.web.enabled) {
-    web::WebSources sources;
-    sources.clients = [this] { return hub_.clients(); };
-    sources.version = FIDUCAP_VERSION;
-    sources.map_mode = config_.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
-    auto page = web::start_web_server(io_, streaming.web, std::move(sources), model, clock_);
-    if (page) ports_.web = (*page)->port();
-    const auto done = accept(std::move(page), "web");
-    if (!done) return done;
-  }
-  if (streaming.dds.enabled) {
-    auto participant = join_dds();
-    if (!participant) {
-      if (const auto done = accept(tl::unexpected(participant.error()), "dds"); !done) return done;
-    } else {
-      const auto done = accept(dds::start_dds_server(*participant, streaming.dds, model, clock_), "dds");
-      if (!done) return done;
-    }
-  }
-  if (streaming.mavlink.enabled) {
-    auto server = mavlink::start_mavlink_server(io_, streaming.mavlink, model, clock_);
-    const auto done = accept(std::move(server), "mavlink");
-    if (!done) return done;
-  }
+  auto ports = start_protocols({io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
+  if (!ports) return tl::unexpected(ports.error());
+  ports_ = *ports;
   mailbox_.emplace(io_,
                    [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
   publisher_.emplace(
-      streaming.rate_hz, *scene_, *map_, clock_,
+      config_.streaming.rate_hz, *scene_, *map_, clock_,
       [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
   return {};
 }
@@ -250,20 +197,6 @@ Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
   auto joined = dds::Participant::open(config_.dds);
   if (joined) participant_ = *joined;
   return joined;
-}
-
-Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer,
-                                    const std::string& name) {
-  if (streamer) {
-    hub_.add(std::move(*streamer));
-    return {};
-  }
-  const auto& dispensable = config_.streaming.optional;
-  if (std::find(dispensable.begin(), dispensable.end(), name) == dispensable.end()) {
-    return tl::unexpected(streamer.error());
-  }
-  log::warning(name, "not served: " + streamer.error().text());
-  return {};
 }
 
 void Server::Impl::start_threads() {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "app/config_file.hpp"
+#include "app/protocol_servers.hpp"
 #include "base/clock.hpp"
 #include "base/expected.hpp"
 
@@ -17,16 +18,6 @@ struct ServerOptions {
   /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as configured. For robots that
   /// answer to a controller.
   std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
-};
-
-/// Where the protocols really listen (a configured 0 is any free port); 0: not served.
-struct ServerPorts {
-  std::uint16_t vrpn{};
-  std::uint16_t qualisys{};  ///< Base port.
-  std::uint16_t native{};
-  std::uint16_t natnet{};
-  std::uint16_t vicon{};
-  std::uint16_t web{};
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.

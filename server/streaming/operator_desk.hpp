@@ -33,7 +33,7 @@ class OperatorDesk {
   [[nodiscard]] virtual bool admits(std::string_view token) const = 0;
   /// For protocols where the token itself does not travel, only a proof of knowing it. Never shown, never logged.
   /// Empty: none is configured, and no proof is good enough.
-  [[nodiscard]] virtual const std::string& token() const = 0;
+  [[nodiscard]] virtual std::string_view token() const { return {}; }
   /// All bodies, the disabled ones too, in the order of the configuration.
   [[nodiscard]] virtual std::vector<Body> bodies() const = 0;
 

@@ -20,7 +20,7 @@ class FakeDesk final : public OperatorDesk {
   [[nodiscard]] bool admits(std::string_view token) const override {
     return !operator_token.empty() && token == operator_token;
   }
-  [[nodiscard]] const std::string& token() const override { return operator_token; }
+  [[nodiscard]] std::string_view token() const override { return operator_token; }
   [[nodiscard]] std::vector<Body> bodies() const override { return all; }
   Expected<void> set_enabled(int body_id, bool enabled) override {
     return change(body_id, [&](Body& body) { body.enabled = enabled; });

@@ -60,12 +60,12 @@ struct Frame {
   std::vector<Body> bodies;
 };
 
-enum class UpAxis : std::uint8_t {
+enum class WorldUp : std::uint8_t {
   kZ,
   kY,  ///< x' = x, y' = z, z' = -y.
 };
 /// With y up: what turns.
-enum class AxesScope : std::uint8_t {
+enum class TurnedAxes : std::uint8_t {
   kWorld,         ///< Only the world's axes: q' = F q.
   kWorldAndBody,  ///< The bodies' own axes, too: q' = F q F*.
 };
@@ -77,8 +77,8 @@ struct ClientOptions {
   std::string name;              ///< What the server's operator sees in the list of clients, at most 64 bytes.
 
   // What to receive: the server does the work, once for all clients that want the same.
-  UpAxis up{UpAxis::kZ};
-  AxesScope scope{AxesScope::kWorld};
+  WorldUp up{WorldUp::kZ};
+  TurnedAxes scope{TurnedAxes::kWorld};
   double max_rate_hz{0};            ///< The server leaves frames out to stay below; 0: every frame.
   std::vector<std::string> bodies;  ///< Names, at most 32, that may also appear later; empty: all.
   bool covariance{true};            ///< False: no pose_covariance, smaller frames.

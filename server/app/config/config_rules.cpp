@@ -3,6 +3,7 @@
 #include <set>
 
 #include "app/config_file.hpp"
+#include "app/protocol_servers.hpp"
 
 namespace fiducap {
 
@@ -116,28 +117,21 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    rules.require(name == "vrpn" || name == "native" || name == "natnet" || name == "web", "optional",
-                  name, "must be some of vrpn, native, natnet, web");
-    rules.require(name == "vrpn" || name == "native" || name == "vicon" || name == "web", "optional", name,
-                  "must be some of vrpn, native, vicon, web");
-    rules.require(name == "vrpn" || name == "native" || name == "web" || name == "dds" ||
-                      name == "mavlink",
-                  "optional", name, "must be some of vrpn, native, web, dds, mavlink");
+    const auto& names = protocol_names();
+    std::string all_names;
+    for (const auto& one : names) all_names += (all_names.empty() ? "" : ", ") + one;
+    rules.require(std::find(names.begin(), names.end(), name) != names.end(), "optional", name,
+                  "must be some of " + all_names);
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
-  append(all, streaming.vicon.check(), "streaming.vicon.");
-    rules.require(name == "vrpn" || name == "native" || name == "qualisys" || name == "web", "optional", name,
-                  "must be some of vrpn, native, qualisys, web");
-  }
-  append(all, rules.errors, "streaming.");
-  append(all, streaming.vrpn.check(), "streaming.vrpn.");
-  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.native.check(), "streaming.native.");
   append(all, streaming.natnet.check(), "streaming.natnet.");
-  append(all, streaming.web.check(), "streaming.web.");
+  append(all, streaming.vicon.check(), "streaming.vicon.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.dds.check(), "streaming.dds.");
   append(all, streaming.mavlink.check(), "streaming.mavlink.");
+  append(all, streaming.web.check(), "streaming.web.");
 }
 
 void check_vehicles(Errors& all, const ServerConfig& config) {

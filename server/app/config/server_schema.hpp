@@ -72,6 +72,12 @@ void describe(V& v, native::NativeConfig& c) {
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("lease_s", c.lease_s);
+  v.value("discovery", c.discovery);
+  v.value("control", c.control);
+  v.value("multicast_group", c.multicast_group);
+  v.value("multicast_port", c.multicast_port);
+  v.value("multicast_ttl", c.multicast_ttl);
+  v.value("multicast_interface", c.multicast_interface);
 }
 
 template <class V>
@@ -95,6 +101,9 @@ void describe(V& v, natnet::NatNetConfig& c) {
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("client_timeout_s", c.client_timeout_s);
   v.word("remote_control", c.remote_control, words::kRemoteControl);
+}
+
+template <class V>
 void describe(V& v, vicon::ViconConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);
@@ -102,6 +111,9 @@ void describe(V& v, vicon::ViconConfig& c) {
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+}
+
+template <class V>
 void describe(V& v, qualisys::QualisysConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);

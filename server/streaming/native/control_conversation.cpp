@@ -102,7 +102,7 @@ bool ControlConversation::is_proven(const ControlRequest& request) const {
   proof::Digest given{};
   if (request.proof.size() != given.size()) return false;
   std::copy(request.proof.begin(), request.proof.end(), given.begin());
-  return proof::equal(given, proof::control_proof(desk_.token(), challenge_, request.sequence, request.body));
+  return proof::equal(given, proof::control_proof(std::string(desk_.token()), challenge_, request.sequence, request.body));
 }
 
 ControlReply ControlConversation::carry_out(const ControlCommand& command) {

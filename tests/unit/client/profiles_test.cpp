@@ -23,7 +23,7 @@ class ProfilesTest : public testing::Test {
 TEST_F(ProfilesTest, TurnsTheAxes) {
   TestServer server(*scene_);
   auto options = options_for(server.port());
-  options.up = UpAxis::kY;
+  options.up = WorldUp::kY;
   const Client client(options);
   ASSERT_TRUE(receives(client, server)) << client.statistics().problem;
   EXPECT_EQ(frame_.bodies[0].position_m, (std::array<double, 3>{1, 3, -2}));
@@ -77,7 +77,7 @@ TEST_F(ProfilesTest, ServesManyDifferentClientsAtOnce) {
   std::vector<std::unique_ptr<Client>> clients;
   for (int i = 0; i < 12; ++i) {
     auto options = options_for(server.port());
-    options.up = i % 2 == 0 ? UpAxis::kZ : UpAxis::kY;
+    options.up = i % 2 == 0 ? WorldUp::kZ : WorldUp::kY;
     options.bodies = i % 3 == 0 ? std::vector<std::string>{} : std::vector<std::string>{"arm"};
     clients.push_back(std::make_unique<Client>(options));
   }
