@@ -77,13 +77,18 @@ int serve_for(double seconds) {
   return 0;
 }
 
+// Fast DDS looks at interfaces once, when it starts; the kernel takes up to a second to call a cable plugged in.
+const std::string kUntilUp =
+    "sh -c 'for i in $(seq 100); do ip link show cable | grep -q \"state UP\" && exit 0; sleep 0.05; done; exit 1'";
+
 bool connect(pid_t ours, pid_t theirs) {
   return run(inside(ours, "ip link set lo up")) && run(inside(theirs, "ip link set lo up")) &&
          run(inside(ours, "ip link add cable type veth peer name cable netns " + std::to_string(theirs))) &&
          run(inside(ours, std::string("ip address add ") + kOurs + "/24 dev cable")) &&
          run(inside(theirs, std::string("ip address add ") + kTheirs + "/24 dev cable")) &&
          run(inside(ours, "ip link set cable up multicast off")) &&
-         run(inside(theirs, "ip link set cable up multicast off"));
+         run(inside(theirs, "ip link set cable up multicast off")) && run(inside(ours, kUntilUp)) &&
+         run(inside(theirs, kUntilUp));
 }
 
 // Their machine goes two seconds before our server ends, and takes the cable with it: the server ends all the same.
