@@ -62,7 +62,8 @@ std::string cyclone_xml(const NetworkConfig& config) {
          "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" +
          std::to_string(config.max_participants - 1) + "</MaxAutoParticipantIndex><SPDPInterval>" +
          std::to_string(static_cast<int>(config.announce_s * 1000)) + "ms</SPDPInterval>" + peers_xml(config) +
-         "</Discovery><Internal><MaxSampleSize>" + std::to_string(kMaxMessage) +
+         // With several receiving threads each is ended by a packet to itself: when the interface has gone, never.
+         "</Discovery><Internal><MultipleReceiveThreads>false</MultipleReceiveThreads><MaxSampleSize>" + std::to_string(kMaxMessage) +
          "B</MaxSampleSize></Internal><Tracing><Verbosity>none</Verbosity></Tracing></Domain></CycloneDDS>";
 }
 

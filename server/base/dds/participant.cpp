@@ -1,9 +1,14 @@
 #include "base/dds/participant.hpp"
 
 #include <dds/dds.h>
+#include <dds/ddsrt/log.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <string_view>
+
+#include "base/log.hpp"
 
 namespace fiducap::dds {
 
@@ -28,14 +33,28 @@ QosPointer make_qos(const Qos& wanted, const std::string& type_hash) {
   return qos;
 }
 
+/// The middleware's warnings go where ours go, a few of them: a cable that is unplugged or a hostile peer must not fill
+/// the disk.
+void log_some(void*, const dds_log_data_t* data) {
+  constexpr int kMost = 20;
+  static std::atomic<int> said{0};
+  if (data->message == nullptr || (data->priority & (DDS_LC_WARNING | DDS_LC_ERROR | DDS_LC_FATAL)) == 0) return;
+  const int count = ++said;
+  if (count > kMost) return;
+  std::string_view text(data->message);
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.remove_suffix(1);
+  log::warning("dds", text);
+  if (count == kMost) log::warning("dds", "more of this kind is left out");
+}
+
 template <typename T>
 Expected<T> failed(std::int32_t code, const std::string& what, const std::string& where) {
   return fail(ErrorCode::kUnavailable, what + " (" + error_text(code) + ")", where);
 }
 
-Expected<Entity> make_topic(const Participant& in, const TopicName& topic, const Qos& qos) {
-  const auto with = make_qos(qos, {});
-  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), with.get(), nullptr));
+/// Without QoS of its own: a participant may read and write a topic in several ways.
+Expected<Entity> make_topic(const Participant& in, const TopicName& topic) {
+  Entity entity(dds_create_topic(in.handle(), topic.type, topic.name.c_str(), nullptr, nullptr));
   if (!entity) return failed<Entity>(entity.handle(), "the topic cannot be made", "topic " + topic.name);
   return entity;
 }
@@ -51,6 +70,7 @@ Entity::~Entity() {
 Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config) {
   const std::string where = "domain " + std::to_string(config.domain);
   const std::string xml = cyclone_xml(config);
+  dds_set_log_sink(log_some, nullptr);
   Entity domain(dds_create_domain(static_cast<dds_domainid_t>(config.domain), xml.c_str()));
   if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET) {
     return fail(ErrorCode::kUnavailable, "this process takes part in the domain already: set dds.domain to another one",
@@ -67,7 +87,7 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
 
 Expected<Writer> Writer::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Writer writer;
-  auto entity = make_topic(in, topic, qos);
+  auto entity = make_topic(in, topic);
   if (!entity) return tl::unexpected(entity.error());
   writer.topic_ = std::move(*entity);
   writer.name_ = topic.name;
@@ -115,7 +135,7 @@ void Writer::dispose(const void* sample) { dds_dispose(writer_.handle(), sample)
 
 Expected<Reader> Reader::make(const Participant& in, const TopicName& topic, const Qos& qos) {
   Reader reader;
-  auto entity = make_topic(in, topic, qos);
+  auto entity = make_topic(in, topic);
   if (!entity) return tl::unexpected(entity.error());
   reader.topic_ = std::move(*entity);
   const auto with = make_qos(qos, topic.type_hash);

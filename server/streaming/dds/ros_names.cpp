@@ -19,8 +19,9 @@ std::string as_ros_name(const std::string& name) {
     out += put;
   }
   while (!out.empty() && out.back() == '_') out.pop_back();
-  if (out.empty() || !is_letter(out.front())) out = "body_" + out.substr(out.starts_with('_') ? 1 : 0);
-  return out;
+  if (out.empty()) return "body";
+  if (is_letter(out.front())) return out;
+  return (out.front() == '_' ? "body" : "body_") + out;
 }
 
 }  // namespace

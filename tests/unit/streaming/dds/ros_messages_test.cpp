@@ -1,0 +1,101 @@
+#include "streaming/dds/ros_messages.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "support/scene_builder.hpp"
+
+namespace fiducap::dds {
+namespace {
+
+constexpr double kRounding = 1e-12;
+
+class RosMessagesTest : public testing::Test {
+ protected:
+  RosMessagesTest() {
+    body_.X_WP = {Eigen::Quaterniond(2 / 9., 4 / 9., 5 / 9., 6 / 9.), {1.0, -2.0, 0.25}};
+    for (int row = 0; row < 12; ++row) {
+      for (int column = 0; column < 12; ++column) body_.covariance(row, column) = 1 + std::min(row, column);
+    }
+  }
+  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone"});
+  BodyPose body_ = frame_->bodies[0];
+};
+
+TEST_F(RosMessagesTest, QuaternionsEndWithTheirRealPart) {
+  geometry_msgs_msg_dds__PoseStamped_ message{};
+  fill(message, body_);
+  EXPECT_EQ(message.pose.position.x, 1.0);
+  EXPECT_EQ(message.pose.position.y, -2.0);
+  EXPECT_EQ(message.pose.position.z, 0.25);
+  EXPECT_EQ(message.pose.orientation.x, 4 / 9.);
+  EXPECT_EQ(message.pose.orientation.y, 5 / 9.);
+  EXPECT_EQ(message.pose.orientation.z, 6 / 9.);
+  EXPECT_EQ(message.pose.orientation.w, 2 / 9.);
+}
+
+TEST_F(RosMessagesTest, TwistOfATwistMessageIsInTheWorldThatOfAnOdometryInTheBody) {
+  geometry_msgs_msg_dds__TwistStamped_ world{};
+  nav_msgs_msg_dds__Odometry_ own{};
+  fill(world, body_);
+  fill(own, body_);
+  EXPECT_EQ(world.twist.linear.x, body_.v_WP.x());
+  EXPECT_EQ(own.twist.twist.angular.z, body_.w_WP_P.z());
+  const auto& linear = own.twist.twist.linear;
+  EXPECT_TRUE((body_.X_WP.q * Eigen::Vector3d(linear.x, linear.y, linear.z)).isApprox(body_.v_WP, kRounding));
+  const auto& angular = world.twist.angular;
+  EXPECT_TRUE(Eigen::Vector3d(angular.x, angular.y, angular.z).isApprox(body_.X_WP.q * body_.w_WP_P, kRounding));
+}
+
+TEST_F(RosMessagesTest, CovariancesGoRowByRow) {
+  body_.covariance(0, 1) = 77;  // not symmetric: shows the order
+  nav_msgs_msg_dds__Odometry_ message{};
+  fill(message, body_);
+  EXPECT_EQ(message.pose.covariance[1], 77);
+  EXPECT_EQ(message.pose.covariance[6], 1);
+  EXPECT_EQ(message.pose.covariance[35], 6);
+}
+
+TEST_F(RosMessagesTest, Px4GetsMicrosecondsItsAxesAndTheCounter) {
+  px4_msgs_msg_dds__VehicleOdometry_ message{};
+  fill(message, body_, 1'700'000'005'123'456'789, AutopilotWorld::kNed, 258);
+  EXPECT_EQ(message.timestamp_sample, 1'700'000'005'123'456u);
+  EXPECT_EQ(message.pose_frame, 1);
+  EXPECT_FLOAT_EQ(message.position[0], -2.0F);
+  EXPECT_FLOAT_EQ(message.position[1], 1.0F);
+  EXPECT_FLOAT_EQ(message.position[2], -0.25F);
+  EXPECT_FLOAT_EQ(message.angular_velocity[1], static_cast<float>(-body_.w_WP_P.y()));
+  EXPECT_EQ(message.reset_counter, 2);  // a byte: wraps
+}
+
+TEST_F(RosMessagesTest, NativeSaysWhenTheNewestImageWasExposed) {
+  fiducap_dds_Body message{};
+  fill(message, body_, *frame_, 5);
+  EXPECT_EQ(message.utc_ns, frame_->utc_ns());
+  EXPECT_EQ(message.utc_ns - message.exposed_utc_ns, 20'000'000);
+  EXPECT_EQ(message.attitude[0], 2 / 9.);
+  EXPECT_EQ(message.covariance[143], 12);
+  EXPECT_EQ(message.reset_counter, 5u);
+  body_.exposed_at = {};
+  fill(message, body_, *frame_, 5);
+  EXPECT_EQ(message.exposed_utc_ns, 0);
+}
+
+TEST_F(RosMessagesTest, TimesBeforeTheEpochAreZero) {
+  EXPECT_EQ(to_ros(std::int64_t{-1}).sec, 0);
+  EXPECT_EQ(to_ros(std::int64_t{1'700'000'005'000'000'007}).sec, 1'700'000'005);
+  EXPECT_EQ(to_ros(std::int64_t{1'700'000'005'000'000'007}).nanosec, 7u);
+}
+
+TEST_F(RosMessagesTest, NumbersThatAreNoneNeverLeave) {
+  EXPECT_TRUE(is_usable(body_));
+  body_.covariance(3, 3) = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(is_usable(body_));
+  body_ = frame_->bodies[0];
+  body_.valid = false;
+  EXPECT_FALSE(is_usable(body_));
+}
+
+}  // namespace
+}  // namespace fiducap::dds

@@ -1,0 +1,104 @@
+#include "streaming/mavlink/clock_sync.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <limits>
+#include <random>
+
+namespace fiducap::mavlink {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Instant kStart = instant_from_ns(1'000'000'000'000);
+constexpr Duration kShift = 123s + 456ms;  // of the autopilot's clock
+
+/// One exchange: `there` on the way to it, `back` on the way to us.
+void exchange(ClockSync& sync, Instant& now, Duration there, Duration back) {
+  const auto question = sync.question(now);
+  ASSERT_TRUE(question);
+  const Instant asked = now;
+  now += there;
+  const Timesync answer{to_ns(now + kShift), to_ns(asked)};
+  now += back;
+  ASSERT_TRUE(sync.answer(answer, now));
+}
+
+TEST(ClockSync, FindsTheOffsetOfAQuickSymmetricLink) {
+  ClockSync sync;
+  Instant now = kStart;
+  exchange(sync, now, 1ms, 1ms);
+  const auto offset = sync.offset(now);
+  ASSERT_TRUE(offset);
+  EXPECT_EQ(offset->to_autopilot, kShift);
+  EXPECT_EQ(offset->doubt, 1ms);
+}
+
+TEST(ClockSync, TheTruthIsNeverFurtherAwayThanTheDoubt) {
+  std::mt19937 random(7);
+  std::exponential_distribution<double> delay_s(1 / 0.005);
+  ClockSync sync;
+  Instant now = kStart;
+  for (int i = 0; i < 200; ++i) {
+    exchange(sync, now, from_seconds(0.001 + delay_s(random)), from_seconds(0.001 + delay_s(random)));
+    const auto offset = sync.offset(now);
+    ASSERT_TRUE(offset);
+    EXPECT_LE(std::abs((offset->to_autopilot - kShift).count()), offset->doubt.count());
+    now += 1s;
+  }
+}
+
+TEST(ClockSync, TheQuickestAnswerOfTheLastOnesCounts) {
+  ClockSync sync;
+  Instant now = kStart;
+  exchange(sync, now, 1ms, 1ms);
+  now += 100ms;
+  exchange(sync, now, 1ms, 200ms);
+  EXPECT_EQ(sync.offset(now)->to_autopilot, kShift);
+}
+
+TEST(ClockSync, AsksOftenAtFirstAndOnceASecondLater) {
+  ClockSync sync;
+  Instant now = kStart;
+  int asked = 0;
+  for (int i = 0; i < 1000; ++i, now += 10ms) {
+    const auto question = sync.question(now);
+    if (!question) continue;
+    ++asked;
+    sync.answer({to_ns(now + kShift), question->ts1_ns}, now);
+  }
+  EXPECT_EQ(asked, 16 + 9);  // from 0 to 1.5 s, then at 1.6, 2.6, … 9.6 s
+}
+
+TEST(ClockSync, BelievesOnlyAnswersToItsOwnQuestionsAndOnlyOnce) {
+  ClockSync sync;
+  const auto question = sync.question(kStart);
+  ASSERT_TRUE(question);
+  EXPECT_FALSE(sync.answer({1, question->ts1_ns + 1}, kStart + 1ms)) << "never asked";
+  EXPECT_FALSE(sync.answer({1, question->ts1_ns}, kStart + 2s)) << "too late";
+  EXPECT_TRUE(sync.answer({1, question->ts1_ns}, kStart + 1ms));
+  EXPECT_FALSE(sync.answer({1, question->ts1_ns}, kStart + 1ms)) << "again";
+}
+
+TEST(ClockSync, AClockThatSaysAnythingDoesNoHarm) {
+  for (const auto said : {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
+    ClockSync sync;
+    const auto question = sync.question(kStart);
+    ASSERT_TRUE(question);
+    EXPECT_TRUE(sync.answer({said, question->ts1_ns}, kStart + 1ms));
+    EXPECT_TRUE(sync.offset(kStart + 1ms));
+  }
+}
+
+TEST(ClockSync, ForgetsAfterTenSecondsOfSilence) {
+  ClockSync sync;
+  Instant now = kStart;
+  exchange(sync, now, 1ms, 1ms);
+  EXPECT_TRUE(sync.offset(now + 9s));
+  EXPECT_FALSE(sync.offset(now + 11s));
+}
+
+}  // namespace
+}  // namespace fiducap::mavlink
