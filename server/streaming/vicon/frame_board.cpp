@@ -34,7 +34,7 @@ void FrameBoard::put_up(const SceneFrame& frame, Instant now) {
   poses_.take_over(frame);
   id_ = numbers_.next(frame.at, frame.rate_hz);
   hardware_number_ = static_cast<std::uint32_t>(frame.number);
-  timecode_ = timecode_of(frame.utc_ns(), frame.rate_hz);
+  timecode_ = timecode_of(to_ns(numbers_.due()) + frame.utc_offset.count(), frame.rate_hz);
   camera_hz_ = fastest_camera_hz(frame);
   made_ = not_negative(frame.published_at - frame.at);
   offered_ = not_negative(now - frame.published_at);

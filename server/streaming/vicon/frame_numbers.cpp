@@ -25,4 +25,8 @@ std::uint32_t FrameNumbers::next(Instant at, double rate_hz) {
   return static_cast<std::uint32_t>(number % kNumbers);
 }
 
+Instant FrameNumbers::due() const {
+  return *start_ + from_seconds(static_cast<double>(next_ - 1 - first_) / rate_hz_);
+}
+
 }  // namespace fiducap::vicon

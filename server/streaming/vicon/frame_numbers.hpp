@@ -14,6 +14,8 @@ class FrameNumbers final {
  public:
   /// @pre rate_hz > 0
   [[nodiscard]] std::uint32_t next(Instant at, double rate_hz);
+  /// When the last one was due: evenly spaced, unlike the instants that made it. @pre there was one
+  [[nodiscard]] Instant due() const;
 
  private:
   std::optional<Instant> start_;

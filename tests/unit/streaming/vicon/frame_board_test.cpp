@@ -211,6 +211,17 @@ TEST_F(ViconFrameBoardTest, LatencyIsNeverNegative) {
   EXPECT_THAT(view_.latency, ElementsAre(Pair("Frame", 0.0), Pair("Output", 0.0)));
 }
 
+TEST_F(ViconFrameBoardTest, EveryFrameHasItsOwnTimecodeHoweverLateItIs) {
+  see_as(client::kSegments);
+  std::set<std::string> seen;
+  for (int i = 0; i < 100; ++i) {
+    auto frame = make_scene_frame({"a"}, static_cast<std::uint64_t>(i));
+    frame->at += std::chrono::microseconds(i % 3 == 0 ? 6900 : 100);  // of 10 ms
+    next(*frame, i == 0);
+    EXPECT_TRUE(seen.insert(view_.timecode).second) << i;
+  }
+}
+
 TEST_F(ViconFrameBoardTest, ClientsWithOneProfileShareTheirBytes) {
   const auto frame = make_scene_frame({"a"});
   board_.put_up(*frame, frame->published_at);

@@ -22,6 +22,18 @@ TEST(ViconFrameNumbers, AreTimeTimesRateAlsoWhenTicksComeLate) {
   }
 }
 
+TEST(ViconFrameNumbers, AreDueEvenlySpacedHoweverLateTheTicks) {
+  FrameNumbers numbers;
+  (void)numbers.next(at_s(3.0), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.0));
+  (void)numbers.next(at_s(3.0081), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.005));
+  (void)numbers.next(at_s(3.0101), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.010));
+  (void)numbers.next(at_s(3.05), 400);
+  EXPECT_EQ(numbers.due(), at_s(3.05)) << "another rate, another beginning";
+}
+
 TEST(ViconFrameNumbers, ALateFirstTickShiftsNothingForGood) {
   FrameNumbers numbers;
   EXPECT_EQ(numbers.next(at_s(1.006), 100), 0u);  // 6 ms late
