@@ -1,0 +1,177 @@
+#include "streaming/qualisys/connection.hpp"
+
+#include <utility>
+
+#include "streaming/qualisys/parameters.hpp"
+
+namespace fiducap::qualisys {
+
+namespace {
+
+constexpr std::string_view kWelcome = "QTM RT Interface connected";
+constexpr std::string_view kParseError = "Parse error";
+// What may wait as answers while more questions are read. Beyond, the client only asks.
+constexpr std::size_t kMaxAnswers = 4 << 20;
+constexpr std::size_t kMaxPending = 16;
+constexpr int kMaxWrongPasswords = 5;
+
+Reply answer(std::string text) { return {true, std::move(text), false}; }
+Reply refusal(std::string_view text) { return {false, std::string(text), false}; }
+
+}  // namespace
+
+Connection::Connection(Room& room, Door door, std::uint64_t id, std::string address,
+                       std::uint16_t port)
+    : room_(room),
+      door_(door),
+      order_(door == Door::kLittleEndian ? std::endian::little : std::endian::big),
+      id_(id),
+      address_(std::move(address)),
+      port_(port),
+      version_{door == Door::kLegacy ? 0 : 1} {}
+
+void Connection::greet(std::vector<std::byte>& out) const {
+  encode_text(order_, PacketType::kCommand, kWelcome, out);
+}
+
+Expected<void> Connection::receive(std::span<const std::byte> bytes, std::vector<std::byte>& out) {
+  in_.insert(in_.end(), bytes.begin(), bytes.end());
+  std::size_t used = 0;
+  for (;;) {
+    const auto packet = decode_packet(order_, std::span(in_).subspan(used));
+    if (!packet) return tl::unexpected(packet.error());
+    if (!*packet) break;
+    handle(**packet, out);
+    used += (*packet)->size;
+    if (out.size() > kMaxAnswers) return fail(ErrorCode::kInvalid, "asks more than it reads");
+    if (wrong_passwords_ >= kMaxWrongPasswords) {
+      return fail(ErrorCode::kInvalid, "gave five wrong passwords");
+    }
+  }
+  in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
+  return {};
+}
+
+void Connection::handle(const Packet& packet, std::vector<std::byte>& out) {
+  spoke_ = true;
+  if (packet.type == PacketType::kCommand)
+    return obey(split_command(decode_text(packet.payload)), out);
+  if (packet.type == PacketType::kXml) {
+    return reply(
+        room_.control.apply_settings(id_, decode_text(packet.payload), room_.bodies.entries()),
+        out);
+  }
+  reply(refusal(kParseError), out);
+}
+
+void Connection::obey(const Command& command, std::vector<std::byte>& out) {
+  if (command.is("Version")) return set_version(command.rest, out);
+  if (command.is("QTMVersion")) {
+    return reply(answer("QTM Version is " + room_.config.qtm_version), out);
+  }
+  if (command.is("ByteOrder")) return byte_order(command.rest, out);
+  if (command.is("CheckLicense")) return reply(answer("License pass"), out);
+  if (command.is("GetState") || command.is("GetLastEvent")) return tell(room_.control.state(), out);
+  if (command.is("GetParameters")) return parameters(command.rest, out);
+  if (command.is("GetCurrentFrame")) return current_frame(command.rest, out);
+  if (command.is("StreamFrames")) return stream_frames(command.rest, out);
+  if (command.is("TakeControl")) return take_control(command.rest, out);
+  if (command.is("ReleaseControl")) return reply(room_.control.release(id_), out);
+  const auto done = room_.control.execute(id_, command);
+  reply(done ? *done : refusal(kParseError), out);
+}
+
+void Connection::set_version(std::string_view word, std::vector<std::byte>& out) {
+  if (word.empty()) return reply(answer("Version is 1." + std::to_string(version_.minor)), out);
+  const auto version = parse_version(word);
+  // 1.0 has a port of its own, and that port has nothing else.
+  if (!version || (version->minor == 0) != (door_ == Door::kLegacy)) {
+    return reply(refusal("Version NOT supported"), out);
+  }
+  version_ = *version;
+  reply(answer("Version set to 1." + std::to_string(version_.minor)), out);
+}
+
+void Connection::byte_order(std::string_view words, std::vector<std::byte>& out) {
+  const bool big = order_ == std::endian::big;
+  // Clients of 1.0 say what they want; they get it when it is what this port speaks.
+  const bool other =
+      (same_word(words, "BigEndian") && !big) || (same_word(words, "LittleEndian") && big);
+  if (other) return reply(refusal("Byte order is chosen by the port"), out);
+  reply(answer(big ? "Byte order is big endian" : "Byte order is little endian"), out);
+}
+
+void Connection::parameters(std::string_view words, std::vector<std::byte>& out) {
+  const auto groups = parse_parameter_groups(words);
+  if (!groups) return reply(refusal(kParseError), out);
+  encode_text(
+      order_, PacketType::kXml,
+      parameters_xml(*groups, version_, room_.bodies.entries(), room_.config.up, room_.rate_hz),
+      out);
+}
+
+void Connection::current_frame(std::string_view words, std::vector<std::byte>& out) {
+  const auto components = parse_components(words);
+  if (!components) return reply(refusal(kParseError), out);
+  if (room_.frames.number() == 0) return encode_no_more_data(order_, out);
+  if (pending_.size() >= kMaxPending) return reply(refusal("Too many frames are asked for"), out);
+  pending_.push_back(*components);
+}
+
+void Connection::stream_frames(std::string_view words, std::vector<std::byte>& out) {
+  if (same_word(split_command(words).name, "Stop")) return stream_.reset();
+  auto request = parse_stream_request(words);
+  if (!request) return reply(refusal(kParseError), out);
+  // Nobody can aim a stream at a third party.
+  if (!request->udp_address.empty() && request->udp_address != address_) {
+    return reply(refusal("UDP goes to the client's own address only"), out);
+  }
+  const FramePicker picker(request->rate);
+  stream_.emplace(Stream{std::move(*request), picker});
+  if (room_.frames.number() == 0) encode_no_more_data(order_, out);
+}
+
+void Connection::take_control(std::string_view password, std::vector<std::byte>& out) {
+  const Reply taken =
+      room_.control.take(id_, address_ + " (" + std::to_string(port_) + ")", password);
+  if (taken.wrong_password) ++wrong_passwords_;
+  reply(taken, out);
+}
+
+void Connection::reply(const Reply& reply, std::vector<std::byte>& out) const {
+  encode_text(order_, reply.ok ? PacketType::kCommand : PacketType::kError, reply.text, out);
+}
+
+std::optional<std::uint16_t> Connection::udp_port() const {
+  return stream_ ? stream_->request.udp_port : std::nullopt;
+}
+
+std::optional<Profile> Connection::stream_of(const SceneFrame& frame) {
+  if (!stream_ || !stream_->picker.wants(frame)) return std::nullopt;
+  return profile_of(stream_->request.components);
+}
+
+std::optional<Profile> Connection::current_of(std::uint64_t frame_number) {
+  if (pending_.empty() || frame_number <= answered_frame_) return std::nullopt;
+  answered_frame_ = frame_number;
+  const Profile profile = profile_of(pending_.front());
+  pending_.pop_front();
+  return profile;
+}
+
+Profile Connection::profile_of(Components components) const {
+  return {components, order_, version_.wide()};
+}
+
+std::string Connection::detail() const {
+  std::string text =
+      "1." + std::to_string(version_.minor) + ", " + std::string(name_of(room_.config.up)) + " mm";
+  if (room_.control.is_master(id_)) text += ", master";
+  if (!stream_) return text + ", no stream";
+  for (const auto& known : kComponentWords) {
+    if (stream_->request.components.has(known.component)) text += " " + std::string(known.word);
+  }
+  return text;
+}
+
+}  // namespace fiducap::qualisys

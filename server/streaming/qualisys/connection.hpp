@@ -1,0 +1,97 @@
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "streaming/qualisys/body_table.hpp"
+#include "streaming/qualisys/codec.hpp"
+#include "streaming/qualisys/command.hpp"
+#include "streaming/qualisys/control.hpp"
+#include "streaming/qualisys/frame_board.hpp"
+#include "streaming/qualisys/frame_picker.hpp"
+#include "streaming/qualisys/qualisys_config.hpp"
+
+namespace fiducap::qualisys {
+
+/// What all connections of one server know.
+struct Room {
+  Room(const QualisysConfig& c, OperatorDesk* desk) : config(c), control(desk), frames(c) {}
+
+  const QualisysConfig config;
+  Control control;
+  BodyTable bodies;
+  FrameBoard frames;
+  double rate_hz{0};  ///< Of the frames; 0 before the first.
+};
+
+/// Which port the client came to.
+enum class Door { kLegacy, kLittleEndian, kBigEndian };
+
+/// One client's conversation: bytes in, bytes out, no socket. Keeps what it streams.
+class Connection final {
+ public:
+  /// @param room  outlives the connection
+  /// @param address, port  of the client; UDP goes to no other address
+  Connection(Room& room, Door door, std::uint64_t id, std::string address, std::uint16_t port);
+
+  /// What the server says first.
+  void greet(std::vector<std::byte>& out) const;
+  /// Takes bytes cut anywhere; answers are appended to `out`.
+  /// @return Error when the conversation is over: broken framing, or more questions than it reads
+  ///         answers to.
+  Expected<void> receive(std::span<const std::byte> bytes, std::vector<std::byte>& out);
+  void tell(Event event, std::vector<std::byte>& out) const { encode_event(order_, event, out); }
+  /// The client is gone.
+  void leave() { room_.control.left(id_); }
+
+  /// The stream that was asked for, by TCP unless it names a port.
+  [[nodiscard]] bool streaming() const { return stream_.has_value(); }
+  [[nodiscard]] std::optional<std::uint16_t> udp_port() const;
+  /// Does the stream take this frame? Ask once per frame.
+  [[nodiscard]] std::optional<Profile> stream_of(const SceneFrame& frame);
+  /// A GetCurrentFrame that this frame answers; one frame answers one.
+  [[nodiscard]] std::optional<Profile> current_of(std::uint64_t frame_number);
+
+  [[nodiscard]] bool spoke() const { return spoke_; }
+  [[nodiscard]] std::string detail() const;
+
+ private:
+  struct Stream {
+    StreamRequest request;
+    FramePicker picker;
+  };
+  void handle(const Packet& packet, std::vector<std::byte>& out);
+  void obey(const Command& command, std::vector<std::byte>& out);
+  void set_version(std::string_view word, std::vector<std::byte>& out);
+  void stream_frames(std::string_view words, std::vector<std::byte>& out);
+  void current_frame(std::string_view words, std::vector<std::byte>& out);
+  void parameters(std::string_view words, std::vector<std::byte>& out);
+  void byte_order(std::string_view words, std::vector<std::byte>& out);
+  void take_control(std::string_view password, std::vector<std::byte>& out);
+  void reply(const Reply& reply, std::vector<std::byte>& out) const;
+  [[nodiscard]] Profile profile_of(Components components) const;
+
+  Room& room_;
+  const Door door_;
+  const std::endian order_;
+  const std::uint64_t id_;
+  const std::string address_;
+  const std::uint16_t port_;
+  Version version_;
+  bool spoke_{false};
+  int wrong_passwords_{0};
+  std::vector<std::byte> in_;
+  std::optional<Stream> stream_;
+  std::deque<Components> pending_;  ///< Of GetCurrentFrame.
+  std::uint64_t answered_frame_{0};
+};
+
+}  // namespace fiducap::qualisys

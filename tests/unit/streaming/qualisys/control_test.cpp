@@ -1,0 +1,139 @@
+#include "streaming/qualisys/control.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "fake_desk.hpp"
+
+namespace fiducap::qualisys {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr Control::ClientId kAnna = 1;
+constexpr Control::ClientId kBert = 2;
+constexpr std::string_view kToken = "open sesame";
+
+class QualisysControl : public testing::Test {
+ protected:
+  void anna_is_master() { ASSERT_TRUE(control_.take(kAnna, "anna", kToken).ok); }
+  std::string say(Control::ClientId client, std::string_view command) {
+    const auto reply = control_.execute(client, split_command(command));
+    return !reply ? "?" : (reply->ok ? "+" : "-") + reply->text;
+  }
+  std::vector<Event> events() {
+    std::vector<Event> out;
+    control_.observe(out);
+    return out;
+  }
+  FakeDesk desk_;
+  Control control_{&desk_};
+};
+
+TEST_F(QualisysControl, OnlyTheTokenMakesAMaster) {
+  EXPECT_EQ(control_.take(kAnna, "anna", "").text, "Wrong or missing password");
+  EXPECT_EQ(control_.take(kAnna, "anna", "open").text, "Wrong or missing password");
+  EXPECT_FALSE(control_.is_master(kAnna));
+  EXPECT_EQ(control_.take(kAnna, "anna", kToken).text, "You are now master");
+  EXPECT_TRUE(control_.is_master(kAnna));
+}
+
+TEST_F(QualisysControl, WithoutADeskNobodyIsMaster) {
+  Control closed(nullptr);
+  EXPECT_EQ(closed.take(kAnna, "anna", kToken).text, "Client control disabled in QTM");
+  EXPECT_EQ(closed.state(), Event::kConnected);
+}
+
+TEST_F(QualisysControl, ThereIsOneMasterAtATime) {
+  anna_is_master();
+  EXPECT_EQ(control_.take(kAnna, "anna", "").text, "You are already master");
+  EXPECT_EQ(control_.take(kBert, "bert", kToken).text, "anna is already master");
+  EXPECT_EQ(control_.release(kBert).text, "You are already a regular client");
+  EXPECT_EQ(control_.release(kAnna).text, "You are now a regular client");
+  EXPECT_TRUE(control_.take(kBert, "bert", kToken).ok);
+}
+
+TEST_F(QualisysControl, AMasterThatLeavesIsMasterNoMore) {
+  anna_is_master();
+  control_.left(kBert);
+  EXPECT_TRUE(control_.is_master(kAnna));
+  control_.left(kAnna);
+  EXPECT_TRUE(control_.take(kBert, "bert", kToken).ok);
+}
+
+TEST_F(QualisysControl, OthersChangeNothing) {
+  for (const char* command : {"New", "Close", "Start", "Stop", "Save x", "Load x", "Trig",
+                              "Calibrate", "Reprocess", "SetQTMEvent x", "LoadProject x"}) {
+    EXPECT_EQ(say(kBert, command), "-You must be master to issue this command") << command;
+  }
+  EXPECT_FALSE(desk_.running);
+}
+
+TEST_F(QualisysControl, ACaptureIsARecordingAndSaveTellsItsName) {
+  anna_is_master();
+  EXPECT_EQ(say(kAnna, "new"), "+Already connected");
+  EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
+  EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
+  EXPECT_EQ(say(kAnna, "close"), "+No connection to close");
+  EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
+  EXPECT_TRUE(desk_.running);
+  EXPECT_EQ(control_.state(), Event::kCaptureStarted);
+  EXPECT_EQ(say(kAnna, "start"), "-Measurement is already running");
+  EXPECT_EQ(say(kAnna, "close"), "-Measurement is already running");
+  EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  EXPECT_FALSE(desk_.running);
+  EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
+  EXPECT_EQ(say(kAnna, "close"), "+Closing file");
+  EXPECT_EQ(say(kAnna, "save take"), "-No measurement to save");
+}
+
+TEST_F(QualisysControl, SaysWhyACaptureCannotStart) {
+  anna_is_master();
+  desk_.disk_full = true;
+  EXPECT_EQ(say(kAnna, "Start"), "-the disk is full");
+  EXPECT_EQ(say(kAnna, "Start RTFromFile"), "-No file open");
+}
+
+TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
+  anna_is_master();
+  EXPECT_EQ(say(kAnna, "Load x"), "-Failed to load measurement");
+  EXPECT_EQ(say(kAnna, "LoadProject x"), "-Failed to load project");
+  EXPECT_EQ(say(kAnna, "Trig"), "-QTM not waiting for trig");
+  EXPECT_EQ(say(kAnna, "Event x"), "-QTM is not capturing");
+  EXPECT_EQ(say(kBert, "GetCaptureC3D"), "-No capture to get");
+  EXPECT_EQ(say(kAnna, "Dance"), "?");
+}
+
+TEST_F(QualisysControl, TellsWhatHappenedWhoeverDidIt) {
+  EXPECT_THAT(events(), IsEmpty());
+  desk_.running = "by the page";
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
+  EXPECT_THAT(events(), IsEmpty());
+  desk_.running.reset();
+  EXPECT_THAT(events(),
+              ElementsAre(Event::kCaptureStopped, Event::kCaptureSaved, Event::kConnected));
+  EXPECT_EQ(control_.state(), Event::kConnected);
+}
+
+TEST_F(QualisysControl, AMastersSettingsSwitchBodies) {
+  const std::vector<BodyTable::Entry> bodies{{7, "arm", true}, {9, "drone", true}};
+  const auto xml = [](const char* name, const char* on) {
+    return "<S><The_6D><Body><Name>" + std::string(name) + "</Name><Enabled>" + on +
+           "</Enabled></Body></The_6D></S>";
+  };
+  EXPECT_FALSE(control_.apply_settings(kAnna, xml("arm", "false"), bodies).ok);
+  anna_is_master();
+  EXPECT_EQ(control_.apply_settings(kAnna, xml("arm", "false"), bodies).text,
+            "Setting parameters succeeded");
+  EXPECT_EQ(desk_.enabled, (std::map<int, bool>{{7, false}}));
+  EXPECT_TRUE(control_.apply_settings(kAnna, xml("drone", "true"), bodies).ok);  // it is
+  EXPECT_EQ(desk_.enabled.size(), 1u);
+  EXPECT_EQ(control_.apply_settings(kAnna, xml("ghost", "true"), bodies).text,
+            "Setting parameters failed");
+  EXPECT_FALSE(control_.apply_settings(kAnna, "<S><General/></S>", bodies).ok);
+  EXPECT_FALSE(control_.apply_settings(kAnna, "<S", bodies).ok);
+}
+
+}  // namespace
+}  // namespace fiducap::qualisys

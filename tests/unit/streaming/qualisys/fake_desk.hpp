@@ -1,0 +1,45 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "streaming/operator_desk.hpp"
+
+namespace fiducap {
+
+/// Does what it is told, and remembers it. The token is `open sesame`.
+class FakeDesk final : public OperatorDesk {
+ public:
+  std::map<int, bool> enabled;
+  std::optional<std::string> running;
+  int recordings{0};
+  bool disk_full{false};
+
+  [[nodiscard]] bool admits(std::string_view token) const override {
+    return token == "open sesame";
+  }
+  [[nodiscard]] std::vector<Body> bodies() const override { return {}; }
+  Expected<void> set_enabled(int body_id, bool on) override {
+    enabled[body_id] = on;
+    return {};
+  }
+  Expected<void> rename(int, const std::string&) override { return {}; }
+  Expected<void> set_pivot(int, const Pose&) override { return {}; }
+  [[nodiscard]] MapMode map_mode() const override { return MapMode::kFrozen; }
+  Expected<void> set_map_mode(MapMode) override { return {}; }
+  Expected<void> commit_map() override { return {}; }
+  Expected<void> start_recording(const std::string&) override {
+    if (disk_full) return fail(ErrorCode::kUnavailable, "the disk is full");
+    running = "take_" + std::to_string(++recordings);
+    return {};
+  }
+  Expected<void> stop_recording() override {
+    running.reset();
+    return {};
+  }
+  [[nodiscard]] std::optional<std::string> recording() const override { return running; }
+};
+
+}  // namespace fiducap
