@@ -1,5 +1,5 @@
-// What a Vicon client may send, cut anywhere: the whole conversation, and a frame for whatever it asked for.
-// First byte of an input: where to cut.
+// What a Vicon client may send, cut anywhere: the whole conversation, and a frame for whatever it
+// asked for. First byte of an input: where to cut.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -44,7 +44,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!connection.receive(piece, now, answers)) break;
     require(answers.size() <= 2 * in.size());  // nothing is amplified
     if (!connection.wants(board.id())) continue;
-    const auto bytes = board.packet(connection.profile(), connection.wants_statics(board.statics_version()), now);
+    const auto bytes =
+        board.packet(connection.profile(), connection.wants_statics(board.statics_version()), now);
     require(bytes->size() >= kHeaderSize && bytes->size() < 8192);
     connection.sent(board.id(), board.statics_version());
     require(!connection.wants(board.id()));

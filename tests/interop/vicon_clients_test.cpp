@@ -1,5 +1,6 @@
-// The vendor's own client against our server, on loopback. Set FIDUCAP_VICON_CLIENT to a `ViconDataStreamSDK_CPPTest` built
-// from the public source of the Vicon DataStream SDK; nothing of it is part of this project.
+// The vendor's own client against our server, on loopback. Set FIDUCAP_VICON_CLIENT to a
+// `ViconDataStreamSDK_CPPTest` built from the public source of the Vicon DataStream SDK; nothing of
+// it is part of this project.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -39,7 +40,8 @@ class ClientProcess final {
     posix_spawn_file_actions_init(&actions);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
     posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-    posix_spawn_file_actions_addclosefrom_np(&actions, 3);  // or the client would keep our port open
+    posix_spawn_file_actions_addclosefrom_np(&actions,
+                                             3);  // or the client would keep our port open
     std::vector<char*> argv;
     for (auto& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -77,7 +79,8 @@ class ViconSdkClient : public testing::Test {
  protected:
   void SetUp() override {
     const char* program = std::getenv("FIDUCAP_VICON_CLIENT");
-    if (program == nullptr) GTEST_SKIP() << "no Vicon client: set FIDUCAP_VICON_CLIENT to a ViconDataStreamSDK_CPPTest";
+    if (program == nullptr)
+      GTEST_SKIP() << "no Vicon client: set FIDUCAP_VICON_CLIENT to a ViconDataStreamSDK_CPPTest";
     program_ = program;
     config_.port = 0;
     auto server = start_vicon_server(io_, config_, clock_);
@@ -90,7 +93,8 @@ class ViconSdkClient : public testing::Test {
     io_.restart();
     io_.run();
   }
-  [[nodiscard]] std::vector<std::string> client(const std::vector<std::string>& options = {}) const {
+  [[nodiscard]] std::vector<std::string> client(
+      const std::vector<std::string>& options = {}) const {
     std::vector<std::string> all{program_, "127.0.0.1:" + std::to_string(server_->port())};
     all.insert(all.end(), options.begin(), options.end());
     return all;
@@ -101,7 +105,8 @@ class ViconSdkClient : public testing::Test {
     while (std::chrono::steady_clock::now() < end) {
       auto frame = make_scene_frame({"arm", "drone"}, ++number_);
       // Known by construction: a third of a turn about the diagonal, x → y → z → x.
-      frame->bodies[1].X_WP = {exp_so3(Eigen::Vector3d::Ones() * (2 * M_PI / 3 / std::sqrt(3.0))), {1.25, -2.5, 0.75}};
+      frame->bodies[1].X_WP = {exp_so3(Eigen::Vector3d::Ones() * (2 * M_PI / 3 / std::sqrt(3.0))),
+                               {1.25, -2.5, 0.75}};
       frame->bodies[0].valid = arm_valid_;
       server_->publish(frame);
       io_.restart();
@@ -123,9 +128,9 @@ class ViconSdkClient : public testing::Test {
   std::unique_ptr<ViconStreamer> server_;
 };
 
-const std::vector<std::string> kDrone{
-    "Name: drone", "Root Segment: drone", "Global Translation: (1250, -2500, 750) False",
-    "Global Rotation Quaternion: (0.5, 0.5, 0.5, 0.5) False"};
+const std::vector<std::string> kDrone{"Name: drone", "Root Segment: drone",
+                                      "Global Translation: (1250, -2500, 750) False",
+                                      "Global Rotation Quaternion: (0.5, 0.5, 0.5, 0.5) False"};
 
 TEST_F(ViconSdkClient, ShowsNamesAndPoseByPull) {
   ClientProcess process(client());
@@ -136,13 +141,16 @@ TEST_F(ViconSdkClient, ShowsNamesAndPoseByPull) {
 
 TEST_F(ViconSdkClient, ShowsThePoseByLightweightSegments) {
   ClientProcess process(client({"--lightweight"}));
-  EXPECT_TRUE(serve_until(process, {"Lightweight Segment Data Enabled: True", kDrone[0], "Global Translation: (1250, -2500, 750) False"})) << process.output();
+  EXPECT_TRUE(serve_until(process, {"Lightweight Segment Data Enabled: True", kDrone[0],
+                                    "Global Translation: (1250, -2500, 750) False"}))
+      << process.output();
 }
 
 TEST_F(ViconSdkClient, ShowsAnInvalidBodyAsOccluded) {
   arm_valid_ = false;
   ClientProcess process(client());
-  EXPECT_TRUE(serve_until(process, {"Name: arm", "Global Translation: (1250, -2500, 750) False"})) << process.output();
+  EXPECT_TRUE(serve_until(process, {"Name: arm", "Global Translation: (1250, -2500, 750) False"}))
+      << process.output();
   EXPECT_THAT(process.output(), Not(HasSubstr("(1000, -2000, 500)")));
   EXPECT_THAT(process.output(), HasSubstr("Global Translation: (0, 0, 0) True"));
 }

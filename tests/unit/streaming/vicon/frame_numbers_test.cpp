@@ -17,7 +17,8 @@ TEST(ViconFrameNumbers, AreTimeTimesRateAlsoWhenTicksComeLate) {
     std::uniform_real_distribution<double> late(0.0, 0.7);  // of a period
     for (int i = 0; i < 5000; ++i) {
       const double tick = i + (i == 0 ? 0.0 : late(random));
-      EXPECT_EQ(numbers.next(at_s(5 + tick / rate_hz), rate_hz), static_cast<std::uint32_t>(i)) << rate_hz;
+      EXPECT_EQ(numbers.next(at_s(5 + tick / rate_hz), rate_hz), static_cast<std::uint32_t>(i))
+          << rate_hz;
     }
   }
 }
@@ -37,7 +38,8 @@ TEST(ViconFrameNumbers, AreDueEvenlySpacedHoweverLateTheTicks) {
 TEST(ViconFrameNumbers, ALateFirstTickShiftsNothingForGood) {
   FrameNumbers numbers;
   EXPECT_EQ(numbers.next(at_s(1.006), 100), 0u);  // 6 ms late
-  for (std::uint32_t i = 1; i < 100; ++i) EXPECT_LE(std::abs(static_cast<int>(numbers.next(at_s(1 + i * 0.01), 100) - i)), 1);
+  for (std::uint32_t i = 1; i < 100; ++i)
+    EXPECT_LE(std::abs(static_cast<int>(numbers.next(at_s(1 + i * 0.01), 100) - i)), 1);
   EXPECT_EQ(numbers.next(at_s(2.006), 100), 100u);
 }
 

@@ -123,7 +123,8 @@ TEST_F(ViconServerTest, ClientsOfEveryKindAtOnceSeeTheSameMotion) {
     steps(2);
     publish();
     ASSERT_TRUE(until([&] {
-      return push.view.frames == i && pull.view.frames == i && light.view.frames == i && filtering.view.frames == i;
+      return push.view.frames == i && pull.view.frames == i && light.view.frames == i &&
+             filtering.view.frames == i;
     }));
     EXPECT_EQ(push.view.frame_id, pull.view.frame_id);
     EXPECT_EQ(push.view.globals[2].t, pull.view.globals[2].t);
@@ -209,7 +210,8 @@ TEST_F(ViconServerTest, NewTypesTakeEffectWithTheNextFrame) {
 TEST_F(ViconServerTest, AFrameToManyClientsAllocatesNothing) {
   start();
   std::array<StrictClient, 5> clients;
-  for (auto& client : clients) open(client, &client == &clients[0] ? client::kLight : client::kSegments);
+  for (auto& client : clients)
+    open(client, &client == &clients[0] ? client::kLight : client::kSegments);
   for (auto& client : clients) client.send(client::request_frame(true));
   std::vector<std::shared_ptr<SceneFrame>> frames;
   for (int i = 0; i < 300; ++i) frames.push_back(frame());
