@@ -108,6 +108,11 @@ void ClockFilter::fit() {
   const Edges before = edges(drift_);
   upper_jitter_s_ = std::max(kLeastJitter_s, sum_upper_s / n - before.upper_s);
   lower_jitter_s_ = std::max(kLeastJitter_s, before.lower_s - sum_lower_s / n);
+  drift_ = most_probable_drift();
+  edges_ = edges(drift_);
+}
+
+double ClockFilter::most_probable_drift() const {
   // Concave in the drift: golden section.
   constexpr double kGolden = 0.6180339887498949;
   double low = -kMostDrift;
@@ -131,8 +136,7 @@ void ClockFilter::fit() {
       at_right = log_probability(right);
     }
   }
-  drift_ = 0.5 * (low + high);
-  edges_ = edges(drift_);
+  return 0.5 * (low + high);
 }
 
 ClockEstimate ClockFilter::at(Nanoseconds own_time) const {

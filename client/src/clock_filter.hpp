@@ -59,6 +59,7 @@ class ClockFilter {
   /// At the mean time of the samples, when the offset grows by `drift`.
   Edges edges(double drift) const;
   double log_probability(double drift) const;
+  double most_probable_drift() const;
   bool contradicts(const Sample& sample, Nanoseconds own_time) const;
 
   std::array<Sample, kKept> samples_{};

@@ -71,6 +71,20 @@ std::string printable(std::string text) {
   return text;
 }
 
+/// Waits for one answer to our question, not longer than `until`. @return false when none came
+bool hear(int fd, std::chrono::steady_clock::time_point until, Decoder& decoder, in_addr& from) {
+  const auto pause = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now());
+  pollfd wanted{fd, POLLIN, 0};
+  ::poll(&wanted, 1, std::max(0, static_cast<int>(pause.count())) + 1);
+  std::array<std::uint8_t, kMaxDatagram + 1> bytes;
+  sockaddr_in sender{};
+  socklen_t sender_size = sizeof(sender);
+  const auto size =
+      ::recvfrom(fd, bytes.data(), bytes.size(), 0, reinterpret_cast<sockaddr*>(&sender), &sender_size);
+  from = sender.sin_addr;
+  return size >= 0 && decoder.decode(bytes.data(), static_cast<std::size_t>(size)) == MessageKind::kDiscoveryReply;
+}
+
 std::string text_of(const in_addr& address) {
   char text[INET_ADDRSTRLEN] = "";
   ::inet_ntop(AF_INET, &address, text, sizeof(text));
@@ -99,21 +113,11 @@ std::vector<Client::Found> discover(std::chrono::milliseconds timeout, std::uint
       ++asked;
       ask_at += kAskAgain;
     }
-    const auto until = std::min(end, asked < 2 ? ask_at : end);
-    const auto pause = std::chrono::duration_cast<std::chrono::milliseconds>(until - Steady::now());
-    pollfd wanted{socket.get(), POLLIN, 0};
-    ::poll(&wanted, 1, std::max(0, static_cast<int>(pause.count())) + 1);
-    std::array<std::uint8_t, kMaxDatagram + 1> bytes;
-    sockaddr_in from{};
-    socklen_t from_size = sizeof(from);
-    const auto size =
-        ::recvfrom(socket.get(), bytes.data(), bytes.size(), 0, reinterpret_cast<sockaddr*>(&from), &from_size);
-    if (size < 0 || decoder.decode(bytes.data(), static_cast<std::size_t>(size)) != MessageKind::kDiscoveryReply) {
-      continue;
-    }
+    in_addr from{};
+    if (!hear(socket.get(), std::min(end, asked < 2 ? ask_at : end), decoder, from)) continue;
     const DiscoveryReply& reply = decoder.discovery_reply();
     if (reply.nonce != nonce || !sessions.insert(reply.session).second) continue;
-    found.push_back({text_of(from.sin_addr), reply.port, printable(reply.host), printable(reply.version),
+    found.push_back({text_of(from), reply.port, printable(reply.host), printable(reply.version),
                      reply.body_count, reply.rate_hz});
   }
   return found;

@@ -1,8 +1,10 @@
-// A strict unicast NatNet 4.1 client for `natnet_stage`: checks every byte it understands and measures.
+// A strict unicast NatNet 4.1 client for `natnet_stage`: checks every byte it understands and
+// measures.
 //
 //   natnet_sink [server=127.0.0.1] [port=1510] [bodies=1000] [seconds=10] [up=y]
 //
-// A frame is whole when its sections add up to the datagram and every body is where the stage put it.
+// A frame is whole when its sections add up to the datagram and every body is where the stage put
+// it.
 #include <poll.h>
 
 #include <algorithm>
@@ -48,7 +50,8 @@ struct Tally {
 /// @return false when anything in the frame is not as the stage made it
 bool check(std::span<const std::byte> datagram, int bodies, Tally& tally) {
   LittleEndianReader in(datagram);
-  const bool header = in.u16() == static_cast<std::uint16_t>(Message::kFrame) && in.u16() == datagram.size() - kHeaderSize;
+  const bool header = in.u16() == static_cast<std::uint16_t>(Message::kFrame) &&
+                      in.u16() == datagram.size() - kHeaderSize;
   const std::int32_t number = in.i32();
   in.bytes(16);  // two empty sections
   const bool count = in.i32() == bodies && in.i32() == 38 * bodies;
@@ -67,8 +70,10 @@ bool check(std::span<const std::byte> datagram, int bodies, Tally& tally) {
   const std::int64_t mid_exposure = in.i64();
   in.bytes(8 + 8 + 8 + 2);
   const bool end = in.i32() == 0 && in.left() == 0 && !in.failed();
-  tally.latency_ns.push_back(now_ns() - mid_exposure * static_cast<std::int64_t>(1'000'000'000 / kClockFrequency));
-  if (tally.last >= 0) tally.lost += static_cast<std::uint64_t>(std::max(0, number - tally.last - 1));
+  tally.latency_ns.push_back(
+      now_ns() - mid_exposure * static_cast<std::int64_t>(1'000'000'000 / kClockFrequency));
+  if (tally.last >= 0)
+    tally.lost += static_cast<std::uint64_t>(std::max(0, number - tally.last - 1));
   tally.last = number;
   return header && count && places && end;
 }
@@ -76,7 +81,18 @@ bool check(std::span<const std::byte> datagram, int bodies, Tally& tally) {
 std::vector<std::byte> connect_request() {
   std::vector<std::byte> bytes;
   bytes.reserve(kHeaderSize + 269);
-  LittleEndianWriter(bytes).u16(0).u16(269).text("natnet_sink").zeros(245 + 4).u8(4).u8(1).zeros(2).u8(0).u8(4).u8(1).zeros(2);
+  LittleEndianWriter(bytes)
+      .u16(0)
+      .u16(269)
+      .text("natnet_sink")
+      .zeros(245 + 4)
+      .u8(4)
+      .u8(1)
+      .zeros(2)
+      .u8(0)
+      .u8(4)
+      .u8(1)
+      .zeros(2);
   return bytes;
 }
 
@@ -95,8 +111,9 @@ int run(std::map<std::string, std::string> given) {
   asio::io_context io;
   udp::socket socket(io, udp::endpoint(udp::v4(), 0));
   socket.set_option(asio::socket_base::receive_buffer_size(kReceiveBuffer));
-  const udp::endpoint server(asio::ip::make_address(given.count("server") == 0 ? "127.0.0.1" : given["server"]),
-                             static_cast<std::uint16_t>(number("port", 1510)));
+  const udp::endpoint server(
+      asio::ip::make_address(given.count("server") == 0 ? "127.0.0.1" : given["server"]),
+      static_cast<std::uint16_t>(number("port", 1510)));
   socket.send_to(asio::buffer(connect_request()), server);
   socket.send_to(asio::buffer(keep_alive()), server);
   Tally tally;
@@ -123,9 +140,11 @@ int run(std::map<std::string, std::string> given) {
   auto& latency = tally.latency_ns;
   std::sort(latency.begin(), latency.end());
   const double seconds = static_cast<double>(now_ns() - start) * 1e-9;
-  std::cout << tally.frames << " frames in " << seconds << " s, " << tally.lost << " lost, " << tally.broken
-            << " broken; " << tally.bodies << " bodies; latency p50 " << latency[latency.size() / 2] / 1000 << " us, p99 "
-            << latency[latency.size() * 99 / 100] / 1000 << " us, max " << latency.back() / 1000 << " us\n";
+  std::cout << tally.frames << " frames in " << seconds << " s, " << tally.lost << " lost, "
+            << tally.broken << " broken; " << tally.bodies << " bodies; latency p50 "
+            << latency[latency.size() / 2] / 1000 << " us, p99 "
+            << latency[latency.size() * 99 / 100] / 1000 << " us, max " << latency.back() / 1000
+            << " us\n";
   return tally.lost + tally.broken == 0 ? 0 : 1;
 }
 

@@ -1,11 +1,12 @@
 // A NatNet server with poses known by construction, for clients that are not part of this project:
 //
-//   natnet_stage [address=127.0.0.1] [unicast=1] [port=1510] [data_port=1511] [multicast_command_port=0]
+//   natnet_stage [address=127.0.0.1] [unicast=1] [port=1510] [data_port=1511]
+//   [multicast_command_port=0]
 //                [bodies=3] [rate=100] [seconds=10] [bitstream=3.1] [up=y] [target=ip:port]
 //
-// Body k (from 1) is called `body<k>`. In frame n it is at (0.01 k, 0.001 (n mod 1000), 1.5) in the workspace, turned by
-// 0.01 k rad about (1, 2, 3). Body 3 is lost in every second hundred of frames. At the end: what was sent, and the CPU
-// time it took.
+// Body k (from 1) is called `body<k>`. In frame n it is at (0.01 k, 0.001 (n mod 1000), 1.5) in the
+// workspace, turned by 0.01 k rad about (1, 2, 3). Body 3 is lost in every second hundred of
+// frames. At the end: what was sent, and the CPU time it took.
 #include <ctime>
 
 #include <boost/asio/io_context.hpp>
@@ -47,8 +48,8 @@ std::shared_ptr<SceneModel> make_model(int bodies) {
 
 class Stage final {
  public:
-  Stage(boost::asio::io_context& io, const Clock& clock, const Script& script, std::shared_ptr<SceneModel> model,
-        natnet::NatNetStreamer& server)
+  Stage(boost::asio::io_context& io, const Clock& clock, const Script& script,
+        std::shared_ptr<SceneModel> model, natnet::NatNetStreamer& server)
       : timer_(io), clock_(clock), script_(script), model_(std::move(model)), server_(server) {}
 
   void start() {
@@ -74,7 +75,8 @@ class Stage final {
     frame_->rate_hz = script_.rate_hz;
     frame_->model = model_;
     frame_->bodies.resize(model_->bodies.size());
-    for (std::size_t i = 0; i < frame_->bodies.size(); ++i) place(static_cast<int>(i) + 1, frame_->bodies[i]);
+    for (std::size_t i = 0; i < frame_->bodies.size(); ++i)
+      place(static_cast<int>(i) + 1, frame_->bodies[i]);
     server_.publish(frame_);
     report();
   }
@@ -91,8 +93,8 @@ class Stage final {
     std::vector<ClientStatus> clients;
     server_.append_clients(clients);
     for (const auto& one : clients) {
-      std::cout << one.peer << "  " << one.detail << "  sent " << one.frames_sent << "  dropped " << one.frames_dropped
-                << '\n';
+      std::cout << one.peer << "  " << one.detail << "  sent " << one.frames_sent << "  dropped "
+                << one.frames_dropped << '\n';
     }
   }
 
@@ -110,7 +112,8 @@ int run(std::map<std::string, std::string> given) {
   const auto number = [&](const std::string& key, double otherwise) {
     return given.count(key) == 0 ? otherwise : std::stod(given[key]);
   };
-  const Script script{static_cast<int>(number("bodies", 3)), number("rate", 100), number("seconds", 10)};
+  const Script script{static_cast<int>(number("bodies", 3)), number("rate", 100),
+                      number("seconds", 10)};
   natnet::NatNetConfig config;
   if (given.count("address") != 0) config.address = given["address"];
   config.unicast = number("unicast", 1) != 0;
@@ -137,7 +140,8 @@ int run(std::map<std::string, std::string> given) {
   io.run();
   const double cpu_s = static_cast<double>(read_ns(CLOCK_PROCESS_CPUTIME_ID) - cpu) * 1e-9;
   const double wall_s = static_cast<double>(read_ns(CLOCK_MONOTONIC) - wall) * 1e-9;
-  std::cout << stage.frames() << " frames in " << wall_s << " s, " << 100 * cpu_s / wall_s << " % of a core\n";
+  std::cout << stage.frames() << " frames in " << wall_s << " s, " << 100 * cpu_s / wall_s
+            << " % of a core\n";
   return 0;
 }
 

@@ -13,10 +13,12 @@
 #include <chrono>
 #include <cmath>
 #include <fiducap/client.hpp>
+#include <fiducap/control.hpp>
 #include <filesystem>
 #include <thread>
 
 #include "app/system_clock.hpp"
+#include "capture/recording/recording.hpp"
 #include "capture/simulation/simulation.hpp"
 #include "mapping/map_store.hpp"
 #include "support/temporary_folder.hpp"
@@ -188,6 +190,41 @@ TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsersAtTheSameTime) {
   EXPECT_THAT(health, HasSubstr("200"));
 }
 
+TEST(ServerOnLoopback, AnOperatorChangesWhatIsStreamedAndRecordsIt) {
+  const TemporaryFolder folder;
+  ServerConfig config = corner_demo();
+  config.operators.token = "correct horse";
+  config.recorder.folder = folder.file("recordings");
+  RunningServer server(config);
+  const auto client = client_of(*server);
+  ASSERT_TRUE(follow(*client, 20s, [](const Frame& frame) { return all_valid(frame, 3); }));
+
+  ControlOptions options;
+  options.port = server->ports().native;
+  options.token = "correct horsf";
+  EXPECT_FALSE(Control(options).set_enabled(2, false)) << "a wrong token";
+  options.token = "correct horse";
+  Control control(options);
+  ASSERT_TRUE(control.start_recording("flight"));
+  ASSERT_TRUE(control.rename(1, "eagle"));
+  ASSERT_TRUE(control.set_enabled(2, false));
+  EXPECT_TRUE(follow(*client, 5s, [](const Frame& frame) {
+    return all_valid(frame, 2) && frame.bodies[0].name == "eagle" && frame.bodies[1].id == 3;
+  }));
+  ASSERT_TRUE(control.set_enabled(2, true));
+  EXPECT_TRUE(follow(*client, 5s, [](const Frame& frame) { return all_valid(frame, 3); })) << "it was followed on";
+  std::uint64_t seen = 0;  // frames: every robot gets some images meanwhile
+  EXPECT_TRUE(follow(*client, 20s, [&](const Frame&) { return ++seen == 100; }));
+  ASSERT_TRUE(control.stop_recording());
+  server.stop();
+  for (const char* body : {"drone", "rover", "walker"}) {
+    const auto info = read_recording_info(folder.file(std::string("recordings/flight/") + body));
+    ASSERT_TRUE(info) << info.error().text();
+    EXPECT_TRUE(info->imu);
+    EXPECT_TRUE(info->has_corners.at(0));
+  }
+}
+
 TEST(ServerOnLoopback, EndsWithinASecond) {
   RunningServer server(corner_demo());
   const auto client = client_of(*server);
@@ -199,7 +236,7 @@ TEST(ServerOnLoopback, EndsWithinASecond) {
 TEST(ServerOnLoopback, EndsByItselfWhenEverySourceHasEnded) {
   ServerConfig config = corner_demo();
   for (auto& body : config.bodies) body.source.simulator.trajectory.duration_s = 0.5;
-  RunningServer server(config, {.exit_at_end = true});
+  RunningServer server(config, {true, false, {}});
   server.wait();
   EXPECT_TRUE(server.clean());
 }

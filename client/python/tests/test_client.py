@@ -2,6 +2,9 @@
 
 import math
 import os
+import pathlib
+import subprocess
+import sys
 import time
 import unittest
 
@@ -96,6 +99,16 @@ class ControlTest(unittest.TestCase):
         with fiducap.Control("wrong", port=PORT, timeout_s=PATIENCE_S) as control:
             with self.assertRaisesRegex(fiducap.ControlError, "token"):
                 control.commit_map()
+
+
+class ExampleTest(unittest.TestCase):
+    def test_prints_poses(self):
+        example = pathlib.Path(__file__).parent.parent / "examples" / "print_poses.py"
+        done = subprocess.run(
+            [sys.executable, str(example), "127.0.0.1", str(PORT), "0.2"], capture_output=True, text=True, timeout=60
+        )
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("cart at 3.000 -2.000 0.500 +/- 10.0 mm", done.stdout)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "app/cli/control_command.hpp"
 #include "app/cli/doctor_command.hpp"
 #include "app/cli/evaluate_command.hpp"
 #include "app/cli/map_command.hpp"
@@ -23,6 +24,7 @@ struct CommandLine {
   EvaluateArguments evaluate;
   WatchArguments watch;
   DoctorArguments doctor;
+  ControlArguments control;
   MapArguments map;
   TagSheetArguments tag_sheet;
   SimulateArguments simulate;
@@ -105,6 +107,45 @@ void add_doctor(CLI::App& app, CommandLine& line) {
   verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")->capture_default_str();
   verb->footer("Example:\n  fiducap doctor --config config/demo.yaml");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_doctor(a, t); }; });
+}
+
+using ControlVerb = int (*)(const ControlArguments&, const Terminal&);
+
+CLI::App* add_control_verb(CLI::App& control, CommandLine& line, const char* name, const char* what, ControlVerb run,
+                           const char* example = "") {
+  auto* verb = control.add_subcommand(name, what);
+  verb->add_option("--server", line.control.server, "HOST or HOST:PORT of the native protocol")->capture_default_str();
+  verb->add_option("--token", line.control.token, "The operator's token; else the environment's FIDUCAP_TOKEN");
+  verb->callback([&line, run] { line.chosen = [&line, run](const Terminal& t) { return run(line.control, t); }; });
+  verb->footer("Example:\n  fiducap control " + std::string(name) + std::string(example) + " --token SECRET");
+  return verb;
+}
+
+void add_control(CLI::App& app, CommandLine& line) {
+  auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
+  control->require_subcommand(1);
+  control->footer(
+      "The server's configuration names the token: operator.token.\n"
+      "Example:\n  fiducap control disable rover --token SECRET\n  FIDUCAP_TOKEN=SECRET fiducap control record flight-3");
+  auto& a = line.control;
+  add_control_verb(*control, line, "list", "Bodies, map mode, recording", run_control_list)
+      ->add_flag("--json", a.json, "One JSON object");
+  const auto for_body = [&](const char* name, const char* what, ControlVerb run, const char* example = " rover") {
+    auto* verb = add_control_verb(*control, line, name, what, run, example);
+    verb->add_option("BODY", a.body, "Its name or id")->required();
+    return verb;
+  };
+  for_body("enable", "Stream a body again", run_control_enable);
+  for_body("disable", "Stream a body no more; it is followed on", run_control_disable);
+  for_body("rename", "Give a body another name until the server ends", run_control_rename, " rover scout")
+      ->add_option("NAME", a.name, "1 to 63 of a-z A-Z 0-9 _ - .")
+      ->required();
+  add_control_verb(*control, line, "freeze", "The map moves no more", run_control_freeze);
+  add_control_verb(*control, line, "map", "The map grows and is refined", run_control_map);
+  add_control_verb(*control, line, "commit", "Store the map now", run_control_commit);
+  add_control_verb(*control, line, "record", "Record the sensors of all bodies", run_control_record)
+      ->add_option("NAME", a.name, "Of the folder; without it the date and time");
+  add_control_verb(*control, line, "stop", "End the recording", run_control_stop);
 }
 
 using MapVerb = int (*)(const MapArguments&, const Terminal&);
@@ -220,6 +261,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
       "  fiducap evaluate results/table.tum recordings/table");
   add_watch(app, line);
   add_doctor(app, line);
+  add_control(app, line);
   add_replay(app, line);
   add_evaluate(app, line);
   add_map(app, line);

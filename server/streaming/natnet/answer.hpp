@@ -15,9 +15,10 @@ namespace fiducap::natnet {
 using Datagram = std::vector<std::byte>;
 
 struct ServerInfo {
-  std::array<std::uint8_t, 4> application_version{};  ///< Not all 0: a client takes that for no answer.
-  Bitstream bitstream;                                ///< What this client is sent.
-  std::uint16_t data_port{};                          ///< Where multicast frames go.
+  std::array<std::uint8_t, 4>
+      application_version{};  ///< Not all 0: a client takes that for no answer.
+  Bitstream bitstream;        ///< What this client is sent.
+  std::uint16_t data_port{};  ///< Where multicast frames go.
   bool is_multicast{};
   std::array<std::uint8_t, 4> group{};  ///< First octet first; also for unicast.
 };

@@ -17,17 +17,8 @@ struct Bitstream {
 };
 
 /// All that we encode. 4.3 clients take 4.2; later ones carry data whose layout is not public.
-inline constexpr std::array<Bitstream, 11> kBitstreams{{{2, 5},
-                                                        {2, 6},
-                                                        {2, 7},
-                                                        {2, 8},
-                                                        {2, 9},
-                                                        {2, 10},
-                                                        {3, 0},
-                                                        {3, 1},
-                                                        {4, 0},
-                                                        {4, 1},
-                                                        {4, 2}}};
+inline constexpr std::array<Bitstream, 11> kBitstreams{
+    {{2, 5}, {2, 6}, {2, 7}, {2, 8}, {2, 9}, {2, 10}, {3, 0}, {3, 1}, {4, 0}, {4, 1}, {4, 2}}};
 inline constexpr Bitstream kOldest = kBitstreams.front();
 inline constexpr Bitstream kNewest = kBitstreams.back();
 
@@ -43,8 +34,8 @@ struct ClientVersions {
   std::optional<Bitstream> wanted;   ///< 0.0: the server's choice.
 };
 
-/// The version a unicast client is sent: what it wants, else our default unless its library is older; always one of
-/// kBitstreams.
+/// The version a unicast client is sent: what it wants, else our default unless its library is
+/// older; always one of kBitstreams.
 [[nodiscard]] Bitstream negotiate(const ClientVersions& client, Bitstream server_default);
 
 /// Versions whose frames, or model definitions, are byte for byte the same.

@@ -11,11 +11,14 @@ struct Command {
   static constexpr std::size_t kMostArguments = 4;
 
   std::string_view word;
-  std::array<std::string_view, kMostArguments> arguments{};  ///< The last one takes all that is left, commas too.
+  std::array<std::string_view, kMostArguments>
+      arguments{};  ///< The last one takes all that is left, commas too.
   std::size_t count{};
 
   /// Empty when there are fewer.
-  [[nodiscard]] std::string_view operator[](std::size_t i) const { return i < count ? arguments[i] : std::string_view{}; }
+  [[nodiscard]] std::string_view operator[](std::size_t i) const {
+    return i < count ? arguments[i] : std::string_view{};
+  }
 };
 
 /// Never fails: any text is a word. Blanks around word and arguments do not count.

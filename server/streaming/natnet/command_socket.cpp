@@ -25,8 +25,8 @@ std::uint32_t local_address(msghdr& message) {
 
 }  // namespace
 
-Expected<CommandSocket> CommandSocket::open(boost::asio::io_context& io, const net::BindTarget& target,
-                                            Channel channel) {
+Expected<CommandSocket> CommandSocket::open(boost::asio::io_context& io,
+                                            const net::BindTarget& target, Channel channel) {
   auto socket = net::bind_udp(io, target);
   if (!socket) return tl::unexpected(socket.error());
   const int on = 1;
@@ -53,8 +53,8 @@ std::optional<CommandSocket::Received> CommandSocket::receive(std::span<std::byt
     size = ::recvmsg(socket_.native_handle(), &message, MSG_DONTWAIT);
   } while (size < 0 && errno == EINTR);
   if (size < 0) return std::nullopt;
-  return Received{buffer.first(static_cast<std::size_t>(size)), Peer{ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)},
-                  local_address(message)};
+  return Received{buffer.first(static_cast<std::size_t>(size)),
+                  Peer{ntohl(from.sin_addr.s_addr), ntohs(from.sin_port)}, local_address(message)};
 }
 
 void CommandSocket::send(std::span<const std::byte> datagram, const Peer& to, std::uint32_t from) {

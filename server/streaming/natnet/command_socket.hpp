@@ -15,8 +15,9 @@
 
 namespace fiducap::natnet {
 
-/// A UDP socket for requests and answers: an answer leaves from the address that the request was sent to, also when the
-/// socket listens on all of them; for a broadcast, from that of the interface it came in on.
+/// A UDP socket for requests and answers: an answer leaves from the address that the request was
+/// sent to, also when the socket listens on all of them; for a broadcast, from that of the
+/// interface it came in on.
 class CommandSocket final {
  public:
   struct Received {
@@ -25,8 +26,8 @@ class CommandSocket final {
     std::uint32_t to{};  ///< Our address.
   };
 
-  [[nodiscard]] static Expected<CommandSocket> open(boost::asio::io_context& io, const net::BindTarget& target,
-                                                    Channel channel);
+  [[nodiscard]] static Expected<CommandSocket> open(boost::asio::io_context& io,
+                                                    const net::BindTarget& target, Channel channel);
 
   /// @return nullopt when nothing waits
   [[nodiscard]] std::optional<Received> receive(std::span<std::byte> buffer);
@@ -39,7 +40,8 @@ class CommandSocket final {
   [[nodiscard]] Channel channel() const { return channel_; }
 
  private:
-  CommandSocket(boost::asio::ip::udp::socket socket, Channel channel) : socket_(std::move(socket)), channel_(channel) {}
+  CommandSocket(boost::asio::ip::udp::socket socket, Channel channel)
+      : socket_(std::move(socket)), channel_(channel) {}
 
   boost::asio::ip::udp::socket socket_;
   Channel channel_;

@@ -9,10 +9,11 @@
 
 namespace fiducap::natnet {
 
-/// Every word of a REQUEST that clients are known to send, and its answer. Any other: UNRECOGNIZED_REQUEST.
+/// Every word of a REQUEST that clients are known to send, and its answer. Any other:
+/// UNRECOGNIZED_REQUEST.
 ///
-/// Answers: a number in 4 bytes; 0 for done, anything else for refused; or text. Timeline words of a player are accepted
-/// and do nothing, for clients send them along with others.
+/// Answers: a number in 4 bytes; 0 for done, anything else for refused; or text. Timeline words of
+/// a player are accepted and do nothing, for clients send them along with others.
 class CommandWords final {
  public:
   struct Asker {
@@ -29,7 +30,9 @@ class CommandWords final {
 
   [[nodiscard]] Answer answer(std::string_view text, const ServerView& server, const Asker& asker);
   /// One that an old vendor library cannot do without, and we cannot answer (reference, 4.4).
-  [[nodiscard]] static bool is_legacy_check(std::string_view text) { return text.starts_with("service20,"); }
+  [[nodiscard]] static bool is_legacy_check(std::string_view text) {
+    return text.starts_with("service20,");
+  }
 
  private:
   OperatorWords operator_words_;

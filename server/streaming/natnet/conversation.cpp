@@ -18,20 +18,24 @@ std::array<std::uint8_t, 4> octets(std::uint32_t address) {
 }
 
 RegistryLimits limits_of(const NatNetConfig& config) {
-  return {config.max_clients, config.max_clients_per_address, from_seconds(config.client_timeout_s)};
+  return {config.max_clients, config.max_clients_per_address,
+          from_seconds(config.client_timeout_s)};
 }
 
 }  // namespace
 
-Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model, OperatorDesk* desk,
-                           double rate_hz, std::uint64_t key, Instant epoch)
-    : registry_(limits_of(config)), guard_(key), encoder_(config.axes(), config.when_invalid, epoch) {
+Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
+                           OperatorDesk* desk, double rate_hz, std::uint64_t key, Instant epoch)
+    : registry_(limits_of(config)),
+      guard_(key),
+      encoder_(config.axes(), config.when_invalid, epoch) {
   server_.config = config;
   server_.desk = desk;
   server_.rate_hz = rate_hz;
   use(std::move(model));
   for (const auto& target : config.targets) {
-    if (const auto peer = parse_peer(target)) registry_.add_fixed(*peer, config.default_bitstream(), epoch);
+    if (const auto peer = parse_peer(target))
+      registry_.add_fixed(*peer, config.default_bitstream(), epoch);
   }
 }
 
@@ -42,12 +46,13 @@ void Conversation::set_ports(std::uint16_t port, std::uint16_t multicast_command
 
 void Conversation::use(std::shared_ptr<const SceneModel> model) {
   server_.model = std::move(model);
-  server_.announced = announced_bodies(*server_.model, server_.config.name_rule(), server_.config.aliases);
+  server_.announced =
+      announced_bodies(*server_.model, server_.config.name_rule(), server_.config.aliases);
   for (auto& encoded : models_) encoded.clear();
 }
 
-Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, const Peer& from, Channel channel,
-                                          Instant now) {
+Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, const Peer& from,
+                                          Channel channel, Instant now) {
   Turn turn{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
   const auto request = decode_request(datagram);
   if (!request) {
@@ -56,7 +61,8 @@ Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, c
   }
   if (channel == Channel::kUnicast) meet_again(turn);
   const Bytes answer = std::visit([&](const auto& what) { return on(what, turn); }, *request);
-  if (answer.empty() || guard_.may_answer(from, answer.size(), !turn.before.known, now)) return answer;
+  if (answer.empty() || guard_.may_answer(from, answer.size(), !turn.before.known, now))
+    return answer;
   ++unanswered_.too_much;
   return {};
 }
@@ -74,7 +80,8 @@ Conversation::Bytes Conversation::on(const ConnectRequest& request, Turn& turn) 
   const Bitstream version = version_for(request.versions, turn);
   guard_.promise(turn.from, version);
   if (turn.channel == Channel::kMulticast) return info(version, turn);
-  // An empty one is also what clients send that only ask, and then take the next datagram for an answer.
+  // An empty one is also what clients send that only ask, and then take the next datagram for an
+  // answer.
   if (!request.empty) subscribe(turn, version, request.name, turn.now + kHold);
   if (turn.subscriber != nullptr) {
     turn.subscriber->version = version;
@@ -89,14 +96,17 @@ Conversation::Bytes Conversation::on(const DiscoveryRequest& request, Turn& turn
 
 Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Turn& turn) {
   if (turn.channel == Channel::kMulticast) return {};
-  // After a restart of the server a client goes on with these; it keeps reading the version it was told then.
+  // After a restart of the server a client goes on with these; it keeps reading the version it was
+  // told then.
   const bool told = turn.before.version != Bitstream{};
-  subscribe(turn, told ? turn.before.version : version_for(request.versions, turn), request.name, turn.now);
+  subscribe(turn, told ? turn.before.version : version_for(request.versions, turn), request.name,
+            turn.now);
   return {};
 }
 
 Conversation::Bytes Conversation::on(const DisconnectRequest&, Turn& turn) {
-  if (turn.subscriber != nullptr && registry_.remove(turn.from)) log::info("natnet", text_of(turn.from) + " left");
+  if (turn.subscriber != nullptr && registry_.remove(turn.from))
+    log::info("natnet", text_of(turn.from) + " left");
   return {};
 }
 
@@ -121,10 +131,13 @@ Conversation::Bytes Conversation::on(const FrameRequest&, Turn& turn) {
 
 Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) {
   if (CommandWords::is_legacy_check(request.text)) {
-    log::debug("natnet", text_of(turn.from) + ": its NatNet library is too old for this server, it needs 4.1 or later");
+    log::debug("natnet",
+               text_of(turn.from) +
+                   ": its NatNet library is too old for this server, it needs 4.1 or later");
   }
-  auto answer = words_.answer(request.text, server_,
-                              {turn.from, turn.channel == Channel::kMulticast, version_of(turn), turn.subscriber});
+  auto answer = words_.answer(
+      request.text, server_,
+      {turn.from, turn.channel == Channel::kMulticast, version_of(turn), turn.subscriber});
   if (answer.switch_to) switch_to(*answer.switch_to, turn);
   if (answer.leaves && turn.subscriber != nullptr && registry_.remove(turn.from)) {
     log::info("natnet", text_of(turn.from) + " left");
@@ -133,7 +146,8 @@ Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) 
   return say(std::move(answer.datagram));
 }
 
-void Conversation::subscribe(Turn& turn, Bitstream version, const std::string& name, Instant frames_from) {
+void Conversation::subscribe(Turn& turn, Bitstream version, const std::string& name,
+                             Instant frames_from) {
   if (turn.subscriber == nullptr) {
     turn.subscriber = registry_.add(turn.from, !turn.before.known, turn.now);
     if (turn.subscriber == nullptr) {
@@ -167,7 +181,8 @@ Bitstream Conversation::version_of(const Turn& turn) const {
 
 Conversation::Bytes Conversation::info(Bitstream version, const Turn& turn) {
   const NatNetConfig& config = server_.config;
-  return say(encode(ServerInfo{kApplicationVersion, version, config.data_port, turn.channel == Channel::kMulticast,
+  return say(encode(ServerInfo{kApplicationVersion, version, config.data_port,
+                               turn.channel == Channel::kMulticast,
                                octets(parse_address(config.multicast_group).value_or(0))}));
 }
 
@@ -187,8 +202,8 @@ void Conversation::take(std::shared_ptr<const SceneFrame> frame, Instant now) {
 
 Conversation::Bytes Conversation::frame_for(const Subscriber& subscriber, Instant now) {
   if (!server_.frame || now < subscriber.frames_from) return {};
-  const Bytes bytes = frame({frame_layout(subscriber.version), now < subscriber.bitstream_changed_until,
-                             &subscriber.selection},
+  const Bytes bytes = frame({frame_layout(subscriber.version),
+                             now < subscriber.bitstream_changed_until, &subscriber.selection},
                             now);
   return subscriber.stranger && !guard_.may_send_to_stranger(bytes.size(), now) ? Bytes{} : bytes;
 }
@@ -200,7 +215,8 @@ Conversation::Bytes Conversation::multicast_frame(Instant now) {
 
 Conversation::Bytes Conversation::frame(const FrameProfile& profile, Instant now) {
   if (!loaded_) {
-    const int bits = (recording_ ? FrameBits::kRecording : 0) | (now < model_changed_until_ ? FrameBits::kModelChanged : 0);
+    const int bits = (recording_ ? FrameBits::kRecording : 0) |
+                     (now < model_changed_until_ ? FrameBits::kModelChanged : 0);
     encoder_.load(*server_.frame, now, static_cast<std::int16_t>(bits));
     loaded_ = true;
   }

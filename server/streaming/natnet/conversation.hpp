@@ -17,7 +17,8 @@
 
 namespace fiducap::natnet {
 
-/// Which of the two command ports a request came to: clients are told whether they have to join the group.
+/// Which of the two command ports a request came to: clients are told whether they have to join the
+/// group.
 enum class Channel { kUnicast, kMulticast };
 
 /// Requests that got no answer, by reason.
@@ -27,7 +28,8 @@ struct Unanswered {
   std::uint64_t full{};      ///< No place for another client.
 };
 
-/// The conversation with all clients and the frames they get: datagram in → datagram out, time passed in, no socket.
+/// The conversation with all clients and the frames they get: datagram in → datagram out, time
+/// passed in, no socket.
 ///
 /// Answers and frames are views that live until the next call.
 class Conversation final {
@@ -39,12 +41,12 @@ class Conversation final {
 
   /// @param key  random for each start of the server
   /// @param epoch  where the frames' seconds begin
-  Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model, OperatorDesk* desk, double rate_hz,
-               std::uint64_t key, Instant epoch);
+  Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
+               OperatorDesk* desk, double rate_hz, std::uint64_t key, Instant epoch);
 
   /// @return the answer; empty: none
-  [[nodiscard]] std::span<const std::byte> receive(std::span<const std::byte> datagram, const Peer& from,
-                                                   Channel channel, Instant now);
+  [[nodiscard]] std::span<const std::byte> receive(std::span<const std::byte> datagram,
+                                                   const Peer& from, Channel channel, Instant now);
 
   /// The frame that `frame_for` and `multicast_frame` are about from now on.
   void take(std::shared_ptr<const SceneFrame> frame, Instant now);
@@ -97,7 +99,7 @@ class Conversation final {
   ReflectionGuard guard_;
   CommandWords words_;
   FrameEncoder encoder_;
-  bool loaded_{false};  ///< The encoder has server_.frame.
+  bool loaded_{false};                          ///< The encoder has server_.frame.
   std::array<Datagram, kModelLayouts> models_;  ///< Encoded when first asked for.
   Datagram answer_;
   Unanswered unanswered_;

@@ -15,23 +15,29 @@ namespace {
 constexpr float kLeastMeanError = 1e-6F;
 constexpr std::int16_t kTrackingValid = 1;
 
-// One body from 3.0 on: i32 id, f32 position[3], f32 quaternion[4] x y z w, f32 mean error, i16 params. Older layouts are
-// made of the same pieces, with the count of the body's markers in between.
+// One body from 3.0 on: i32 id, f32 position[3], f32 quaternion[4] x y z w, f32 mean error, i16
+// params. Older layouts are made of the same pieces, with the count of the body's markers in
+// between.
 constexpr std::size_t kRecordSize = 38;
 constexpr std::size_t kPosePart = 32;
 constexpr std::size_t kErrorPart = 4;
 
-// Empty sections around the rigid bodies: marker sets and other markers before; skeletons, (assets,) labeled markers,
-// (force plates,) (devices) after. From 4.1 on each count is followed by the size in bytes.
+// Empty sections around the rigid bodies: marker sets and other markers before; skeletons,
+// (assets,) labeled markers, (force plates,) (devices) after. From 4.1 on each count is followed by
+// the size in bytes.
 constexpr std::size_t kSectionsBefore = 2;
 std::size_t sections_after(FrameLayout layout) {
   switch (layout) {
     case FrameLayout::k2_5:
     case FrameLayout::k2_6:
-    case FrameLayout::k2_7: return 2;
-    case FrameLayout::k2_9: return 3;
-    case FrameLayout::k3_0: return 4;
-    case FrameLayout::k4_1: return 5;
+    case FrameLayout::k2_7:
+      return 2;
+    case FrameLayout::k2_9:
+      return 3;
+    case FrameLayout::k3_0:
+      return 4;
+    case FrameLayout::k4_1:
+      return 5;
   }
   return 0;
 }
@@ -44,7 +50,8 @@ bool usable(const BodyPose& body) {
 
 float mean_error_of(const BodyPose& body) {
   const double sigma = body.position_sigma_m();
-  return std::isfinite(sigma) ? std::max(kLeastMeanError, static_cast<float>(sigma)) : kLeastMeanError;
+  return std::isfinite(sigma) ? std::max(kLeastMeanError, static_cast<float>(sigma))
+                              : kLeastMeanError;
 }
 
 bool wants(const FrameProfile& profile, int id) {
@@ -76,8 +83,8 @@ void FrameEncoder::load(const SceneFrame& frame, Instant sent_at, std::int16_t b
   number_ = static_cast<std::int32_t>(frame.number & 0x7fffffff);
   const Instant received = std::max(frame.at, frame.published_at);
   const Instant sent = std::max(received, sent_at);
-  stamps_ = {to_seconds(frame.at - epoch_), static_cast<float>(to_seconds(sent - frame.at)), ticks(frame.at),
-             ticks(received), ticks(sent)};
+  stamps_ = {to_seconds(frame.at - epoch_), static_cast<float>(to_seconds(sent - frame.at)),
+             ticks(frame.at), ticks(received), ticks(sent)};
   bits_ = bits;
   const std::size_t bodies = std::min(frame.bodies.size(), kMaxBodies);
   last_valid_.resize(bodies);
@@ -119,13 +126,15 @@ std::span<const std::byte> FrameEncoder::encode(const FrameProfile& profile) {
 
 FrameEncoder::Encoded& FrameEncoder::place_for(const FrameProfile& profile) {
   if (profile.selection == nullptr || profile.selection->is_everything()) {
-    return everything_[2 * static_cast<std::size_t>(profile.layout) + (profile.bitstream_changed ? 1 : 0)];
+    return everything_[2 * static_cast<std::size_t>(profile.layout) +
+                       (profile.bitstream_changed ? 1 : 0)];
   }
   Encoded* free = nullptr;
   for (auto& encoded : selections_) {
     if (!encoded.fresh) {
       if (free == nullptr) free = &encoded;
-    } else if (encoded.layout == profile.layout && encoded.bitstream_changed == profile.bitstream_changed &&
+    } else if (encoded.layout == profile.layout &&
+               encoded.bitstream_changed == profile.bitstream_changed &&
                encoded.selection == *profile.selection) {
       return encoded;
     }
@@ -156,7 +165,8 @@ void FrameEncoder::write_bodies(const FrameProfile& profile, std::vector<std::by
   const auto count = std::count_if(records_.begin(), records_.end(), shown);
   LittleEndianWriter out(bytes);
   out.i32(static_cast<std::int32_t>(count));
-  if (layout >= FrameLayout::k4_1) out.i32(static_cast<std::int32_t>(count) * static_cast<std::int32_t>(kRecordSize));
+  if (layout >= FrameLayout::k4_1)
+    out.i32(static_cast<std::int32_t>(count) * static_cast<std::int32_t>(kRecordSize));
   const std::span all(record_bytes_);
   if (layout >= FrameLayout::k3_0 && static_cast<std::size_t>(count) == records_.size()) {
     out.bytes(all);
@@ -174,8 +184,10 @@ void FrameEncoder::write_suffix(const FrameProfile& profile, std::vector<std::by
   out.u32(0).u32(0);  // no timecode
   if (layout == FrameLayout::k2_6) out.f32(static_cast<float>(stamps_.seconds));
   if (layout >= FrameLayout::k2_7) out.f64(stamps_.seconds);
-  if (layout >= FrameLayout::k3_0) out.i64(stamps_.mid_exposure).i64(stamps_.data_received).i64(stamps_.transmit);
-  if (layout >= FrameLayout::k4_1) out.u32(0).u32(0);  // no PTP time; two clients take anything else for params
+  if (layout >= FrameLayout::k3_0)
+    out.i64(stamps_.mid_exposure).i64(stamps_.data_received).i64(stamps_.transmit);
+  if (layout >= FrameLayout::k4_1)
+    out.u32(0).u32(0);  // no PTP time; two clients take anything else for params
   const int bits = bits_ | (profile.bitstream_changed ? FrameBits::kBitstreamChanged : 0);
   if (layout >= FrameLayout::k2_6) out.i16(static_cast<std::int16_t>(bits));
   out.i32(0);

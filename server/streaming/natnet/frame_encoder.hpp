@@ -32,11 +32,13 @@ struct FrameProfile {
 
 /// A scene frame as FRAMEOFDATA, once per distinct profile.
 ///
-/// `load`, then `encode` for every profile that has clients. Poses are changed into the clients' axes once per frame,
-/// and each profile is written once, however many clients it has. Keeps its memory: after warm-up nothing is allocated.
+/// `load`, then `encode` for every profile that has clients. Poses are changed into the clients'
+/// axes once per frame, and each profile is written once, however many clients it has. Keeps its
+/// memory: after warm-up nothing is allocated.
 class FrameEncoder final {
  public:
-  /// @param epoch  where the frames' time stamp in seconds begins: small numbers, for 2.6 carries them as float
+  /// @param epoch  where the frames' time stamp in seconds begins: small numbers, for 2.6 carries
+  /// them as float
   FrameEncoder(const OutputAxes& axes, WhenInvalid when_invalid, Instant epoch);
 
   /// @param sent_at  the transmit stamp; never before the frame was made
@@ -92,7 +94,7 @@ class FrameEncoder final {
   std::vector<Record> records_;
   std::vector<std::byte> record_bytes_;
   std::array<Encoded, 2 * kLayouts> everything_;  ///< By layout, bitstream changed or not.
-  std::deque<Encoded> selections_;                ///< Those that leave bodies out; grows to the most at once.
+  std::deque<Encoded> selections_;  ///< Those that leave bodies out; grows to the most at once.
 };
 
 }  // namespace fiducap::natnet

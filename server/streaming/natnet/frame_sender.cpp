@@ -27,11 +27,13 @@ Expected<void> use_multicast(int socket, const NatNetConfig& config) {
   const auto card = multicast_interface(config);
   if (!card) return tl::unexpected(card.error());
   const in_addr leave_by{htonl(*card)};
-  const bool done = ::setsockopt(socket, IPPROTO_IP, IP_MULTICAST_IF, &leave_by, sizeof(leave_by)) == 0 &&
-                    set(socket, IP_MULTICAST_LOOP, 1) && set(socket, IP_MULTICAST_TTL, config.multicast_ttl);
+  const bool done =
+      ::setsockopt(socket, IPPROTO_IP, IP_MULTICAST_IF, &leave_by, sizeof(leave_by)) == 0 &&
+      set(socket, IP_MULTICAST_LOOP, 1) && set(socket, IP_MULTICAST_TTL, config.multicast_ttl);
   if (done) return {};
-  return fail(ErrorCode::kUnavailable, "cannot send multicast by this interface (" + std::string(std::strerror(errno)) +
-                                           "); set it to the address of one that can (`ip maddr` lists them)",
+  return fail(ErrorCode::kUnavailable,
+              "cannot send multicast by this interface (" + std::string(std::strerror(errno)) +
+                  "); set it to the address of one that can (`ip maddr` lists them)",
               "streaming.natnet.multicast_interface");
 }
 
@@ -57,13 +59,16 @@ Expected<FrameSender> FrameSender::open(boost::asio::io_context& io, const NatNe
   boost::system::error_code ignored;  // a smaller buffer only means counted drops earlier
   socket->set_option(boost::asio::socket_base::send_buffer_size(kSendBuffer), ignored);
   if (config.multicast) {
-    if (const auto ready = use_multicast(native, config); !ready) return tl::unexpected(ready.error());
+    if (const auto ready = use_multicast(native, config); !ready)
+      return tl::unexpected(ready.error());
   }
-  const auto most = static_cast<std::size_t>(config.max_clients + Registry::kMaxStrangers) + config.targets.size() + 1;
+  const auto most = static_cast<std::size_t>(config.max_clients + Registry::kMaxStrangers) +
+                    config.targets.size() + 1;
   return FrameSender(std::move(*socket), most);
 }
 
-FrameSender::FrameSender(boost::asio::ip::udp::socket socket, std::size_t most) : socket_(std::move(socket)) {
+FrameSender::FrameSender(boost::asio::ip::udp::socket socket, std::size_t most)
+    : socket_(std::move(socket)) {
   addresses_.reserve(most);
 }
 
@@ -91,7 +96,8 @@ std::optional<Peer> FrameSender::next_refused() {
     message.msg_namelen = sizeof(to);
     message.msg_control = control.data();
     message.msg_controllen = control.size();
-    if (::recvmsg(socket_.native_handle(), &message, MSG_ERRQUEUE | MSG_DONTWAIT) < 0) return std::nullopt;
+    if (::recvmsg(socket_.native_handle(), &message, MSG_ERRQUEUE | MSG_DONTWAIT) < 0)
+      return std::nullopt;
     if (const auto peer = refused_peer(message, to)) return peer;
   }
   return std::nullopt;

@@ -16,12 +16,15 @@
 
 namespace fiducap::natnet {
 
-/// The socket that frames leave by: one system call for all clients, frames above the MTU in IP fragments.
+/// The socket that frames leave by: one system call for all clients, frames above the MTU in IP
+/// fragments.
 ///
-/// Never the command socket: the vendor's library ignores unicast frames that come from the command port.
+/// Never the command socket: the vendor's library ignores unicast frames that come from the command
+/// port.
 class FrameSender final {
  public:
-  [[nodiscard]] static Expected<FrameSender> open(boost::asio::io_context& io, const NatNetConfig& config);
+  [[nodiscard]] static Expected<FrameSender> open(boost::asio::io_context& io,
+                                                  const NatNetConfig& config);
 
   void clear();
   /// The bytes live until `send`. @pre not more than `most` since `clear`

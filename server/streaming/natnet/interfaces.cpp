@@ -31,7 +31,8 @@ std::vector<Card> cards() {
     const bool usable = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
     if (!usable || one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
     const bool broadcasts = (one->ifa_flags & IFF_BROADCAST) != 0 && one->ifa_broadaddr != nullptr;
-    found.push_back({one->ifa_name, address_in(one->ifa_addr), broadcasts ? address_in(one->ifa_broadaddr) : 0,
+    found.push_back({one->ifa_name, address_in(one->ifa_addr),
+                     broadcasts ? address_in(one->ifa_broadaddr) : 0,
                      (one->ifa_flags & IFF_MULTICAST) != 0});
   }
   return found;
@@ -56,7 +57,8 @@ std::vector<std::string> broadcast_addresses(const std::string& address) {
 }
 
 Expected<std::uint32_t> multicast_interface(const NatNetConfig& config) {
-  const auto named = parse_address(config.multicast_interface.empty() ? config.address : config.multicast_interface);
+  const auto named = parse_address(config.multicast_interface.empty() ? config.address
+                                                                      : config.multicast_interface);
   if (named && *named != INADDR_ANY) return *named;
   std::vector<Card> able;
   for (const Card& card : cards()) {
@@ -65,9 +67,12 @@ Expected<std::uint32_t> multicast_interface(const NatNetConfig& config) {
   if (able.empty()) return INADDR_LOOPBACK;
   if (able.size() == 1) return able.front().address;
   std::string choices;
-  for (const Card& card : able) choices += (choices.empty() ? "" : ", ") + dotted(card.address) + " (" + card.name + ")";
-  return fail(ErrorCode::kInvalid, "this machine has several network cards; set it to the one the clients are on: " + choices,
-              "streaming.natnet.multicast_interface");
+  for (const Card& card : able)
+    choices += (choices.empty() ? "" : ", ") + dotted(card.address) + " (" + card.name + ")";
+  return fail(
+      ErrorCode::kInvalid,
+      "this machine has several network cards; set it to the one the clients are on: " + choices,
+      "streaming.natnet.multicast_interface");
 }
 
 }  // namespace fiducap::natnet

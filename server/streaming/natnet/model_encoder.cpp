@@ -29,7 +29,8 @@ std::size_t body_size(const std::string& name, ModelLayout layout) {
 std::size_t packet_size(std::span<const BodyDescription> bodies, ModelLayout layout) {
   std::size_t size = kCount;
   for (const auto& body : bodies) {
-    size += sizeof(kRigidBody) + (layout >= ModelLayout::k4_1 ? kCount : 0) + body_size(body.name, layout);
+    size += sizeof(kRigidBody) + (layout >= ModelLayout::k4_1 ? kCount : 0) +
+            body_size(body.name, layout);
   }
   return size;
 }
@@ -42,7 +43,8 @@ void write_body(const BodyDescription& body, ModelLayout layout, LittleEndianWri
   if (layout >= ModelLayout::k3_0) out.i32(0);  // markers
 }
 
-std::vector<BodyDescription> with_names(const SceneModel& model, const std::vector<std::string>& names) {
+std::vector<BodyDescription> with_names(const SceneModel& model,
+                                        const std::vector<std::string>& names) {
   std::vector<BodyDescription> bodies;
   for (std::size_t i = 0; i < names.size(); ++i) bodies.push_back({model.bodies[i].id, names[i]});
   return bodies;
@@ -58,13 +60,14 @@ std::vector<BodyDescription> announced_bodies(const SceneModel& model, const Nam
   fit.max_bytes = std::min(rule.max_bytes, kMaxName);
   auto bodies = with_names(shown, client_names(shown, fit, aliases));
   if (packet_size(bodies, ModelLayout::k4_2) <= kMaxPayload) return bodies;
-  const std::size_t bare =
-      packet_size(with_names(shown, std::vector<std::string>(shown.bodies.size())), ModelLayout::k4_2);
+  const std::size_t bare = packet_size(
+      with_names(shown, std::vector<std::string>(shown.bodies.size())), ModelLayout::k4_2);
   fit.max_bytes = (kMaxPayload - bare) / shown.bodies.size();
   return with_names(shown, client_names(shown, fit, aliases));
 }
 
-std::vector<std::byte> encode_model(std::span<const BodyDescription> bodies, ModelLayout layout, std::uint32_t types) {
+std::vector<std::byte> encode_model(std::span<const BodyDescription> bodies, ModelLayout layout,
+                                    std::uint32_t types) {
   if ((types & ModelRequest::kRigidBodies) == 0) bodies = {};
   const std::size_t payload = packet_size(bodies, layout);
   FIDUCAP_ASSERT(payload <= kMaxPayload);

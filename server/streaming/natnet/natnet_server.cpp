@@ -37,8 +37,9 @@ class NatNetServer final : public std::enable_shared_from_this<NatNetServer> {
         sockets_(std::move(sockets)),
         sender_(std::move(sender)),
         conversation_(std::move(conversation)),
-        group_(config.multicast ? parse_peer(config.multicast_group + ":" + std::to_string(config.data_port))
-                                : std::nullopt) {
+        group_(config.multicast
+                   ? parse_peer(config.multicast_group + ":" + std::to_string(config.data_port))
+                   : std::nullopt) {
     conversation_.set_ports(port(Channel::kUnicast), port(Channel::kMulticast));
     addressees_.reserve(conversation_.subscribers().size());
   }
@@ -69,7 +70,8 @@ class NatNetServer final : public std::enable_shared_from_this<NatNetServer> {
   CommandSocket& answering(Channel channel);
 
   const Clock& clock_;
-  std::vector<CommandSocket> sockets_;  ///< The one of each channel first, then those that hear broadcasts.
+  std::vector<CommandSocket>
+      sockets_;  ///< The one of each channel first, then those that hear broadcasts.
   FrameSender sender_;
   Conversation conversation_;
   std::optional<Peer> group_;
@@ -82,13 +84,13 @@ class NatNetServer final : public std::enable_shared_from_this<NatNetServer> {
 };
 
 void NatNetServer::listen(std::size_t socket) {
-  sockets_[socket].socket().async_wait(
-      asio::ip::udp::socket::wait_read, [weak = weak_from_this(), socket](const error_code& error) {
-        const auto self = weak.lock();
-        if (!self || error || self->stopped_) return;
-        self->answer_requests(self->sockets_[socket]);
-        self->listen(socket);
-      });
+  sockets_[socket].socket().async_wait(asio::ip::udp::socket::wait_read,
+                                       [weak = weak_from_this(), socket](const error_code& error) {
+                                         const auto self = weak.lock();
+                                         if (!self || error || self->stopped_) return;
+                                         self->answer_requests(self->sockets_[socket]);
+                                         self->listen(socket);
+                                       });
 }
 
 void NatNetServer::answer_requests(CommandSocket& socket) {
@@ -96,7 +98,8 @@ void NatNetServer::answer_requests(CommandSocket& socket) {
   for (int i = 0; i < kRequestsPerTurn; ++i) {
     const auto received = socket.receive(request_);
     if (!received) return;
-    const auto answer = conversation_.receive(received->datagram, received->from, socket.channel(), clock_.now());
+    const auto answer =
+        conversation_.receive(received->datagram, received->from, socket.channel(), clock_.now());
     if (!answer.empty()) out.send(answer, received->from, received->to);
   }
 }
@@ -133,7 +136,8 @@ void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
 
 void NatNetServer::forget_the_gone(Instant now) {
   while (const auto peer = sender_.next_refused()) {
-    if (conversation_.gone(*peer)) log::info("natnet", text_of(*peer) + " is gone: its port is closed");
+    if (conversation_.gone(*peer))
+      log::info("natnet", text_of(*peer) + " is gone: its port is closed");
   }
   if (const auto silent = conversation_.expire(now); silent > 0) {
     log::info("natnet", std::to_string(silent) + " client(s) fell silent and were forgotten");
@@ -158,12 +162,13 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
     std::string detail = "bitstream " + fiducap::natnet::text_of(one.version) + ", " + axes;
     if (!one.name.empty()) detail = one.name + ", " + detail;
     if (!one.selection.is_everything()) detail += ", some bodies";
-    out.push_back({"natnet", text_of(one.peer) + " udp", std::move(detail), one.frames_sent, one.frames_dropped,
-                   to_seconds(now - one.since)});
+    out.push_back({"natnet", text_of(one.peer) + " udp", std::move(detail), one.frames_sent,
+                   one.frames_dropped, to_seconds(now - one.since)});
   }
   if (!group_) return;
-  out.push_back({"natnet", text_of(*group_) + " multicast", "bitstream " + config.bitstream + ", " + axes, group_sent_,
-                 group_dropped_, group_since_ ? to_seconds(now - *group_since_) : 0.0});
+  out.push_back({"natnet", text_of(*group_) + " multicast",
+                 "bitstream " + config.bitstream + ", " + axes, group_sent_, group_dropped_,
+                 group_since_ ? to_seconds(now - *group_since_) : 0.0});
 }
 
 class Handle final : public NatNetStreamer {
@@ -175,10 +180,14 @@ class Handle final : public NatNetStreamer {
 
   [[nodiscard]] std::string_view protocol() const override { return "natnet"; }
   void publish(const std::shared_ptr<const SceneFrame>& frame) override { server_->publish(frame); }
-  void append_clients(std::vector<ClientStatus>& out) const override { server_->append_clients(out); }
+  void append_clients(std::vector<ClientStatus>& out) const override {
+    server_->append_clients(out);
+  }
   void stop() override { server_->stop(); }
   [[nodiscard]] std::uint16_t port() const override { return port_; }
-  [[nodiscard]] std::uint16_t multicast_command_port() const override { return multicast_command_port_; }
+  [[nodiscard]] std::uint16_t multicast_command_port() const override {
+    return multicast_command_port_;
+  }
 
  private:
   std::shared_ptr<NatNetServer> server_;
@@ -187,7 +196,8 @@ class Handle final : public NatNetStreamer {
 };
 
 /// The command sockets of both channels, and those that only hear broadcasts.
-Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io, const NatNetConfig& config) {
+Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io,
+                                                  const NatNetConfig& config) {
   struct Door {
     Channel channel;
     bool open;
@@ -196,10 +206,11 @@ Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io, const Na
   };
   std::vector<CommandSocket> sockets;
   for (const Door& door : {Door{Channel::kUnicast, config.unicast, config.port, "port"},
-                           Door{Channel::kMulticast, config.multicast, config.multicast_command_port,
-                                "multicast_command_port"}}) {
+                           Door{Channel::kMulticast, config.multicast,
+                                config.multicast_command_port, "multicast_command_port"}}) {
     if (!door.open) continue;
-    auto socket = CommandSocket::open(io, {config.address, door.port, "streaming.natnet", door.key}, door.channel);
+    auto socket = CommandSocket::open(io, {config.address, door.port, "streaming.natnet", door.key},
+                                      door.channel);
     if (!socket) return tl::unexpected(socket.error());
     sockets.push_back(std::move(*socket));
   }
@@ -207,7 +218,8 @@ Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io, const Na
   for (std::size_t i = 0; i < doors; ++i) {
     for (const auto& address : broadcast_addresses(config.address)) {
       // Discovery by broadcast is a comfort; without it a client is told the address.
-      auto ear = CommandSocket::open(io, {address, sockets[i].port(), "streaming.natnet"}, sockets[i].channel());
+      auto ear = CommandSocket::open(io, {address, sockets[i].port(), "streaming.natnet"},
+                                     sockets[i].channel());
       if (ear) sockets.push_back(std::move(*ear));
     }
   }
@@ -216,20 +228,21 @@ Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io, const Na
 
 }  // namespace
 
-Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(asio::io_context& io, const NatNetConfig& config,
-                                                              std::shared_ptr<const SceneModel> model,
-                                                              const Clock& clock, OperatorDesk* desk, double rate_hz) {
+Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
+    asio::io_context& io, const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
+    const Clock& clock, OperatorDesk* desk, double rate_hz) {
   if (model->bodies.size() > kMaxBodies) {
     return fail(ErrorCode::kInvalid, "NatNet clients take at most " + std::to_string(kMaxBodies) +
-                                         " bodies, the scene has " + std::to_string(model->bodies.size()));
+                                         " bodies, the scene has " +
+                                         std::to_string(model->bodies.size()));
   }
   auto sockets = open_sockets(io, config);
   if (!sockets) return tl::unexpected(sockets.error());
   auto sender = FrameSender::open(io, config);
   if (!sender) return tl::unexpected(sender.error());
   Conversation conversation(config, std::move(model), desk, rate_hz, random_word(), clock.now());
-  auto server = std::make_shared<NatNetServer>(std::move(*sockets), std::move(*sender), std::move(conversation), config,
-                                               clock);
+  auto server = std::make_shared<NatNetServer>(std::move(*sockets), std::move(*sender),
+                                               std::move(conversation), config, clock);
   server->listen();
   return std::make_unique<Handle>(std::move(server));
 }

@@ -22,15 +22,16 @@ class NatNetStreamer : public Streamer {
   [[nodiscard]] virtual std::uint16_t multicast_command_port() const = 0;
 };
 
-/// NatNet: commands in by UDP, frames out by UDP, to each client that asked or to a multicast group, or both.
+/// NatNet: commands in by UDP, frames out by UDP, to each client that asked or to a multicast
+/// group, or both.
 /// @param desk  for commands that change something; nullptr: none does. Outlives the server.
 /// @param rate_hz  of frames, until the first one says its own
-/// @return Error naming address, port and remedy when it cannot bind, `kInvalid` when the scene has more bodies than
+/// @return Error naming address, port and remedy when it cannot bind, `kInvalid` when the scene has
+/// more bodies than
 ///         NatNet clients take
-[[nodiscard]] Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(boost::asio::io_context& io,
-                                                                            const NatNetConfig& config,
-                                                                            std::shared_ptr<const SceneModel> model,
-                                                                            const Clock& clock, OperatorDesk* desk,
-                                                                            double rate_hz);
+[[nodiscard]] Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
+    boost::asio::io_context& io, const NatNetConfig& config,
+    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk,
+    double rate_hz);
 
 }  // namespace fiducap::natnet

@@ -21,7 +21,8 @@ Expected<OperatorDesk::Body> body_of(const Command& command, const ServerView& s
 std::string shown(std::string_view text) {
   constexpr std::size_t kMost = 60;
   std::string out(text.substr(0, kMost));
-  std::replace_if(out.begin(), out.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  std::replace_if(
+      out.begin(), out.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
   return out;
 }
 
@@ -44,7 +45,8 @@ const OperatorWords::Word OperatorWords::kWords[] = {
     {"SetProperty", &OperatorWords::set_property},
 };
 
-std::optional<Datagram> OperatorWords::answer(const Command& command, const ServerView& server, const Peer& from) {
+std::optional<Datagram> OperatorWords::answer(const Command& command, const ServerView& server,
+                                              const Peer& from) {
   const auto at = std::find_if(std::begin(kWords), std::end(kWords),
                                [&](const Word& word) { return word.text == command.word; });
   if (at == std::end(kWords)) return std::nullopt;
@@ -101,7 +103,8 @@ Expected<void> OperatorWords::reset_orientation(const Command& command, const Se
       if (pose.body_id == body->id && pose.valid) now = &pose;
     }
   }
-  if (now == nullptr) return fail(ErrorCode::kUnavailable, "the body is not tracked: how it stands is not known");
+  if (now == nullptr)
+    return fail(ErrorCode::kUnavailable, "the body is not tracked: how it stands is not known");
   // The pivot turns so that the body, as it stands now, has attitude 1: q_WP q_PP' = 1.
   return server.desk->set_pivot(body->id, {body->X_BP.q * now->X_WP.q.conjugate(), body->X_BP.p});
 }

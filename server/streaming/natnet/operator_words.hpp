@@ -9,12 +9,13 @@
 
 namespace fiducap::natnet {
 
-/// Commands about recordings, bodies and properties. What has a meaning here is done by the OperatorDesk; the answer is
-/// 0 only when it was.
+/// Commands about recordings, bodies and properties. What has a meaning here is done by the
+/// OperatorDesk; the answer is 0 only when it was.
 class OperatorWords final {
  public:
   /// @return nullopt: not one of these words
-  [[nodiscard]] std::optional<Datagram> answer(const Command& command, const ServerView& server, const Peer& from);
+  [[nodiscard]] std::optional<Datagram> answer(const Command& command, const ServerView& server,
+                                               const Peer& from);
 
  private:
   using Handler = Expected<void> (OperatorWords::*)(const Command&, const ServerView&);

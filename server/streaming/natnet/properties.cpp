@@ -13,7 +13,8 @@ namespace {
 std::string plain(std::string_view name) {
   std::string out;
   for (const char c : name) {
-    if (c != ' ' && c != '_' && c != '-') out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (c != ' ' && c != '_' && c != '-')
+      out += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   }
   return out;
 }
@@ -42,7 +43,8 @@ bool is_active(const std::string& name) { return is_one_of(name, {"active", "ena
 bool is_tracked(int id, const ServerView& server) {
   if (!server.frame) return false;
   const auto& bodies = server.frame->bodies;
-  return std::any_of(bodies.begin(), bodies.end(), [&](const BodyPose& body) { return body.body_id == id && body.valid; });
+  return std::any_of(bodies.begin(), bodies.end(),
+                     [&](const BodyPose& body) { return body.body_id == id && body.valid; });
 }
 
 std::optional<std::string> body_property(const OperatorDesk::Body& body, const std::string& name,
@@ -56,14 +58,17 @@ std::optional<std::string> body_property(const OperatorDesk::Body& body, const s
 
 std::optional<std::string> server_property(const std::string& name, const ServerView& server) {
   const NatNetConfig& config = server.config;
-  if (is_one_of(name, {"framerate", "masterrate", "camerarate", "rate"})) return text_of(server.rate_hz);
+  if (is_one_of(name, {"framerate", "masterrate", "camerarate", "rate"}))
+    return text_of(server.rate_hz);
   if (name == "upaxis") return config.up == UpAxis::kY ? "Y Axis" : "Z Axis";
   if (name == "units") return "Meters";
   if (is_one_of(name, {"bitstream", "bitstreamversion", "natnetversion"})) return config.bitstream;
   if (is_one_of(name, {"name", "application"})) return "Fiducap";
   if (name == "dataport") return std::to_string(config.data_port);
-  if (name == "commandport") return std::to_string(config.unicast ? config.port : config.multicast_command_port);
-  if (is_one_of(name, {"multicastaddress", "multicastinterface", "multicastgroup"})) return config.multicast_group;
+  if (name == "commandport")
+    return std::to_string(config.unicast ? config.port : config.multicast_command_port);
+  if (is_one_of(name, {"multicastaddress", "multicastinterface", "multicastgroup"}))
+    return config.multicast_group;
   if (name == "transmissiontype") return config.unicast ? "Unicast" : "Multicast";
   return std::nullopt;
 }
@@ -80,13 +85,15 @@ std::optional<std::string> get_property(const Command& command, const ServerView
 
 Expected<void> set_property(const Command& command, const ServerView& server) {
   if (command.count < 3 || command[0].empty()) {
-    return fail(ErrorCode::kUnsupported, "the server's own properties are set in its configuration");
+    return fail(ErrorCode::kUnsupported,
+                "the server's own properties are set in its configuration");
   }
   const auto body = find_body(server, command[0]);
   if (!body) return fail(ErrorCode::kNotFound, "no body of this name or id");
   const std::string name = plain(command[1]);
   if (name == "name") return server.desk->rename(body->id, std::string(command[2]));
-  if (!is_active(name)) return fail(ErrorCode::kUnsupported, "only Name and Active of a body can be set");
+  if (!is_active(name))
+    return fail(ErrorCode::kUnsupported, "only Name and Active of a body can be set");
   const auto wanted = read_bool(command[2]);
   if (!wanted) return fail(ErrorCode::kInvalid, "Active is true or false");
   return server.desk->set_enabled(body->id, *wanted);

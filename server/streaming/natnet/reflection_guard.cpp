@@ -4,7 +4,8 @@
 
 namespace fiducap::natnet {
 
-ReflectionGuard::ReflectionGuard(std::uint64_t key) : key_(key), tables_(std::make_unique<Tables>()) {}
+ReflectionGuard::ReflectionGuard(std::uint64_t key)
+    : key_(key), tables_(std::make_unique<Tables>()) {}
 
 void ReflectionGuard::Bucket::flow(Instant now, double per_second) {
   const double waited_s = std::max(0.0, to_seconds(now - used_at));
@@ -12,9 +13,11 @@ void ReflectionGuard::Bucket::flow(Instant now, double per_second) {
   used_at = now;
 }
 
-ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size_t bytes, Instant now) {
+ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size_t bytes,
+                                                     Instant now) {
   Seen& seen = place_of(from);
-  const bool known = seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kAcquaintance;
+  const bool known =
+      seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kAcquaintance;
   if (!known) {
     seen = {from, {}, 0};
     strangers_.flow(now, kStrangerBytes_s);
@@ -29,6 +32,7 @@ void ReflectionGuard::promise(const Peer& to, Bitstream version) {
 }
 
 bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool stranger, Instant now) {
+  if (to.is_loopback()) return true;
   Bucket& bucket = tables_->addresses[hash(to.address) % kBuckets];
   bucket.flow(now, kAddressBytes_s);
   if (bucket.spent + static_cast<double>(bytes) > kAddressBurst) return false;

@@ -11,20 +11,25 @@
 
 namespace fiducap::natnet {
 
-/// Keeps the server from being used against others. NatNet has no handshake: whoever can forge a source address can ask
-/// in another's name, and answers are longer than questions. So:
+/// Keeps the server from being used against others. NatNet has no handshake: whoever can forge a
+/// source address can ask in another's name, and answers are longer than questions. So:
 ///
-/// - An address and port that was heard only once is a stranger. All strangers together get no more bytes than they
+/// - An address and port that was heard only once is a stranger. All strangers together get no more
+/// bytes than they
 ///   sent plus `kStrangerBytes_s`. Real clients speak twice within a second.
-/// - One address gets at most `kAddressBytes_s` of answers (frames do not count, their rate is fixed).
+/// - One address gets at most `kAddressBytes_s` of answers (frames do not count, their rate is
+/// fixed). This machine's
+///   own addresses have no limit: nobody outside can ask in their name.
 ///
 /// Fixed tables, keyed so that nobody can choose with whom he shares a place. Memory never grows.
 class ReflectionGuard final {
  public:
   static constexpr double kStrangerBytes_s = 32e3;
-  static constexpr double kStrangerBurst = 128e3;  // one full MODELDEF for a client that asks nothing else first
-  static constexpr double kAddressBytes_s = 1e6;
-  static constexpr double kAddressBurst = 4e6;     // 64 clients of one computer fetch 1000 bodies at once
+  static constexpr double kStrangerBurst =
+      128e3;  // one full MODELDEF for a client that asks nothing else first
+  static constexpr double kAddressBytes_s = 64e3;
+  static constexpr double kAddressBurst =
+      1e6;  // 16 clients of one computer fetch 1000 bodies at once
   static constexpr Duration kAcquaintance = std::chrono::seconds(15);
 
   /// @param key  random for each start of the server
@@ -56,7 +61,8 @@ class ReflectionGuard final {
     Bitstream version;
     std::int64_t at_ns{-1};
   };
-  static constexpr std::size_t kSeen = 16384;  // at 10 000 forged datagrams a second real ones still meet again
+  static constexpr std::size_t kSeen =
+      16384;  // at 10 000 forged datagrams a second real ones still meet again
   static constexpr std::size_t kBuckets = 1024;
   struct Tables {
     std::array<Seen, kSeen> seen{};

@@ -10,7 +10,9 @@ constexpr std::size_t kMostFixed = 64;
 
 bool is_client(const Subscriber& one) { return !one.stranger && !one.fixed; }
 
-bool quieter(const Subscriber& one, const Subscriber& other) { return one.heard_at < other.heard_at; }
+bool quieter(const Subscriber& one, const Subscriber& other) {
+  return one.heard_at < other.heard_at;
+}
 
 }  // namespace
 
@@ -19,8 +21,8 @@ Registry::Registry(const RegistryLimits& limits) : limits_(limits) {
 }
 
 Subscriber* Registry::find(const Peer& peer) {
-  const auto at =
-      std::find_if(subscribers_.begin(), subscribers_.end(), [&](const Subscriber& s) { return s.peer == peer; });
+  const auto at = std::find_if(subscribers_.begin(), subscribers_.end(),
+                               [&](const Subscriber& s) { return s.peer == peer; });
   return at == subscribers_.end() ? nullptr : &*at;
 }
 
@@ -56,17 +58,23 @@ bool Registry::accept(Subscriber& stranger, Instant now) {
 }
 
 bool Registry::remove(const Peer& peer) {
-  return std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == peer && !s.fixed; }) > 0;
+  return std::erase_if(subscribers_,
+                       [&](const Subscriber& s) { return s.peer == peer && !s.fixed; }) > 0;
 }
 
 std::size_t Registry::expire(Instant now) {
-  std::erase_if(subscribers_, [&](const Subscriber& s) { return s.stranger && now - s.heard_at > kStrangerTimeout; });
-  return std::erase_if(subscribers_,
-                       [&](const Subscriber& s) { return is_client(s) && now - s.heard_at > limits_.timeout; });
+  std::erase_if(subscribers_, [&](const Subscriber& s) {
+    return s.stranger && now - s.heard_at > kStrangerTimeout;
+  });
+  return std::erase_if(subscribers_, [&](const Subscriber& s) {
+    return is_client(s) && now - s.heard_at > limits_.timeout;
+  });
 }
 
 bool Registry::make_place(const Peer& peer, Instant now) {
-  const auto of_address = [&](const Subscriber& s) { return is_client(s) && s.peer.address == peer.address; };
+  const auto of_address = [&](const Subscriber& s) {
+    return is_client(s) && s.peer.address == peer.address;
+  };
   const auto clients = std::count_if(subscribers_.begin(), subscribers_.end(), is_client);
   const auto here = std::count_if(subscribers_.begin(), subscribers_.end(), of_address);
   // Nobody can forge this machine's own address from outside.

@@ -14,7 +14,8 @@ struct RegistryLimits {
   Duration timeout{std::chrono::seconds(15)};
 };
 
-/// Who gets frames. Bounded: strangers have a few places of their own and push out each other, never a client.
+/// Who gets frames. Bounded: strangers have a few places of their own and push out each other,
+/// never a client.
 class Registry final {
  public:
   static constexpr int kMaxStrangers = 16;

@@ -9,8 +9,8 @@ namespace fiducap::natnet {
 
 namespace {
 
-// Sender block: char name[256], u8 application version[4], u8 library version[4]; then, from 4.x on, the options:
-// u8 subscribed data only, u8 wanted bitstream[4].
+// Sender block: char name[256], u8 application version[4], u8 library version[4]; then, from 4.x
+// on, the options: u8 subscribed data only, u8 wanted bitstream[4].
 constexpr std::size_t kSenderName = 256;
 constexpr std::size_t kSenderBlock = 264;
 constexpr std::size_t kSenderWithOptions = 269;
@@ -57,7 +57,8 @@ Sender read_sender(std::span<const std::byte> payload) {
 
 Request to_connect(std::span<const std::byte> payload) {
   Sender sender = read_sender(payload);
-  return ConnectRequest{std::move(sender.name), sender.versions, sender.subscribed_data_only, payload.empty()};
+  return ConnectRequest{std::move(sender.name), sender.versions, sender.subscribed_data_only,
+                        payload.empty()};
 }
 
 Request to_keep_alive(std::span<const std::byte> payload) {
@@ -88,17 +89,27 @@ Expected<Request> decode_request(std::span<const std::byte> datagram) {
   const auto rest = datagram.subspan(kHeaderSize);
   const auto payload = rest.first(std::min(announced, rest.size()));
   switch (static_cast<Message>(message)) {
-    case Message::kConnect: return to_connect(payload);
-    case Message::kDiscovery: return DiscoveryRequest{read_sender(payload).versions};
-    case Message::kKeepAlive: return to_keep_alive(payload);
-    case Message::kDisconnect: return DisconnectRequest{};
-    case Message::kEchoRequest: return to_echo(payload);
-    case Message::kRequestModel: return to_model(payload);
-    case Message::kRequestFrame: return FrameRequest{};
-    case Message::kRequest: return CommandRequest{text_until_nul(payload)};
-    default: break;
+    case Message::kConnect:
+      return to_connect(payload);
+    case Message::kDiscovery:
+      return DiscoveryRequest{read_sender(payload).versions};
+    case Message::kKeepAlive:
+      return to_keep_alive(payload);
+    case Message::kDisconnect:
+      return DisconnectRequest{};
+    case Message::kEchoRequest:
+      return to_echo(payload);
+    case Message::kRequestModel:
+      return to_model(payload);
+    case Message::kRequestFrame:
+      return FrameRequest{};
+    case Message::kRequest:
+      return CommandRequest{text_until_nul(payload)};
+    default:
+      break;
   }
-  return fail(ErrorCode::kUnsupported, "expected a request of a client, came message " + std::to_string(message));
+  return fail(ErrorCode::kUnsupported,
+              "expected a request of a client, came message " + std::to_string(message));
 }
 
 }  // namespace fiducap::natnet

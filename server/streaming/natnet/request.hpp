@@ -10,7 +10,8 @@
 #include "base/expected.hpp"
 #include "streaming/natnet/bitstream.hpp"
 
-/// What clients may send, bytes → struct. The layout of every message: wire format reference, NatNet.
+/// What clients may send, bytes → struct. The layout of every message: wire format reference,
+/// NatNet.
 namespace fiducap::natnet {
 
 /// CONNECT (in 2.x: ping).
@@ -41,8 +42,8 @@ struct FrameRequest {};
 struct CommandRequest {
   std::string_view text;  ///< Up to the first NUL. Any bytes; lives as long as the datagram.
 };
-using Request = std::variant<ConnectRequest, DiscoveryRequest, KeepAliveRequest, DisconnectRequest, EchoRequest,
-                             ModelRequest, FrameRequest, CommandRequest>;
+using Request = std::variant<ConnectRequest, DiscoveryRequest, KeepAliveRequest, DisconnectRequest,
+                             EchoRequest, ModelRequest, FrameRequest, CommandRequest>;
 
 /// Lengths in the field are unreliable: the header's counts only down to what came.
 /// @return Error for anything that is no request a client may send

@@ -25,7 +25,8 @@ bool Selection::has(int id) const {
 }
 
 bool Selection::is_everything() const {
-  return by_default() && std::all_of(bodies_.begin(), bodies_.end(), [](const auto& one) { return one.second; });
+  return by_default() &&
+         std::all_of(bodies_.begin(), bodies_.end(), [](const auto& one) { return one.second; });
 }
 
 bool Selection::by_default() const {

@@ -9,8 +9,9 @@ namespace fiducap::natnet {
 
 /// Which bodies one unicast client wants: the outcome of its subscription commands.
 ///
-/// Strongest first: a single body by name or id; all or none of the rigid bodies; all or none of all types; the
-/// server's default, which is everything until the client says "subscribed data only".
+/// Strongest first: a single body by name or id; all or none of the rigid bodies; all or none of
+/// all types; the server's default, which is everything until the client says "subscribed data
+/// only".
 class Selection final {
  public:
   void only_subscribed() { subscribed_only_ = true; }

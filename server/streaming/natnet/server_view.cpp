@@ -10,7 +10,8 @@ namespace {
 std::vector<OperatorDesk::Body> all_bodies(const ServerView& server) {
   if (server.desk != nullptr) return server.desk->bodies();
   std::vector<OperatorDesk::Body> bodies;
-  for (const auto& body : server.model->bodies) bodies.push_back({body.id, body.name, true, Pose{}});
+  for (const auto& body : server.model->bodies)
+    bodies.push_back({body.id, body.name, true, Pose{}});
   return bodies;
 }
 
@@ -26,9 +27,12 @@ std::optional<int> number_in(std::string_view text) {
 bool may_change(const ServerView& server, const Peer& from) {
   if (server.desk == nullptr) return false;
   switch (server.config.remote_control) {
-    case RemoteControl::kOff: return false;
-    case RemoteControl::kLoopback: return from.is_loopback();
-    case RemoteControl::kAll: return true;
+    case RemoteControl::kOff:
+      return false;
+    case RemoteControl::kLoopback:
+      return from.is_loopback();
+    case RemoteControl::kAll:
+      return true;
   }
   return false;
 }

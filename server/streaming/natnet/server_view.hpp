@@ -17,13 +17,15 @@ struct ServerView {
   OperatorDesk* desk{};  ///< nullptr: nothing can be changed.
   double rate_hz{};
   std::shared_ptr<const SceneModel> model;
-  std::vector<BodyDescription> announced;  ///< The model with the names that clients see.
+  std::vector<BodyDescription> announced;   ///< The model with the names that clients see.
   std::shared_ptr<const SceneFrame> frame;  ///< The newest; may be nullptr.
 };
 
 /// May this peer change the server's state? The protocol knows no password.
 [[nodiscard]] bool may_change(const ServerView& server, const Peer& from);
-/// A node of a command: the name that clients see, our own name, or the streaming id. Disabled bodies are found too.
-[[nodiscard]] std::optional<OperatorDesk::Body> find_body(const ServerView& server, std::string_view node);
+/// A node of a command: the name that clients see, our own name, or the streaming id. Disabled
+/// bodies are found too.
+[[nodiscard]] std::optional<OperatorDesk::Body> find_body(const ServerView& server,
+                                                          std::string_view node);
 
 }  // namespace fiducap::natnet

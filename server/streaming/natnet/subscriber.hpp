@@ -15,11 +15,11 @@ struct Subscriber {
   Peer peer;
   std::string name;  ///< As it calls itself, may be empty.
   Bitstream version;
-  bool stranger{};   ///< Heard once: gets frames only as far as ReflectionGuard lets.
-  bool fixed{};      ///< From the configuration: never asked, never forgotten.
+  bool stranger{};  ///< Heard once: gets frames only as far as ReflectionGuard lets.
+  bool fixed{};     ///< From the configuration: never asked, never forgotten.
   Instant since{};
   Instant heard_at{};
-  Instant frames_from{};               ///< Nothing before: a slow start-up takes a frame for an answer.
+  Instant frames_from{};  ///< Nothing before: a slow start-up takes a frame for an answer.
   Instant bitstream_changed_until{};
   Selection selection;
   std::uint64_t frames_sent{};

@@ -6,18 +6,21 @@
 
 namespace fiducap::loop {
 
+struct Gains {
+  double position_1_s;
+  double velocity_1_s;
+  double integral_1_s2;
+  double max_speed_m_s{1.0};
+  double max_integral_m_s2{2.0};
+};
+/// What a feedback with a late velocity still bears, and what a prompt one allows.
+inline constexpr Gains kSoft{2.0, 5.0, 3.0};
+inline constexpr Gains kStiff{2.5, 9.0, 9.0};
+
 /// The controller of the paper's closed loop: an outer position loop asks for a velocity, an inner velocity loop with
 /// an integrator asks for an acceleration.
 class Cascade final {
  public:
-  struct Gains {
-    // Stiff: about half of what actuators with a lag of 80 ms bear. A feedback that comes late bears less.
-    double position_1_s{2.5};
-    double velocity_1_s{9.0};
-    double integral_1_s2{9.0};
-    double max_speed_m_s{1.0};
-    double max_integral_m_s2{2.0};
-  };
   Cascade(const Gains& gains, const Eigen::Vector3d& target) : gains_(gains), target_(target) {}
 
   /// @return the acceleration to ask for, m/s²

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <map>
+#include <memory>
 #include <thread>
 #include <vector>
 
@@ -13,6 +13,7 @@
 #include "base/log.hpp"
 #include "closed_loop/cascade.hpp"
 #include "closed_loop/feedback.hpp"
+#include "closed_loop/natnet_feed.hpp"
 #include "closed_loop/plant.hpp"
 #include "fiducap/client.hpp"
 #include "mapping/formats/map_yaml.hpp"
@@ -26,8 +27,8 @@ using namespace std::chrono_literals;
 constexpr double kSettle_s = 8.0;  // after the first pose: the map grows, the loop finds its place
 constexpr double kOtherDelay_s = 0.05;
 constexpr double kRoom_m = 4.0;  // from the middle to the nearest wall
-constexpr const char* kWhere = "streaming.native.port=42618";
 constexpr std::uint16_t kPort = 42618;
+constexpr std::uint16_t kNatNetPort = 42619;
 
 /// The demo's hall, corners instead of images so that four robots fit on two cores.
 constexpr const char* kBody = R"(
@@ -38,30 +39,49 @@ constexpr const char* kBody = R"(
         rate_hz: 20
 )";
 
+enum class Feed { kSdk, kNatNet, kOther };
+
+constexpr const char* text_of(Feed feed) {
+  switch (feed) {
+    case Feed::kSdk:
+      return "our stream, 200 Hz, SDK";
+    case Feed::kNatNet:
+      return "our stream, 200 Hz, NatNet 4.1";
+    case Feed::kOther:
+      return "50 ms late, velocity differenced";
+  }
+  return "";
+}
+
 struct Robot {
   const char* name;
   bool flies;
-  bool other;  ///< Fed as other systems feed: late and differenced.
+  Feed feed;
+  bool stiff;
   Eigen::Vector3d target;
   Plant* plant{};  ///< Lives in the server's simulator.
   double squares{};
   double worst_m{};
   long long samples{};
   double sensed_squares{};  ///< Of the streamed position against the truth at its instant.
-  long long sensed_samples{};
 };
 
 std::vector<Robot> robots() {
-  return {{"treadmill", false, false, {0, 0, 0}},
-          {"treadmill-other", false, true, {0, 0, 0}},
-          {"quadrotor", true, false, {0, 0, 1.4}},
-          {"quadrotor-other", true, true, {0, 0, 1.4}}};
+  return {{"treadmill", false, Feed::kSdk, true, {0, 0, 0}},
+          {"treadmill-other", false, Feed::kOther, true, {0, 0, 0}},
+          {"quadrotor", true, Feed::kSdk, false, {0, 0, 1.4}},
+          {"quadrotor-natnet", true, Feed::kNatNet, false, {0, 0, 1.4}},
+          {"quadrotor-other", true, Feed::kOther, false, {0, 0, 1.4}},
+          {"quadrotor-stiff", true, Feed::kSdk, true, {0, 0, 1.4}},
+          {"quadrotor-stiff-other", true, Feed::kOther, true, {0, 0, 1.4}}};
 }
 
 /// A surveyed, frozen map: how a control loop should be run.
 std::string config_text(const std::vector<Robot>& all, const std::string& map_file) {
   std::string text = "tags: {size_m: 0.4}\nsimulation: {preset: hall}\nmap: {mode: frozen, file: " + map_file +
-                     "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}}\nbodies:\n";
+                     "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: {port: " +
+                     std::to_string(kPort) + "}, natnet: {enabled: true, up: z, port: " + std::to_string(kNatNetPort) +
+                     ", data_port: 0}}\nbodies:\n";
   for (const Robot& robot : all) text += std::string("  - name: ") + robot.name + kBody;
   return text;
 }
@@ -80,41 +100,53 @@ std::string survey() {
   return map_to_yaml(map);
 }
 
-/// One controller: follows the stream until it is told to stop.
-void control(Robot& robot, const Client& client, Instant start, const Clock& clock, std::stop_token stop) {
-  Cascade cascade({}, robot.target);
-  LateAndDifferenced other(kOtherDelay_s);
-  Frame frame;
-  double last_s = -1;
-  std::uint64_t number = 0;
-  while (!stop.stop_requested()) {
-    if (!client.wait_for_frame(number, 100ms) || !client.latest(frame)) continue;
-    number = frame.number;
-    for (const Body& body : frame.bodies) {
-      if (body.name != robot.name || !body.valid) continue;
-      if (robot.plant->free_for() > kSettle_s) {
-        const double at_s = 1e-9 * static_cast<double>(frame.at_server_ns - to_ns(start));
-        robot.sensed_squares += (robot.plant->at(at_s).X_WB.p - Eigen::Vector3d(body.position_m.data())).squaredNorm();
-        ++robot.sensed_samples;
-      }
-      Sensed sensed{1e-9 * static_cast<double>(frame.at_server_ns), Eigen::Vector3d(body.position_m.data()),
+/// What comes by the SDK about one robot.
+class SdkFeed final {
+ public:
+  SdkFeed(const Client& client, const char* name) : client_(client), name_(name) {}
+
+  [[nodiscard]] std::optional<Sensed> next() {
+    if (!client_.wait_for_frame(frame_.number, 100ms) || !client_.latest(frame_)) return std::nullopt;
+    for (const Body& body : frame_.bodies) {
+      if (body.name != name_ || !body.valid) continue;
+      return Sensed{1e-9 * static_cast<double>(frame_.at_server_ns), Eigen::Vector3d(body.position_m.data()),
                     Eigen::Vector3d(body.velocity_m_s.data())};
-      if (robot.other) {
-        const auto late = other.pass(sensed);
-        if (!late) continue;
-        sensed = *late;
-      }
-      const double dt = last_s < 0 ? 0.0 : sensed.at_s - last_s;
-      last_s = sensed.at_s;
-      robot.plant->command(cascade.update(sensed.p, sensed.v, dt));
     }
-    const double t_s = to_seconds(clock.now() - start);
-    if (robot.plant->free_for() < kSettle_s) continue;
-    Eigen::Vector3d error = robot.plant->at(t_s).X_WB.p - robot.target;
-    if (!robot.flies) error.z() = 0;  // the gait's, nobody controls it
-    robot.squares += error.squaredNorm();
-    robot.worst_m = std::max(robot.worst_m, error.norm());
-    ++robot.samples;
+    return std::nullopt;
+  }
+
+ private:
+  const Client& client_;
+  const char* name_;
+  Frame frame_;
+};
+
+/// How far the robot is from where it should be, and the stream from the robot, now that both have settled.
+void judge(Robot& robot, const Sensed& sensed, double now_s, double start_s) {
+  if (robot.plant->free_for() < kSettle_s) return;
+  Eigen::Vector3d error = robot.plant->at(now_s).X_WB.p - robot.target;
+  if (!robot.flies) error.z() = 0;  // the gait's, nobody controls it
+  robot.squares += error.squaredNorm();
+  robot.worst_m = std::max(robot.worst_m, error.norm());
+  robot.sensed_squares += (robot.plant->at(sensed.at_s - start_s).X_WB.p - sensed.p).squaredNorm();
+  ++robot.samples;
+}
+
+/// One controller: follows its feed until it is told to stop.
+template <typename AnyFeed>
+void control(Robot& robot, AnyFeed feed, Instant start, const Clock& clock, std::stop_token stop) {
+  Cascade cascade(robot.stiff ? kStiff : kSoft, robot.target);
+  LateAndDifferenced other(kOtherDelay_s);
+  double last_s = -1;
+  while (!stop.stop_requested()) {
+    auto sensed = feed->next();
+    if (!sensed) continue;
+    judge(robot, *sensed, to_seconds(clock.now() - start), 1e-9 * static_cast<double>(to_ns(start)));
+    if (robot.feed == Feed::kOther) sensed = other.pass(*sensed);
+    if (!sensed) continue;
+    const double dt = last_s < 0 ? 0.0 : sensed->at_s - last_s;
+    last_s = sensed->at_s;
+    robot.plant->command(cascade.update(sensed->p, sensed->v, dt));
   }
 }
 
@@ -123,23 +155,23 @@ double rms_mm(double squares, long long samples) {
 }
 
 void print(const std::vector<Robot>& all) {
-  std::printf("%-12s %-34s %16s %12s %18s\n", "robot", "fed by", "error RMS [mm]", "worst [mm]", "estimate RMS [mm]");
+  std::printf("%-12s %-8s %-34s %16s %12s %18s\n", "robot", "gains", "fed by", "error RMS [mm]", "worst [mm]", "estimate RMS [mm]");
   for (const Robot& robot : all) {
-    std::printf("%-12s %-34s ", robot.flies ? "quadrotor" : "treadmill",
-                robot.other ? "50 ms late, velocity differenced" : "our stream, 200 Hz, SDK");
+    std::printf("%-12s %-8s %-34s ", robot.flies ? "quadrotor" : "treadmill", robot.stiff ? "stiff" : "soft",
+                text_of(robot.feed));
     if (robot.worst_m > kRoom_m) {
       std::printf("%16s\n", "unstable: left the room");
       continue;
     }
     std::printf("%16.1f %12.1f %18.1f\n", rms_mm(robot.squares, robot.samples), 1e3 * robot.worst_m,
-                rms_mm(robot.sensed_squares, robot.sensed_samples));
+                rms_mm(robot.sensed_squares, robot.samples));
   }
 }
 
 int run(double seconds) {
   std::vector<Robot> all = robots();
   const TemporaryFolder folder;
-  const auto config = parse_config(config_text(all, folder.write("hall.yaml", survey())), "bench", {kWhere});
+  const auto config = parse_config(config_text(all, folder.write("hall.yaml", survey())), "bench");
   if (!config) {
     std::fprintf(stderr, "%s\n", config.error().front().text().c_str());
     return 1;
@@ -167,8 +199,18 @@ int run(double seconds) {
   {
     const Client client(to_server);
     std::vector<std::jthread> loops;
-    for (Robot& robot : all)
-      loops.emplace_back([&](std::stop_token stop) { control(robot, client, (*server)->simulation_start(), clock, stop); });
+    int id = 0;
+    for (Robot& robot : all) {
+      ++id;
+      loops.emplace_back([&, id](std::stop_token stop) {
+        const Instant start = (*server)->simulation_start();
+        if (robot.feed == Feed::kNatNet) {
+          control(robot, std::make_unique<NatNetFeed>(kNatNetPort, id), start, clock, stop);
+        } else {
+          control(robot, std::make_unique<SdkFeed>(client, robot.name), start, clock, stop);
+        }
+      });
+    }
     std::this_thread::sleep_for(std::chrono::duration<double>(seconds));
     for (auto& loop : loops) loop.request_stop();
     loops.clear();

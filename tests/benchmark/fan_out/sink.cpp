@@ -158,7 +158,7 @@ class ViconSink final : public Sink {
 
  private:
   static constexpr std::uint32_t kTag = 0x1A2B0001;
-  static constexpr std::uint32_t kFrameInfo = 2;
+  static constexpr std::uint32_t kFrameNumber = 5;
   static constexpr std::array<std::uint32_t, 14> kWanted{1, 2, 5, 8, 9, 23, 26, 28, 36, 37, 39, 40, 28001, 100004};
 
   void say(std::uint32_t type, const std::vector<std::byte>& payload) const {
@@ -188,7 +188,7 @@ class ViconSink final : public Sink {
       const auto type = little<std::uint32_t>(objects, 0);
       const std::size_t size = little<std::uint32_t>(objects, 4);
       if (objects.size() < 8 + size) return;
-      if (type == kFrameInfo && size >= 4) saw_count(little<std::uint32_t>(objects, 8), now_ns);
+      if (type == kFrameNumber && size >= 4) saw_count(little<std::uint32_t>(objects, 8), now_ns);
       objects = objects.subspan(8 + size);
     }
   }
@@ -236,7 +236,7 @@ void Tally::take(std::uint64_t number, double latency) {
   if (frames > 0) missing += number - last_ - 1;
   last_ = number;
   ++frames;
-  latency_us.push_back(static_cast<float>(latency));
+  if (frames > kWarmUp) latency_us.push_back(static_cast<float>(latency));
 }
 
 Sink::Sink(int fd, const Load& load, const Shared& shared, std::string protocol, std::string mode)

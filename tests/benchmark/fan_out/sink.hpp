@@ -13,6 +13,8 @@ namespace fiducap::fan_out {
 
 /// What one client saw.
 struct Tally {
+  static constexpr std::uint64_t kWarmUp = 50;  ///< First frames whose latency is not counted: pages, caches, buffers.
+
   std::string protocol;
   std::string mode;
   std::uint64_t frames{};

@@ -163,7 +163,7 @@ TEST_F(CApiTest, ServesThePythonPackage) {
   EXPECT_TRUE(publish_until(server_, *scene_, [&] { return done.load(); }));
   python.join();
   EXPECT_NE(output.find("\nOK"), std::string::npos) << output;
-  EXPECT_NE(output.find("Ran 8 tests"), std::string::npos) << output;
+  EXPECT_NE(output.find("Ran 9 tests"), std::string::npos) << output;
 }
 
 TEST(CAbi, ExportsExactlyTheFunctionsThatWerePromised) {
@@ -172,8 +172,7 @@ TEST(CAbi, ExportsExactlyTheFunctionsThatWerePromised) {
   std::istringstream lines(listed);
   std::string address, kind, name;
   while (lines >> address >> kind >> name) {
-    if (kind == "T") exported.insert(name.substr(0, name.find('@')));
-    if (kind != "A") EXPECT_EQ(name.rfind("fiducap_", 0), 0u) << name << " leaves the library";
+    if (kind != "A") exported.insert(name.substr(0, name.find('@')));  // A: the version's own name
   }
   std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/client/abi/fiducap.symbols");
   std::set<std::string> promised;

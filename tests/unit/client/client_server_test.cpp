@@ -347,6 +347,28 @@ TEST_F(ClientServerTest, LatestAllocatesNothingOnceTheFrameHasRoom) {
   EXPECT_EQ(frame.bodies.size(), 50u);
 }
 
+TEST_F(ClientServerTest, ReadingAndPredictingAllocateNotOnceWhileNobodyElseDoes) {
+  scene_ = make_scene_frame(names(50), 1);
+  auto server = std::make_unique<TestServer>(*scene_);
+  auto options = options_for(server->port());
+  options.reconnect_s = 60;  // when the server has said good-bye the client's thread sleeps
+  const Client client(options);
+  Frame frame;
+  Body body;
+  ASSERT_TRUE(publish_until(*server, *scene_, [&] { return client.latest(frame) && client.statistics().frames > 10; }));
+  ASSERT_TRUE(client.predict("body7", std::chrono::milliseconds(20), body));
+  server.reset();
+  ASSERT_TRUE(wait_until([&] { return !client.statistics().connected; }));
+  ASSERT_TRUE(client.latest(frame));
+  const AllocationCounter allocations;
+  for (int i = 0; i < 1000; ++i) {
+    (void)client.latest(frame);
+    (void)client.predict("body7", std::chrono::milliseconds(20), body);
+  }
+  EXPECT_EQ(allocations.count(), 0u);
+  EXPECT_EQ(frame.bodies.size(), 50u);
+}
+
 TEST_F(ClientServerTest, ASteadyStreamAllocatesNothingOnEitherSide) {
   boost::asio::io_context io;  // polled here: nothing but the client's thread runs beside the test
   const FakeClock clock(instant_from_ns(1'000'000'000'000));

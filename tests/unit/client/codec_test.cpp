@@ -235,5 +235,15 @@ TEST(ClientCodec, UnsubscribeMatchesTheBytes) {
   EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(), reinterpret_cast<const std::uint8_t*>(expected.data())));
 }
 
+TEST(ClientCodec, AClockQueryIsWhatProtobufReads) {
+  const auto bytes = encode_clock_query(0x0102030405060708, 0x1112131415161718);
+  v1::Envelope envelope;
+  ASSERT_TRUE(envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())));
+  EXPECT_EQ(envelope.protocol(), 0x31434446u);
+  EXPECT_EQ(envelope.clock_query().token(), 0x0102030405060708u);
+  EXPECT_EQ(envelope.clock_query().number(), 0x1112131415161718u);
+  EXPECT_EQ(envelope.clock_query().padding().size(), 36u);
+}
+
 }  // namespace
 }  // namespace fiducap::sdk

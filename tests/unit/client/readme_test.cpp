@@ -1,9 +1,10 @@
-// The program in the client's README is the one that every build compiles.
+// The programs in the client's README are files that every build compiles, or that a test runs.
 #include <gtest/gtest.h>
 
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -14,13 +15,26 @@ std::string content(const std::string& path) {
   return text.str();
 }
 
-TEST(ClientReadme, ShowsTheExampleThatIsCompiled) {
-  const std::string readme = content("/client/README.md");
-  const std::string opening = "```cpp\n";
-  const auto from = readme.find(opening);
-  ASSERT_NE(from, std::string::npos);
-  const auto code = from + opening.size();
-  EXPECT_EQ(readme.substr(code, readme.find("```", code) - code), content("/client/examples/readme_example.cpp"));
+/// The code blocks of one language, in order.
+std::vector<std::string> blocks(const std::string& text, const std::string& language) {
+  std::vector<std::string> found;
+  const std::string opening = "```" + language + "\n";
+  for (auto at = text.find(opening); at != std::string::npos; at = text.find(opening, at)) {
+    at += opening.size();
+    found.push_back(text.substr(at, text.find("```", at) - at));
+  }
+  return found;
+}
+
+TEST(ClientReadme, ShowsTheExamplesThatAreCompiled) {
+  EXPECT_EQ(blocks(content("/client/README.md"), "cpp"),
+            (std::vector<std::string>{content("/client/examples/readme_example.cpp"),
+                                      content("/client/examples/readme_control.cpp")}));
+}
+
+TEST(ClientReadme, ShowsThePythonExampleThatIsRun) {
+  EXPECT_EQ(blocks(content("/client/README.md"), "python"),
+            (std::vector<std::string>{content("/client/python/examples/print_poses.py")}));
 }
 
 }  // namespace

@@ -39,7 +39,8 @@ Answer say(std::vector<std::string> words) {
 const std::vector<std::vector<std::string>> kVerbs{
     {"watch"},         {"replay"},        {"evaluate"},      {"map"},
     {"map", "export"}, {"map", "import"}, {"map", "log"},    {"map", "diff"},
-    {"map", "show"},   {"tags"},          {"tags", "sheet"}, {"simulate"}};
+    {"map", "show"},   {"tags"},          {"tags", "sheet"}, {"simulate"},
+    {"doctor"},        {"control"},       {"control", "list"}, {"control", "rename"}};
 
 TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
   for (auto words : kVerbs) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "fiducap/v1/envelope.pb.h"
 #include "support/allocation_counter.hpp"
 
@@ -29,6 +31,20 @@ class RegistryTest : public testing::Test {
     out.set_model_generation(known_model);
     out.set_client_name("te\x01st");
     out.set_padding(std::string(kMinSubscribe, '\0'));
+    return bytes_of(envelope);
+  }
+  static Datagram subscribe_as(std::uint64_t token, const v1::Profile& profile, bool multicast = false) {
+    v1::Envelope envelope = parse(subscribe(token));
+    *envelope.mutable_subscribe()->mutable_profile() = profile;
+    envelope.mutable_subscribe()->set_multicast(multicast);
+    return bytes_of(envelope);
+  }
+  static Datagram clock_query(std::uint64_t token) {
+    v1::Envelope envelope;
+    envelope.set_protocol(kProtocol);
+    envelope.mutable_clock_query()->set_token(token);
+    envelope.mutable_clock_query()->set_number(11);
+    envelope.mutable_clock_query()->set_padding(std::string(kMinClockQuery, '\0'));
     return bytes_of(envelope);
   }
   static Datagram unsubscribe(std::uint64_t token) {
@@ -201,6 +217,95 @@ TEST_F(RegistryTest, AFloodOfOneAddressDoesNotEndItsOwnLease) {
   const auto token = join(peer(500));
   for (int i = 0; i < 10'000; ++i) (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
   EXPECT_TRUE(parse(say(subscribe(token), peer(500)).datagram).has_lease());
+}
+
+TEST_F(RegistryTest, TellsTheTimeOnlyToSubscribers) {
+  const auto token = challenge(peer(1000));
+  EXPECT_TRUE(say(clock_query(token), peer(1000)).datagram.empty()) << "a proven address that never subscribed";
+  const auto renewed = parse(say(subscribe(token), peer(1000)).datagram).lease().token();
+  EXPECT_TRUE(say(clock_query(renewed + 1), peer(1000)).datagram.empty());
+  EXPECT_TRUE(say(clock_query(renewed), peer(1001)).datagram.empty()) << "somebody else with his token";
+  const auto question = clock_query(renewed);
+  const auto reply = say(question, peer(1000));
+  EXPECT_LE(reply.datagram.size(), question.size());
+  const auto answer = parse(reply.datagram).clock_reply();
+  EXPECT_EQ(answer.number(), 11u);
+  EXPECT_EQ(answer.session(), kSession);
+  EXPECT_EQ(answer.received_at_ns(), to_ns(now_));
+  EXPECT_GE(answer.sent_at_ns(), answer.received_at_ns());
+}
+
+TEST_F(RegistryTest, IntroducesItselfSeldomAndShorterThanTheQuestion) {
+  v1::Envelope envelope;
+  envelope.set_protocol(kProtocol);
+  envelope.mutable_discovery_query()->set_nonce(5);
+  envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
+  const auto question = bytes_of(envelope);
+  EXPECT_TRUE(say(question, peer(1000)).datagram.empty()) << "not before it has something to say";
+  registry_.introduce_as(ServerCard{std::string(500, 'h'), std::string(500, 'v'), ~0u, 1e30, 65535});
+  int answers = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const auto reply = say(question, peer(static_cast<std::uint16_t>(i)));
+    ASSERT_LE(reply.datagram.size(), kMinDiscovery);
+    answers += reply.datagram.empty() ? 0 : 1;
+  }
+  EXPECT_EQ(answers, static_cast<int>(AnswerLimiter::kBurst));
+  EXPECT_NE(join(peer(1000)), 0u) << "a flood of questions does not keep subscribers out";
+}
+
+TEST_F(RegistryTest, GrantsProfilesAndForgetsThemWithTheirUsers) {
+  v1::Profile slow;
+  slow.set_max_rate_hz(10);
+  const auto token = challenge(peer(1000));
+  const auto reply = say(subscribe_as(token, slow), peer(1000));
+  EXPECT_EQ(parse(reply.datagram).lease().profile(), 1u);
+  EXPECT_TRUE(reply.send_model);
+  ASSERT_EQ(registry_.profiles().size(), 1u);
+  EXPECT_EQ(registry_.profiles()[0].profile.max_rate_hz, 10);
+  now_ += kLease;
+  EXPECT_EQ(registry_.expire(now_), 1u);
+  EXPECT_TRUE(registry_.profiles().empty());
+}
+
+TEST_F(RegistryTest, RefusesProfilesItDoesNotKnow) {
+  std::vector<v1::Profile> strange(6);
+  strange[0].set_up_axis(static_cast<v1::Profile::UpAxis>(7));
+  strange[1].set_max_rate_hz(-1);
+  strange[2].set_max_rate_hz(std::numeric_limits<float>::quiet_NaN());
+  strange[3].add_bodies("");
+  strange[4].add_bodies(std::string(129, 'x'));
+  for (int i = 0; i < 33; ++i) strange[5].add_bodies("x");
+  const auto token = challenge(peer(1000));
+  for (const auto& profile : strange) {
+    const auto answer = parse(say(subscribe_as(token, profile), peer(1000)).datagram);
+    EXPECT_EQ(answer.notice().reason(), v1::Notice::REASON_PROFILE_INVALID);
+  }
+  EXPECT_TRUE(registry_.subscribers().empty());
+}
+
+TEST_F(RegistryTest, NobodyMakesItEncodeByChangingHisMind) {
+  auto token = join(peer(1000));
+  int changes = 0;
+  for (int i = 1; i <= 1000; ++i) {
+    v1::Profile profile;
+    profile.set_max_rate_hz(static_cast<float>(i));
+    now_ += std::chrono::milliseconds(1);
+    changes += say(subscribe_as(token, profile), peer(1000)).send_model ? 1 : 0;
+    ASSERT_LE(registry_.profiles().size(), 1u);
+  }
+  EXPECT_LE(changes, 1000 / 50) << "one per 50 ms";
+  EXPECT_GT(changes, 0);
+}
+
+TEST_F(RegistryTest, NamesTheGroupOnlyToWhoAsksForIt) {
+  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(), 0u);
+  registry_.offer_multicast({{239, 255, 42, 16}, 21601});
+  now_ += std::chrono::milliseconds(60);
+  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(), 0u);
+  const auto token = challenge(peer(1001));
+  const auto lease = parse(say(subscribe_as(token, {}, true), peer(1001)).datagram).lease();
+  EXPECT_EQ(lease.multicast_port(), 21601u);
+  EXPECT_EQ(lease.multicast_group(), std::string("\xef\xff\x2a\x10"));
 }
 
 TEST_F(RegistryTest, GarbageGetsNoAnswer) {

@@ -14,21 +14,22 @@ std::string name_field() { return "46696475636170" + std::string(2 * (256 - 7), 
 
 TEST(Answer, ServerInfoByteForByte) {
   EXPECT_EQ(to_hex(encode(kInfo)), to_hex(from_hex("0100 1701" + name_field() +
-                                                   "02010007"            // application
-                                                   "03010000"            // bitstream
-                                                   "8096980000000000"    // 10 MHz
+                                                   "02010007"              // application
+                                                   "03010000"              // bitstream
+                                                   "8096980000000000"      // 10 MHz
                                                    "e705 01 efff2a63")));  // port, multicast, group
 }
 
 TEST(Answer, ServerInfoBeforeThreeEndsWithTheVersion) {
   ServerInfo info = kInfo;
   info.bitstream = {2, 10};
-  EXPECT_EQ(to_hex(encode(info)), to_hex(from_hex("0100 0801" + name_field() + "02010007 020a0000")));
+  EXPECT_EQ(to_hex(encode(info)),
+            to_hex(from_hex("0100 0801" + name_field() + "02010007 020a0000")));
 }
 
 TEST(Answer, EchoCountsTicksOfTheFrames) {
   EXPECT_EQ(to_hex(encode_echo(278554190, instant_from_ns(123'456'789'000))),
-            to_hex(from_hex("0d00 1000 4e669a1000000000 870dd649 00000000")));
+            to_hex(from_hex("0d00 1000 4e669a1000000000 d2029649 00000000")));
 }
 
 // The answers of a commercial server, 3.0: 120 Hz, and 0 analog samples.

@@ -15,7 +15,8 @@ TEST(Bitstream, ReadsTwoToFourParts) {
 }
 
 TEST(Bitstream, RefusesEveryOtherText) {
-  for (const char* text : {"", "3", "3.", ".1", "3.1.", "3.1.0.0.0", "3.-1", "256.0", "3.1x", "x", " 3.1", "3..1", "1e1.0"}) {
+  for (const char* text : {"", "3", "3.", ".1", "3.1.", "3.1.0.0.0", "3.-1", "256.0", "3.1x", "x",
+                           " 3.1", "3..1", "1e1.0"}) {
     EXPECT_EQ(parse_bitstream(text), std::nullopt) << text;
   }
 }
@@ -34,7 +35,9 @@ TEST(Bitstream, EverySupportedOneHasItsName) {
   EXPECT_FALSE(is_supported({2, 4}));
 }
 
-TEST(Negotiation, AClientThatDoesNotSayGetsTheDefault) { EXPECT_EQ(negotiate({}, kDefault), kDefault); }
+TEST(Negotiation, AClientThatDoesNotSayGetsTheDefault) {
+  EXPECT_EQ(negotiate({}, kDefault), kDefault);
+}
 
 TEST(Negotiation, AClientGetsWhatItWants) {
   EXPECT_EQ(negotiate({Bitstream{4, 2}, Bitstream{2, 7}}, kDefault), (Bitstream{2, 7}));

@@ -11,7 +11,8 @@ namespace fiducap::natnet {
 /// Does what it is told and remembers it.
 class FakeDesk final : public OperatorDesk {
  public:
-  std::vector<Body> all{{1, "arm", true, Pose{}}, {2, "drone", true, Pose{}}, {3, "spare", false, Pose{}}};
+  std::vector<Body> all{
+      {1, "arm", true, Pose{}}, {2, "drone", true, Pose{}}, {3, "spare", false, Pose{}}};
   std::optional<std::string> take;
   std::vector<std::string> takes;
 

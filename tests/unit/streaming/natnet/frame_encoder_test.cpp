@@ -18,7 +18,8 @@ constexpr OutputAxes kZUp{UpAxis::kZ, AxesScope::kWorld, 1.0};
 constexpr OutputAxes kYUp{UpAxis::kY, AxesScope::kWorldAndBody, 1.0};
 constexpr float kFloatRounding = 1e-6F;  // metres and quaternion parts of order one as f32
 
-/// One body whose numbers are exact in f32; made at 1 s, published at 1.25 s, sent at 1.5 s; the epoch is 1.5 s earlier.
+/// One body whose numbers are exact in f32; made at 1 s, published at 1.25 s, sent at 1.5 s; the
+/// epoch is 1.5 s earlier.
 class FrameBytes : public testing::Test {
  protected:
   FrameBytes() {
@@ -59,36 +60,41 @@ const std::string kEnd = "00000000";
 const std::string k0 = "00000000";
 
 TEST_F(FrameBytes, TwoFive) {
-  EXPECT_EQ(bytes({2, 5}), hex("0700 4c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + k0 + k0 + kLatency +
-                               kNoTimecode + kEnd));
+  EXPECT_EQ(bytes({2, 5}), hex("0700 5000" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError +
+                               k0 + k0 + kLatency + kNoTimecode + kEnd));
 }
 TEST_F(FrameBytes, TwoSixAddsValidityTimeAndBits) {
-  EXPECT_EQ(bytes({2, 6}), hex("0700 5400" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
-                               kLatency + kNoTimecode + "0000c03f" + kBits + kEnd));
+  EXPECT_EQ(bytes({2, 6}),
+            hex("0700 5800" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 +
+                k0 + kLatency + kNoTimecode + "0000c03f" + kBits + kEnd));
 }
 TEST_F(FrameBytes, TwoSevenHasTheTimeAsDouble) {
-  const std::string wanted = hex("0700 5800" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
-                                 kLatency + kNoTimecode + kSeconds + kBits + kEnd);
+  const std::string wanted =
+      hex("0700 5c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
+          kLatency + kNoTimecode + kSeconds + kBits + kEnd);
   EXPECT_EQ(bytes({2, 7}), wanted);
   EXPECT_EQ(bytes({2, 8}), wanted);
 }
 TEST_F(FrameBytes, TwoNineAddsForcePlates) {
-  const std::string wanted = hex("0700 5c00" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
-                                 k0 + kLatency + kNoTimecode + kSeconds + kBits + kEnd);
+  const std::string wanted =
+      hex("0700 6000" + kNumber + k0 + k0 + "01000000" + kPose + k0 + kError + kValid + k0 + k0 +
+          k0 + kLatency + kNoTimecode + kSeconds + kBits + kEnd);
   EXPECT_EQ(bytes({2, 9}), wanted);
   EXPECT_EQ(bytes({2, 10}), wanted);
 }
 TEST_F(FrameBytes, ThreeReplacesLatencyByTickStamps) {
-  const std::string wanted = hex("0700 7400" + kNumber + k0 + k0 + "01000000" + kPose + kError + kValid + k0 + k0 + k0 + k0 +
-                                 kNoTimecode + kSeconds + kTicks + kBits + kEnd);
+  const std::string wanted =
+      hex("0700 7400" + kNumber + k0 + k0 + "01000000" + kPose + kError + kValid + k0 + k0 + k0 +
+          k0 + kNoTimecode + kSeconds + kTicks + kBits + kEnd);
   EXPECT_EQ(bytes({3, 0}), wanted);
   EXPECT_EQ(bytes({3, 1}), wanted);
   EXPECT_EQ(bytes({4, 0}), wanted);
 }
 TEST_F(FrameBytes, FourOneSaysTheSizeOfEverySection) {
-  const std::string wanted = hex("0700 a000" + kNumber + k0 + k0 + k0 + k0 + "01000000 26000000" + kPose + kError + kValid +
-                                 k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + kNoTimecode + kSeconds + kTicks + k0 + k0 +
-                                 kBits + kEnd);
+  const std::string wanted =
+      hex("0700 a000" + kNumber + k0 + k0 + k0 + k0 + "01000000 26000000" + kPose + kError +
+          kValid + k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + k0 + kNoTimecode + kSeconds +
+          kTicks + k0 + k0 + kBits + kEnd);
   EXPECT_EQ(bytes({4, 1}), wanted);
   EXPECT_EQ(bytes({4, 2}), wanted);
 }
@@ -170,7 +176,8 @@ TEST_F(FrameEncoderTest, ClientsRecoverOurPoseFromTheYUpStream) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 200; ++i) {
-    const Pose X_WP{exp_so3({normal(random), normal(random), normal(random)}), {normal(random), normal(random), normal(random)}};
+    const Pose X_WP{exp_so3({normal(random), normal(random), normal(random)}),
+                    {normal(random), normal(random), normal(random)}};
     frame_->bodies[0].X_WP = X_WP;
     const auto body = bodies_in(encoded())[0];
     const Eigen::Vector3d p(body.p[0], -body.p[2], body.p[1]);
@@ -211,8 +218,10 @@ TEST_F(FrameEncoderTest, EqualProfilesShareTheirBytes) {
   const Selection other = one;
   encoder_.load(*frame_, frame_->at, 0);
   EXPECT_EQ(encoder_.encode({}).data(), encoder_.encode({}).data());
-  EXPECT_EQ(encoder_.encode({FrameLayout::k3_0, false, &one}).data(), encoder_.encode({FrameLayout::k3_0, false, &other}).data());
-  EXPECT_NE(encoder_.encode({FrameLayout::k3_0, false, &one}).data(), encoder_.encode({FrameLayout::k4_1, false, &one}).data());
+  EXPECT_EQ(encoder_.encode({FrameLayout::k3_0, false, &one}).data(),
+            encoder_.encode({FrameLayout::k3_0, false, &other}).data());
+  EXPECT_NE(encoder_.encode({FrameLayout::k3_0, false, &one}).data(),
+            encoder_.encode({FrameLayout::k4_1, false, &one}).data());
   EXPECT_NE(encoder_.encode({}).data(), encoder_.encode({FrameLayout::k4_1}).data());
 }
 
@@ -224,8 +233,8 @@ TEST_F(FrameEncoderTest, SizesAreTheKnownOnes) {
 
 TEST_F(FrameEncoderTest, AThousandBodiesAreOneDatagramInEveryLayout) {
   frame_ = make_scene_frame(std::vector<std::string>(1000, "x"));
-  for (const auto layout : {FrameLayout::k2_5, FrameLayout::k2_6, FrameLayout::k2_7, FrameLayout::k2_9, FrameLayout::k3_0,
-                            FrameLayout::k4_1}) {
+  for (const auto layout : {FrameLayout::k2_5, FrameLayout::k2_6, FrameLayout::k2_7,
+                            FrameLayout::k2_9, FrameLayout::k3_0, FrameLayout::k4_1}) {
     const auto frame = encoded({layout});
     EXPECT_LE(frame.size(), kMaxDatagram);
     LittleEndianReader in(frame);
@@ -240,7 +249,8 @@ TEST_F(FrameEncoderTest, AllocatesNothingOnceWarm) {
   selection.body(3, false);
   const auto all = [&] {
     encoder_.load(*frame_, frame_->at, 0);
-    for (const auto layout : {FrameLayout::k2_5, FrameLayout::k2_9, FrameLayout::k3_0, FrameLayout::k4_1}) {
+    for (const auto layout :
+         {FrameLayout::k2_5, FrameLayout::k2_9, FrameLayout::k3_0, FrameLayout::k4_1}) {
       (void)encoder_.encode({layout});
       (void)encoder_.encode({layout, true});
       (void)encoder_.encode({layout, false, &selection});

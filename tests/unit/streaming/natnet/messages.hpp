@@ -17,14 +17,21 @@ namespace fiducap::natnet {
 
 using Bytes = std::vector<std::byte>;
 
+inline constexpr std::size_t kLongestPayload =
+    300;  // reserved, so that GCC 12 does not warn about what cannot happen
+
 inline Bytes message(Message id, std::span<const std::byte> payload = {}) {
-  Bytes out;
-  LittleEndianWriter(out).u16(static_cast<std::uint16_t>(id)).u16(static_cast<std::uint16_t>(payload.size())).bytes(payload);
+  const auto low = [](std::size_t value) { return static_cast<std::byte>(value & 0xff); };
+  const auto number = static_cast<std::size_t>(id);
+  Bytes out{low(number), low(number >> 8), low(payload.size()), low(payload.size() >> 8)};
+  out.resize(kHeaderSize + payload.size());
+  std::copy(payload.begin(), payload.end(), out.begin() + kHeaderSize);
   return out;
 }
 
 inline Bytes words(std::string_view text) {
   Bytes payload;
+  payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text(text).u8(0);
   return message(Message::kRequest, payload);
 }
@@ -32,21 +39,35 @@ inline Bytes words(std::string_view text) {
 /// 264 bytes: what a 3.x library sends.
 inline Bytes sender_block(Bitstream library, std::string_view name = "NatNetLib") {
   Bytes payload;
-  LittleEndianWriter(payload).text(name).zeros(256 - name.size()).zeros(4).u8(library.major).u8(library.minor).zeros(2);
+  payload.reserve(kLongestPayload);
+  LittleEndianWriter(payload)
+      .text(name)
+      .zeros(256 - name.size())
+      .zeros(4)
+      .u8(library.major)
+      .u8(library.minor)
+      .zeros(2);
   return payload;
 }
 
-inline Bytes connect(Bitstream library) { return message(Message::kConnect, sender_block(library)); }
+inline Bytes connect(Bitstream library) {
+  return message(Message::kConnect, sender_block(library));
+}
 
 /// 269 bytes: what a 4.x library sends.
 inline Bytes connect(Bitstream library, Bitstream wanted, bool subscribed_data_only = false) {
   Bytes payload = sender_block(library);
-  LittleEndianWriter(payload).u8(subscribed_data_only ? 1 : 0).u8(wanted.major).u8(wanted.minor).zeros(2);
+  LittleEndianWriter(payload)
+      .u8(subscribed_data_only ? 1 : 0)
+      .u8(wanted.major)
+      .u8(wanted.minor)
+      .zeros(2);
   return message(Message::kConnect, payload);
 }
 
 inline Bytes ping() {
   Bytes payload;
+  payload.reserve(kLongestPayload);
   LittleEndianWriter(payload).text("Ping").u8(0);
   return message(Message::kConnect, payload);
 }
@@ -58,7 +79,8 @@ inline Message id_of(std::span<const std::byte> datagram) {
 /// The payload of a RESPONSE as the text or number it is.
 inline std::string text_in(std::span<const std::byte> datagram) {
   if (datagram.size() < kHeaderSize) return {};
-  const std::string all(reinterpret_cast<const char*>(datagram.data()) + kHeaderSize, datagram.size() - kHeaderSize);
+  const std::string all(reinterpret_cast<const char*>(datagram.data()) + kHeaderSize,
+                        datagram.size() - kHeaderSize);
   return all.substr(0, all.find('\0'));
 }
 inline std::int32_t number_in(std::span<const std::byte> datagram) {
@@ -70,7 +92,8 @@ inline std::int32_t number_in(std::span<const std::byte> datagram) {
 
 /// What SERVERINFO says; bytes as laid down in the reference.
 inline Bitstream version_in(std::span<const std::byte> info) {
-  return {std::to_integer<std::uint8_t>(info[4 + 260]), std::to_integer<std::uint8_t>(info[4 + 261])};
+  return {std::to_integer<std::uint8_t>(info[4 + 260]),
+          std::to_integer<std::uint8_t>(info[4 + 261])};
 }
 
 /// Frame params: before the four bytes that end every frame since 2.6.

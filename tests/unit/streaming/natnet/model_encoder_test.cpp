@@ -11,7 +11,10 @@
 namespace fiducap::natnet {
 namespace {
 
-const std::vector<BodyDescription> kTwo{{9, "arm"}, {12, "k\xc3\xa4fer"}};
+const std::vector<BodyDescription> kTwo{{9, "arm"},
+                                        {12,
+                                         "k\xc3\xa4"
+                                         "fer"}};
 const NameRule kRule{255, ",", false, true};
 
 SceneModel model_of(int bodies, std::size_t name_bytes) {
@@ -25,15 +28,17 @@ SceneModel model_of(int bodies, std::size_t name_bytes) {
 }
 
 TEST(ModelEncoder, BeforeThreeThereAreNoMarkers) {
-  EXPECT_EQ(to_hex(encode_model(kTwo, ModelLayout::k2_5)),
-            to_hex(from_hex("0500 4300 02000000"
-                            "01000000 61726d00       09000000 ffffffff 000000000000000000000000"
-                            "01000000 6bc3a4666572 00 0c000000 ffffffff 000000000000000000000000")));
+  EXPECT_EQ(
+      to_hex(encode_model(kTwo, ModelLayout::k2_5)),
+      to_hex(from_hex("0500 3f00 02000000"
+                      "01000000 61726d00       09000000 ffffffff 000000000000000000000000"
+                      "01000000 6bc3a4666572 00 0c000000 ffffffff 000000000000000000000000")));
 }
 
 TEST(ModelEncoder, FromThreeAnEmptyListOfMarkersFollows) {
   const std::span one(kTwo.data(), 1);
-  const auto wanted = from_hex("0500 2400 01000000 01000000 61726d00 09000000 ffffffff 000000000000000000000000 00000000");
+  const auto wanted = from_hex(
+      "0500 2400 01000000 01000000 61726d00 09000000 ffffffff 000000000000000000000000 00000000");
   EXPECT_EQ(to_hex(encode_model(one, ModelLayout::k3_0)), to_hex(wanted));
   EXPECT_EQ(to_hex(encode_model(one, ModelLayout::k4_0)), to_hex(wanted));
 }
@@ -54,7 +59,8 @@ TEST(ModelEncoder, FromFourTwoARotationFollowsTheOffset) {
 
 TEST(ModelEncoder, SaysNothingOfTypesThatWereNotAskedFor) {
   EXPECT_EQ(encode_model(kTwo, ModelLayout::k4_1, 1U << 5), from_hex("0500 0400 00000000"));
-  EXPECT_EQ(encode_model(kTwo, ModelLayout::k4_1, ModelRequest::kRigidBodies), encode_model(kTwo, ModelLayout::k4_1));
+  EXPECT_EQ(encode_model(kTwo, ModelLayout::k4_1, ModelRequest::kRigidBodies),
+            encode_model(kTwo, ModelLayout::k4_1));
 }
 
 TEST(AnnouncedBodies, NamesCanBeAddressedByCommands) {
@@ -76,7 +82,8 @@ TEST(AnnouncedBodies, AThousandBodiesFitOneDatagramInEveryLayout) {
   ASSERT_EQ(bodies.size(), 1000U);
   std::set<std::string> names;
   for (const auto& body : bodies) EXPECT_TRUE(names.insert(body.name).second) << body.name;
-  for (const auto layout : {ModelLayout::k2_5, ModelLayout::k3_0, ModelLayout::k4_0, ModelLayout::k4_1, ModelLayout::k4_2}) {
+  for (const auto layout : {ModelLayout::k2_5, ModelLayout::k3_0, ModelLayout::k4_0,
+                            ModelLayout::k4_1, ModelLayout::k4_2}) {
     EXPECT_LE(encode_model(bodies, layout).size(), kMaxDatagram);
   }
 }
@@ -87,7 +94,9 @@ TEST(AnnouncedBodies, ShortNamesOfAThousandBodiesStayAsTheyAre) {
   for (std::size_t i = 0; i < bodies.size(); ++i) ASSERT_EQ(bodies[i].name, model.bodies[i].name);
 }
 
-TEST(AnnouncedBodies, MoreThanClientsTakeAreLeftOut) { EXPECT_EQ(announced_bodies(model_of(1300, 6), kRule).size(), kMaxBodies); }
+TEST(AnnouncedBodies, MoreThanClientsTakeAreLeftOut) {
+  EXPECT_EQ(announced_bodies(model_of(1300, 6), kRule).size(), kMaxBodies);
+}
 
 }  // namespace
 }  // namespace fiducap::natnet

@@ -30,10 +30,11 @@ TEST(NatNetConfig, NamesEveryBrokenRule) {
   config.max_clients = 0;
   config.client_timeout_s = 0;
   EXPECT_THAT(faults(config),
-              testing::UnorderedElementsAre("streaming.natnet.address", "streaming.natnet.multicast_group",
-                                            "streaming.natnet.multicast_interface", "streaming.natnet.bitstream",
-                                            "streaming.natnet.up", "streaming.natnet.targets", "streaming.natnet.targets",
-                                            "streaming.natnet.max_clients", "streaming.natnet.client_timeout_s"));
+              testing::UnorderedElementsAre(
+                  "streaming.natnet.address", "streaming.natnet.multicast_group",
+                  "streaming.natnet.multicast_interface", "streaming.natnet.bitstream",
+                  "streaming.natnet.up", "streaming.natnet.targets", "streaming.natnet.targets",
+                  "streaming.natnet.max_clients", "streaming.natnet.client_timeout_s"));
 }
 
 TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
@@ -51,7 +52,8 @@ TEST(Peer, ReadsWhatItWrites) {
   const Peer peer{0x0a4d0107, 1511};
   EXPECT_EQ(text_of(peer), "10.77.1.7:1511");
   EXPECT_EQ(parse_peer("10.77.1.7:1511"), peer);
-  for (const char* text : {"", ":", "10.0.0.1", "10.0.0.1:", "10.0.0.1:x", "10.0.0.1:65536", "10.0.0:1", "1.2.3.4:5 "}) {
+  for (const char* text : {"", ":", "10.0.0.1", "10.0.0.1:", "10.0.0.1:x", "10.0.0.1:65536",
+                           "10.0.0:1", "1.2.3.4:5 "}) {
     EXPECT_EQ(parse_peer(text), std::nullopt) << text;
   }
 }

@@ -5,7 +5,9 @@
 namespace fiducap::natnet {
 namespace {
 
-Peer lab(int host, int port = 4000) { return {0x0a000000U + static_cast<std::uint32_t>(host), static_cast<std::uint16_t>(port)}; }
+Peer lab(int host, int port = 4000) {
+  return {0x0a000000U + static_cast<std::uint32_t>(host), static_cast<std::uint16_t>(port)};
+}
 
 class RegistryTest : public testing::Test {
  protected:
@@ -71,14 +73,16 @@ TEST_F(RegistryTest, OneAddressHasItsShareOnly) {
 }
 
 TEST_F(RegistryTest, ThisMachineMayHaveAllPlaces) {
-  for (std::uint16_t port = 1; port <= 3; ++port) EXPECT_NE(registry_.add({0x7f000001, port}, false, at(0)), nullptr);
+  for (std::uint16_t port = 1; port <= 3; ++port)
+    EXPECT_NE(registry_.add({0x7f000001, port}, false, at(0)), nullptr);
 }
 
 TEST_F(RegistryTest, FixedOnesStayWhateverHappens) {
   registry_.add_fixed(lab(1), {3, 1}, at(0));
   EXPECT_FALSE(registry_.remove(lab(1)));
   EXPECT_EQ(registry_.expire(at(1000)), 0U);
-  for (int i = 2; i <= 4; ++i) EXPECT_NE(registry_.add(lab(i), false, at(1000)), nullptr) << "it takes nobody's place";
+  for (int i = 2; i <= 4; ++i)
+    EXPECT_NE(registry_.add(lab(i), false, at(1000)), nullptr) << "it takes nobody's place";
   EXPECT_NE(registry_.find(lab(1)), nullptr);
 }
 

@@ -81,7 +81,8 @@ TEST(Request, ReadsARecordedEcho) {
 TEST(Request, KeepAliveComesInThreeLengths) {
   EXPECT_TRUE(decoded<KeepAliveRequest>(from_hex("0a00 0000")).name.empty());
   EXPECT_TRUE(decoded<KeepAliveRequest>(from_hex("0a00 0100 00")).name.empty());
-  const auto full = decoded<KeepAliveRequest>(message(Message::kKeepAlive, sender_block({4, 1}, "lab")));
+  const auto full =
+      decoded<KeepAliveRequest>(message(Message::kKeepAlive, sender_block({4, 1}, "lab")));
   EXPECT_EQ(full.name, "lab");
   EXPECT_EQ(full.versions.library, (Bitstream{4, 1}));
 }
@@ -90,7 +91,8 @@ TEST(Request, NamesAreMadeFitForALog) {
   Bytes payload = sender_block({3, 1}, "a\nb\x1b[31m");
   EXPECT_EQ(decoded<ConnectRequest>(message(Message::kConnect, payload)).name, "a?b?[31m");
   payload.assign(264, std::byte{0xff});
-  EXPECT_EQ(decoded<ConnectRequest>(message(Message::kConnect, payload)).name, std::string(64, '?'));
+  EXPECT_EQ(decoded<ConnectRequest>(message(Message::kConnect, payload)).name,
+            std::string(64, '?'));
 }
 
 TEST(Request, ServersMessagesAreNoRequests) {
@@ -108,13 +110,15 @@ TEST(Request, EveryTruncationOfAnEchoIsAnError) {
 
 TEST(Request, EveryTruncationOfAConnectIsRead) {
   const Bytes whole = natnet::connect({4, 1}, {4, 1});
-  for (std::size_t n = 0; n < whole.size(); ++n) EXPECT_EQ(decode_request(std::span(whole).first(n)).has_value(), n >= 4) << n;
+  for (std::size_t n = 0; n < whole.size(); ++n)
+    EXPECT_EQ(decode_request(std::span(whole).first(n)).has_value(), n >= 4) << n;
 }
 
 TEST(Request, SixtyFourKilobytesOfNameAreCut) {
   Bytes payload(65503, std::byte{'n'});
   EXPECT_EQ(decoded<ConnectRequest>(message(Message::kConnect, payload)).name.size(), 64U);
-  EXPECT_EQ(decoded<CommandRequest>(message(Message::kRequest, payload)).text.size(), payload.size());
+  EXPECT_EQ(decoded<CommandRequest>(message(Message::kRequest, payload)).text.size(),
+            payload.size());
 }
 
 }  // namespace

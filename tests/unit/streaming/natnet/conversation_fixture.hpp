@@ -1,0 +1,64 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "fake_desk.hpp"
+#include "messages.hpp"
+#include "streaming/natnet/conversation.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap::natnet {
+
+/// A server with two bodies and a clock that the test moves.
+class ConversationFixture : public testing::Test {
+ protected:
+  static constexpr Peer kClient{0x0a000007, 40001};
+  static constexpr Peer kOther{0x0a000008, 40002};
+
+  void start() {
+    conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &desk_, 100, 12345,
+                          now_);
+  }
+  void SetUp() override { start(); }
+
+  std::span<const std::byte> say(const Bytes& datagram, const Peer& from = kClient,
+                                 Channel channel = Channel::kUnicast) {
+    return conversation_->receive(datagram, from, channel, now_);
+  }
+  void pass(double seconds) {
+    now_ += from_seconds(seconds);
+    conversation_->expire(now_);
+  }
+  /// The next frame. @param generation  of its model
+  void next_frame(std::uint64_t generation = 1,
+                  const std::vector<std::string>& names = {"arm", "drone"}) {
+    auto frame = make_scene_frame(names, ++number_);
+    auto model = std::make_shared<SceneModel>(*frame->model);
+    model->generation = generation;
+    frame->model = model;
+    frame->at = now_;
+    frame->published_at = now_;
+    conversation_->take(frame, now_);
+  }
+  /// What this client is sent now. @return empty: nothing
+  Bytes frame_of(const Peer& peer = kClient) {
+    for (const auto& one : conversation_->subscribers()) {
+      if (one.peer != peer) continue;
+      const auto bytes = conversation_->frame_for(one, now_);
+      return {bytes.begin(), bytes.end()};
+    }
+    return {};
+  }
+  void join(const Bytes& connect, const Peer& peer = kClient) {
+    (void)say(connect, peer);
+    (void)say(message(Message::kKeepAlive), peer);
+  }
+
+  NatNetConfig config_;
+  FakeDesk desk_;
+  Instant now_ = instant_from_ns(1'000'000'000'000);
+  std::uint64_t number_{0};
+  std::optional<Conversation> conversation_;
+};
+
+}  // namespace fiducap::natnet

@@ -1,0 +1,246 @@
+#include "streaming/natnet/natnet_server.hpp"
+
+#include <gtest/gtest.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/multicast.hpp>
+#include <boost/asio/ip/udp.hpp>
+
+#include "messages.hpp"
+#include "support/fake_clock.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap::natnet {
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::udp;
+
+constexpr auto kPatience =
+    std::chrono::seconds(2);  // for datagrams on loopback; reached only by a failure
+
+/// A client's socket; what it gets, in order.
+class Client {
+ public:
+  explicit Client(asio::io_context& io)
+      : socket_(io, udp::endpoint(asio::ip::address_v4::loopback(), 0)) {
+    socket_.non_blocking(true);
+  }
+  void send(const Bytes& datagram, std::uint16_t port, const char* address = "127.0.0.1") {
+    socket_.send_to(asio::buffer(datagram), {asio::ip::make_address(address), port});
+  }
+  /// @return the next datagram; empty: none there
+  Bytes take() {
+    Bytes buffer(65536);
+    boost::system::error_code error;
+    const auto size = socket_.receive_from(asio::buffer(buffer), from_, 0, error);
+    buffer.resize(error ? 0 : size);
+    return buffer;
+  }
+  udp::socket& socket() { return socket_; }
+  [[nodiscard]] std::uint16_t port() const { return socket_.local_endpoint().port(); }
+  [[nodiscard]] const udp::endpoint& from() const { return from_; }
+
+ private:
+  udp::socket socket_;
+  udp::endpoint from_;
+};
+
+class NatNetServerTest : public testing::Test {
+ protected:
+  NatNetServerTest() { config_.port = 0; }
+  ~NatNetServerTest() override {
+    server_.reset();
+    io_.poll();
+  }
+  void start() {
+    auto server = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+    ASSERT_TRUE(server) << server.error().text();
+    server_ = std::move(*server);
+  }
+  void publish() {
+    frame_->number++;
+    server_->publish(frame_);
+  }
+  /// Runs the server until this client got something.
+  Bytes wait_for(Client& client) {
+    const auto end = std::chrono::steady_clock::now() + kPatience;
+    while (std::chrono::steady_clock::now() < end) {
+      io_.restart();
+      io_.run_for(std::chrono::milliseconds(1));
+      if (auto datagram = client.take(); !datagram.empty()) return datagram;
+    }
+    return {};
+  }
+  void join(Client& client) {
+    client.send(ping(), server_->port());
+    EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
+    client.send(message(Message::kKeepAlive), server_->port());
+    client.send(message(Message::kRequestModel), server_->port());
+    EXPECT_EQ(id_of(wait_for(client)), Message::kModel);
+  }
+  std::vector<ClientStatus> clients() {
+    std::vector<ClientStatus> all;
+    server_->append_clients(all);
+    return all;
+  }
+
+  asio::io_context io_;
+  FakeClock clock_{instant_from_ns(1'000'000'000)};
+  NatNetConfig config_;
+  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"arm", "drone"});
+  std::unique_ptr<NatNetStreamer> server_;
+};
+
+TEST_F(NatNetServerTest, FramesGoToTheSocketThatAskedFromAPortOfTheirOwn) {
+  start();
+  Client client(io_);
+  join(client);
+  publish();
+  const Bytes frame = wait_for(client);
+  EXPECT_EQ(id_of(frame), Message::kFrame);
+  EXPECT_EQ(bodies_in(frame).size(), 2U);
+  EXPECT_NE(client.from().port(), server_->port())
+      << "the vendor's library ignores frames from the command port";
+}
+
+TEST_F(NatNetServerTest, ListsWhatItsClientsReceive) {
+  start();
+  Client client(io_);
+  join(client);
+  publish();
+  const auto all = clients();
+  ASSERT_EQ(all.size(), 1U);
+  EXPECT_EQ(all[0].protocol, "natnet");
+  EXPECT_EQ(all[0].peer, "127.0.0.1:" + std::to_string(client.port()) + " udp");
+  EXPECT_EQ(all[0].detail, "Ping, bitstream 3.1, y-up m");
+  EXPECT_EQ(all[0].frames_sent, 1U);
+  EXPECT_EQ(all[0].frames_dropped, 0U);
+}
+
+TEST_F(NatNetServerTest, HearsDiscoveryByBroadcastOnTheLoopback) {
+  start();
+  Client client(io_);
+  client.socket().set_option(asio::socket_base::broadcast(true));
+  client.send(message(Message::kDiscovery, sender_block({3, 1})), server_->port(),
+              "127.255.255.255");
+  EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
+  EXPECT_EQ(client.from().port(), server_->port());
+}
+
+TEST_F(NatNetServerTest, AClientWhoseSocketIsClosedIsForgottenAndOthersLoseNothing) {
+  start();
+  Client stays(io_);
+  {
+    Client goes(io_);
+    join(goes);
+    join(stays);
+  }
+  constexpr int kFrames = 5;
+  for (int i = 0; i < kFrames; ++i) {
+    publish();
+    EXPECT_EQ(id_of(wait_for(stays)), Message::kFrame) << i;
+  }
+  EXPECT_EQ(clients().size(), 1U);
+}
+
+TEST_F(NatNetServerTest, AThousandBodiesArriveInOneDatagram) {
+  frame_ = make_scene_frame(std::vector<std::string>(1000, "x"));
+  start();
+  Client client(io_);
+  client.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
+  client.send(connect({4, 1}, {4, 1}), server_->port());
+  EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
+  client.send(message(Message::kKeepAlive), server_->port());
+  client.send(message(Message::kRequestModel), server_->port());
+  EXPECT_EQ(id_of(wait_for(client)), Message::kModel);
+  for (int i = 0; i < 20; ++i) {
+    publish();
+    EXPECT_EQ(wait_for(client).size(), 126 + 38 * 1000U);
+  }
+}
+
+TEST_F(NatNetServerTest, SixtyFourClientsOfOneComputerAllGetEveryFrame) {
+  start();
+  std::vector<std::unique_ptr<Client>> all;
+  for (int i = 0; i < 64; ++i) join(*all.emplace_back(std::make_unique<Client>(io_)));
+  for (int i = 0; i < 3; ++i) {
+    publish();
+    for (auto& client : all) EXPECT_EQ(id_of(wait_for(*client)), Message::kFrame);
+  }
+}
+
+TEST_F(NatNetServerTest, MulticastFramesReachTheGroup) {
+  config_.multicast = true;
+  config_.multicast_command_port = 0;
+  udp::socket member(io_);
+  member.open(udp::v4());
+  member.set_option(udp::socket::reuse_address(true));
+  member.bind({asio::ip::address_v4::any(), 0});
+  const auto group = asio::ip::make_address_v4(config_.multicast_group);
+  boost::system::error_code error;
+  member.set_option(asio::ip::multicast::join_group(group, asio::ip::address_v4::loopback()),
+                    error);
+  if (error) GTEST_SKIP() << "no multicast here: " << error.message();
+  config_.data_port = member.local_endpoint().port();
+  start();
+  ASSERT_NE(server_->multicast_command_port(), 0);
+  Client client(io_);
+  client.send(ping(), server_->multicast_command_port());
+  const Bytes info = wait_for(client);
+  ASSERT_EQ(id_of(info), Message::kServerInfo);
+  EXPECT_EQ(info[kHeaderSize + 274], std::byte{1});
+  publish();
+  member.non_blocking(true);
+  Bytes buffer(65536);
+  std::size_t size = 0;
+  const auto end = std::chrono::steady_clock::now() + kPatience;
+  while (size == 0 && std::chrono::steady_clock::now() < end) {
+    size = member.receive(asio::buffer(buffer), 0, error);
+    if (error) size = 0;
+  }
+  buffer.resize(size);
+  ASSERT_GE(size, kHeaderSize);
+  EXPECT_EQ(bodies_in(buffer).size(), 2U);
+}
+
+TEST_F(NatNetServerTest, SaysWhatToDoWhenAPortIsTaken) {
+  start();
+  config_.port = server_->port();
+  const auto second = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().text().find("streaming.natnet.port"), std::string::npos)
+      << second.error().text();
+}
+
+TEST_F(NatNetServerTest, GivesItsPortsBackWhenItStops) {
+  start();
+  config_.port = server_->port();
+  server_->stop();
+  EXPECT_TRUE(start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100));
+}
+
+TEST_F(NatNetServerTest, RefusesMoreBodiesThanClientsTake) {
+  frame_ = make_scene_frame(std::vector<std::string>(1001, "x"));
+  const auto server = start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100);
+  ASSERT_FALSE(server);
+  EXPECT_EQ(server.error().code, ErrorCode::kInvalid);
+}
+
+TEST_F(NatNetServerTest, SurvivesEverySortOfRubbish) {
+  start();
+  Client client(io_);
+  client.send({}, server_->port());
+  for (std::size_t size : {1U, 3U, 4U, 5U, 65507U})
+    client.send(Bytes(size, std::byte{0xff}), server_->port());
+  join(client);
+}
+
+TEST_F(NatNetServerTest, MayDieBeforeTheIoThreadIsDone) {
+  start();
+  server_.reset();
+  EXPECT_NO_THROW(io_.poll());
+}
+
+}  // namespace
+}  // namespace fiducap::natnet
