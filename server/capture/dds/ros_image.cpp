@@ -113,16 +113,17 @@ Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraMo
   // No picture is larger than its pixels in 16-bit colour; more bytes only cost time.
   const auto most = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 8 + 65536;
   if (encoded.size() > most) return fail(ErrorCode::kInvalid, "is larger than its pixels");
-  out.resize(camera.width, camera.height);
-  cv::Mat gray(camera.height, camera.width, CV_8UC1, out.pixels.data());
+  cv::Mat decoded;  // not our pixels: OpenCV leaves what is there when the header is broken, and calls it decoded
   try {
     const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1, const_cast<std::uint8_t*>(encoded.data()));
-    cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION, &gray);
+    decoded = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& failure) {
     return fail(ErrorCode::kInvalid, "cannot be decoded: " + printable(failure.what()));
   }
-  // A decoder that wants another size takes memory of its own.
-  if (gray.data != out.pixels.data()) return fail(ErrorCode::kInvalid, "cannot be decoded");
+  if (decoded.empty() || decoded.type() != CV_8UC1) return fail(ErrorCode::kInvalid, "cannot be decoded");
+  if (const auto fits = check_size(decoded.cols, decoded.rows, camera); !fits) return fits;
+  out.resize(camera.width, camera.height);
+  decoded.copyTo(cv::Mat(camera.height, camera.width, CV_8UC1, out.pixels.data()));
   return {};
 }
 
