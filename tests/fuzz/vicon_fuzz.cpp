@@ -16,13 +16,6 @@ namespace {
 using namespace fiducap;
 using namespace fiducap::vicon;
 
-FrameBoard make_board() {
-  FrameBoard board(WhenInvalid::kFlag);
-  const auto frame = make_scene_frame({"arm", "drone", "rover"});
-  board.put_up(*frame, frame->published_at);
-  return board;
-}
-
 void require(bool holds) {
   if (!holds) std::abort();
 }
@@ -30,12 +23,14 @@ void require(bool holds) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static FrameBoard board = make_board();
+  static FrameBoard board(WhenInvalid::kFlag);
+  static const auto frame = make_scene_frame({"arm", "drone", "rover"});
   if (size == 0) return 0;
   const std::span<const std::byte> in(reinterpret_cast<const std::byte*>(data) + 1, size - 1);
   const std::size_t cut = data[0] == 0 ? in.size() : 1 + data[0] % 64;
   ProfileTable profiles;
-  const Instant now = instant_from_ns(0);
+  const Instant now = frame->published_at;
+  board.put_up(*frame, now);  // a new frame for every input: packets of the last one are let go
   Connection connection(profiles, now);
   (void)connection.greeting();
   std::vector<std::byte> answers;
