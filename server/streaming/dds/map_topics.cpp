@@ -12,7 +12,8 @@ namespace {
 constexpr Duration kQuietTime = std::chrono::seconds(1);
 
 bool is_settled(const MapTag& tag) {
-  return tag.component == 0 && (tag.state == TagState::kCalibrated || tag.state == TagState::kSurveyed);
+  return tag.component == 0 &&
+         (tag.state == TagState::kCalibrated || tag.state == TagState::kSurveyed);
 }
 
 bool has(const TagMap& map, int id) { return map.find(id) != nullptr; }
@@ -21,7 +22,8 @@ bool has(const TagMap& map, int id) { return map.find(id) != nullptr; }
 
 MapTopics::MapTopics(TopicMaker& make) : world_frame_(make.config().world_frame) {
   const DdsConfig& config = make.config();
-  tf_static_ = make.make(config.tf, ros_topic("/tf_static", RosType::kTfMessage), TopicMaker::kept());
+  tf_static_ =
+      make.make(config.tf, ros_topic("/tf_static", RosType::kTfMessage), TopicMaker::kept());
   tags_ = make.make(config.native, {"fiducap/tags", &fiducap_dds_Tag_desc, {}}, TopicMaker::kept());
 }
 
@@ -43,11 +45,13 @@ void MapTopics::publish_tf(const SceneFrame& frame) {
   std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms;
   for (const auto& tag : frame.map->tags) {
     if (!is_settled(tag)) continue;
-    transforms.push_back({header, borrowed(names[transforms.size()]), to_ros_transform(tag.tag.X_WT)});
+    transforms.push_back(
+        {header, borrowed(names[transforms.size()]), to_ros_transform(tag.tag.X_WT)});
   }
   if (transforms.empty() && !told_) return;
   tf2_msgs_msg_dds__TFMessage_ message{};
-  message.transforms._length = message.transforms._maximum = static_cast<std::uint32_t>(transforms.size());
+  message.transforms._length = message.transforms._maximum =
+      static_cast<std::uint32_t>(transforms.size());
   message.transforms._buffer = transforms.data();
   send(tf_static_, &message);
 }

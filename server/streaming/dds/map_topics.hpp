@@ -11,8 +11,8 @@
 
 namespace fiducap::dds {
 
-/// Where the settled tags are: `/tf_static` (frames `tag_<id>`) and `fiducap/tags`, both kept for late joiners. Written
-/// when the map changes, at most once a second.
+/// Where the settled tags are: `/tf_static` (frames `tag_<id>`) and `fiducap/tags`, both kept for
+/// late joiners. Written when the map changes, at most once a second.
 class MapTopics final {
  public:
   explicit MapTopics(TopicMaker& make);
