@@ -18,10 +18,6 @@ bool is_folder_name(const std::string& name) {
 
 }  // namespace
 
-std::vector<ConfigError> RecorderConfig::check() const {
-  return Checker{"recorder."}.require(!folder.empty(), "folder", "\"\"", "must name a folder").errors;
-}
-
 void SessionRecorder::add_body(const std::string& name, RecordingInfo info) {
   info.name = name;
   info.has_images.assign(info.cameras.size(), config_.images);
@@ -36,7 +32,7 @@ Expected<void> SessionRecorder::start(const std::string& name) {
     return fail(ErrorCode::kInvalid, "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
   auto session = std::make_shared<Session>();
   session->name = name;
-  const auto folder = std::filesystem::path(config_.folder) / name;
+  const auto folder = std::filesystem::path(config_.folder.empty() ? "recordings" : config_.folder) / name;
   std::error_code error;
   if (std::filesystem::exists(folder, error))
     return fail(ErrorCode::kInvalid, "there is a recording of this name; nothing is overwritten", folder.string());

@@ -17,10 +17,9 @@
 namespace fiducap {
 
 struct RecorderConfig {
-  std::string folder{"recordings"};  ///< Each session is a folder in it, each body a recording in that.
+  /// Each session is a folder in it, each body a recording in that. Empty: `recordings` in the working directory.
+  std::string folder;
   bool images{false};                ///< False: the detected corners and the IMU, enough for `fiducap replay`.
-
-  [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
 /// Writes the sensors of all bodies to disk while the server runs. `take` costs one atomic read when nothing is

@@ -33,7 +33,9 @@ using testing::HasSubstr;
 /// The shipped demo with ready corners instead of images (a thousandth of the cost) on free ports.
 ServerConfig corner_demo() {
   const auto file = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml";
-  auto config = load_config(file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0",
+  auto config = load_config(file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.natnet.port=0",
+                                            "streaming.vicon.port=0", "streaming.qualisys.base_port=0",
+                                            "streaming.qualisys.discovery_port=0", "streaming.dds.enabled=false",
                                             "streaming.web.port=0", "log_level=warning"});
   if (!config) throw std::runtime_error(config.error().front().text());
   for (auto& body : config->bodies) {

@@ -186,7 +186,6 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   check_vehicles(all, config);
   append(all, config.dds.check(), "dds.");
   append(all, config.operators.check(), "operator.");
-  append(all, config.recorder.check(), "recorder.");
   return all;
 }
 

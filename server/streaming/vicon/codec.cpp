@@ -27,7 +27,8 @@ LittleEndianWriter begin(Type type, std::size_t payload, std::vector<std::byte>&
 }
 
 /// Of a per-subject object with one segment.
-LittleEndianWriter begin_segment(Type type, std::size_t values, std::uint32_t subject, std::vector<std::byte>& out) {
+LittleEndianWriter begin_segment(Type type, std::size_t values, std::uint32_t subject,
+                                 std::vector<std::byte>& out) {
   LittleEndianWriter to = begin(type, 12 + values, out);
   to.u32(subject).u32(1).u32(kSegment);
   return to;
@@ -51,7 +52,8 @@ void encode_named(Type type, std::span<const NamedValue> values, std::vector<std
 }
 
 /// A count that the bytes behind it can hold, at `size` each.
-Expected<std::uint32_t> checked_count(LittleEndianReader& from, std::size_t size, const char* context) {
+Expected<std::uint32_t> checked_count(LittleEndianReader& from, std::size_t size,
+                                      const char* context) {
   const std::uint32_t n = from.u32();
   if (auto read = from.check(context); !read) return tl::unexpected(read.error());
   if (n > from.left() / size) {
@@ -94,8 +96,8 @@ void encode_pong(std::uint64_t id, std::vector<std::byte>& out) {
   close_packet(opened, out);
 }
 
-void encode_contents(std::span<const std::pair<Type, std::uint32_t>> counts, std::span<const Type> unchanged,
-                     std::vector<std::byte>& out) {
+void encode_contents(std::span<const std::pair<Type, std::uint32_t>> counts,
+                     std::span<const Type> unchanged, std::vector<std::byte>& out) {
   LittleEndianWriter to = begin(Type::kContents, 8 + 8 * counts.size() + 4 * unchanged.size(), out);
   to.u32(u32(counts.size()));
   for (const auto& [type, n] : counts) to.u32(u32(type)).u32(n);
@@ -112,7 +114,8 @@ void encode_stream_info(double rate_hz, std::vector<std::byte>& out) {
   begin(Type::kStreamInfo, 8, out).i64(std::max<std::int64_t>(period, 1));
 }
 
-void encode_subject_info(std::uint32_t subject, std::string_view name, std::vector<std::byte>& out) {
+void encode_subject_info(std::uint32_t subject, std::string_view name,
+                         std::vector<std::byte>& out) {
   constexpr std::size_t kBounds = 6 * 4;
   LittleEndianWriter to = begin(Type::kSubjectInfo, 56 + 2 * name.size(), out);
   to.u32(subject);
@@ -134,7 +137,9 @@ void encode_subject_scale(std::uint32_t subject, std::vector<std::byte>& out) {
   begin_segment(Type::kSubjectScale, 24, subject, out).f64(1).f64(1).f64(1);
 }
 
-void encode_frame_info(std::uint32_t id, std::vector<std::byte>& out) { begin(Type::kFrameInfo, 4, out).u32(id); }
+void encode_frame_info(std::uint32_t id, std::vector<std::byte>& out) {
+  begin(Type::kFrameInfo, 4, out).u32(id);
+}
 
 void encode_hardware_frame_info(std::uint32_t number, std::vector<std::byte>& out) {
   begin(Type::kHardwareFrameInfo, 4, out).u32(number);
@@ -156,8 +161,10 @@ Timecode timecode_of(std::int64_t utc_ns, double rate_hz) {
   std::int64_t ns_of_day = utc_ns % (kSecondsPerDay * kNsPerSecond);
   if (ns_of_day < 0) ns_of_day += kSecondsPerDay * kNsPerSecond;
   const std::int64_t second = ns_of_day / kNsPerSecond;
-  const std::int64_t per_frame = std::max<std::int64_t>(std::llround(std::ceil(rate_hz / kTimecodeRate_hz)), 1);
-  const std::int64_t subframe = ns_of_day % kNsPerSecond * kTimecodeRate_hz * per_frame / kNsPerSecond;
+  const std::int64_t per_frame =
+      std::max<std::int64_t>(std::llround(std::ceil(rate_hz / kTimecodeRate_hz)), 1);
+  const std::int64_t subframe =
+      ns_of_day % kNsPerSecond * kTimecodeRate_hz * per_frame / kNsPerSecond;
   Timecode time;
   time.hours = static_cast<std::uint8_t>(second / 3600);
   time.minutes = static_cast<std::uint8_t>(second / 60 % 60);
@@ -204,7 +211,8 @@ void encode_lightweight_segments(const SegmentPose& pose, std::vector<std::byte>
 Expected<std::size_t> packet_size(std::span<const std::byte> in) {
   for (std::size_t i = 0; i < std::min<std::size_t>(in.size(), 4); ++i) {
     if (in[i] == static_cast<std::byte>(kPacketTag >> (8 * i) & 0xff)) continue;
-    return fail(ErrorCode::kInvalid, "expected the packet tag 01 00 2b 1a, came something else", "Vicon packet");
+    return fail(ErrorCode::kInvalid, "expected the packet tag 01 00 2b 1a, came something else",
+                "Vicon packet");
   }
   if (in.size() < kHeaderSize) return 0;
   LittleEndianReader from(in);
@@ -212,7 +220,8 @@ Expected<std::size_t> packet_size(std::span<const std::byte> in) {
   const std::size_t length = from.u32();
   if (length > kMaxClientPacket) {
     return fail(ErrorCode::kInvalid,
-                "expected a length up to " + std::to_string(kMaxClientPacket) + ", came " + std::to_string(length),
+                "expected a length up to " + std::to_string(kMaxClientPacket) + ", came " +
+                    std::to_string(length),
                 "Vicon packet");
   }
   return kHeaderSize + length;

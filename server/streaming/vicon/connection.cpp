@@ -18,7 +18,8 @@ std::vector<std::byte> Connection::greeting() {
   return bytes;
 }
 
-Expected<void> Connection::receive(std::span<const std::byte> bytes, Instant now, std::vector<std::byte>& out) {
+Expected<void> Connection::receive(std::span<const std::byte> bytes, Instant now,
+                                   std::vector<std::byte>& out) {
   in_.insert(in_.end(), bytes.begin(), bytes.end());
   std::size_t used = 0;
   for (;;) {
@@ -26,7 +27,8 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, Instant now
     const auto size = packet_size(rest);
     if (!size) return tl::unexpected(size.error());
     if (*size == 0 || rest.size() < *size) break;
-    if (const auto taken = take_packet(rest.subspan(kHeaderSize, *size - kHeaderSize), out); !taken) return taken;
+    if (const auto taken = take_packet(rest.subspan(kHeaderSize, *size - kHeaderSize), out); !taken)
+      return taken;
     used += *size;
   }
   in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
@@ -38,7 +40,8 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, Instant now
   return {};
 }
 
-Expected<void> Connection::take_packet(std::span<const std::byte> objects, std::vector<std::byte>& out) {
+Expected<void> Connection::take_packet(std::span<const std::byte> objects,
+                                       std::vector<std::byte>& out) {
   while (!objects.empty()) {
     const auto object = take_object(objects);
     if (!object) return tl::unexpected(object.error());
@@ -55,9 +58,11 @@ Expected<void> Connection::take(const Object& object, std::vector<std::byte>& ou
   };
   switch (static_cast<Type>(object.type)) {
     case Type::kObjectEnums:
-      return use_value(decode_object_enums(object.payload), [&](TypeSet types) { take_types(types); });
+      return use_value(decode_object_enums(object.payload),
+                       [&](TypeSet types) { take_types(types); });
     case Type::kRequestFrame:
-      return use_value(decode_request_frame(object.payload), [&](bool streaming) { ask(streaming); });
+      return use_value(decode_request_frame(object.payload),
+                       [&](bool streaming) { ask(streaming); });
     case Type::kRequestNextFrame:
       return use_value(decode_request_next_frame(object.payload), [&](std::uint32_t n) {
         next_ = std::max(next_, std::min(n, kMostNextFrames));
@@ -68,13 +73,17 @@ Expected<void> Connection::take(const Object& object, std::vector<std::byte>& ou
         if (greeted_) encode_pong(id, out);  // nothing may go before the greeting
       });
     case Type::kFilter:
-      return use_value(decode_filter(object.payload), [&](SubjectFilter filter) { take_filter(std::move(filter)); });
+      return use_value(decode_filter(object.payload),
+                       [&](SubjectFilter filter) { take_filter(std::move(filter)); });
     default:
-      return {};  // haptics, keep-alive, the two multicast commands: no current client gains anything by them
+      return {};  // haptics, keep-alive, the two multicast commands: no current client gains
+                  // anything by them
   }
 }
 
-void Connection::take_types(TypeSet types) { use({types, profile_ ? profile_->filter : early_filter_}); }
+void Connection::take_types(TypeSet types) {
+  use({types, profile_ ? profile_->filter : early_filter_});
+}
 
 void Connection::take_filter(SubjectFilter filter) {
   if (!profile_) {
@@ -118,7 +127,9 @@ std::string Connection::summary() const {
   if (!open()) return text;
   const TypeSet& types = profile_->types;
   const bool full = types.has(Type::kGlobalSegments) || types.has(Type::kLocalSegments);
-  text += full ? ", segments" : types.has(Type::kLightweightSegments) ? ", lightweight segments" : ", no poses";
+  text += full                                    ? ", segments"
+          : types.has(Type::kLightweightSegments) ? ", lightweight segments"
+                                                  : ", no poses";
   const Type shown = full ? Type::kGlobalSegments : Type::kLightweightSegments;
   if (const auto entry = profile_->filter.find(shown); entry != profile_->filter.end()) {
     text += ", " + std::to_string(entry->second.size()) + " subjects only";

@@ -18,12 +18,14 @@ namespace fiducap::vicon {
 
 /// One client's conversation: bytes in, answers and wishes out, no socket. The time is passed in.
 ///
-/// The server speaks first (greeting: all types it can send), the client answers with the types it wants, then asks for
-/// frames: for all of them (push), for one (pull) or for the next n (prefetch). A request that overtakes the types is
-/// remembered. Wishes never add up: a client that asks five times for a frame gets one.
+/// The server speaks first (greeting: all types it can send), the client answers with the types it
+/// wants, then asks for frames: for all of them (push), for one (pull) or for the next n
+/// (prefetch). A request that overtakes the types is remembered. Wishes never add up: a client that
+/// asks five times for a frame gets one.
 class Connection final {
  public:
-  static constexpr Duration kSilence = std::chrono::seconds(10);  ///< Until the types, or the rest of a packet, are here.
+  static constexpr Duration kSilence =
+      std::chrono::seconds(10);  ///< Until the types, or the rest of a packet, are here.
 
   /// @param profiles  outlives the connection
   Connection(ProfileTable& profiles, Instant now) : profiles_(profiles), waiting_since_(now) {}
@@ -33,7 +35,8 @@ class Connection final {
 
   /// Takes bytes cut anywhere. Answers (of pings) are appended to `out`, whole packets.
   /// @return Error when the conversation is over: broken framing
-  Expected<void> receive(std::span<const std::byte> bytes, Instant now, std::vector<std::byte>& out);
+  Expected<void> receive(std::span<const std::byte> bytes, Instant now,
+                         std::vector<std::byte>& out);
 
   /// Is the frame `id` wanted now? A client never gets the same frame twice.
   [[nodiscard]] bool wants(std::uint32_t id) const;

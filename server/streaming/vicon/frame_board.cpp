@@ -28,26 +28,28 @@ Duration not_negative(Duration d) { return std::max(d, Duration::zero()); }
 
 }  // namespace
 
-FrameBoard::FrameBoard(WhenInvalid when_invalid) : poses_(conventions_of("vicon").axes, when_invalid) {}
+FrameBoard::FrameBoard(WhenInvalid when_invalid)
+    : poses_(conventions_of("vicon").axes, when_invalid) {}
 
 void FrameBoard::put_up(const SceneFrame& frame, Instant now) {
   poses_.take_over(frame);
   id_ = numbers_.next(frame.at, frame.rate_hz);
   hardware_number_ = static_cast<std::uint32_t>(frame.number);
-  timecode_ = timecode_of(frame.utc_ns(), frame.rate_hz);
+  timecode_ = timecode_of(to_ns(numbers_.due()) + frame.utc_offset.count(), frame.rate_hz);
   camera_hz_ = fastest_camera_hz(frame);
   made_ = not_negative(frame.published_at - frame.at);
   offered_ = not_negative(now - frame.published_at);
   put_up_at_ = now;
   ready_.clear();
-  for (std::size_t i = 0; i < kOffered.size(); ++i) encoded_[i] = encoded_[i] && is_static(kOffered[i]);
+  for (std::size_t i = 0; i < kOffered.size(); ++i)
+    encoded_[i] = encoded_[i] && is_static(kOffered[i]);
   refresh_statics(frame);
 }
 
 void FrameBoard::refresh_statics(const SceneFrame& frame) {
   const auto& all = poses_.all();
-  bool same = statics_version_ != 0 && frame.model->generation == generation_ && frame.rate_hz == rate_hz_ &&
-              listed_.size() == all.size();
+  bool same = statics_version_ != 0 && frame.model->generation == generation_ &&
+              frame.rate_hz == rate_hz_ && listed_.size() == all.size();
   for (std::size_t i = 0; same && i < all.size(); ++i) same = listed_[i] == all[i].listed;
   if (same) return;
   ++statics_version_;
@@ -64,7 +66,8 @@ void FrameBoard::list_subjects(const SceneFrame& frame) {
   subjects_.clear();
   const std::size_t count = std::min(names.size(), listed_.size());
   for (std::size_t i = 0; i < count; ++i) {
-    if (listed_[i]) subjects_.push_back({static_cast<std::uint32_t>(frame.model->bodies[i].id), names[i]});
+    if (listed_[i])
+      subjects_.push_back({static_cast<std::uint32_t>(frame.model->bodies[i].id), names[i]});
   }
 }
 
@@ -102,21 +105,35 @@ void FrameBoard::encode(Type type, ObjectRun& run) const {
     }
   };
   switch (type) {
-    case Type::kApplicationInfo: encode_application_info(run.bytes); return run.finish();
-    case Type::kStreamInfo: encode_stream_info(rate_hz_, run.bytes); return run.finish();
-    case Type::kSubjectInfo: return each_subject([&](const Subject& s) { encode_subject_info(s.id, s.name, run.bytes); });
-    case Type::kSubjectTopology: return each_subject([&](const Subject& s) { encode_subject_topology(s.id, run.bytes); });
-    case Type::kSubjectScale: return each_subject([&](const Subject& s) { encode_subject_scale(s.id, run.bytes); });
-    case Type::kFrameInfo: encode_frame_info(id_, run.bytes); return run.finish();
-    case Type::kHardwareFrameInfo: encode_hardware_frame_info(hardware_number_, run.bytes); return run.finish();
-    case Type::kTimecode: encode_timecode(timecode_, run.bytes); return run.finish();
+    case Type::kApplicationInfo:
+      encode_application_info(run.bytes);
+      return run.finish();
+    case Type::kStreamInfo:
+      encode_stream_info(rate_hz_, run.bytes);
+      return run.finish();
+    case Type::kSubjectInfo:
+      return each_subject([&](const Subject& s) { encode_subject_info(s.id, s.name, run.bytes); });
+    case Type::kSubjectTopology:
+      return each_subject([&](const Subject& s) { encode_subject_topology(s.id, run.bytes); });
+    case Type::kSubjectScale:
+      return each_subject([&](const Subject& s) { encode_subject_scale(s.id, run.bytes); });
+    case Type::kFrameInfo:
+      encode_frame_info(id_, run.bytes);
+      return run.finish();
+    case Type::kHardwareFrameInfo:
+      encode_hardware_frame_info(hardware_number_, run.bytes);
+      return run.finish();
+    case Type::kTimecode:
+      encode_timecode(timecode_, run.bytes);
+      return run.finish();
     case Type::kFrameRateInfo: {
       const std::array<NamedValue, 2> rates{{{"Camera", camera_hz_}, {"Stream", rate_hz_}}};
       encode_frame_rate_info(rates, run.bytes);
       return run.finish();
     }
     case Type::kGlobalSegments:
-    case Type::kLocalSegments: return each_visible([&](const SegmentPose& p) { encode_segments(type, p, run.bytes); });
+    case Type::kLocalSegments:
+      return each_visible([&](const SegmentPose& p) { encode_segments(type, p, run.bytes); });
     case Type::kLightweightSegments:
       return each_visible([&](const SegmentPose& p) { encode_lightweight_segments(p, run.bytes); });
     case Type::kObjectQuality:
@@ -126,11 +143,13 @@ void FrameBoard::encode(Type type, ObjectRun& run) const {
         run.finish(pose.segment.subject);
       }
       return;
-    default: return;  // the contents and the latency are written per packet; a ping is no part of a frame
+    default:
+      return;  // the contents and the latency are written per packet; a ping is no part of a frame
   }
 }
 
-net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profile, bool statics, Instant now) {
+net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profile, bool statics,
+                                    Instant now) {
   const Duration waited = not_negative(now - put_up_at_);
   const bool late = waited > kFresh;
   if (!late) {
@@ -145,7 +164,8 @@ net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profil
   return shared;
 }
 
-void FrameBoard::compose(const Profile& profile, bool statics, Duration waited, std::vector<std::byte>& out) {
+void FrameBoard::compose(const Profile& profile, bool statics, Duration waited,
+                         std::vector<std::byte>& out) {
   out.clear();
   const std::size_t opened = open_packet(out);
   append_contents(profile, statics, out);
@@ -166,7 +186,8 @@ void FrameBoard::compose(const Profile& profile, bool statics, Duration waited, 
   close_packet(opened, out);
 }
 
-void FrameBoard::append_contents(const Profile& profile, bool statics, std::vector<std::byte>& out) {
+void FrameBoard::append_contents(const Profile& profile, bool statics,
+                                 std::vector<std::byte>& out) {
   std::array<std::pair<Type, std::uint32_t>, kOffered.size()> counts;
   std::array<Type, kOffered.size()> unchanged;
   std::size_t n_counts = 0;

@@ -18,9 +18,10 @@ namespace fiducap::vicon {
 
 /// The newest frame, and its bytes for whoever asks.
 ///
-/// Each object is encoded once per frame and only when somebody wants its type; each packet is put together once per
-/// profile and shared by all clients with that profile. The static objects (names, rate, …) are encoded when they change,
-/// which is their version. Allocates nothing after warm-up.
+/// Each object is encoded once per frame and only when somebody wants its type; each packet is put
+/// together once per profile and shared by all clients with that profile. The static objects
+/// (names, rate, …) are encoded when they change, which is their version. Allocates nothing after
+/// warm-up.
 class FrameBoard final {
  public:
   explicit FrameBoard(WhenInvalid when_invalid);
@@ -33,9 +34,11 @@ class FrameBoard final {
   /// Counts up when the list of subjects, a name or the rate changes.
   [[nodiscard]] std::uint64_t statics_version() const { return statics_version_; }
 
-  /// The newest frame as one packet. One that leaves late (a client asked after it was put up) says so in its latency.
+  /// The newest frame as one packet. One that leaves late (a client asked after it was put up) says
+  /// so in its latency.
   /// @param statics  with the static objects; without them the client is told to keep what it has
-  [[nodiscard]] net::SharedBytes packet(const std::shared_ptr<const Profile>& profile, bool statics, Instant now);
+  [[nodiscard]] net::SharedBytes packet(const std::shared_ptr<const Profile>& profile, bool statics,
+                                        Instant now);
 
  private:
   struct Ready {
@@ -65,7 +68,7 @@ class FrameBoard final {
   Timecode timecode_;
   double rate_hz_{0};
   double camera_hz_{0};
-  Duration made_{};  ///< Instant of the poses → the frame was made.
+  Duration made_{};     ///< Instant of the poses → the frame was made.
   Duration offered_{};  ///< Made → put up.
   Instant put_up_at_{};
 

@@ -7,13 +7,15 @@
 
 namespace fiducap::vicon {
 
-/// Numbers frames by the time they are for: number = time · rate, so that a frame that was never made leaves a gap and
-/// clients may compute time as number / rate. Strictly ascending all the same; starts again at 0 after 2^31 frames, so
-/// that clients that keep it in an int stay right.
+/// Numbers frames by the time they are for: number = time · rate, so that a frame that was never
+/// made leaves a gap and clients may compute time as number / rate. Strictly ascending all the
+/// same; starts again at 0 after 2^31 frames, so that clients that keep it in an int stay right.
 class FrameNumbers final {
  public:
   /// @pre rate_hz > 0
   [[nodiscard]] std::uint32_t next(Instant at, double rate_hz);
+  /// When the last one was due: evenly spaced, unlike the instants that made it. @pre there was one
+  [[nodiscard]] Instant due() const;
 
  private:
   std::optional<Instant> start_;

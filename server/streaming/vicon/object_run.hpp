@@ -7,7 +7,8 @@
 
 namespace fiducap::vicon {
 
-/// Objects of one type, encoded one after the other, so that any selection of subjects can be copied out.
+/// Objects of one type, encoded one after the other, so that any selection of subjects can be
+/// copied out.
 struct ObjectRun {
   struct End {
     std::uint32_t subject{};  ///< 0: of no subject.
@@ -24,12 +25,13 @@ struct ObjectRun {
   void finish(std::uint32_t subject = 0) { ends.push_back({subject, bytes.size()}); }
 
   /// @param wanted  ascending; null: all of them
-  [[nodiscard]] static bool admits(const std::vector<std::uint32_t>* wanted, std::uint32_t subject) {
+  [[nodiscard]] static bool admits(const std::vector<std::uint32_t>* wanted,
+                                   std::uint32_t subject) {
     return wanted == nullptr || std::binary_search(wanted->begin(), wanted->end(), subject);
   }
   [[nodiscard]] std::uint32_t count(const std::vector<std::uint32_t>* wanted) const {
-    return static_cast<std::uint32_t>(
-        std::count_if(ends.begin(), ends.end(), [&](const End& end) { return admits(wanted, end.subject); }));
+    return static_cast<std::uint32_t>(std::count_if(
+        ends.begin(), ends.end(), [&](const End& end) { return admits(wanted, end.subject); }));
   }
   void append_to(std::vector<std::byte>& out, const std::vector<std::uint32_t>* wanted) const {
     if (wanted == nullptr) {

@@ -12,7 +12,8 @@ namespace fiducap::vicon {
 /// Keys are per-subject types that we offer; ids ascend and stand once.
 using SubjectFilter = std::map<Type, std::vector<std::uint32_t>>;
 
-/// All that distinguishes one client's frames from another's. Clients with equal profiles get the same bytes.
+/// All that distinguishes one client's frames from another's. Clients with equal profiles get the
+/// same bytes.
 struct Profile {
   TypeSet types;
   SubjectFilter filter;

@@ -7,7 +7,8 @@
 
 namespace fiducap::vicon {
 
-/// Equal profiles of different clients become one object, so that telling them apart costs a comparison of pointers.
+/// Equal profiles of different clients become one object, so that telling them apart costs a
+/// comparison of pointers.
 class ProfileTable final {
  public:
   [[nodiscard]] std::shared_ptr<const Profile> share(const Profile& profile) {

@@ -17,15 +17,16 @@ constexpr auto kTick = std::chrono::milliseconds(100);
 Server::Server(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock)
     : io_(io),
       config_(config),
-      context_(std::make_shared<SessionContext>(SessionContext{clock, FrameBoard(config.when_invalid)})),
+      context_(
+          std::make_shared<SessionContext>(SessionContext{clock, FrameBoard(config.when_invalid)})),
       timer_(io) {}
 
 Expected<void> Server::listen() {
-  auto listener = net::TcpListener::open(
-      io_, {config_.address, config_.port, "streaming.vicon"},
-      [weak = weak_from_this()](tcp::socket socket) {
-        if (const auto self = weak.lock()) self->accepted(std::move(socket));
-      });
+  auto listener = net::TcpListener::open(io_, {config_.address, config_.port, "streaming.vicon"},
+                                         [weak = weak_from_this()](tcp::socket socket) {
+                                           if (const auto self = weak.lock())
+                                             self->accepted(std::move(socket));
+                                         });
   if (!listener) return tl::unexpected(listener.error());
   listener_.emplace(std::move(*listener));
   port_ = listener_->port();
@@ -43,16 +44,18 @@ void Server::accepted(tcp::socket socket) {
 }
 
 bool Server::has_room_for(const tcp::endpoint& client) {
-  const auto from_here = std::count_if(sessions_.begin(), sessions_.end(), [&](const auto& session) {
-    return session->endpoint().address() == client.address();
-  });
+  const auto from_here = std::count_if(
+      sessions_.begin(), sessions_.end(),
+      [&](const auto& session) { return session->endpoint().address() == client.address(); });
   const bool room = sessions_.size() < static_cast<std::size_t>(config_.max_clients);
   if (room && from_here < config_.max_clients_per_address) return true;
   if (std::exchange(may_complain_, false)) {
-    log::warning("vicon", "no room for client " + net::peer_text(client) + ": " +
-                              (room ? std::to_string(from_here) + " from its address (max_clients_per_address)"
-                                    : "all " + std::to_string(sessions_.size()) + " places are taken (max_clients)") +
-                              " of streaming.vicon");
+    log::warning(
+        "vicon",
+        "no room for client " + net::peer_text(client) + ": " +
+            (room ? std::to_string(from_here) + " from its address (max_clients_per_address)"
+                  : "all " + std::to_string(sessions_.size()) + " places are taken (max_clients)") +
+            " of streaming.vicon");
   }
   return false;
 }

@@ -15,8 +15,8 @@
 
 namespace fiducap::vicon {
 
-/// Listens, makes a session for every client and offers each frame to all of them. Everything runs on the thread of the
-/// io_context.
+/// Listens, makes a session for every client and offers each frame to all of them. Everything runs
+/// on the thread of the io_context.
 class Server final : public std::enable_shared_from_this<Server> {
  public:
   Server(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock);

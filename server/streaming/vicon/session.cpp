@@ -4,7 +4,8 @@
 
 namespace fiducap::vicon {
 
-Session::Session(tcp::socket socket, boost::asio::io_context& io, std::shared_ptr<SessionContext> context)
+Session::Session(tcp::socket socket, boost::asio::io_context& io,
+                 std::shared_ptr<SessionContext> context)
     : TcpSession(std::move(socket), "vicon", context->clock),
       context_(std::move(context)),
       connection_(context_->profiles, context_->clock.now()),
@@ -34,8 +35,8 @@ void Session::publish() {
   FrameBoard& board = context_->board;
   if (closed() || board.empty() || !connection_.wants(board.id())) return;
   // A frame that still waits is dropped for this one; its static objects must not get lost with it.
-  const bool statics =
-      connection_.wants_statics(board.statics_version()) || (statics_in_last_frame_ && frame_waits());
+  const bool statics = connection_.wants_statics(board.statics_version()) ||
+                       (statics_in_last_frame_ && frame_waits());
   offer(board.packet(connection_.profile(), statics, clock().now()));
   statics_in_last_frame_ = statics;
   connection_.sent(board.id(), statics ? std::optional(board.statics_version()) : std::nullopt);
@@ -51,8 +52,8 @@ void Session::end(std::string_view why) {
 }
 
 ClientStatus Session::status(Instant now) const {
-  return {"vicon", peer(), "z-up mm, " + connection_.summary(), frames_sent(), frames_dropped(),
-          to_seconds(now - since())};
+  return {"vicon",       peer(),           "z-up mm, " + connection_.summary(),
+          frames_sent(), frames_dropped(), to_seconds(now - since())};
 }
 
 }  // namespace fiducap::vicon

@@ -24,8 +24,9 @@ struct SessionContext {
 /// One client's socket and conversation: gets the newest frame when it wants one.
 class Session final : public net::TcpSession {
  public:
-  /// From accept to greeting. SDK 1.12 asks for segments just after it has connected; a greeting that comes a little later
-  /// finds that wish already made, so that the client's first frame has poses.
+  /// From accept to greeting. SDK 1.12 asks for segments just after it has connected; a greeting
+  /// that comes a little later finds that wish already made, so that the client's first frame has
+  /// poses.
   static constexpr std::chrono::milliseconds kGreetingDelay{40};
 
   Session(tcp::socket socket, boost::asio::io_context& io, std::shared_ptr<SessionContext> context);

@@ -16,7 +16,8 @@ constexpr double kHalfGood_rad = 0.02;
 
 double quality_of(const BodyPose& body) {
   if (!body.valid) return 0.0;
-  const double worst = std::max(body.position_sigma_m() / kHalfGood_m, body.rotation_sigma_rad() / kHalfGood_rad);
+  const double worst =
+      std::max(body.position_sigma_m() / kHalfGood_m, body.rotation_sigma_rad() / kHalfGood_rad);
   return std::isfinite(worst) ? 1.0 / (1.0 + worst * worst) : 0.0;
 }
 

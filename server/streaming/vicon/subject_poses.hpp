@@ -19,16 +19,19 @@ struct SubjectPose {
   SegmentPose segment;
 };
 
-/// How good a pose is on Vicon's scale: 1 / (1 + (worst sigma / 20 mm or 20 mrad)²), 0 when it may not be used.
+/// How good a pose is on Vicon's scale: 1 / (1 + (worst sigma / 20 mm or 20 mrad)²), 0 when it may
+/// not be used.
 [[nodiscard]] double quality_of(const BodyPose& body);
 
-/// A frame's bodies in millimetres, with what the configured policy makes of invalid ones: flag – occluded; stop – not even
-/// listed; hold – the last valid pose again, at quality 0.
+/// A frame's bodies in millimetres, with what the configured policy makes of invalid ones: flag –
+/// occluded; stop – not even listed; hold – the last valid pose again, at quality 0.
 class SubjectPoses final {
  public:
-  SubjectPoses(const OutputAxes& axes, WhenInvalid when_invalid) : axes_(axes), when_invalid_(when_invalid) {}
+  SubjectPoses(const OutputAxes& axes, WhenInvalid when_invalid)
+      : axes_(axes), when_invalid_(when_invalid) {}
 
-  /// Fills `all`, in the order of the frame's bodies. Allocates nothing while the bodies stay the same.
+  /// Fills `all`, in the order of the frame's bodies. Allocates nothing while the bodies stay the
+  /// same.
   void take_over(const SceneFrame& frame);
   [[nodiscard]] const std::vector<SubjectPose>& all() const { return all_; }
 

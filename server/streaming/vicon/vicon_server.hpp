@@ -22,8 +22,7 @@ class ViconStreamer : public Streamer {
 
 /// @param clock  must live until `io` has run out of handlers after stop().
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(boost::asio::io_context& io,
-                                                                          const ViconConfig& config,
-                                                                          const Clock& clock);
+[[nodiscard]] Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(
+    boost::asio::io_context& io, const ViconConfig& config, const Clock& clock);
 
 }  // namespace fiducap::vicon

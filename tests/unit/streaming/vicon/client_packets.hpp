@@ -33,7 +33,9 @@ inline Bytes types(const std::set<std::uint32_t>& wanted) {
   for (const auto type : wanted) u32(payload, type);
   return packet(100001, payload);
 }
-inline Bytes request_frame(bool streaming) { return packet(100002, {static_cast<std::byte>(streaming)}); }
+inline Bytes request_frame(bool streaming) {
+  return packet(100002, {static_cast<std::byte>(streaming)});
+}
 inline Bytes request_next(std::uint32_t n) {
   Bytes payload;
   u32(payload, n);
@@ -57,7 +59,8 @@ inline Bytes filter(const std::map<std::uint32_t, std::set<std::uint32_t>>& want
 }
 
 /// As SDK 1.12 asks after EnableSegmentData and EnableDebugData, cut to what is offered.
-inline const std::set<std::uint32_t> kSegments{1, 2, 5, 8, 9, 23, 26, 28, 36, 37, 39, 40, 28001, 100004};
+inline const std::set<std::uint32_t> kSegments{1,  2,  5,  8,  9,  23,    26,
+                                               28, 36, 37, 39, 40, 28001, 100004};
 /// After EnableLightweightSegmentData.
 inline const std::set<std::uint32_t> kLight{1, 2, 5, 23, 26, 28, 37, 39, 40, 901, 28001, 100004};
 

@@ -14,7 +14,8 @@ namespace {
 using testing::ElementsAre;
 using testing::Pair;
 
-// The bytes below are those that clients of the SDK 1.11 and 1.12 accepted or sent, see protocols/vicon.md section 11.
+// The bytes below are those that clients of the SDK 1.11 and 1.12 accepted or sent, see
+// protocols/vicon.md section 11.
 
 using Encode = std::function<void(std::vector<std::byte>&)>;
 
@@ -34,21 +35,26 @@ TEST(ViconCodec, GreetsWithAllTypesAscending) {
 }
 
 TEST(ViconCodec, AnswersAPingWithItsOwnId) {
-  EXPECT_EQ(encoded([](auto& out) { encode_pong(1, out); }), hex("01002b1a 10000000 2a000000 08000000 01000000 00000000"));
+  EXPECT_EQ(encoded([](auto& out) { encode_pong(1, out); }),
+            hex("01002b1a 10000000 2a000000 08000000 01000000 00000000"));
   EXPECT_EQ(encoded([](auto& out) { encode_pong(0x1122334455667788, out); }),
             hex("01002b1a 10000000 2a000000 08000000 8877665544332211"));
 }
 
 TEST(ViconCodec, ContentsCountTypesAndNameTheUnchangedOnes) {
-  const std::array<std::pair<Type, std::uint32_t>, 2> counts{{{Type::kStreamInfo, 0}, {Type::kGlobalSegments, 3}}};
+  const std::array<std::pair<Type, std::uint32_t>, 2> counts{
+      {{Type::kStreamInfo, 0}, {Type::kGlobalSegments, 3}}};
   const std::array<Type, 1> unchanged{Type::kStreamInfo};
-  EXPECT_EQ(encoded([&](auto& out) { encode_contents(counts, unchanged, out); }),
-            hex("a4860100 1c000000  02000000 01000000 00000000 09000000 03000000  01000000 01000000"));
+  EXPECT_EQ(
+      encoded([&](auto& out) { encode_contents(counts, unchanged, out); }),
+      hex("a4860100 1c000000  02000000 01000000 00000000 09000000 03000000  01000000 01000000"));
 }
 
 TEST(ViconCodec, StreamInfoIsThePeriodInTicksOf135MHz) {
-  EXPECT_EQ(encoded([](auto& out) { encode_stream_info(100, out); }), hex("01000000 08000000 7099140000000000"));
-  EXPECT_EQ(encoded([](auto& out) { encode_stream_info(200, out); }), hex("01000000 08000000 b84c0a0000000000"));
+  EXPECT_EQ(encoded([](auto& out) { encode_stream_info(100, out); }),
+            hex("01000000 08000000 7099140000000000"));
+  EXPECT_EQ(encoded([](auto& out) { encode_stream_info(200, out); }),
+            hex("01000000 08000000 b84c0a0000000000"));
 }
 
 TEST(ViconCodec, DeclaresZUp) {
@@ -58,7 +64,8 @@ TEST(ViconCodec, DeclaresZUp) {
 TEST(ViconCodec, SubjectInfoHasOneRootSegmentOfTheSameName) {
   EXPECT_EQ(encoded([](auto& out) { encode_subject_info(1, "alpha", out); }),
             hex("02000000 42000000  01000000 05000000 616c706861  01000000"
-                "00000000 01000000 00000000 00000000 00000000 00000000 00000000 00000000 05000000 616c706861"
+                "00000000 01000000 00000000 00000000 00000000 00000000 00000000 00000000 05000000 "
+                "616c706861"
                 "00000000 00000000"));
 }
 
@@ -70,12 +77,15 @@ TEST(ViconCodec, TopologyAndScaleAreThoseOfARigidBody) {
                 "0000000000000000 000000000000f03f 0000000000000000"
                 "0000000000000000 0000000000000000 000000000000f03f"));
   EXPECT_EQ(encoded([](auto& out) { encode_subject_scale(3, out); }),
-            hex("616d0000 24000000  03000000 01000000 01000000  000000000000f03f 000000000000f03f 000000000000f03f"));
+            hex("616d0000 24000000  03000000 01000000 01000000  000000000000f03f 000000000000f03f "
+                "000000000000f03f"));
 }
 
 TEST(ViconCodec, NumbersAndQuality) {
-  EXPECT_EQ(encoded([](auto& out) { encode_frame_info(258, out); }), hex("05000000 04000000 02010000"));
-  EXPECT_EQ(encoded([](auto& out) { encode_hardware_frame_info(7, out); }), hex("24000000 04000000 07000000"));
+  EXPECT_EQ(encoded([](auto& out) { encode_frame_info(258, out); }),
+            hex("05000000 04000000 02010000"));
+  EXPECT_EQ(encoded([](auto& out) { encode_hardware_frame_info(7, out); }),
+            hex("24000000 04000000 07000000"));
   EXPECT_EQ(encoded([](auto& out) { encode_object_quality(2, 1.0, out); }),
             hex("28000000 0c000000 02000000 000000000000f03f"));
 }
@@ -113,7 +123,8 @@ TEST(ViconCodec, SegmentsAreRowsOfTheMatrixThatTurnsSegmentIntoWorld) {
 
 TEST(ViconCodec, LightweightSegmentsAreARotationVectorInFloats) {
   EXPECT_EQ(encoded([](auto& out) { encode_lightweight_segments(quarter_turn(), out); }),
-            hex("85030000 24000000  01000000 01000000 01000000  00007a44 00807ac3 00009644  00000000 00000000 db0fc93f"));
+            hex("85030000 24000000  01000000 01000000 01000000  00007a44 00807ac3 00009644  "
+                "00000000 00000000 db0fc93f"));
 }
 
 TEST(ViconCodec, APacketsLengthIsWhatStandsBehindItsHeader) {
@@ -132,7 +143,9 @@ TEST(ViconCodec, TimecodeIsTheUtcTimeOfDayAt25FramesPerSecond) {
   EXPECT_EQ(timecode_of(kNoonUtc_ns + 999'999'999, 100), (Timecode{22, 13, 20, 24, 3, 4}));
   EXPECT_EQ(timecode_of(kNoonUtc_ns + 45'000'000, 200), (Timecode{22, 13, 20, 1, 1, 8}));
   EXPECT_EQ(timecode_of(kNoonUtc_ns + 80'000'000, 10), (Timecode{22, 13, 20, 2, 0, 1}));
-  EXPECT_EQ(encoded([](auto& out) { encode_timecode({22, 13, 20, 1, 2, 8}, out); }),
+  EXPECT_EQ(encoded([](auto& out) {
+              encode_timecode({22, 13, 20, 1, 2, 8}, out);
+            }),
             hex("17000000 11000000  16 0d 14 01 0200 0800 00000000 00000000 00"));
 }
 
@@ -173,19 +186,27 @@ TEST(ViconCodec, ReadsTheFirstTypesOfSdk112) {
 }
 
 TEST(ViconCodec, ReadsRequestsAndPings) {
-  EXPECT_FALSE(*decode_request_frame(only_object(from_hex("01002b1a 09000000 a2860100 01000000 00")).payload));
-  EXPECT_TRUE(*decode_request_frame(only_object(from_hex("01002b1a 09000000 a2860100 01000000 01")).payload));
-  EXPECT_EQ(*decode_request_next_frame(only_object(from_hex("01002b1a 0c000000 a8860100 04000000 05000000")).payload), 5u);
-  EXPECT_EQ(*decode_ping(only_object(from_hex("01002b1a 10000000 2a000000 08000000 0100000000000080")).payload),
-            0x8000000000000001u);
+  EXPECT_FALSE(*decode_request_frame(
+      only_object(from_hex("01002b1a 09000000 a2860100 01000000 00")).payload));
+  EXPECT_TRUE(*decode_request_frame(
+      only_object(from_hex("01002b1a 09000000 a2860100 01000000 01")).payload));
+  EXPECT_EQ(*decode_request_next_frame(
+                only_object(from_hex("01002b1a 0c000000 a8860100 04000000 05000000")).payload),
+            5u);
+  EXPECT_EQ(
+      *decode_ping(
+          only_object(from_hex("01002b1a 10000000 2a000000 08000000 0100000000000080")).payload),
+      0x8000000000000001u);
 }
 
 TEST(ViconCodec, ReadsAFilterAndLeavesOutWhatItCannotConcern) {
   const auto payload = from_hex(
-      "03000000  09000000 03000000 05000000 02000000 05000000  10000000 01000000 07000000  28000000 00000000");
+      "03000000  09000000 03000000 05000000 02000000 05000000  10000000 01000000 07000000  "
+      "28000000 00000000");
   const auto filter = decode_filter(payload);
   ASSERT_TRUE(filter) << filter.error().text();
-  EXPECT_THAT(*filter, ElementsAre(Pair(Type::kGlobalSegments, ElementsAre(2u, 5u)), Pair(Type::kObjectQuality, ElementsAre())));
+  EXPECT_THAT(*filter, ElementsAre(Pair(Type::kGlobalSegments, ElementsAre(2u, 5u)),
+                                   Pair(Type::kObjectQuality, ElementsAre())));
 }
 
 TEST(ViconCodec, RefusesAnotherTagAsSoonAsItShows) {
@@ -219,8 +240,10 @@ TEST(ViconCodec, RefusesEveryTruncationOfEveryPayload) {
 
 TEST(ViconCodec, BelievesNoCountThatTheBytesCannotHold) {
   EXPECT_EQ(decode_object_enums(from_hex("ffffffff 01000000")).error().code, ErrorCode::kTruncated);
-  EXPECT_EQ(decode_filter(from_hex("ffffffff 01000000 00000000")).error().code, ErrorCode::kTruncated);
-  EXPECT_EQ(decode_filter(from_hex("01000000 09000000 00000040")).error().code, ErrorCode::kTruncated);
+  EXPECT_EQ(decode_filter(from_hex("ffffffff 01000000 00000000")).error().code,
+            ErrorCode::kTruncated);
+  EXPECT_EQ(decode_filter(from_hex("01000000 09000000 00000040")).error().code,
+            ErrorCode::kTruncated);
   const std::vector<std::byte> lying = from_hex("2a000000 ffffffff 01");
   std::span<const std::byte> objects = lying;
   EXPECT_EQ(take_object(objects).error().code, ErrorCode::kTruncated);

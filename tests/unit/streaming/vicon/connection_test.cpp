@@ -146,18 +146,19 @@ TEST_F(ViconConnectionTest, AnswersPingsWithTheirIdButNotBeforeTheGreeting) {
 
 TEST_F(ViconConnectionTest, IgnoresWhatItDoesNotKnow) {
   open();
-  receive(client::packet(35, client::Bytes(40)));                // haptics
-  receive(client::packet(100003, {}));                           // keep-alive
-  receive(client::packet(100005, client::Bytes(10)));            // multicast
+  receive(client::packet(35, client::Bytes(40)));      // haptics
+  receive(client::packet(100003, {}));                 // keep-alive
+  receive(client::packet(100005, client::Bytes(10)));  // multicast
   receive(client::packet(0xffffffff, client::Bytes(3)));
-  receive(from_hex("01002b1a 00000000"));                        // an empty packet
+  receive(from_hex("01002b1a 00000000"));  // an empty packet
   EXPECT_THAT(answers_, IsEmpty());
   EXPECT_FALSE(connection_.wants(1));
 }
 
 TEST_F(ViconConnectionTest, TakesSeveralObjectsPerPacketAndPacketsCutAnywhere) {
   greet();
-  client::Bytes all = from_hex("01002b1a 25000000  a1860100 0c000000 02000000 09000000 a4860100  a2860100 01000000 01");
+  client::Bytes all = from_hex(
+      "01002b1a 25000000  a1860100 0c000000 02000000 09000000 a4860100  a2860100 01000000 01");
   all[4] = static_cast<std::byte>(all.size() - 8);
   const client::Bytes ping = client::ping(9);
   all.insert(all.end(), ping.begin(), ping.end());
@@ -171,7 +172,8 @@ TEST_F(ViconConnectionTest, EndsOnGarbageAndAbsurdLengths) {
   Connection absurd(profiles_, now_);
   EXPECT_FALSE(absurd.receive(from_hex("01002b1a ffffffff"), now_, answers_));
   Connection lying(profiles_, now_);
-  EXPECT_FALSE(lying.receive(from_hex("01002b1a 0c000000 a1860100 04000000 ffffff7f"), now_, answers_));
+  EXPECT_FALSE(
+      lying.receive(from_hex("01002b1a 0c000000 a1860100 04000000 ffffff7f"), now_, answers_));
   Connection overlong(profiles_, now_);
   EXPECT_FALSE(overlong.receive(from_hex("01002b1a 08000000 a1860100 ffffffff"), now_, answers_));
 }

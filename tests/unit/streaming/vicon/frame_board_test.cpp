@@ -18,7 +18,8 @@ constexpr double kRounding_mm = 1e-9;
 constexpr double kFloat_mm = 1e-3;  // of a few metres in millimetres
 constexpr Duration kLate = std::chrono::milliseconds(4);
 
-std::shared_ptr<const Profile> profile_of(const std::set<std::uint32_t>& types, SubjectFilter filter = {}) {
+std::shared_ptr<const Profile> profile_of(const std::set<std::uint32_t>& types,
+                                          SubjectFilter filter = {}) {
   Profile profile;
   for (const auto type : types) profile.types.add(type);
   profile.filter = std::move(filter);
@@ -113,7 +114,8 @@ TEST_F(ViconFrameBoardTest, AFilterLetsOnlyItsSubjectsThrough) {
   EXPECT_TRUE(view_.globals.contains(2));
   EXPECT_EQ(view_.locals.size(), 3u) << "a type without an entry is unrestricted";
   EXPECT_THAT(view_.qualities, ElementsAre(Pair(1, testing::_)));
-  see_as(client::kSegments, {{Type::kSubjectInfo, {1}}, {Type::kGlobalSegments, {1}}, {Type::kLocalSegments, {}}});
+  see_as(client::kSegments,
+         {{Type::kSubjectInfo, {1}}, {Type::kGlobalSegments, {1}}, {Type::kLocalSegments, {}}});
   next(*make_scene_frame({"a", "b", "c"}, 2), true);
   EXPECT_THAT(view_.names, ElementsAre(Pair(1, "a")));
   EXPECT_THAT(view_.locals, IsEmpty());
@@ -130,7 +132,8 @@ TEST_F(ViconFrameBoardTest, RenamedAddedAndRemovedSubjectsMakeANewVersion) {
     model->generation = frame->number;
     model->bodies = std::move(bodies);
     later->bodies.resize(model->bodies.size());
-    for (std::size_t i = 0; i < later->bodies.size(); ++i) later->bodies[i].body_id = model->bodies[i].id;
+    for (std::size_t i = 0; i < later->bodies.size(); ++i)
+      later->bodies[i].body_id = model->bodies[i].id;
     later->model = model;
     next(*later, true);
   };
@@ -177,7 +180,9 @@ TEST_F(ViconFrameBoardTest, NamesAreFitForTopicNamesAndDistinct) {
   see_as(client::kSegments);
   next(*make_scene_frame({"my robot ", "my/robot.", "arm-2", "\xc3\xa4rm"}), true);
   for (const auto& [id, name] : view_.names) {
-    EXPECT_EQ(name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"), std::string::npos)
+    EXPECT_EQ(
+        name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"),
+        std::string::npos)
         << name;
   }
   EXPECT_EQ(view_.names[1], "my_robot_");
@@ -209,6 +214,17 @@ TEST_F(ViconFrameBoardTest, LatencyIsNeverNegative) {
   waited_before_ = -std::chrono::milliseconds(1);
   next(*frame, true);
   EXPECT_THAT(view_.latency, ElementsAre(Pair("Frame", 0.0), Pair("Output", 0.0)));
+}
+
+TEST_F(ViconFrameBoardTest, EveryFrameHasItsOwnTimecodeHoweverLateItIs) {
+  see_as(client::kSegments);
+  std::set<std::string> seen;
+  for (int i = 0; i < 100; ++i) {
+    auto frame = make_scene_frame({"a"}, static_cast<std::uint64_t>(i));
+    frame->at += std::chrono::microseconds(i % 3 == 0 ? 6900 : 100);  // of 10 ms
+    next(*frame, i == 0);
+    EXPECT_TRUE(seen.insert(view_.timecode).second) << i;
+  }
 }
 
 TEST_F(ViconFrameBoardTest, ClientsWithOneProfileShareTheirBytes) {

@@ -17,15 +17,29 @@ TEST(ViconFrameNumbers, AreTimeTimesRateAlsoWhenTicksComeLate) {
     std::uniform_real_distribution<double> late(0.0, 0.7);  // of a period
     for (int i = 0; i < 5000; ++i) {
       const double tick = i + (i == 0 ? 0.0 : late(random));
-      EXPECT_EQ(numbers.next(at_s(5 + tick / rate_hz), rate_hz), static_cast<std::uint32_t>(i)) << rate_hz;
+      EXPECT_EQ(numbers.next(at_s(5 + tick / rate_hz), rate_hz), static_cast<std::uint32_t>(i))
+          << rate_hz;
     }
   }
+}
+
+TEST(ViconFrameNumbers, AreDueEvenlySpacedHoweverLateTheTicks) {
+  FrameNumbers numbers;
+  (void)numbers.next(at_s(3.0), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.0));
+  (void)numbers.next(at_s(3.0081), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.005));
+  (void)numbers.next(at_s(3.0101), 200);
+  EXPECT_EQ(numbers.due(), at_s(3.010));
+  (void)numbers.next(at_s(3.05), 400);
+  EXPECT_EQ(numbers.due(), at_s(3.05)) << "another rate, another beginning";
 }
 
 TEST(ViconFrameNumbers, ALateFirstTickShiftsNothingForGood) {
   FrameNumbers numbers;
   EXPECT_EQ(numbers.next(at_s(1.006), 100), 0u);  // 6 ms late
-  for (std::uint32_t i = 1; i < 100; ++i) EXPECT_LE(std::abs(static_cast<int>(numbers.next(at_s(1 + i * 0.01), 100) - i)), 1);
+  for (std::uint32_t i = 1; i < 100; ++i)
+    EXPECT_LE(std::abs(static_cast<int>(numbers.next(at_s(1 + i * 0.01), 100) - i)), 1);
   EXPECT_EQ(numbers.next(at_s(2.006), 100), 100u);
 }
 

@@ -13,7 +13,8 @@ void StreamView::take_packet(Bytes in) {
   }
   if (objects.empty()) return violated("an empty packet counts as a frame");
   if (!greeted) {
-    expect(objects.size() == 1 && objects[0].first == 100001, "does not begin with a greeting of its own");
+    expect(objects.size() == 1 && objects[0].first == 100001,
+           "does not begin with a greeting of its own");
     greeted = true;
     Bytes types = objects[0].second;
     const auto n = get<std::uint32_t>(types);
@@ -35,7 +36,8 @@ void StreamView::take_frame(const std::vector<std::pair<std::uint32_t, Bytes>>& 
   for (const auto& [type, bytes] : objects) ++found[type];
   expect(objects[0].first == 100004 && found[100004] == 1, "contents are not first and once");
   expect(found[5] == 1, "not one frame number");
-  for (const auto& [type, n] : found) expect(requested.contains(type), "type " + std::to_string(type) + " not asked for");
+  for (const auto& [type, n] : found)
+    expect(requested.contains(type), "type " + std::to_string(type) + " not asked for");
   if (requested.contains(26)) expect(found[26] == 1, "no latency");
   take_contents(objects[0].second, found);
   globals.clear();
@@ -47,7 +49,8 @@ void StreamView::take_frame(const std::vector<std::pair<std::uint32_t, Bytes>>& 
   }
   if (!requested.contains(2)) return;
   for (const auto& [id, pose] : globals) expect(names.contains(id), "pose of an unknown subject");
-  for (const auto& [id, pose] : lights) expect(names.contains(id), "light pose of an unknown subject");
+  for (const auto& [id, pose] : lights)
+    expect(names.contains(id), "light pose of an unknown subject");
 }
 
 void StreamView::take_contents(Bytes in, const std::map<std::uint32_t, std::uint32_t>& found) {
@@ -59,7 +62,8 @@ void StreamView::take_contents(Bytes in, const std::map<std::uint32_t, std::uint
     expect(counted.empty() || *counted.rbegin() < type, "contents do not ascend");
     counted.insert(type);
     const auto there = found.find(type);
-    expect(n == (there == found.end() ? 0 : there->second), "wrong count of type " + std::to_string(type));
+    expect(n == (there == found.end() ? 0 : there->second),
+           "wrong count of type " + std::to_string(type));
   }
   std::set<std::uint32_t> unchanged;
   const auto n_unchanged = get<std::uint32_t>(in);
@@ -67,10 +71,12 @@ void StreamView::take_contents(Bytes in, const std::map<std::uint32_t, std::uint
   expect(in.empty(), "contents are too long");
   for (const auto type : unchanged) {
     expect(is_kept(type), "dynamic type " + std::to_string(type) + " is called unchanged");
-    expect(!found.contains(type), "type " + std::to_string(type) + " is there and called unchanged");
+    expect(!found.contains(type),
+           "type " + std::to_string(type) + " is there and called unchanged");
   }
   for (const auto type : requested) {
-    expect(type == 100004 || counted.contains(type) || !offered.contains(type), "not counted: " + std::to_string(type));
+    expect(type == 100004 || counted.contains(type) || !offered.contains(type),
+           "not counted: " + std::to_string(type));
     if (is_kept(type) && !unchanged.contains(type)) forget(type);
   }
 }
@@ -86,9 +92,15 @@ void StreamView::forget(std::uint32_t type) {
 
 void StreamView::take_object(std::uint32_t type, Bytes in) {
   switch (type) {
-    case 1: rate_hz = 135e6 / static_cast<double>(get<std::int64_t>(in)); break;
-    case 2: take_subject(in); break;
-    case 5: take_frame_id(get<std::uint32_t>(in)); break;
+    case 1:
+      rate_hz = 135e6 / static_cast<double>(get<std::int64_t>(in));
+      break;
+    case 2:
+      take_subject(in);
+      break;
+    case 5:
+      take_frame_id(get<std::uint32_t>(in));
+      break;
     case 8:
     case 9: {
       const auto subject = only_segment(in);
@@ -113,8 +125,12 @@ void StreamView::take_object(std::uint32_t type, Bytes in) {
       many<double, 12>(in);
       break;
     }
-    case 36: hardware_number = get<std::uint32_t>(in); break;
-    case 37: up = get<std::int8_t>(in); break;
+    case 36:
+      hardware_number = get<std::uint32_t>(in);
+      break;
+    case 37:
+      up = get<std::int8_t>(in);
+      break;
     case 39: {
       rates.clear();
       for (auto n = get<std::uint32_t>(in); n > 0; --n) {
@@ -139,7 +155,8 @@ void StreamView::take_object(std::uint32_t type, Bytes in) {
       many<double, 3>(in);
       break;
     }
-    default: return violated("unknown type " + std::to_string(type));
+    default:
+      return violated("unknown type " + std::to_string(type));
   }
   expect(in.empty(), "type " + std::to_string(type) + " is too long");
 }

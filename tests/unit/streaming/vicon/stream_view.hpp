@@ -13,8 +13,9 @@
 
 namespace fiducap::vicon {
 
-/// What a client knows of a stream. Shares no code with the server, applies the strictest rules seen in SDK 1.3 to 1.12 and
-/// collects every violation: framing, order, counts, what is kept and what is forgotten from frame to frame.
+/// What a client knows of a stream. Shares no code with the server, applies the strictest rules
+/// seen in SDK 1.3 to 1.12 and collects every violation: framing, order, counts, what is kept and
+/// what is forgotten from frame to frame.
 class StreamView final {
  public:
   struct Pose {
@@ -119,7 +120,9 @@ class StreamView final {
   void expect(bool holds, const std::string& what) {
     if (!holds) violated(what);
   }
-  void violated(const std::string& what) { violations.push_back("frame " + std::to_string(frames) + ": " + what); }
+  void violated(const std::string& what) {
+    violations.push_back("frame " + std::to_string(frames) + ": " + what);
+  }
 
   void take_packet(Bytes objects);
   void take_frame(const std::vector<std::pair<std::uint32_t, Bytes>>& objects);

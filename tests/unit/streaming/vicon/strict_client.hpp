@@ -10,8 +10,8 @@
 
 namespace fiducap::vicon {
 
-/// A client on a plain non-blocking socket that shares no code with the server. It asks like SDK 1.12 does: types after the
-/// greeting, then frames. `pump` moves what can be moved.
+/// A client on a plain non-blocking socket that shares no code with the server. It asks like
+/// SDK 1.12 does: types after the greeting, then frames. `pump` moves what can be moved.
 class StrictClient final {
  public:
   StrictClient() = default;

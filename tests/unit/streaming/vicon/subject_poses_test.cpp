@@ -13,7 +13,7 @@
 namespace fiducap::vicon {
 namespace {
 
-constexpr double kRounding = 1e-12;     // of products of numbers around 1
+constexpr double kRounding = 1e-12;  // of products of numbers around 1
 constexpr double kRounding_mm = 1e-9;
 
 SubjectPoses poses_with(WhenInvalid when_invalid = WhenInvalid::kFlag) {
@@ -23,7 +23,9 @@ SubjectPoses poses_with(WhenInvalid when_invalid = WhenInvalid::kFlag) {
 TEST(ViconSubjectPoses, MatrixAndRotationVectorTurnSegmentPointsIntoTheWorldInMillimetres) {
   std::mt19937 random(17);
   std::normal_distribution<double> normal;
-  const auto vector = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)); };
+  const auto vector = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
   auto frame = make_scene_frame({"a"});
   auto poses = poses_with();
   for (int i = 0; i < 200; ++i) {
@@ -36,7 +38,8 @@ TEST(ViconSubjectPoses, MatrixAndRotationVectorTurnSegmentPointsIntoTheWorldInMi
     const Eigen::Vector3d p_P = vector();
     const Eigen::Vector3d p_W_mm = 1000 * (X_WP * p_P);
     EXPECT_LT((segment.R * (1000 * p_P) + segment.t_mm - p_W_mm).norm(), kRounding_mm);
-    EXPECT_LT((exp_so3(segment.rotation_vector).toRotationMatrix() - segment.R).norm(), 1e3 * kRounding);
+    EXPECT_LT((exp_so3(segment.rotation_vector).toRotationMatrix() - segment.R).norm(),
+              1e3 * kRounding);
     EXPECT_LE(segment.rotation_vector.norm(), M_PI + kRounding);
     EXPECT_NEAR(segment.R.determinant(), 1.0, kRounding);
     EXPECT_LT((segment.R * segment.R.transpose() - Eigen::Matrix3d::Identity()).norm(), kRounding);

@@ -27,7 +27,8 @@ TEST_F(ViconServerTest, AStalledClientLosesFramesThenItsPlaceAndDisturbsNobody) 
   reading.send(client::request_frame(true));
   steps(5);
   stalled.stop_reading();
-  constexpr int kFrames = 1500;  // 40 bodies · 250 bytes · 1500 = 15 MB, more than any socket buffer takes
+  constexpr int kFrames =
+      1500;  // 40 bodies · 250 bytes · 1500 = 15 MB, more than any socket buffer takes
   for (int i = 1; i <= kFrames; ++i) {
     publish();
     ASSERT_TRUE(until([&] { return reading.view.frames == i; }));
@@ -103,8 +104,9 @@ TEST_F(ViconServerTest, ClosesOnlyTheClientsThatSendGarbage) {
   http.send(from_hex("474554202f20485454502f312e310d0a"));
   four_gigabytes.send(from_hex("01002b1a ffffffff a1860100 ffffffff ffffffff"));
   lying.send(from_hex("01002b1a 0c000000 a1860100 04000000 ffffffff"));
-  ASSERT_TRUE(until(
-      [&] { return http.closed_by_server() && four_gigabytes.closed_by_server() && lying.closed_by_server(); }));
+  ASSERT_TRUE(until([&] {
+    return http.closed_by_server() && four_gigabytes.closed_by_server() && lying.closed_by_server();
+  }));
   publish();
   ASSERT_TRUE(until([&] { return good.view.frames == 1; }));
   EXPECT_EQ(status().size(), 1u);
@@ -114,7 +116,8 @@ TEST_F(ViconServerTest, ReadsNamesAndFiltersOf64KiBAndForgetsThem) {
   start();
   StrictClient client;
   open(client);
-  client.send(client::packet(77777, client::Bytes(65000, std::byte{'a'})));  // a name in an object that nobody knows
+  client.send(client::packet(
+      77777, client::Bytes(65000, std::byte{'a'})));  // a name in an object that nobody knows
   std::set<std::uint32_t> ids;
   for (std::uint32_t i = 1; i < 16000; ++i) ids.insert(i * 2);
   client.send(client::filter({{9, ids}}));
@@ -182,7 +185,8 @@ TEST_F(ViconServerTest, SurvivesRandomBytes) {
     for (auto& b : noise) b = static_cast<std::byte>(byte(random));
     StrictClient raw;
     raw.connect(port_);
-    raw.send(i % 2 == 0 ? client::packet(static_cast<std::uint32_t>(100001 + i % 8), noise) : noise);
+    raw.send(i % 2 == 0 ? client::packet(static_cast<std::uint32_t>(100001 + i % 8), noise)
+                        : noise);
     steps(2);
   }
   publish();

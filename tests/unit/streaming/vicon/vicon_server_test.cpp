@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "server_fixture.hpp"
+#include "support/allocation_counter.hpp"
 
 namespace fiducap::vicon {
 namespace {
@@ -122,7 +123,8 @@ TEST_F(ViconServerTest, ClientsOfEveryKindAtOnceSeeTheSameMotion) {
     steps(2);
     publish();
     ASSERT_TRUE(until([&] {
-      return push.view.frames == i && pull.view.frames == i && light.view.frames == i && filtering.view.frames == i;
+      return push.view.frames == i && pull.view.frames == i && light.view.frames == i &&
+             filtering.view.frames == i;
     }));
     EXPECT_EQ(push.view.frame_id, pull.view.frame_id);
     EXPECT_EQ(push.view.globals[2].t, pull.view.globals[2].t);
@@ -203,6 +205,28 @@ TEST_F(ViconServerTest, NewTypesTakeEffectWithTheNextFrame) {
   EXPECT_EQ(client.view.globals.size(), 2u);
   EXPECT_EQ(client.view.topologies.size(), 2u);
   EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, AFrameToManyClientsAllocatesNothing) {
+  start();
+  std::array<StrictClient, 5> clients;
+  for (auto& client : clients)
+    open(client, &client == &clients[0] ? client::kLight : client::kSegments);
+  for (auto& client : clients) client.send(client::request_frame(true));
+  std::vector<std::shared_ptr<SceneFrame>> frames;
+  for (int i = 0; i < 300; ++i) frames.push_back(frame());
+  steps(5);
+  std::uint64_t allocated = 0;
+  for (int i = 0; i < 300; ++i) {
+    const AllocationCounter allocations;
+    server_->publish(frames[static_cast<std::size_t>(i)]);
+    io_.restart();
+    io_.poll();
+    if (i >= 100) allocated += allocations.count();
+    for (auto& client : clients) client.pump();
+  }
+  EXPECT_EQ(allocated, 0u);
+  EXPECT_EQ(status().at(4).frames_sent, 300u);
 }
 
 TEST_F(ViconServerTest, RestartsOnTheSamePortAtOnce) {
