@@ -160,6 +160,31 @@ TEST_F(DdsServerTest, LateJoinersGetTheMapAndItsSettledTagsAsFrames) {
   EXPECT_EQ(count, 4);
 }
 
+TEST_F(DdsServerTest, StaticFramesAreToldWhenTheyChangeNotWhenTheRestOfTheMapDoes) {
+  start({});
+  auto tf = read("rt/tf_static", tf2_msgs_msg_dds__TFMessage__desc, {true, true, 100, 0});
+  const auto publish_map = [this](const std::vector<TagState>& states) {
+    auto map = std::make_shared<TagMap>();
+    for (const auto state : states) {
+      MapTag tag;
+      tag.tag.tag_id = static_cast<int>(map->tags.size());
+      tag.state = state;
+      map->tags.push_back(tag);
+    }
+    frame_->at += 2s;  // the map is told at most once a second
+    frame_->map = map;
+    publish();
+  };
+  publish_map({TagState::kLocal, TagState::kLocal});
+  EXPECT_FALSE(tf.take()) << "nothing is settled yet";
+  publish_map({TagState::kLocal, TagState::kCalibrated});
+  EXPECT_TRUE(tf.take());
+  publish_map({TagState::kLocal, TagState::kCalibrated, TagState::kLocal});
+  EXPECT_FALSE(tf.take()) << "only the rest of the map changed";
+  publish_map({TagState::kCalibrated, TagState::kCalibrated});
+  EXPECT_TRUE(tf.take());
+}
+
 TEST_F(DdsServerTest, Px4HasANamespacePerVehicleOnlyWhenThereAreSeveral) {
   DdsConfig config;
   config.px4 = Px4Profile::kNed;
