@@ -4,6 +4,7 @@
 #include <netinet/tcp.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <boost/asio/write.hpp>
 #include <utility>
 
@@ -48,6 +49,8 @@ TcpSession::TcpSession(tcp::socket socket, std::string_view protocol, const Cloc
 
 void TcpSession::start() {
   tune(socket_);
+  error_code ignored;
+  socket_.non_blocking(true, ignored);
   flush();
   if (!closed_) read();
 }
@@ -77,12 +80,30 @@ void TcpSession::offer(SharedBytes frame) {
   flush();
 }
 
+// Written at once: nearly always it fits into the socket's buffer, and then no operation is queued, nothing allocated
+// and nobody woken. What does not fit is written when there is room.
 void TcpSession::flush() {
-  if (closed_) return;
-  const auto pieces = outbox_.take(clock_.now());
-  if (!pieces) return;
-  const std::array<asio::const_buffer, 2> buffers{asio::const_buffer((*pieces)[0].data(), (*pieces)[0].size()),
-                                                  asio::const_buffer((*pieces)[1].data(), (*pieces)[1].size())};
+  while (!closed_) {
+    const auto pieces = outbox_.take(clock_.now());
+    if (!pieces) return;
+    std::array<asio::const_buffer, 2> buffers{asio::const_buffer((*pieces)[0].data(), (*pieces)[0].size()),
+                                              asio::const_buffer((*pieces)[1].data(), (*pieces)[1].size())};
+    error_code error;
+    std::size_t done = socket_.write_some(buffers, error);
+    if (error && error != asio::error::would_block && error != asio::error::try_again) {
+      return close("left: " + error.message());
+    }
+    for (auto& buffer : buffers) {
+      const std::size_t part = std::min(done, buffer.size());
+      buffer += part;
+      done -= part;
+    }
+    if (buffers[0].size() + buffers[1].size() > 0) return write_rest(buffers);
+    outbox_.written(clock_.now());
+  }
+}
+
+void TcpSession::write_rest(const std::array<asio::const_buffer, 2>& buffers) {
   asio::async_write(socket_, buffers, [self = shared_from_this()](const error_code& error, std::size_t) {
     if (self->closed_) return;
     if (error) return self->close("left: " + error.message());

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include <boost/asio/buffer.hpp>
 #include <boost/asio/ip/tcp.hpp>
 
 #include "base/clock.hpp"
@@ -63,6 +64,7 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
 
  private:
   void read();
+  void write_rest(const std::array<boost::asio::const_buffer, 2>& buffers);
 
   tcp::socket socket_;
   tcp::endpoint endpoint_;
