@@ -1,40 +1,21 @@
-#include <cmath>
 #include <utility>
 
+#include "src/discovery.hpp"
+#include "src/prediction.hpp"
 #include "src/receiver.hpp"
 
 namespace fiducap {
 
 namespace {
 
-using Quaternion = std::array<double, 4>;  // w x y z
-
-Quaternion product(const Quaternion& a, const Quaternion& b) {
-  return {a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-          a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-          a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-          a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
-}
-
-/// Unit quaternion of the rotation vector rate × dt.
-Quaternion exponential(const std::array<double, 3>& rate, double dt) {
-  const double speed = std::sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]);
-  const double half = 0.5 * speed * dt;
-  // sin(half) / speed, with its limit where the quotient has none.
-  const double scale = std::abs(half) < 1e-9 ? 0.5 * dt : std::sin(half) / speed;
-  return {std::cos(half), rate[0] * scale, rate[1] * scale, rate[2] * scale};
-}
-
-Quaternion normalized(const Quaternion& q) {
-  const double norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  return {q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm};
-}
-
-/// Constant velocity in W, constant body rate in P (hence the product from the right).
-void carry(Body& body, double dt) {
-  for (std::size_t i = 0; i < 3; ++i) body.position_m[i] += body.velocity_m_s[i] * dt;
-  body.orientation_wxyz = normalized(product(body.orientation_wxyz, exponential(body.body_rate_rad_s, dt)));
-  body.age_s += dt;
+bool find_valid(const Frame& frame, const std::string& name, Body& body) {
+  for (const Body& candidate : frame.bodies) {
+    if (candidate.name != name) continue;
+    if (!candidate.valid) return false;
+    body = candidate;
+    return true;
+  }
+  return false;
 }
 
 }  // namespace
@@ -53,16 +34,22 @@ bool Client::latest(Frame& frame) const {
 }
 
 bool Client::predict(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const {
+  if (!sdk::may_predict(ahead)) return false;
   bool found = false;
+  impl_->latest().read([&](const Frame& newest) { found = find_valid(newest, name, body); });
+  if (found) sdk::carry(body, ahead);
+  return found;
+}
+
+bool Client::predict_now(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const {
+  bool found = false;
+  const auto target = std::chrono::nanoseconds(sdk::monotonic_now()) + ahead;
   impl_->latest().read([&](const Frame& newest) {
-    for (const Body& candidate : newest.bodies) {
-      if (candidate.name != name || !candidate.valid) continue;
-      body = candidate;
-      found = true;
-      return;
-    }
+    if (newest.at_client_ns == 0) return;
+    ahead = target - std::chrono::nanoseconds(newest.at_client_ns);
+    found = sdk::may_predict(ahead) && find_valid(newest, name, body);
   });
-  if (found) carry(body, static_cast<double>(ahead.count()) * 1e-9);
+  if (found) sdk::carry(body, ahead);
   return found;
 }
 
@@ -75,5 +62,9 @@ void Client::on_frame(std::function<void(const Frame&)> callback) { impl_->on_fr
 void Client::on_connection(std::function<void(bool)> callback) { impl_->on_connection(std::move(callback)); }
 
 ClientStatistics Client::statistics() const { return impl_->statistics(); }
+
+std::vector<Client::Found> Client::discover(std::chrono::milliseconds timeout, std::uint16_t port) {
+  return sdk::discover(timeout, port);
+}
 
 }  // namespace fiducap

@@ -2,6 +2,7 @@
 
 #include <google/protobuf/arena.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -40,18 +41,33 @@ bool read_orientation(const v1::Quaternion& in, std::array<double, 4>& out) {
   return true;
 }
 
-bool read_pose(const v1::Body& in, Body& out) {
-  if (!in.has_position() || !in.has_orientation() || in.pose_covariance_size() != kCovarianceSize) return false;
+bool read_covariance(const v1::Body& in, Body& out) {
+  if (in.pose_covariance_size() == 0) {  // a profile without
+    out.pose_covariance.fill(std::numeric_limits<float>::quiet_NaN());
+    return true;
+  }
+  if (in.pose_covariance_size() != kCovarianceSize) return false;
   for (int i = 0; i < kCovarianceSize; ++i) {
     if (!std::isfinite(in.pose_covariance(i))) return false;
     out.pose_covariance[static_cast<std::size_t>(i)] = in.pose_covariance(i);
   }
-  out.position_sigma_m = in.position_sigma();
-  out.rotation_sigma_rad = in.rotation_sigma();
+  return true;
+}
+
+bool read_sigma(float in, double& out) {
+  out = in;
+  return in >= 0 && std::isfinite(in);
+}
+
+bool read_pose(const v1::Body& in, Body& out) {
+  if (!in.has_position() || !in.has_orientation() || !read_covariance(in, out)) return false;
   return read_vector(in.position(), out.position_m) && read_orientation(in.orientation(), out.orientation_wxyz) &&
          read_vector(in.velocity(), out.velocity_m_s) && read_vector(in.body_rate(), out.body_rate_rad_s) &&
-         read_vector(in.acceleration(), out.acceleration_m_s2) && out.position_sigma_m >= 0 &&
-         std::isfinite(out.position_sigma_m) && out.rotation_sigma_rad >= 0 && std::isfinite(out.rotation_sigma_rad);
+         read_vector(in.acceleration(), out.acceleration_m_s2) &&
+         read_sigma(in.position_sigma(), out.position_sigma_m) &&
+         read_sigma(in.rotation_sigma(), out.rotation_sigma_rad) &&
+         read_sigma(in.velocity_sigma(), out.velocity_sigma_m_s) &&
+         read_sigma(in.rate_sigma(), out.rate_sigma_rad_s);
 }
 
 void clear_pose(Body& out) {
@@ -62,6 +78,8 @@ void clear_pose(Body& out) {
   out.acceleration_m_s2.fill(kNan);
   out.position_sigma_m = kNan;
   out.rotation_sigma_rad = kNan;
+  out.velocity_sigma_m_s = kNan;
+  out.rate_sigma_rad_s = kNan;
   out.pose_covariance.fill(std::numeric_limits<float>::quiet_NaN());
 }
 
@@ -92,6 +110,9 @@ bool read_frame(const v1::Frame& in, FramePart& out) {
   if (in.session() == 0 || in.number() == 0 || in.model_generation() == 0 || !read_place(in, out.place)) return false;
   out.session = in.session();
   out.model_generation = in.model_generation();
+  out.profile = in.profile();
+  out.step = in.step() == 0 ? 1 : in.step();
+  if (in.number() % out.step != 0) return false;
   Frame& frame = out.frame;
   frame.number = in.number();
   frame.at_server_ns = in.at_ns();
@@ -113,6 +134,7 @@ bool read_model(const v1::Model& in, ModelPart& out) {
   if (in.session() == 0 || in.generation() == 0 || !read_place(in, out.place)) return false;
   out.session = in.session();
   out.generation = in.generation();
+  out.profile = in.profile();
   out.bodies.clear();
   for (const auto& body : in.bodies()) {
     if (body.id() == 0 || !fits_int(body.id()) || body.name().empty()) return false;
@@ -122,8 +144,38 @@ bool read_model(const v1::Model& in, ModelPart& out) {
 }
 
 bool read_lease(const v1::Lease& in, Lease& out) {
-  out = {in.session(), in.nonce(), in.token(), in.lease_ms() * kMillisecond, in.model_generation()};
+  out = {};
+  out.session = in.session();
+  out.nonce = in.nonce();
+  out.token = in.token();
+  out.lease = in.lease_ms() * kMillisecond;
+  out.model_generation = in.model_generation();
+  out.profile = in.profile();
+  out.frames_dropped = in.frames_dropped();
+  if (in.multicast_port() > 0xffff) return false;
+  if (in.multicast_port() != 0) {
+    const std::string& group = in.multicast_group();
+    if (group.size() != out.group.size() || (group[0] & '\xf0') != '\xe0') return false;  // 224.0.0.0/4
+    std::copy(group.begin(), group.end(), out.group.begin());
+    out.group_port = static_cast<std::uint16_t>(in.multicast_port());
+  }
   return out.session != 0 && out.token != 0 && out.lease > 0 && out.model_generation != 0;
+}
+
+bool read_discovery(const v1::DiscoveryReply& in, DiscoveryReply& out) {
+  if (in.session() == 0 || in.port() == 0 || in.port() > 0xffff || !std::isfinite(in.rate_hz())) return false;
+  out = {in.nonce(), in.session(), in.host(), in.version(), 0, in.rate_hz(),
+         static_cast<std::uint16_t>(in.port())};
+  out.body_count = static_cast<int>(std::min(in.body_count(), kMaxBodies));
+  return true;
+}
+
+void put(const Profile& profile, v1::Profile& out) {
+  out.set_up_axis(profile.y_up ? v1::Profile::UP_AXIS_Y : v1::Profile::UP_AXIS_Z);
+  out.set_axes_scope(profile.turn_bodies ? v1::Profile::AXES_SCOPE_WORLD_AND_BODY : v1::Profile::AXES_SCOPE_WORLD);
+  out.set_max_rate_hz(profile.max_rate_hz);
+  out.set_without_covariance(profile.without_covariance);
+  for (const auto& name : profile.bodies) out.add_bodies(name);
 }
 
 std::vector<std::uint8_t> to_bytes(v1::Envelope& envelope) {
@@ -186,6 +238,13 @@ MessageKind Decoder::read(const Scratch& scratch) {
       notice_ = {in.notice().session(), in.notice().nonce(),
                  in.notice().reason() == v1::Notice::REASON_SHUTTING_DOWN, in.notice().text()};
       return notice_.session != 0 ? MessageKind::kNotice : MessageKind::kNone;
+    case v1::Envelope::kClockReply: {
+      const auto& reply = in.clock_reply();
+      clock_reply_ = {reply.session(), reply.number(), reply.received_at_ns(), reply.sent_at_ns()};
+      return clock_reply_.session != 0 ? MessageKind::kClockReply : MessageKind::kNone;
+    }
+    case v1::Envelope::kDiscoveryReply:
+      return read_discovery(in.discovery_reply(), discovery_reply_) ? MessageKind::kDiscoveryReply : MessageKind::kNone;
     default: return MessageKind::kNone;
   }
 }
@@ -199,13 +258,43 @@ std::vector<std::uint8_t> encode(const SubscribeRequest& request) {
   out.set_client_name(request.client_name.substr(0, kMaxClientName));
   out.set_frames_received(request.frames_received);
   out.set_frames_lost(request.frames_lost);
-  out.set_padding(std::string(kMinSubscribe, '\0'));
+  if (!request.profile.is_default()) put(request.profile, *out.mutable_profile());
+  out.set_multicast(request.multicast);
+  out.set_clock_offset_ns(request.clock_offset);
+  out.set_clock_sigma_ns(static_cast<std::uint64_t>(request.clock_sigma));
+  out.set_latency_p99_ns(static_cast<std::uint64_t>(request.latency_p99));
+  if (envelope.ByteSizeLong() < kMinSubscribe) out.set_padding(std::string(kMinSubscribe, '\0'));
   return to_bytes(envelope);
 }
 
 std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token) {
   v1::Envelope envelope;
   envelope.mutable_unsubscribe()->set_token(token);
+  return to_bytes(envelope);
+}
+
+std::array<std::uint8_t, 64> encode_clock_query(std::uint64_t token, std::uint64_t number) {
+  std::array<std::uint8_t, 64> bytes{};
+  std::size_t at = 0;
+  const auto put_fixed = [&](std::uint8_t tag, std::uint64_t value, int size) {
+    bytes[at++] = tag;
+    for (int i = 0; i < size; ++i) bytes[at++] = static_cast<std::uint8_t>(value >> (8 * i));
+  };
+  put_fixed(0x0d, kProtocol, 4);
+  bytes[at++] = 0x82;  // field 16, with length: all that follows
+  bytes[at++] = 0x01;
+  bytes[at++] = static_cast<std::uint8_t>(bytes.size() - 8);
+  put_fixed(0x09, token, 8);
+  put_fixed(0x11, number, 8);
+  bytes[at++] = 0x1a;  // padding
+  bytes[at] = static_cast<std::uint8_t>(bytes.size() - at - 1);
+  return bytes;
+}
+
+std::vector<std::uint8_t> encode_discovery_query(std::uint64_t nonce) {
+  v1::Envelope envelope;
+  envelope.mutable_discovery_query()->set_nonce(nonce);
+  envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
   return to_bytes(envelope);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -9,7 +10,7 @@
 
 namespace fiducap::sdk {
 
-enum class MessageKind { kNone, kChallenge, kLease, kModel, kFrame, kNotice };
+enum class MessageKind { kNone, kChallenge, kLease, kModel, kFrame, kNotice, kClockReply, kDiscoveryReply };
 
 /// Datagrams of a server → messages. Keeps its memory: decoding frames allocates nothing after warm-up.
 class Decoder {
@@ -26,6 +27,8 @@ class Decoder {
   const Notice& notice() const { return notice_; }
   const ModelPart& model() const { return model_; }
   const FramePart& frame() const { return frame_; }
+  const ClockReply& clock_reply() const { return clock_reply_; }
+  const DiscoveryReply& discovery_reply() const { return discovery_reply_; }
 
  private:
   class Scratch;  // protobuf stays in the source file
@@ -37,10 +40,15 @@ class Decoder {
   Notice notice_;
   ModelPart model_;
   FramePart frame_;
+  ClockReply clock_reply_;
+  DiscoveryReply discovery_reply_;
 };
 
 /// Padded to kMinSubscribe.
 std::vector<std::uint8_t> encode(const SubscribeRequest& request);
 std::vector<std::uint8_t> encode_unsubscribe(std::uint64_t token);
+/// Without memory of its own: it is sent ten times a second.
+std::array<std::uint8_t, 64> encode_clock_query(std::uint64_t token, std::uint64_t number);
+std::vector<std::uint8_t> encode_discovery_query(std::uint64_t nonce);
 
 }  // namespace fiducap::sdk

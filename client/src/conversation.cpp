@@ -18,8 +18,13 @@ constexpr Nanoseconds kChallengePause = 50 * kMillisecond;
 
 }  // namespace
 
-Conversation::Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name)
-    : retry_(retry), nonce_(nonce), client_name_(std::move(client_name)) {}
+Conversation::Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name, Profile profile,
+                           bool multicast)
+    : retry_(retry),
+      nonce_(nonce),
+      client_name_(std::move(client_name)),
+      profile_(std::move(profile)),
+      multicast_(multicast) {}
 
 void Conversation::start(Nanoseconds now) {
   leased_ = false;
@@ -43,7 +48,14 @@ void Conversation::on(const Challenge& challenge, Nanoseconds now) {
 bool Conversation::on(const Lease& lease, Nanoseconds now) {
   if (lease.nonce != nonce_) return false;
   unanswered_ = 0;
+  if (lease.profile == 0 && !profile_.is_default()) {
+    // It would send z-up frames of all bodies, whatever we asked for.
+    end_lease("the server is too old: it does not know profiles (axes, rate, choice of bodies)");
+    ask_at_ = now + retry_;
+    return false;
+  }
   leased_ = true;
+  profile_number_ = lease.profile;
   problem_.clear();
   session_ = lease.session;
   token_ = lease.token;
@@ -62,6 +74,11 @@ void Conversation::on(const Notice& notice, Nanoseconds now) {
   end_lease("the server refused");
   problem_ = notice.text.empty() ? "the server refused without a reason" : notice.text;
   ask_at_ = now + retry_;
+}
+
+void Conversation::give_up_multicast(Nanoseconds now) {
+  multicast_ = false;
+  ask_at_ = std::min(ask_at_, now);
 }
 
 bool Conversation::heard(std::uint64_t session, Nanoseconds now) {
@@ -95,6 +112,8 @@ SubscribeRequest Conversation::question(std::uint64_t model_generation, Nanoseco
   request.nonce = nonce_;
   request.model_generation = model_generation;
   request.client_name = client_name_;
+  request.profile = profile_;
+  request.multicast = multicast_;
   return request;
 }
 

@@ -12,7 +12,8 @@ class Conversation {
  public:
   /// @param retry  pause between questions while nobody answers
   /// @param nonce  random; answers to somebody else's question are ignored
-  Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name);
+  Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name, Profile profile = {},
+               bool multicast = false);
 
   /// A new socket: ask at once.
   void start(Nanoseconds now);
@@ -34,7 +35,13 @@ class Conversation {
   /// When `tick` or `due` may have something to do.
   Nanoseconds wake_at() const;
 
+  /// The group stays silent here: from the next question on to us alone.
+  void give_up_multicast(Nanoseconds now);
+
   bool leased() const { return leased_; }
+  bool wants_multicast() const { return multicast_; }
+  /// Number under which the server granted our profile.
+  std::uint32_t profile() const { return profile_number_; }
   std::uint64_t session() const { return session_; }
   std::uint64_t token() const { return token_; }
   /// Questions since the last answer.
@@ -49,6 +56,9 @@ class Conversation {
   Nanoseconds retry_;
   std::uint64_t nonce_;
   std::string client_name_;
+  Profile profile_;
+  bool multicast_;
+  std::uint32_t profile_number_{0};
   bool leased_{false};
   std::uint64_t session_{0};
   std::uint64_t token_{0};

@@ -54,9 +54,10 @@ Frame* FrameAssembler::add(const FramePart& part) {
   }
   if (!place->parts.complete()) return nullptr;
   const std::uint64_t number = place->number;
+  const std::uint64_t step = place->step;
   place->number = 0;
   if (!place->parts.consistent()) return nullptr;
-  if (last_number_ != 0) lost_ += number - last_number_ - 1;
+  if (last_number_ != 0) lost_ += (number - last_number_ - 1) / step;
   last_number_ = number;
   ++received_;
   for (auto& other : unfinished_) {
@@ -75,6 +76,7 @@ FrameAssembler::Unfinished* FrameAssembler::place_for(const FramePart& part) {
                                     [](const auto& a, const auto& b) { return a.number < b.number; });
   if (oldest->number > number) return nullptr;
   oldest->number = number;
+  oldest->step = part.step;
   oldest->parts.start(part.place);
   Frame& frame = oldest->frame;
   frame.number = number;

@@ -49,6 +49,7 @@ class FrameAssembler {
  private:
   struct Unfinished {
     std::uint64_t number{0};  ///< 0: free.
+    std::uint64_t step{1};
     PartList parts;
     Frame frame;
   };

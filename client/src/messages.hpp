@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -13,7 +14,10 @@ namespace fiducap::sdk {
 
 inline constexpr std::size_t kMaxDatagram = 1200;
 inline constexpr std::size_t kMinSubscribe = 128;
+inline constexpr std::size_t kMinDiscovery = 256;
 inline constexpr std::size_t kMaxClientName = 64;
+inline constexpr std::size_t kMaxBodyName = 128;
+inline constexpr std::size_t kMaxChosenBodies = 32;
 inline constexpr std::uint32_t kMaxBodies = 1024;
 inline constexpr std::uint32_t kMaxParts = 256;
 
@@ -22,6 +26,19 @@ using Nanoseconds = std::int64_t;
 inline constexpr Nanoseconds kMillisecond = 1'000'000;
 inline constexpr Nanoseconds kSecond = 1'000'000'000;
 
+/// What one client wants to receive; the default is everything.
+struct Profile {
+  bool y_up{};
+  bool turn_bodies{};  ///< The bodies' own axes turn with the world's.
+  float max_rate_hz{};  ///< 0: every frame.
+  bool without_covariance{};
+  std::vector<std::string> bodies;  ///< Empty: all.
+
+  bool is_default() const {
+    return !y_up && !turn_bodies && max_rate_hz == 0 && !without_covariance && bodies.empty();
+  }
+};
+
 struct SubscribeRequest {
   std::uint64_t token{};
   std::uint64_t nonce{};
@@ -29,6 +46,11 @@ struct SubscribeRequest {
   std::string client_name;
   std::uint64_t frames_received{};
   std::uint64_t frames_lost{};
+  Profile profile;
+  bool multicast{};
+  Nanoseconds clock_offset{};
+  Nanoseconds clock_sigma{};  ///< 0: not measured.
+  Nanoseconds latency_p99{};  ///< 0: unknown.
 };
 
 struct Challenge {
@@ -43,6 +65,10 @@ struct Lease {
   std::uint64_t token{};
   Nanoseconds lease{};
   std::uint64_t model_generation{};
+  std::uint32_t profile{};
+  std::array<std::uint8_t, 4> group{};  ///< IPv4 multicast group of the frames …
+  std::uint16_t group_port{};           ///< … 0: they come to us alone.
+  std::uint64_t frames_dropped{};
 };
 
 struct Notice {
@@ -50,6 +76,23 @@ struct Notice {
   std::uint64_t nonce{};
   bool shutting_down{};
   std::string text;
+};
+
+struct ClockReply {
+  std::uint64_t session{};
+  std::uint64_t number{};
+  Nanoseconds received{};  ///< Server's clock.
+  Nanoseconds answered{};
+};
+
+struct DiscoveryReply {
+  std::uint64_t nonce{};
+  std::uint64_t session{};
+  std::string host;
+  std::string version;
+  int body_count{};
+  double rate_hz{};
+  std::uint16_t port{};
 };
 
 /// Where a part of a list belongs. Decoded parts satisfy: index < count <= kMaxParts,
@@ -64,6 +107,7 @@ struct PartPlace {
 struct ModelPart {
   std::uint64_t session{};
   std::uint64_t generation{};
+  std::uint32_t profile{};
   PartPlace place;
   std::vector<std::pair<int, std::string>> bodies;  ///< Id and name.
 };
@@ -71,6 +115,8 @@ struct ModelPart {
 struct FramePart {
   std::uint64_t session{};
   std::uint64_t model_generation{};
+  std::uint32_t profile{};
+  std::uint64_t step{1};  ///< Numbers are multiples of it.
   PartPlace place;
   Frame frame;  ///< Header and the bodies of this part; names are empty, `received_ns` is 0.
 };

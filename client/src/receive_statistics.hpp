@@ -17,6 +17,8 @@ class ReceiveStatistics {
   double rate_hz(Nanoseconds now) const;
   /// The share of the last 1000 latencies that is not above the answer, e.g. 0.99. NaN without any.
   double latency_quantile_s(double share) const;
+  /// NaN without any.
+  double latency_max_s() const { return latency_quantile_s(1.0); }
 
  private:
   static constexpr std::size_t kKept = 1000;

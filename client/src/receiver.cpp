@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <stdexcept>
 
 namespace fiducap::sdk {
 
@@ -20,12 +21,35 @@ namespace {
 constexpr int kDatagramsPerTurn = 256;
 // Unanswered questions until another address of the host, or a new look-up of its name, is tried.
 constexpr int kQuestionsPerAddress = 6;
-// A latency beyond this is no latency: the server's time line is that of a recording.
+// A latency beyond this is no latency: the frames' time line is that of a recording.
 constexpr double kPlausibleLatency_s = 10.0;
 
 Nanoseconds retry_of(const ClientOptions& options) {
   const double wanted_s = std::isfinite(options.reconnect_s) ? options.reconnect_s : 0.5;
   return static_cast<Nanoseconds>(std::clamp(wanted_s, 0.05, 60.0) * 1e9);
+}
+
+/// @throw std::invalid_argument when it does not fit a datagram
+Profile profile_of(const ClientOptions& options) {
+  constexpr std::size_t kBytesForNames = 900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
+  Profile profile;
+  profile.y_up = options.up == WorldUp::kY;
+  profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
+  const bool limits_rate = std::isfinite(options.max_rate_hz) && options.max_rate_hz > 0;
+  profile.max_rate_hz = limits_rate ? static_cast<float>(options.max_rate_hz) : 0.0F;
+  profile.without_covariance = !options.covariance;
+  profile.bodies = options.bodies;
+  std::size_t bytes = 0;
+  for (const auto& name : profile.bodies) {
+    if (name.empty() || name.size() > kMaxBodyName) {
+      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " + std::to_string(name.size()));
+    }
+    bytes += name.size() + 3;
+  }
+  if (profile.bodies.size() > kMaxChosenBodies || bytes > kBytesForNames) {
+    throw std::invalid_argument("fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
+  }
+  return profile;
 }
 
 std::uint64_t random_word() {
@@ -62,7 +86,8 @@ Receiver::Receiver(const ClientOptions& options)
       retry_(retry_of(options)),
       wake_(std::make_shared<Wake>()),
       addresses_(options.server, options.port, wake_),
-      conversation_(retry_, random_word(), options.name) {
+      conversation_(retry_, random_word(), options.name, profile_of(options), options.multicast),
+      clock_(random_word()) {
   set_problem("not asked yet");
   const SignalsBlocked blocked;
   thread_ = std::thread([this] { run(); });
@@ -108,6 +133,7 @@ ClientStatistics Receiver::statistics() const {
   statistics.rate_hz = received.rate_hz(monotonic_now());
   statistics.latency_p50_s = received.latency_quantile_s(0.50);
   statistics.latency_p99_s = received.latency_quantile_s(0.99);
+  statistics.latency_max_s = received.latency_max_s();
   return statistics;
 }
 
@@ -121,8 +147,13 @@ void Receiver::run() {
       report_connection();
       if (conversation_.due(now)) ask(now);
     }
+    if (socket_.is_open() && conversation_.leased()) {
+      judge_multicast(now);
+      if (now >= clock_.due_at()) ask_the_time(now);
+    }
     wait(monotonic_now());
     read_datagrams();
+    read_group();
   }
   if (socket_.is_open() && conversation_.leased()) socket_.send(encode_unsubscribe(conversation_.token()));
 }
@@ -142,7 +173,10 @@ void Receiver::open_socket(Nanoseconds now) {
 }
 
 void Receiver::give_up_address(Nanoseconds now) {
+  drops_of_closed_sockets_ += socket_.dropped();
   socket_.close();
+  drops_of_closed_sockets_ += group_.is_open() ? group_.dropped() : 0;
+  group_.close();
   open_at_ = addresses_.exhausted() ? now + retry_ : now;
 }
 
@@ -155,6 +189,15 @@ void Receiver::ask(Nanoseconds now) {
   auto question = conversation_.question(same_run ? assembler_.model_generation() : 0, now);
   question.frames_received = assembler_.received();
   question.frames_lost = assembler_.lost();
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    const double p99_s = received_.latency_quantile_s(0.99);
+    if (p99_s > 0) question.latency_p99 = static_cast<Nanoseconds>(p99_s * 1e9);
+    question.clock_offset = counters_.clock.offset_ns;
+    if (counters_.clock.known) {
+      question.clock_sigma = 1 + static_cast<Nanoseconds>(counters_.clock.sigma_s * 1e9);
+    }
+  }
   if (socket_.send(encode(question)) == UdpSocket::Result::kRefused) {
     conversation_.refused(now);
     report_connection();
@@ -162,11 +205,26 @@ void Receiver::ask(Nanoseconds now) {
   }
 }
 
+void Receiver::ask_the_time(Nanoseconds now) {
+  const std::uint64_t number = clock_.ask(now);
+  // A query that is not sent is one that is lost; the next one goes in any case.
+  socket_.send(encode_clock_query(conversation_.token(), number));
+}
+
+void Receiver::judge_multicast(Nanoseconds now) {
+  // Frames flow to the group since the lease; switches may need a second to let us in.
+  constexpr Nanoseconds kPatience = 2 * kSecond;
+  if (!group_.is_open() || group_is_alive_ || now - group_since_ < kPatience) return;
+  conversation_.give_up_multicast(now);
+}
+
 void Receiver::wait(Nanoseconds now) {
-  const Nanoseconds until = socket_.is_open() ? conversation_.wake_at() : open_at_;
+  Nanoseconds until = socket_.is_open() ? conversation_.wake_at() : open_at_;
+  if (socket_.is_open() && conversation_.leased()) until = std::min(until, clock_.due_at());
   const Nanoseconds pause = std::clamp<Nanoseconds>(until - now, 0, kSecond);
   const timespec timeout{pause / kSecond, pause % kSecond};
-  std::array<pollfd, 2> wanted{{{wake_->descriptor(), POLLIN, 0}, {socket_.descriptor(), POLLIN, 0}}};
+  std::array<pollfd, 3> wanted{
+      {{wake_->descriptor(), POLLIN, 0}, {socket_.descriptor(), POLLIN, 0}, {group_.descriptor(), POLLIN, 0}}};
   if (::ppoll(wanted.data(), wanted.size(), &timeout, nullptr) > 0 && wanted[0].revents != 0) {
     wake_->drain();
     open_at_ = std::min(open_at_, now);  // a look-up has ended
@@ -190,46 +248,109 @@ void Receiver::read_datagrams() {
   }
 }
 
+void Receiver::read_group() {
+  std::array<std::uint8_t, kMaxDatagram + 1> bytes;
+  for (int i = 0; i < kDatagramsPerTurn && group_.is_open(); ++i) {
+    std::size_t size = bytes.size();
+    if (!group_.receive(bytes.data(), size)) return;
+    // Anybody may listen and many may speak there: only frames are taken from it.
+    if (decoder_.decode(bytes.data(), size) == MessageKind::kFrame) take_frame(monotonic_now(), true);
+  }
+}
+
 void Receiver::take(const std::uint8_t* bytes, std::size_t size, Nanoseconds now) {
   switch (decoder_.decode(bytes, size)) {
     case MessageKind::kChallenge: return conversation_.on(decoder_.challenge(), now);
     case MessageKind::kNotice: return conversation_.on(decoder_.notice(), now);
     case MessageKind::kLease: return take_lease(now);
     case MessageKind::kModel:
+      if (decoder_.model().profile != conversation_.profile()) return;
       if (conversation_.heard(decoder_.model().session, now)) assembler_.add(decoder_.model());
       return;
-    case MessageKind::kFrame:
-      if (!conversation_.heard(decoder_.frame().session, now)) return;
-      if (Frame* frame = assembler_.add(decoder_.frame())) deliver(*frame, now);
-      return;
+    case MessageKind::kFrame: return take_frame(now, false);
+    case MessageKind::kClockReply:
+      if (!conversation_.heard(decoder_.clock_reply().session, now)) return;
+      clock_.on(decoder_.clock_reply(), now);
+      return report_clock(now);
+    case MessageKind::kDiscoveryReply: return;
     case MessageKind::kNone: return;
   }
 }
 
 void Receiver::take_lease(Nanoseconds now) {
   if (!conversation_.on(decoder_.lease(), now)) return;
-  if (conversation_.session() == session_) return;
+  const Lease& lease = decoder_.lease();
+  follow_group(lease, now);
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    counters_.dropped_by_server = lease.frames_dropped;
+    counters_.multicast = group_.is_open();
+  }
+  if (conversation_.session() == session_ && conversation_.profile() == profile_) return;
   session_ = conversation_.session();
+  profile_ = conversation_.profile();
+  lost_before_session_ += assembler_.lost();
   assembler_.begin(session_);
+  clock_.start(now);
+}
+
+void Receiver::follow_group(const Lease& lease, Nanoseconds now) {
+  if (lease.group_port == 0) {
+    drops_of_closed_sockets_ += group_.is_open() ? group_.dropped() : 0;
+    return group_.close();
+  }
+  if (group_.listens_to(lease.group, lease.group_port)) return;
+  group_since_ = now;
+  group_is_alive_ = false;
+  if (!group_.open(lease.group, lease.group_port, socket_)) conversation_.give_up_multicast(now);
+}
+
+void Receiver::take_frame(Nanoseconds now, bool by_multicast) {
+  if (decoder_.frame().profile != conversation_.profile()) return;
+  if (!conversation_.heard(decoder_.frame().session, now)) return;
+  group_is_alive_ = group_is_alive_ || by_multicast;
+  if (Frame* frame = assembler_.add(decoder_.frame())) deliver(*frame, now);
+}
+
+void Receiver::report_clock(Nanoseconds now) {
+  const ClockEstimate estimate = clock_.at(now, socket_.server_is_local());
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  counters_.clock = {estimate.known,
+                     estimate.offset,
+                     estimate.drift * 1e6,
+                     estimate.known ? estimate.sigma_s : nan,
+                     estimate.known ? estimate.bound_s : nan,
+                     estimate.known ? estimate.round_trip_s : nan};
+}
+
+void Receiver::place_in_own_time(Frame& frame, Nanoseconds now) const {
+  const ClockEstimate clock = clock_.at(now, socket_.server_is_local());
+  frame.at_client_ns = 0;
+  frame.clock_sigma_s = std::numeric_limits<double>::quiet_NaN();
+  if (!clock.known && !socket_.server_is_local()) return;  // before the first answer: here both clocks are one
+  const Nanoseconds at = frame.at_server_ns - clock.offset;
+  if (std::abs(static_cast<double>(now - at)) * 1e-9 > kPlausibleLatency_s) return;
+  frame.at_client_ns = at;
+  frame.clock_sigma_s = clock.sigma_s;
 }
 
 void Receiver::deliver(Frame& frame, Nanoseconds now) {
   report_connection();  // a connection comes before its first frame
   frame.received_ns = now;
-  const double latency_s = static_cast<double>(now - frame.at_server_ns) * 1e-9;
-  const bool same_clock = socket_.server_is_local() && std::abs(latency_s) < kPlausibleLatency_s;
+  place_in_own_time(frame, now);
+  const double latency_s = frame.at_client_ns != 0 ? static_cast<double>(now - frame.at_client_ns) * 1e-9
+                                                   : std::numeric_limits<double>::quiet_NaN();
   const std::uint64_t number = frame.number;
   const Frame* published = latest_.publish(frame);
   std::shared_ptr<const std::function<void(const Frame&)>> callback;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    received_.add(now, same_clock ? latency_s : std::numeric_limits<double>::quiet_NaN());
+    received_.add(now, latency_s);
     ++counters_.frames;
-    if (number < newest_number_) {
-      highest_before_restart_ = std::max(highest_before_restart_, newest_number_);
-    } else if (counters_.frames > 1 && assembler_.received() > 1) {
-      counters_.lost += number - newest_number_ - 1;
-    }
+    if (number < newest_number_) highest_before_restart_ = std::max(highest_before_restart_, newest_number_);
+    counters_.lost = lost_before_session_ + assembler_.lost();
+    counters_.dropped_here = drops_of_closed_sockets_ + socket_.dropped() + (group_.is_open() ? group_.dropped() : 0);
     newest_number_ = number;
     callback = frame_callback_;
   }

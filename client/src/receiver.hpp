@@ -9,9 +9,11 @@
 #include <thread>
 
 #include "src/address_book.hpp"
+#include "src/clock_sync.hpp"
 #include "src/codec.hpp"
 #include "src/conversation.hpp"
 #include "src/frame_assembler.hpp"
+#include "src/group_socket.hpp"
 #include "src/latest_frame.hpp"
 #include "src/receive_statistics.hpp"
 #include "src/udp_socket.hpp"
@@ -42,10 +44,17 @@ class Receiver {
   void open_socket(Nanoseconds now);
   void give_up_address(Nanoseconds now);
   void ask(Nanoseconds now);
+  void ask_the_time(Nanoseconds now);
+  void judge_multicast(Nanoseconds now);
   void wait(Nanoseconds now);
   void read_datagrams();
+  void read_group();
   void take(const std::uint8_t* bytes, std::size_t size, Nanoseconds now);
   void take_lease(Nanoseconds now);
+  void follow_group(const Lease& lease, Nanoseconds now);
+  void report_clock(Nanoseconds now);
+  void take_frame(Nanoseconds now, bool by_multicast);
+  void place_in_own_time(Frame& frame, Nanoseconds now) const;
   void deliver(Frame& frame, Nanoseconds now);
   void report_connection();
   void set_problem(const std::string& problem);
@@ -61,11 +70,18 @@ class Receiver {
   UdpSocket socket_;
   Nanoseconds open_at_{0};
   Conversation conversation_;
+  ClockSync clock_;
+  GroupSocket group_;
+  Nanoseconds group_since_{0};   ///< When we began to listen to it.
+  bool group_is_alive_{false};   ///< A frame came by it.
   Decoder decoder_;
   FrameAssembler assembler_;
   std::uint64_t session_{0};
+  std::uint32_t profile_{0};  ///< Number of the frames the assembler takes.
   bool connected_{false};
   bool was_connected_{false};
+  std::uint64_t lost_before_session_{0};
+  std::uint64_t drops_of_closed_sockets_{0};
 
   LatestFrame latest_;
 

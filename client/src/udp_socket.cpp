@@ -7,6 +7,8 @@
 #include <cstring>
 #include <system_error>
 
+#include "src/drop_count.hpp"
+
 namespace fiducap::sdk {
 
 namespace {
@@ -39,6 +41,8 @@ std::string UdpSocket::open(const Address& server) {
   if (fd_ < 0) return "no socket: " + text_of_errno();
   // A smaller buffer only means losses earlier, so a refusal is fine.
   ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof(kReceiveBuffer));
+  count_drops(fd_);
+  dropped_ = 0;
   if (::connect(fd_, reinterpret_cast<const sockaddr*>(&server.bytes), server.size) != 0) {
     const std::string why = "no way to the server: " + text_of_errno();
     close();
@@ -56,13 +60,13 @@ void UdpSocket::close() {
   fd_ = -1;
 }
 
-UdpSocket::Result UdpSocket::send(const std::vector<std::uint8_t>& datagram) {
-  const auto sent = ::send(fd_, datagram.data(), datagram.size(), MSG_NOSIGNAL);
+UdpSocket::Result UdpSocket::send(const std::uint8_t* bytes, std::size_t size) {
+  const auto sent = ::send(fd_, bytes, size, MSG_NOSIGNAL);
   return sent >= 0 ? Result::kDone : result_of_errno();
 }
 
 UdpSocket::Result UdpSocket::receive(std::uint8_t* bytes, std::size_t& size) {
-  const auto received = ::recv(fd_, bytes, size, 0);
+  const auto received = receive_counting_drops(fd_, bytes, size, nullptr, dropped_);
   if (received < 0) return result_of_errno();
   size = static_cast<std::size_t>(received);
   return Result::kDone;

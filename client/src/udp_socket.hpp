@@ -31,12 +31,19 @@ class UdpSocket {
   bool server_is_local() const { return server_is_local_; }
 
   enum class Result { kDone, kNothing, kRefused };
-  Result send(const std::vector<std::uint8_t>& datagram);
+  Result send(const std::uint8_t* bytes, std::size_t size);
+  template <typename Bytes>
+  Result send(const Bytes& datagram) {
+    return send(datagram.data(), datagram.size());
+  }
   /// @param size  in: room; out: bytes of the datagram, never more than the room
   Result receive(std::uint8_t* bytes, std::size_t& size);
+  /// Datagrams that found this socket's buffer full, as known at the last `receive`; starts again with every `open`.
+  std::uint32_t dropped() const { return dropped_; }
 
  private:
   int fd_{-1};
+  std::uint32_t dropped_{0};
   bool server_is_local_{false};
 };
 

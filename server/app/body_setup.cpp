@@ -7,6 +7,7 @@
 #include "base/log.hpp"
 #include "capture/camera_calibration_file.hpp"
 #include "capture/camera_device.hpp"
+#include "capture/dds/ros_source.hpp"
 #include "capture/kalibr_file.hpp"
 #include "capture/simulation/simulation.hpp"
 
@@ -53,9 +54,13 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
 Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySetup& setup) {
   if (!body.use_imu || body.source.type == SourceType::kCamera) return std::nullopt;
   if (setup.recording && !setup.recording->imu) return std::nullopt;
+  if (body.source.type == SourceType::kRos && body.source.ros.imu.empty()) return std::nullopt;
   if (!body.kalibr_imu.empty()) return read_kalibr_imu(body.kalibr_imu);
   if (body.imu) return body.imu;
   if (setup.recording) return setup.recording->imu;
+  if (body.source.type == SourceType::kRos) {
+    return ImuNoise{};
+  }
   return body.source.simulator.imu.noise;
 }
 
@@ -101,7 +106,8 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     auto mount = read_mount(body.cameras[k], k);
     if (!mount) return tl::unexpected(mount.error());
-    if (const auto errors = mount->model.check(); !errors.empty()) {
+    const bool by_ros = body.source.type == SourceType::kRos && mount->model.width == 0;
+    if (const auto errors = mount->model.check(); !errors.empty() && !by_ros) {
       return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
     }
     setup.sensors.cameras.push_back(std::move(*mount));
@@ -128,23 +134,37 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
 
 Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
                                                     const simulation::RoomConfig& room,
-                                                    Instant start, const Clock& clock) {
+                                                    Instant start, const Clock& clock,
+                                                    std::unique_ptr<simulation::Trajectory> motion) {
   switch (body.source.type) {
     case SourceType::kSimulator:
       return as_source(
-          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock));
+          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock, std::move(motion)));
     case SourceType::kRecording: {
       const auto& recording = body.source.recording;
       return open_recording(*setup.recording, {true, recording.loop, recording.speed}, clock);
     }
     case SourceType::kCamera:
       break;
+    case SourceType::kRos:
+      return fail(ErrorCode::kUnsupported, "a ros source needs DDS: see open_ros_body");
   }
   CameraDeviceConfig device = body.source.camera;
   const CameraMount& mount = setup.sensors.cameras.front();
   device.paced = true;
   device.time_shift = mount.time_shift;
   return open_camera_device(device, mount.model, clock);
+}
+
+Expected<std::unique_ptr<SensorSource>> open_ros_body(const BodyConfig& body, BodySetup& setup,
+                                                      std::shared_ptr<dds::Participant> participant,
+                                                      const Clock& clock) {
+  dds::RosSourceConfig ros = body.source.ros;
+  if (!setup.sensors.imu) ros.imu.clear();
+  if (auto asked = dds::ask_for_lenses(*participant, ros, setup.sensors.cameras, clock); !asked) {
+    return tl::unexpected(asked.error());
+  }
+  return dds::open_ros_source(std::move(participant), ros, setup.sensors.cameras, clock);
 }
 
 std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {

@@ -6,6 +6,7 @@
 
 #include "app/config_file.hpp"
 #include "base/clock.hpp"
+#include "base/dds/participant.hpp"
 #include "base/expected.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/sensor_source.hpp"
@@ -29,10 +30,17 @@ struct BodySetup {
                                          std::optional<int> reference_tag);
 
 /// Opens the samples themselves, in real time.
-/// @param start  of simulated motion: the same for all bodies, so that they share one time
+/// @param start   of simulated motion: the same for all bodies, so that they share one time
+/// @param motion  of a simulated body; nullptr: as configured
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(
     const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
-    Instant start, const Clock& clock);
+    Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion = nullptr);
+
+/// The samples of a body with a ros source. Lenses that the configuration does not describe are asked for and put into
+/// `setup`; without them there is no body, so this may take a while.
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_ros_body(
+    const BodyConfig& body, BodySetup& setup, std::shared_ptr<dds::Participant> participant,
+    const Clock& clock);
 
 /// What a recording says about the tags it is about.
 [[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);

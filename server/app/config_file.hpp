@@ -9,24 +9,30 @@
 #include "app/control_desk.hpp"
 #include "app/session_recorder.hpp"
 #include "base/config_check.hpp"
+#include "base/dds/network.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/camera_model.hpp"
+#include "capture/dds/ros_config.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/simulation/simulation.hpp"
 #include "detection/detector_config.hpp"
 #include "estimation/estimator_config.hpp"
 #include "mapping/map_builder.hpp"
 #include "scene/body_tracker.hpp"
+#include "streaming/dds/dds_config.hpp"
+#include "streaming/mavlink/mavlink_config.hpp"
 #include "streaming/native/native_server.hpp"
+#include "streaming/natnet/natnet_config.hpp"
+#include "streaming/vicon/vicon_config.hpp"
 #include "streaming/qualisys/qualisys_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 
 namespace fiducap {
 
-enum class SourceType { kSimulator, kRecording, kCamera };
+enum class SourceType { kSimulator, kRecording, kCamera, kRos };
 
 /// A folder in the EuRoC/ASL layout, played at its own pace.
 struct RecordingSourceConfig {
@@ -35,7 +41,7 @@ struct RecordingSourceConfig {
   double speed{1.0};
 };
 
-/// Where a body's samples come from. `type` decides which of the three is read; in the file their
+/// Where a body's samples come from. `type` decides which of the four is read; in the file their
 /// keys stand directly below `source`.
 struct SourceConfig {
   SourceType type{SourceType::kSimulator};
@@ -43,6 +49,7 @@ struct SourceConfig {
       simulator;  ///< `cameras` empty: the truth is what the body believes.
   RecordingSourceConfig recording;
   CameraDeviceConfig camera;
+  dds::RosSourceConfig ros;
 };
 
 struct CameraConfig {
@@ -81,8 +88,12 @@ struct StreamingConfig {
       optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
   vrpn::VrpnConfig vrpn;
   native::NativeConfig native;
+  natnet::NatNetConfig natnet;
+  vicon::ViconConfig vicon;
   qualisys::QualisysConfig qualisys;
   web::WebConfig web;
+  dds::DdsConfig dds;
+  mavlink::MavlinkConfig mavlink;
 };
 
 /// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.
@@ -95,6 +106,7 @@ struct ServerConfig {
   simulation::RoomConfig simulation;
   std::vector<BodyConfig> bodies;
   StreamingConfig streaming;
+  dds::NetworkConfig dds;  ///< For ROS 2 in both directions.
   OperatorConfig operators;
   RecorderConfig recorder;
 };

@@ -26,6 +26,7 @@ class ControlDesk final : public OperatorDesk {
               std::function<void()> commit);
 
   [[nodiscard]] bool admits(std::string_view token) const override;
+  [[nodiscard]] std::string_view token() const override { return config_.token; }
   [[nodiscard]] std::vector<Body> bodies() const override;
   Expected<void> set_enabled(int body_id, bool enabled) override;
   Expected<void> rename(int body_id, const std::string& name) override;

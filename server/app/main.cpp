@@ -20,7 +20,10 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   const fiducap::SystemClock clock;
   fiducap::log::set_level(config.log_level);
-  auto server = fiducap::Server::build(config, {exit_at_end, true}, clock);
+  fiducap::ServerOptions options;
+  options.exit_at_end = exit_at_end;
+  options.stop_on_signals = true;
+  auto server = fiducap::Server::build(config, options, clock);
   if (!server) {
     fiducap::log::error("app", server.error().text());
     return 1;

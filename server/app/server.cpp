@@ -16,6 +16,7 @@
 #include "app/frame_mailbox.hpp"
 #include "app/map_start.hpp"
 #include "app/control_desk.hpp"
+#include "app/protocol_servers.hpp"
 #include "app/publisher.hpp"
 #include "app/session_recorder.hpp"
 #include "app/system_clock.hpp"
@@ -56,10 +57,11 @@ class Server::Impl final {
   };
 
   Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  Expected<std::unique_ptr<SensorSource>> open_ros(const BodyConfig& body, BodySetup& setup);
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
-  Expected<void> accept(Expected<std::unique_ptr<Streamer>> streamer, const std::string& name);
+  Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
   bool shut_down();
@@ -71,6 +73,7 @@ class Server::Impl final {
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
+  std::shared_ptr<dds::Participant> participant_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
   BodyThreads bodies_;
@@ -121,7 +124,13 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics)
       use_learned(start.learned, config.name, setup->sensors.cameras);
-    auto source = open_source(config, *setup, config_.simulation, simulation_start_, clock_);
+    auto motion = options_.motion ? options_.motion(config.name) : nullptr;
+    auto source = config.source.type == SourceType::kRos
+                      ? open_ros(config, *setup)
+                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
+    if (!source && config.source.type == SourceType::kRos) {
+      return tl::unexpected(Error{source.error().code, config.name + ": " + source.error().text(), {}});
+    }
     if (source) {
       ++opened;
     } else {
@@ -133,6 +142,12 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   }
   if (opened == 0) return tl::unexpected(*first_failure);
   return bodies;
+}
+
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body, BodySetup& setup) {
+  auto participant = join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  return open_ros_body(body, setup, *participant, clock_);
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
@@ -165,56 +180,23 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  const auto model = scene_->model();
-  const StreamingConfig& streaming = config_.streaming;
-  if (streaming.vrpn.enabled) {
-    auto server = vrpn::start_vrpn_server(io_, streaming.vrpn, model, clock_);
-    if (server) ports_.vrpn = (*server)->port();
-    const auto done = accept(std::move(server), "vrpn");
-    if (!done) return done;
-  }
-  if (streaming.native.enabled) {
-    auto server = native::start_native_server(io_, streaming.native, model, clock_);
-    if (server) ports_.native = native::bound_port(**server);
-    const auto done = accept(std::move(server), "native");
-    if (!done) return done;
-  }
-  if (streaming.qualisys.enabled) {
-    auto server = qualisys::start_qualisys_server(io_, streaming.qualisys, &*desk_, model, clock_);
-    if (server) ports_.qualisys = (*server)->base_port();
-    const auto done = accept(std::move(server), "qualisys");
-    if (!done) return done;
-  }
-  if (streaming.web.enabled) {
-    web::WebSources sources;
-    sources.clients = [this] { return hub_.clients(); };
-    sources.version = FIDUCAP_VERSION;
-    sources.map_mode = config_.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
-    auto page = web::start_web_server(io_, streaming.web, std::move(sources), model, clock_);
-    if (page) ports_.web = (*page)->port();
-    const auto done = accept(std::move(page), "web");
-    if (!done) return done;
-  }
+  auto ports = start_protocols({io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
+  if (!ports) return tl::unexpected(ports.error());
+  ports_ = *ports;
   mailbox_.emplace(io_,
                    [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
   publisher_.emplace(
-      streaming.rate_hz, *scene_, *map_, clock_,
+      config_.streaming.rate_hz, *scene_, *map_, clock_,
       [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
   return {};
 }
 
-Expected<void> Server::Impl::accept(Expected<std::unique_ptr<Streamer>> streamer,
-                                    const std::string& name) {
-  if (streamer) {
-    hub_.add(std::move(*streamer));
-    return {};
-  }
-  const auto& dispensable = config_.streaming.optional;
-  if (std::find(dispensable.begin(), dispensable.end(), name) == dispensable.end()) {
-    return tl::unexpected(streamer.error());
-  }
-  log::warning(name, "not served: " + streamer.error().text());
-  return {};
+/// One participant for ROS sources and ROS topics, made when first needed.
+Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
+  if (participant_) return participant_;
+  auto joined = dds::Participant::open(config_.dds);
+  if (joined) participant_ = *joined;
+  return joined;
 }
 
 void Server::Impl::start_threads() {

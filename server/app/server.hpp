@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 
 #include "app/config_file.hpp"
+#include "app/protocol_servers.hpp"
 #include "base/clock.hpp"
 #include "base/expected.hpp"
 
@@ -12,14 +15,9 @@ namespace fiducap {
 struct ServerOptions {
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
-};
-
-/// Where the protocols really listen (a configured 0 is any free port); 0: not served.
-struct ServerPorts {
-  std::uint16_t vrpn{};
-  std::uint16_t qualisys{};  ///< Base port.
-  std::uint16_t native{};
-  std::uint16_t web{};
+  /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as configured. For robots that
+  /// answer to a controller.
+  std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.

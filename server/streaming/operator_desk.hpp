@@ -31,6 +31,9 @@ class OperatorDesk {
 
   /// Is this the operator's token? Takes the same time for every wrong one. No token configured: nobody is.
   [[nodiscard]] virtual bool admits(std::string_view token) const = 0;
+  /// For protocols where the token itself does not travel, only a proof of knowing it. Never shown, never logged.
+  /// Empty: none is configured, and no proof is good enough.
+  [[nodiscard]] virtual std::string_view token() const { return {}; }
   /// All bodies, the disabled ones too, in the order of the configuration.
   [[nodiscard]] virtual std::vector<Body> bodies() const = 0;
 

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "app/cli/doctor_command.hpp"
 #include "app/cli/evaluate_command.hpp"
 #include "app/cli/map_command.hpp"
 #include "app/cli/replay_command.hpp"
@@ -21,6 +22,7 @@ struct CommandLine {
   ReplayArguments replay;
   EvaluateArguments evaluate;
   WatchArguments watch;
+  DoctorArguments doctor;
   MapArguments map;
   TagSheetArguments tag_sheet;
   SimulateArguments simulate;
@@ -92,6 +94,17 @@ void add_watch(CLI::App& app, CommandLine& line) {
       "Example:\n  fiducap watch --server robot-hall:21600\n"
       "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_watch(a, t); }; });
+}
+
+void add_doctor(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand("doctor", "Why does a client see nothing? Network, ports, conventions, bodies");
+  auto& a = line.doctor;
+  verb->add_option("--config", a.config, "The server's configuration; without it the defaults");
+  verb->add_option("--set", a.sets, "Override one key of the configuration; may be given several times")
+      ->allow_extra_args(false);
+  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")->capture_default_str();
+  verb->footer("Example:\n  fiducap doctor --config config/demo.yaml");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_doctor(a, t); }; });
 }
 
 using MapVerb = int (*)(const MapArguments&, const Terminal&);
@@ -206,6 +219,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
       "  fiducap replay recordings/table --out results\n"
       "  fiducap evaluate results/table.tum recordings/table");
   add_watch(app, line);
+  add_doctor(app, line);
   add_replay(app, line);
   add_evaluate(app, line);
   add_map(app, line);

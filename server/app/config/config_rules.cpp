@@ -3,6 +3,7 @@
 #include <set>
 
 #include "app/config_file.hpp"
+#include "app/protocol_servers.hpp"
 
 namespace fiducap {
 
@@ -75,11 +76,15 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
     case SourceType::kCamera:
       append(all, body.source.camera.check(prefix), prefix);
       break;
+    case SourceType::kRos:
+      append(all, body.source.ros.check(prefix), prefix);
+      break;
   }
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
   const bool camera = body.source.type == SourceType::kCamera;
+  const bool ros = body.source.type == SourceType::kRos;
   Checker rules{prefix};
   rules
       .require(is_body_name(body.name), "name", '"' + body.name + '"',
@@ -91,13 +96,18 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
                "a camera source has exactly one camera")
       .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}",
                "a camera source has no IMU")
+      .require(!ros || body.cameras.size() == body.source.ros.images.size(), "cameras",
+               std::to_string(body.cameras.size()) + " entries",
+               "a ros source has one camera per topic in source.images")
       .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
                "a simulated body needs at least one camera");
   append(all, rules.errors, prefix);
   check_source(all, body, prefix + "source.");
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {
     const auto& [calibration, mount] = body.cameras[i];
-    check_mount(all, mount, !calibration.empty(), prefix + "cameras." + std::to_string(i) + ".");
+    // The lens may come by a file, or by the camera_info of ROS.
+    const bool elsewhere = !calibration.empty() || (ros && mount.model.width == 0);
+    check_mount(all, mount, elsewhere, prefix + "cameras." + std::to_string(i) + ".");
   }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
@@ -107,14 +117,32 @@ void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    rules.require(name == "vrpn" || name == "native" || name == "qualisys" || name == "web", "optional", name,
-                  "must be some of vrpn, native, qualisys, web");
+    const auto& names = protocol_names();
+    std::string all_names;
+    for (const auto& one : names) all_names += (all_names.empty() ? "" : ", ") + one;
+    rules.require(std::find(names.begin(), names.end(), name) != names.end(), "optional", name,
+                  "must be some of " + all_names);
   }
   append(all, rules.errors, "streaming.");
   append(all, streaming.vrpn.check(), "streaming.vrpn.");
-  append(all, streaming.qualisys.check(), "streaming.qualisys.");
   append(all, streaming.native.check(), "streaming.native.");
+  append(all, streaming.natnet.check(), "streaming.natnet.");
+  append(all, streaming.vicon.check(), "streaming.vicon.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
+  append(all, streaming.dds.check(), "streaming.dds.");
+  append(all, streaming.mavlink.check(), "streaming.mavlink.");
   append(all, streaming.web.check(), "streaming.web.");
+}
+
+void check_vehicles(Errors& all, const ServerConfig& config) {
+  for (std::size_t i = 0; i < config.streaming.mavlink.vehicles.size(); ++i) {
+    const std::string& name = config.streaming.mavlink.vehicles[i].body;
+    const bool known = std::any_of(config.bodies.begin(), config.bodies.end(),
+                                   [&name](const BodyConfig& body) { return body.name == name; });
+    if (known || name.empty()) continue;
+    all.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
+                   "must be the name of one of the bodies"});
+  }
 }
 
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
@@ -155,6 +183,8 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
+  check_vehicles(all, config);
+  append(all, config.dds.check(), "dds.");
   append(all, config.operators.check(), "operator.");
   append(all, config.recorder.check(), "recorder.");
   return all;

@@ -187,16 +187,20 @@ class Simulation final : public SimulatedSource {
 Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(const RoomConfig& room,
                                                                  const SimulatedBodyConfig& body,
                                                                  Instant start,
-                                                                 const Clock* clock) {
+                                                                 const Clock* clock,
+                                                                 std::unique_ptr<Trajectory> motion) {
   std::vector<ConfigError> errors = check(room, "room.");
   const std::vector<ConfigError> body_errors = check(body, "body.");
   errors.insert(errors.end(), body_errors.begin(), body_errors.end());
   if (!errors.empty()) return fail(ErrorCode::kInvalid, errors.front().text(), "simulation");
   const Pose X_BV = body.cameras.empty() ? forward_camera() : body.cameras.front().X_BV;
-  auto trajectory = make_trajectory(body.trajectory, room, X_BV);
-  if (!trajectory) return tl::unexpected(trajectory.error());
+  if (!motion) {
+    auto trajectory = make_trajectory(body.trajectory, room, X_BV);
+    if (!trajectory) return tl::unexpected(trajectory.error());
+    motion = std::move(*trajectory);
+  }
   const int ids = TagFamily::named(room.family)->ids();
-  return std::make_unique<Simulation>(room, body, std::move(*trajectory), ids, start, clock);
+  return std::make_unique<Simulation>(room, body, std::move(motion), ids, start, clock);
 }
 
 }  // namespace fiducap::simulation

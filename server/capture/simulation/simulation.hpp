@@ -122,8 +122,9 @@ class SimulatedSource : public SensorSource {
 
 /// @param clock  paced: samples come when they are due on this clock, and t = 0 is `start`;
 ///               nullptr: as fast as they are asked for, stamped from `start`.
-[[nodiscard]] Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(const RoomConfig& room,
-                                                                              const SimulatedBodyConfig& body,
-                                                                              Instant start, const Clock* clock);
+/// @param motion what the robot does instead of the configured trajectory; nullptr: that
+[[nodiscard]] Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(
+    const RoomConfig& room, const SimulatedBodyConfig& body, Instant start, const Clock* clock,
+    std::unique_ptr<Trajectory> motion = nullptr);
 
 }  // namespace fiducap::simulation

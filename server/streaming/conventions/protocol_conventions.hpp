@@ -21,22 +21,25 @@ struct ProtocolConventions {
 };
 
 inline constexpr OutputAxes kMetres{UpAxis::kZ, AxesScope::kWorld, 1.0};
+/// As the commercial server's default; its drivers turn the body's axes back with the world's.
+inline constexpr OutputAxes kMetresYUp{UpAxis::kY, AxesScope::kWorldAndBody, 1.0};
 inline constexpr OutputAxes kMillimetres{UpAxis::kZ, AxesScope::kWorld, 1000.0};
 inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 1.0};
 
 inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
     {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", {95, "@", false, true}, "UTC of the pose"},
-    {"natnet", kMetres, "xyzw", WhenInvalid::kFlag, "tracking-valid bit clear", {255, "", false, true},
+    {"natnet", kMetresYUp, "xyzw", WhenInvalid::kFlag, "tracking-valid bit clear", {255, ",", false, true},
      "server seconds of the pose; exposure and transmit in ticks"},
-    {"vicon", kMillimetres, "xyzw", WhenInvalid::kFlag, "occluded", {255, "", false, true},
-     "frame number; total latency counts back to the exposure"},
+    {"vicon", kMillimetres, "matrix", WhenInvalid::kFlag, "occluded",
+     {127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},
+     "frame number = time of the pose x rate; total latency counts back to that time"},
     {"qualisys", kMillimetres, "matrix", WhenInvalid::kFlag, "NaN", {255, "<>&\"'", false, true},
      "server microseconds of the pose"},
     {"ros2", kMetres, "xyzw", WhenInvalid::kStop, "no messages; diagnostics say why",
      {128, "-./~{}:\\", true, false}, "UTC of the pose"},
     {"px4", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {128, "-./~{}:\\", true, false}, "UTC of the pose"},
     {"mavlink", kAutopilot, "wxyz", WhenInvalid::kStop, "no messages", {0, "", true, true},
-     "the autopilot's time of the pose, by TIMESYNC"},
+     "server time of the pose; TIMESYNC ties it to the autopilot's"},
     {"native", kMetres, "wxyz", WhenInvalid::kFlag, "valid = false", {128, "", false, true},
      "server nanoseconds of the pose, with its offset to UTC"},
 }};

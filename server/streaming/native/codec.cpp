@@ -1,6 +1,7 @@
 #include "streaming/native/codec.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/assert.hpp"
 #include "fiducap/v1/envelope.pb.h"
@@ -29,21 +30,72 @@ std::string_view name_of(v1::Envelope::MessageCase kind) {
     case v1::Envelope::kModel: return "Model";
     case v1::Envelope::kFrame: return "Frame";
     case v1::Envelope::kNotice: return "Notice";
+    case v1::Envelope::kClockQuery: return "ClockQuery";
+    case v1::Envelope::kClockReply: return "ClockReply";
+    case v1::Envelope::kDiscoveryQuery: return "DiscoveryQuery";
+    case v1::Envelope::kDiscoveryReply: return "DiscoveryReply";
     case v1::Envelope::MESSAGE_NOT_SET: return "no known message";
   }
   return "no known message";
 }
 
+/// @return nullopt for values that this version does not know
+std::optional<Profile> to_profile(const v1::Profile& in) {
+  if (!v1::Profile::UpAxis_IsValid(in.up_axis()) || !v1::Profile::AxesScope_IsValid(in.axes_scope()) ||
+      !v1::Profile::LengthUnit_IsValid(in.length_unit()) || !std::isfinite(in.max_rate_hz()) ||
+      in.max_rate_hz() < 0 || in.bodies_size() > kMaxChosenBodies) {
+    return std::nullopt;
+  }
+  Profile profile;
+  // One meaning, one profile: what makes no difference is not kept.
+  if (in.up_axis() == v1::Profile::UP_AXIS_Y) {
+    profile.axes.up = UpAxis::kY;
+    if (in.axes_scope() == v1::Profile::AXES_SCOPE_WORLD_AND_BODY) profile.axes.scope = AxesScope::kWorldAndBody;
+  }
+  if (in.length_unit() == v1::Profile::LENGTH_UNIT_MILLIMETRE) profile.axes.units_per_m = 1000.0;
+  profile.max_rate_hz = in.max_rate_hz();
+  profile.covariance = !in.without_covariance();
+  for (const auto& name : in.bodies()) {
+    if (name.empty() || name.size() > kMaxBodyName) return std::nullopt;
+    profile.bodies.push_back(name);
+  }
+  std::sort(profile.bodies.begin(), profile.bodies.end());
+  profile.bodies.erase(std::unique(profile.bodies.begin(), profile.bodies.end()), profile.bodies.end());
+  return profile;
+}
+
+/// What a stranger sends as nanoseconds: as a duration, zero when it cannot be one.
+Duration to_duration(std::uint64_t ns) {
+  constexpr std::uint64_t kMost = 3'600'000'000'000;  // an hour; nobody means more
+  return Duration{ns <= kMost ? static_cast<std::int64_t>(ns) : 0};
+}
+
+Expected<void> check_size(std::string_view name, std::size_t least, std::size_t size) {
+  if (size >= least) return {};
+  return fail(ErrorCode::kInvalid, std::string(name) + " must be padded to " + std::to_string(least) +
+                                       " bytes, came with " + std::to_string(size));
+}
+
 Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
-  if (size < kMinSubscribe) {
-    return fail(ErrorCode::kInvalid, "Subscribe must be padded to " + std::to_string(kMinSubscribe) +
-                                         " bytes, came with " + std::to_string(size));
+  if (const auto padded = check_size("Subscribe", kMinSubscribe, size); !padded) {
+    return tl::unexpected(padded.error());
   }
   if (in.client_name().size() > kMaxClientName) {
     return fail(ErrorCode::kInvalid, "client name must have at most " + std::to_string(kMaxClientName) +
                                          " bytes, came with " + std::to_string(in.client_name().size()));
   }
-  return SubscribeRequest{in.token(), in.nonce(), in.model_generation(), in.client_name(), in.frames_lost()};
+  SubscribeRequest request;
+  request.token = in.token();
+  request.nonce = in.nonce();
+  request.model_generation = in.model_generation();
+  request.client_name = in.client_name();
+  request.frames_lost = in.frames_lost();
+  request.profile = in.has_profile() ? to_profile(in.profile()) : Profile{};
+  request.multicast = in.multicast();
+  request.clock_offset = Duration{in.clock_offset_ns()};
+  request.clock_sigma = to_duration(in.clock_sigma_ns());
+  request.latency_p99 = to_duration(in.latency_p99_ns());
+  return request;
 }
 
 std::string_view cut_name(std::string_view name) {
@@ -71,8 +123,18 @@ Expected<Request> decode_request(std::span<const std::byte> datagram) {
   }
   if (envelope.has_subscribe()) return to_request(envelope.subscribe(), datagram.size());
   if (envelope.has_unsubscribe()) return UnsubscribeRequest{envelope.unsubscribe().token()};
+  if (envelope.has_clock_query()) {
+    const auto padded = check_size("ClockQuery", kMinClockQuery, datagram.size());
+    if (!padded) return tl::unexpected(padded.error());
+    return ClockRequest{envelope.clock_query().token(), envelope.clock_query().number()};
+  }
+  if (envelope.has_discovery_query()) {
+    const auto padded = check_size("DiscoveryQuery", kMinDiscovery, datagram.size());
+    if (!padded) return tl::unexpected(padded.error());
+    return DiscoveryRequest{envelope.discovery_query().nonce()};
+  }
   return fail(ErrorCode::kUnsupported,
-              "expected Subscribe or Unsubscribe, came " + std::string(name_of(envelope.message_case())));
+              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, came " + std::string(name_of(envelope.message_case())));
 }
 
 Datagram encode(const ChallengeAnswer& challenge) {
@@ -92,6 +154,35 @@ Datagram encode(const LeaseAnswer& lease) {
   out.set_token(lease.token);
   out.set_lease_ms(static_cast<std::uint32_t>(lease.lease / std::chrono::milliseconds(1)));
   out.set_model_generation(lease.model_generation);
+  out.set_profile(lease.profile);
+  if (lease.group_port != 0) {
+    out.set_multicast_group(std::string(lease.group.begin(), lease.group.end()));
+    out.set_multicast_port(lease.group_port);
+  }
+  out.set_frames_dropped(lease.frames_dropped);
+  return to_bytes(envelope);
+}
+
+Datagram encode(const ClockAnswer& answer) {
+  v1::Envelope envelope;
+  auto& out = *envelope.mutable_clock_reply();
+  out.set_session(answer.session);
+  out.set_number(answer.number);
+  out.set_received_at_ns(to_ns(answer.received_at));
+  out.set_sent_at_ns(to_ns(answer.sent_at));
+  return to_bytes(envelope);
+}
+
+Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session, const ServerCard& card) {
+  v1::Envelope envelope;
+  auto& out = *envelope.mutable_discovery_reply();
+  out.set_nonce(nonce);
+  out.set_session(session);
+  out.set_host(card.host.substr(0, kMaxHostName));
+  out.set_version(card.version.substr(0, kMaxVersion));
+  out.set_body_count(card.body_count);
+  out.set_rate_hz(static_cast<float>(card.rate_hz));
+  out.set_port(card.port);
   return to_bytes(envelope);
 }
 
@@ -105,7 +196,7 @@ Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason 
   return to_bytes(envelope);
 }
 
-std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model) {
+std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model, std::uint32_t profile) {
   FIDUCAP_ASSERT(model.bodies.size() <= kMaxBodies);
   std::vector<v1::Envelope> parts;
   std::size_t used = kModelBudget + 1;  // over the budget: the first body, or none, opens the first part
@@ -113,6 +204,7 @@ std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& mode
     auto& out = *parts.emplace_back().mutable_model();
     out.set_session(session);
     out.set_generation(model.generation);
+    out.set_profile(profile);
     out.set_part_index(static_cast<std::uint32_t>(parts.size() - 1));
     out.set_first_body(static_cast<std::uint32_t>(first_body));
     out.set_body_count(static_cast<std::uint32_t>(model.bodies.size()));

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <utility>
 
 #include "base/assert.hpp"
 #include "fiducap/v1/envelope.pb.h"
@@ -14,8 +16,8 @@ namespace fiducap::native {
 namespace {
 
 // Left for bodies beside the header of a Frame datagram: protocol 5, envelope 3, session 9, number 11, parts 4 × 4,
-// three times 9, rate 5, versions 2 × 11 = 98 bytes at most.
-constexpr std::size_t kFrameBudget = kMaxDatagram - 100;
+// three times 9, rate 5, versions 2 × 11, profile 6, step 11 = 115 bytes at most.
+constexpr std::size_t kFrameBudget = kMaxDatagram - 120;
 
 v1::Body::State to_wire(BodyState state) {
   switch (state) {
@@ -34,9 +36,11 @@ bool is_sane(const Eigen::MatrixBase<Derived>& numbers) {
   return (numbers.array().abs() < kLargest).all();
 }
 
+// All but the covariance between pose and motion, which nobody sends.
 bool is_sane(const BodyPose& body) {
   return is_sane(body.X_WP.p) && is_sane(body.X_WP.q.coeffs()) && is_sane(body.v_WP) && is_sane(body.w_WP_P) &&
-         is_sane(body.a_WP) && is_sane(body.covariance.topLeftCorner<6, 6>());
+         is_sane(body.a_WP) && is_sane(body.covariance.topLeftCorner<6, 6>()) &&
+         is_sane(body.covariance.diagonal().tail<6>());
 }
 
 void put(const Eigen::Vector3d& in, v1::Vector3f& out) {
@@ -47,6 +51,16 @@ void put(const Eigen::Vector3d& in, v1::Vector3f& out) {
 
 float worst_sigma(const Eigen::Vector3d& variances) {
   return static_cast<float>(std::sqrt(std::max(0.0, variances.maxCoeff())));
+}
+
+void put_covariance(const BodyPose& body, v1::Body& out) {
+  auto& upper = *out.mutable_pose_covariance();
+  upper.Reserve(21);
+  for (int row = 0; row < 6; ++row) {
+    for (int column = row; column < 6; ++column) {
+      upper.AddAlreadyReserved(static_cast<float>(body.covariance(row, column)));
+    }
+  }
 }
 
 void put_pose(const BodyPose& body, v1::Body& out) {
@@ -64,29 +78,27 @@ void put_pose(const BodyPose& body, v1::Body& out) {
   put(body.a_WP, *out.mutable_acceleration());
   out.set_position_sigma(worst_sigma(body.covariance.diagonal().segment<3>(0)));
   out.set_rotation_sigma(worst_sigma(body.covariance.diagonal().segment<3>(3)));
-  auto& upper = *out.mutable_pose_covariance();
-  upper.Reserve(21);
-  for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) {
-      upper.AddAlreadyReserved(static_cast<float>(body.covariance(row, column)));
-    }
-  }
+  out.set_velocity_sigma(worst_sigma(body.covariance.diagonal().segment<3>(6)));
+  out.set_rate_sigma(worst_sigma(body.covariance.diagonal().segment<3>(9)));
 }
 
-void put(const BodyPose& body, v1::Body& out) {
+void put(const BodyPose& body, const Profile& profile, v1::Body& out) {
   const bool valid = body.valid && is_sane(body);
   out.set_id(static_cast<std::uint32_t>(body.body_id));
   out.set_state(to_wire(body.state));
   out.set_valid(valid);
   out.set_age_ns(body.age.count());
   out.set_tags_in_view(static_cast<std::uint32_t>(std::max(0, body.tags_in_view)));
-  if (valid) put_pose(body, out);
+  if (!valid) return;
+  const bool turned = profile.axes.up != UpAxis::kZ || profile.axes.units_per_m != 1.0;
+  const BodyPose changed = turned ? to_client(body, profile.axes) : body;
+  put_pose(changed, out);
+  if (profile.covariance) put_covariance(changed, out);
 }
 
 void put_header(const SceneFrame& frame, std::uint64_t session, v1::Frame& out) {
   out.set_session(session);
   out.set_number(frame.number);
-  out.set_body_count(static_cast<std::uint32_t>(frame.bodies.size()));
   out.set_at_ns(to_ns(frame.at));
   out.set_published_at_ns(to_ns(frame.published_at));
   out.set_utc_offset_ns(frame.utc_offset.count());
@@ -105,24 +117,29 @@ class FrameEncoder::Messages final {
     std::size_t size;
   };
 
-  std::span<const Part> build(const SceneFrame& frame, std::uint64_t session) {
+  Messages(std::uint64_t session, GrantedProfile granted) : session_(session), granted_(std::move(granted)) {}
+
+  std::span<const Part> build(const SceneFrame& frame, std::span<const std::uint32_t> chosen, std::uint64_t step) {
     start();
     parts_.clear();
     std::size_t used = kFrameBudget + 1;  // over the budget: the first body, or none, opens the first part
-    for (std::size_t i = 0; i < frame.bodies.size(); ++i) {
+    for (std::size_t i = 0; i < chosen.size(); ++i) {
       auto* body = google::protobuf::Arena::CreateMessage<v1::Body>(arena_.get());
-      put(frame.bodies[i], *body);
+      put(frame.bodies[chosen[i]], granted_.profile, *body);
       const std::size_t size = body->ByteSizeLong() + 3;  // with tag and length
       if (used + size > kFrameBudget) {
-        open_part(frame, session, i);
+        open_part(frame, i);
         used = 0;
       }
       used += size;
       parts_.back().envelope->mutable_frame()->mutable_bodies()->UnsafeArenaAddAllocated(body);
     }
-    if (parts_.empty()) open_part(frame, session, 0);
+    if (parts_.empty()) open_part(frame, 0);
     for (auto& part : parts_) {
-      part.envelope->mutable_frame()->set_part_count(static_cast<std::uint32_t>(parts_.size()));
+      auto& out = *part.envelope->mutable_frame();
+      out.set_part_count(static_cast<std::uint32_t>(parts_.size()));
+      out.set_body_count(static_cast<std::uint32_t>(chosen.size()));
+      if (step != 1) out.set_step(static_cast<std::uint32_t>(step));
       part.size = part.envelope->ByteSizeLong();
     }
     return parts_;
@@ -142,29 +159,34 @@ class FrameEncoder::Messages final {
     options.initial_block_size = block_.size();
     arena_ = std::make_unique<google::protobuf::Arena>(options);
   }
-  void open_part(const SceneFrame& frame, std::uint64_t session, std::size_t first_body) {
+  void open_part(const SceneFrame& frame, std::size_t first_body) {
     auto* envelope = google::protobuf::Arena::CreateMessage<v1::Envelope>(arena_.get());
     envelope->set_protocol(kProtocol);
     auto& out = *envelope->mutable_frame();
-    put_header(frame, session, out);
+    put_header(frame, session_, out);
+    out.set_profile(granted_.number);
     out.set_part_index(static_cast<std::uint32_t>(parts_.size()));
     out.set_first_body(static_cast<std::uint32_t>(first_body));
     parts_.push_back({envelope, 0});
   }
 
+  std::uint64_t session_;
+  GrantedProfile granted_;
   std::vector<char> block_ = std::vector<char>(16 * 1024);
   std::unique_ptr<google::protobuf::Arena> arena_;
   std::vector<Part> parts_;
 };
 
-FrameEncoder::FrameEncoder(std::uint64_t session)
-    : session_(session), messages_(std::make_unique<Messages>()) {}
+FrameEncoder::FrameEncoder(std::uint64_t session, const GrantedProfile& profile)
+    : messages_(std::make_unique<Messages>(session, profile)) {}
 
 FrameEncoder::~FrameEncoder() = default;
 
-std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame) {
-  FIDUCAP_ASSERT(frame.model != nullptr && frame.bodies.size() <= kMaxBodies);
-  const auto parts = messages_->build(frame, session_);
+std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame,
+                                                                     std::span<const std::uint32_t> chosen,
+                                                                     std::uint64_t step) {
+  FIDUCAP_ASSERT(frame.model != nullptr && chosen.size() <= kMaxBodies);
+  const auto parts = messages_->build(frame, chosen, step);
   FIDUCAP_ASSERT(parts.size() <= kMaxParts);
   bytes_.resize(parts.size() * kMaxDatagram);
   datagrams_.clear();
@@ -176,6 +198,12 @@ std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFram
     at += kMaxDatagram;
   }
   return datagrams_;
+}
+
+std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame) {
+  all_.resize(frame.bodies.size());
+  std::iota(all_.begin(), all_.end(), 0u);
+  return encode(frame, all_);
 }
 
 }  // namespace fiducap::native

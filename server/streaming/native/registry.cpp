@@ -25,6 +25,9 @@ std::string_view sentence(NoticeReason reason) {
     case NoticeReason::kAddressFull:
       return "this address has all the clients it may have (streaming.native.max_clients_per_address)";
     case NoticeReason::kShuttingDown: return "the server ends";
+    case NoticeReason::kProfilesFull:
+      return "the server already encodes 16 different profiles (axes, unit, rate, bodies): use one of another client";
+    case NoticeReason::kProfileInvalid: return "the profile (axes, unit, rate, bodies) has values this server does not know";
   }
   return "";
 }
@@ -46,6 +49,10 @@ Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Pee
   if (const auto* subscribe = std::get_if<SubscribeRequest>(&*request)) {
     return on(*subscribe, from, model_generation, datagram.size(), now);
   }
+  if (const auto* clock = std::get_if<ClockRequest>(&*request)) return on(*clock, from, now);
+  if (const auto* discovery = std::get_if<DiscoveryRequest>(&*request)) {
+    return on(*discovery, from, datagram.size(), now);
+  }
   return on(std::get<UnsubscribeRequest>(*request), from, now);
 }
 
@@ -61,19 +68,73 @@ Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from, 
     }
     expire(now);
     if (const auto reason = reason_to_refuse(from)) return refuse(request, *reason, bytes_in);
+  }
+  if (!request.profile) return refuse(request, NoticeReason::kProfileInvalid, bytes_in);
+  const auto profile = profiles_.grant(*request.profile);
+  if (!profile) return refuse(request, NoticeReason::kProfilesFull, bytes_in);
+  if (subscriber == nullptr) {
     subscriber = &subscribers_.emplace_back();
     subscriber->peer = from;
     subscriber->since = now;
     event = Event::kJoined;
   }
-  subscriber->name = printable(request.client_name);
-  subscriber->lease_until = now + limits_.lease;
-  subscriber->lost_on_the_way = request.frames_lost;
-  const bool send_model = request.model_generation != model_generation &&
-                          (!subscriber->model_sent_at || now - *subscriber->model_sent_at >= kModelPause);
-  if (send_model) subscriber->model_sent_at = now;
-  return {encode(LeaseAnswer{session_, request.nonce, mint_.token(from, now), limits_.lease, model_generation}),
-          send_model, event};
+  Reply reply = renew(*subscriber, request, *profile, model_generation, now);
+  reply.event = event;
+  return reply;
+}
+
+Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& request, std::uint32_t profile,
+                                std::uint64_t model_generation, Instant now) {
+  const bool another_profile = subscriber.profile != profile;
+  const bool model_is_due = !subscriber.model_sent_at || now - *subscriber.model_sent_at >= kModelPause;
+  if (another_profile && !model_is_due) {  // it asks again; nobody makes us encode at will
+    prune_profiles();
+    return {};
+  }
+  subscriber.name = printable(request.client_name);
+  subscriber.lease_until = now + limits_.lease;
+  subscriber.lost_on_the_way = request.frames_lost;
+  subscriber.clock_offset = request.clock_offset;
+  subscriber.clock_sigma = request.clock_sigma;
+  subscriber.latency_p99 = request.latency_p99;
+  subscriber.profile = profile;
+  subscriber.multicast = request.multicast && group_.port != 0;
+  if (another_profile) prune_profiles();
+  const bool send_model = (another_profile || request.model_generation != model_generation) && model_is_due;
+  if (send_model) subscriber.model_sent_at = now;
+  LeaseAnswer lease{session_, request.nonce, mint_.token(subscriber.peer, now), limits_.lease, model_generation, profile,
+                    {}, 0, subscriber.frames_dropped};
+  if (subscriber.multicast) {
+    lease.group = group_.address;
+    lease.group_port = group_.port;
+  }
+  return {encode(lease), send_model, profile, Event::kNone};
+}
+
+void Registry::prune_profiles() {
+  profiles_.prune([&](std::uint32_t number) {
+    return std::any_of(subscribers_.begin(), subscribers_.end(),
+                       [number](const Subscriber& s) { return s.profile == number; });
+  });
+}
+
+Registry::Reply Registry::on(const ClockRequest& request, const Peer& from, Instant now) {
+  if (!mint_.accepts(request.token, from, now) || find(from) == nullptr) {
+    ++unanswered_.malformed;
+    return {};
+  }
+  return {encode(ClockAnswer{session_, request.number, now, now}), false, 0, Event::kNone};
+}
+
+Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in, Instant now) {
+  if (!card_) return {};
+  if (!discovery_limiter_.allow(mint_.address_hash(from), now)) {
+    ++unanswered_.too_often;
+    return {};
+  }
+  Datagram answer = encode_discovery(request.nonce, session_, *card_);
+  if (answer.size() > bytes_in) return {};
+  return {std::move(answer), false, 0, Event::kNone};
 }
 
 Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from, Instant now) {
@@ -82,7 +143,8 @@ Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from
     return {};
   }
   const auto removed = std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == from; });
-  return {{}, false, removed > 0 ? Event::kLeft : Event::kNone};
+  prune_profiles();
+  return {{}, false, 0, removed > 0 ? Event::kLeft : Event::kNone};
 }
 
 Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer& from, std::size_t bytes_in,
@@ -93,7 +155,7 @@ Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer&
   }
   Datagram answer = encode(ChallengeAnswer{mint_.token(from, now), request.nonce, session_});
   if (answer.size() > bytes_in) return {};
-  return {std::move(answer), false, Event::kNone};
+  return {std::move(answer), false, 0, Event::kNone};
 }
 
 std::optional<NoticeReason> Registry::reason_to_refuse(const Peer& from) const {
@@ -108,11 +170,13 @@ Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason r
   Datagram answer = encode_notice(session_, request.nonce, reason, sentence(reason));
   // The sentence is a courtesy: without it the notice is shorter than any question.
   if (answer.size() > bytes_in) answer = encode_notice(session_, request.nonce, reason, "");
-  return {std::move(answer), false, Event::kNone};
+  return {std::move(answer), false, 0, Event::kNone};
 }
 
 std::size_t Registry::expire(Instant now) {
-  return std::erase_if(subscribers_, [&](const Subscriber& s) { return s.lease_until <= now; });
+  const auto gone = std::erase_if(subscribers_, [&](const Subscriber& s) { return s.lease_until <= now; });
+  if (gone > 0) prune_profiles();
+  return gone;
 }
 
 Subscriber* Registry::find(const Peer& peer) {

@@ -1,15 +1,18 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/time.hpp"
 #include "streaming/native/answer_limiter.hpp"
 #include "streaming/native/codec.hpp"
 #include "streaming/native/peer.hpp"
+#include "streaming/native/profile_table.hpp"
 #include "streaming/native/token_mint.hpp"
 
 namespace fiducap::native {
@@ -29,7 +32,19 @@ struct Subscriber {
   std::optional<Instant> model_sent_at;
   std::uint64_t frames_sent{};
   std::uint64_t frames_dropped{};  ///< The socket's buffer was full.
-  std::uint64_t lost_on_the_way{}; ///< As the client reports.
+  std::uint32_t profile{};         ///< Number.
+  bool multicast{};                ///< Its frames go to the group.
+  // As the client reports:
+  std::uint64_t lost_on_the_way{};
+  Duration clock_offset{};
+  Duration clock_sigma{};  ///< 0: not measured.
+  Duration latency_p99{};  ///< 0: unknown.
+};
+
+/// Where frames go for clients that want multicast. Port 0: there is no group.
+struct MulticastGroup {
+  std::array<std::uint8_t, 4> address{};
+  std::uint16_t port{};
 };
 
 /// Datagrams that got no answer, by reason.
@@ -46,11 +61,16 @@ class Registry final {
  public:
   /// @param key, session  random for each start of the server; session is not 0
   Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key, std::uint64_t session);
+  /// For clients that ask for it. None: everybody gets unicast.
+  void offer_multicast(const MulticastGroup& group) { group_ = group; }
+  /// What anybody is told who asks who is here; nullopt: nothing.
+  void introduce_as(std::optional<ServerCard> card) { card_ = std::move(card); }
 
   enum class Event { kNone, kJoined, kLeft };
   struct Reply {
     Datagram datagram;      ///< Empty: no answer.
-    bool send_model{};      ///< All Model datagrams follow the answer.
+    bool send_model{};      ///< All Model datagrams of `profile` follow the answer.
+    std::uint32_t profile{};
     Event event{Event::kNone};
   };
   [[nodiscard]] Reply receive(std::span<const std::byte> datagram, const Peer& from, std::uint64_t model_generation,
@@ -58,6 +78,8 @@ class Registry final {
   /// Forgets everyone whose lease is over. @return how many.
   std::size_t expire(Instant now);
 
+  /// The profiles in use besides the default one.
+  [[nodiscard]] std::span<const GrantedProfile> profiles() const { return profiles_.profiles(); }
   /// In the order of arrival. Counters may be changed, nothing else.
   [[nodiscard]] std::span<Subscriber> subscribers() { return subscribers_; }
   [[nodiscard]] std::span<const Subscriber> subscribers() const { return subscribers_; }
@@ -68,6 +90,11 @@ class Registry final {
   [[nodiscard]] Reply on(const SubscribeRequest& request, const Peer& from, std::uint64_t model_generation,
                          std::size_t bytes_in, Instant now);
   [[nodiscard]] Reply on(const UnsubscribeRequest& request, const Peer& from, Instant now);
+  [[nodiscard]] Reply on(const ClockRequest& request, const Peer& from, Instant now);
+  [[nodiscard]] Reply on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in, Instant now);
+  [[nodiscard]] Reply renew(Subscriber& subscriber, const SubscribeRequest& request, std::uint32_t profile,
+                            std::uint64_t model_generation, Instant now);
+  void prune_profiles();
   [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Peer& from, std::size_t bytes_in, Instant now);
   [[nodiscard]] std::optional<NoticeReason> reason_to_refuse(const Peer& from) const;
   [[nodiscard]] Reply refuse(const SubscribeRequest& request, NoticeReason reason, std::size_t bytes_in) const;
@@ -77,6 +104,10 @@ class Registry final {
   TokenMint mint_;
   std::uint64_t session_;
   AnswerLimiter limiter_;
+  AnswerLimiter discovery_limiter_;
+  ProfileTable profiles_;
+  MulticastGroup group_;
+  std::optional<ServerCard> card_;
   Unanswered unanswered_;
   std::vector<Subscriber> subscribers_;
 };

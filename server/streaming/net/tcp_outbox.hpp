@@ -30,6 +30,8 @@ class TcpOutbox final {
   [[nodiscard]] std::vector<std::byte>& replies() { return replies_; }
   /// @return false when an older frame was dropped for this one
   bool offer(SharedBytes frame);
+  /// The next offer drops a frame.
+  [[nodiscard]] bool frame_waits() const { return frame_ != nullptr; }
 
   /// Pieces of one write, in this order; they stay where they are until `written`.
   using Pieces = std::array<std::span<const std::byte>, 2>;

@@ -60,6 +60,8 @@ class TcpSession : public std::enable_shared_from_this<TcpSession> {
   /// What encoders appended to; then `flush`.
   [[nodiscard]] std::vector<std::byte>& replies() { return outbox_.replies(); }
   void flush();
+  /// The last frame has not left yet; the next one replaces it.
+  [[nodiscard]] bool frame_waits() const { return outbox_.frame_waits(); }
   [[nodiscard]] const Clock& clock() const { return clock_; }
 
  private:

@@ -111,6 +111,12 @@ void Server::tick() {
 }
 
 void Server::take_over(const SceneModel& model) {
+  if (generation_ == model.generation) return;
+  generation_ = model.generation;
+  sensors_of_body_.clear();
+  if (!context_->config.sensors.empty()) {
+    for (const auto& body : model.bodies) sensors_of_body_.push_back(context_->config.sensors_of(body.name));
+  }
   for (const auto& name : context_->senders.update(model)) {
     context_->say(log::Level::kError, "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
   }
@@ -139,7 +145,7 @@ void Server::publish(const SceneFrame& frame) {
   say_changes(frame);
   if (std::none_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->open(); })) return;
   const auto reports = frames_.acquire();
-  encoder_.encode(frame, context_->senders.of_bodies(), *reports);
+  encoder_.encode(frame, context_->senders.of_bodies(), sensors_of_body_, *reports);
   if (reports->bytes.empty()) return;
   number_messages(reports->bytes, context_->sequence);
   batch_.clear();
@@ -152,12 +158,16 @@ void Server::send_frame(Session& session, const std::shared_ptr<const EncodedFra
   if (!session.open()) return;
   if (!session.by_udp()) return session.offer(net::SharedBytes(reports, &reports->bytes));
   const sockaddr_in& target = session.udp_target();
+  const auto* address = reinterpret_cast<const sockaddr*>(&target);
   session.batched.begin = batch_.size();
-  std::size_t begin = 0;
-  for (const std::size_t end : reports->datagram_ends) {
-    batch_.add(std::span(reports->bytes).subspan(begin, end - begin), reinterpret_cast<const sockaddr*>(&target),
-               sizeof(target));
-    begin = end;
+  if (const std::size_t cut = reports->equal_cut(); cut > 0) {
+    batch_.add_cut(reports->bytes, cut, address, sizeof(target));
+  } else {
+    std::size_t begin = 0;
+    for (const std::size_t end : reports->datagram_ends) {
+      batch_.add(std::span(reports->bytes).subspan(begin, end - begin), address, sizeof(target));
+      begin = end;
+    }
   }
   session.batched.end = batch_.size();
 }

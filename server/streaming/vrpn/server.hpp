@@ -62,10 +62,12 @@ class Server final : public std::enable_shared_from_this<Server> {
   std::vector<std::shared_ptr<Session>> sessions_;
 
   ReportEncoder encoder_;
+  std::vector<std::vector<Pose>> sensors_of_body_;
   BodyWatch watch_;
   ObjectPool<EncodedFrame> frames_;
   net::DatagramBatch batch_;
   std::vector<std::byte> texts_;
+  std::optional<std::uint64_t> generation_;
 };
 
 }  // namespace fiducap::vrpn

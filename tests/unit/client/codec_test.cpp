@@ -219,7 +219,12 @@ TEST(ClientCodec, DecodingFramesAllocatesNothingAfterWarmUp) {
 TEST(ClientCodec, ASubscribeIsLongEnoughAndFitsADatagram) {
   SubscribeRequest request;
   EXPECT_GE(encode(request).size(), kMinSubscribe);
-  request = {~0ull, ~0ull, ~0ull, std::string(500, 'x'), ~0ull, ~0ull};
+  request.token = request.nonce = request.model_generation = ~0ull;
+  request.client_name = std::string(500, 'x');
+  request.frames_received = request.frames_lost = ~0ull;
+  request.clock_offset = request.clock_sigma = request.latency_p99 = -1;
+  request.multicast = true;
+  request.profile = {true, true, 99.5F, true, std::vector<std::string>(32, std::string(28, 'b'))};  // 900 bytes of names
   EXPECT_LE(encode(request).size(), kMaxDatagram);
 }
 

@@ -18,7 +18,7 @@ class FrameAssemblerTest : public testing::Test {
   }
   static PartPlace place(std::uint32_t index) { return {index, 2, index * 3, kBodies}; }
   void add_model_part(std::uint64_t generation, std::uint32_t index) {
-    ModelPart part{kSession, generation, place(index), {}};
+    ModelPart part{kSession, generation, 0, place(index), {}};
     for (std::uint32_t i = index * 3; i < (index == 0 ? 3 : kBodies); ++i) {
       part.bodies.emplace_back(static_cast<int>(i) + 1, "body" + std::to_string(i) + "g" + std::to_string(generation));
     }
@@ -146,7 +146,7 @@ TEST_F(FrameAssemblerTest, StartsAgainWithANewSession) {
 
 TEST_F(FrameAssemblerTest, AnEmptySceneIsAFrame) {
   assembler_.begin(kSession);
-  assembler_.add(ModelPart{kSession, 1, {0, 1, 0, 0}, {}});
+  assembler_.add(ModelPart{kSession, 1, 0, {0, 1, 0, 0}, {}});
   FramePart empty;
   empty.session = kSession;
   empty.model_generation = 1;

@@ -34,9 +34,10 @@ inline std::int64_t monotonic_ns() {
 /// A server with its I/O thread, as in fiducapd.
 class TestServer {
  public:
-  explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0, native::NativeConfig config = {}) {
+  explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0, native::NativeConfig config = {},
+                      OperatorDesk* desk = nullptr, const Clock* clock = nullptr) {
     config.port = port;
-    auto started = native::start_native_server(io_, config, scene.model, clock_);
+    auto started = native::start_native_server(io_, config, scene.model, clock != nullptr ? *clock : clock_, desk);
     EXPECT_TRUE(started) << started.error().text();
     server_ = std::move(*started);
     port_ = native::bound_port(*server_);

@@ -290,8 +290,9 @@ TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
   }
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  // 1 : 100 by variance: half a millimetre of the 50 mm.
-  EXPECT_NEAR(result->tags[2].X_WT.p.z() - true_tags_[2].X_WT.p.z(), 0.05 / 101, 5e-5);
+  // 1 : 100 by variance: half a millimetre of the 50 mm. The solver stops when a step changes the cost (about 900) by
+  // less than 1e-8 of it, which a shift by 0.04 mm does; three such steps are forgiven.
+  EXPECT_NEAR(result->tags[2].X_WT.p.z() - true_tags_[2].X_WT.p.z(), 0.05 / 101, 1.2e-4);
 }
 
 TEST_F(RefinementTest, ATagThatNobodySawStaysOrGoesToItsPrior) {

@@ -48,7 +48,7 @@ TEST(FrameEncoder, MatchesTheBytes) {
   const std::vector<std::byte> bytes(datagrams[0].begin(), datagrams[0].end());
   EXPECT_EQ(to_hex(bytes), to_hex(from_hex(
       "0d 46444331"
-      "3a 8502"                     // Frame, 261 bytes
+      "3a 8f02"                     // Frame, 271 bytes
       "09 2827262524232221"         // session
       "10 07"                       // number
       "20 01"                       // part_count
@@ -58,7 +58,7 @@ TEST(FrameEncoder, MatchesTheBytes) {
       "49 3837363534333231"         // utc_offset
       "55 0000c842"                 // rate 100
       "60 01"                       // model_generation; map_version is 0
-      "6a d101"                     // Body, 209 bytes
+      "6a db01"                     // Body, 219 bytes
       "08 01"                       // id
       "10 01"                       // tracking
       "18 01"                       // valid
@@ -76,7 +76,9 @@ TEST(FrameEncoder, MatchesTheBytes) {
       "      0000803d 00000000"
       "      0000003e"
       "60 14"     // age 20 ns
-      "68 03"))); // tags in view
+      "68 03"           // tags in view
+      "75 00004040"     // velocity sigma: sqrt(9)
+      "7d 00004040"))); // rate sigma
 }
 
 TEST(FrameEncoder, SendsNoPoseOfABodyThatIsNotValid) {
@@ -139,6 +141,78 @@ TEST(FrameEncoder, AllocatesNothingAfterWarmUp) {
   for (int i = 0; i < 100; ++i) sent += encoder.encode(i % 2 == 0 ? *big : *small).size();
   EXPECT_EQ(allocations.count(), 0u);
   EXPECT_GT(sent, 100u);
+}
+
+TEST(FrameEncoder, TurnsAxesUnitsSigmasAndCovarianceTogether) {
+  const auto frame = make_scene_frame({"a"});
+  BodyPose& body = frame->bodies[0];
+  body.X_WP.p = {1, 2, 3};
+  body.v_WP = {4, 5, 6};
+  body.a_WP = {7, 8, 9};
+  body.covariance.setZero();
+  body.covariance.diagonal() << 1e-6, 4e-6, 9e-6, 1, 4, 9, 1e-6, 4e-6, 9e-6, 1, 1, 1;
+  Profile profile;
+  profile.axes = {UpAxis::kY, AxesScope::kWorld, 1000.0};
+  FrameEncoder encoder(kSession, {5, profile});
+  const auto message = parse(encoder.encode(*frame)[0]);
+  EXPECT_EQ(message.profile(), 5u);
+  const auto& out = message.bodies(0);
+  EXPECT_EQ(out.position().x(), 1000);  // x' = x, y' = z, z' = -y, in mm
+  EXPECT_EQ(out.position().y(), 3000);
+  EXPECT_EQ(out.position().z(), -2000);
+  EXPECT_EQ(out.velocity().y(), 6000);
+  EXPECT_EQ(out.acceleration().z(), -8000);
+  EXPECT_FLOAT_EQ(out.position_sigma(), 3);
+  EXPECT_FLOAT_EQ(out.velocity_sigma(), 3);
+  EXPECT_FLOAT_EQ(out.pose_covariance(0), 1);   // x'x' = xx in mm²
+  EXPECT_FLOAT_EQ(out.pose_covariance(6), 9);   // y'y' = zz
+  EXPECT_FLOAT_EQ(out.pose_covariance(15), 1);  // rotations stay in rad²
+  EXPECT_FLOAT_EQ(out.pose_covariance(18), 9);
+}
+
+TEST(FrameEncoder, SendsOnlyTheChosenBodiesInTheirOrder) {
+  const auto frame = make_scene_frame({"a", "b", "c", "d"});
+  FrameEncoder encoder(kSession);
+  const std::vector<std::uint32_t> chosen{1, 3};
+  const auto message = parse(encoder.encode(*frame, chosen, 1)[0]);
+  EXPECT_EQ(message.body_count(), 2u);
+  ASSERT_EQ(message.bodies_size(), 2);
+  EXPECT_EQ(message.bodies(0).id(), 2u);
+  EXPECT_EQ(message.bodies(1).id(), 4u);
+  EXPECT_EQ(message.step(), 0u) << "1 is not written";
+}
+
+TEST(FrameEncoder, LeavesTheCovarianceOutWhereItIsNotWanted) {
+  const auto frame = make_scene_frame(names(40));
+  Profile without;
+  without.covariance = false;
+  FrameEncoder lean(kSession, {1, without});
+  FrameEncoder whole(kSession);
+  const auto datagrams = lean.encode(*frame);
+  const auto body = parse(datagrams[0]).bodies(0);
+  EXPECT_EQ(body.pose_covariance_size(), 0);
+  EXPECT_GT(body.position_sigma(), 0);
+  EXPECT_LT(datagrams.size(), whole.encode(*frame).size());
+}
+
+TEST(FrameEncoder, AFullPartOfTheLongestHeaderFitsADatagram) {
+  const auto frame = make_scene_frame(names(1000), ~0ull / 1'000'000 * 1'000'000);
+  frame->at = frame->published_at = instant_from_ns(-1);
+  frame->utc_offset = Duration{-1};
+  auto model = std::make_shared<SceneModel>(*frame->model);
+  model->generation = ~0ull;
+  frame->model = model;
+  auto map = std::make_shared<TagMap>();
+  map->version = -1;
+  frame->map = map;
+  for (bool covariance : {true, false}) {
+    Profile profile;
+    profile.covariance = covariance;
+    FrameEncoder encoder(kSession, {0xffffffff, profile});
+    std::vector<std::uint32_t> all(1000);
+    for (std::uint32_t i = 0; i < 1000; ++i) all[i] = i;
+    for (const auto& datagram : encoder.encode(*frame, all, 1'000'000)) EXPECT_LE(datagram.size(), kMaxDatagram);
+  }
 }
 
 }  // namespace

@@ -86,7 +86,11 @@ TEST(NativeConfig, ReportsEveryBrokenRule) {
   config.max_clients = 0;
   config.max_clients_per_address = -1;
   config.lease_s = 0;
-  EXPECT_EQ(config.check().size(), 4u);
+  config.multicast_group = "10.0.0.1";
+  config.multicast_port = 0;
+  config.multicast_ttl = 256;
+  config.multicast_interface = "eth0";
+  EXPECT_EQ(config.check().size(), 8u);
   EXPECT_EQ(config.check()[0].path, "streaming.native.address");
 }
 

@@ -81,16 +81,25 @@ class LoopbackClient final {
     received_.erase(0, received_.find("\r\n\r\n") + 4);
     return true;
   }
-  /// The text of the next WebSocket message, nullopt after five seconds.
+  /// The text of the next WebSocket message, nullopt after five seconds. Pings are passed over.
   std::optional<std::string> next_message() {
-    std::optional<std::string> message;
-    run_until(io_, [&] { return (message = take_message()).has_value(); });
-    return message;
+    std::optional<Message> message;
+    run_until(io_, [&] {
+      do {
+        message = take_message();
+      } while (message && message->is_control);
+      return message.has_value();
+    });
+    return message ? std::optional(message->text) : std::nullopt;
   }
 
  private:
+  struct Message {
+    bool is_control{};
+    std::string text;
+  };
   // RFC 6455 5.2; the server's messages are single unmasked frames.
-  std::optional<std::string> take_message() {
+  std::optional<Message> take_message() {
     const std::string& in = received();
     if (in.size() < 2) return std::nullopt;
     const auto byte = [&](std::size_t i) {
@@ -101,10 +110,12 @@ class LoopbackClient final {
     std::uint64_t length = extra == 0 ? byte(1) : 0;
     for (std::size_t i = 0; i < extra; ++i) length = length << 8 | byte(2 + i);
     if (in.size() < 2 + extra + length) return std::nullopt;
-    const std::string message = in.substr(2 + extra, length);
+    const Message message{(byte(0) & kControlBit) != 0, in.substr(2 + extra, length)};
     received_.erase(0, 2 + extra + length);
     return message;
   }
+
+  static constexpr std::uint64_t kControlBit = 0x08;
 
   boost::asio::io_context& io_;
   boost::asio::ip::tcp::socket socket_;

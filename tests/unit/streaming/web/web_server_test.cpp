@@ -210,12 +210,12 @@ TEST_F(WebServerTest, SlowReaderLosesFramesThenItsConnectionAndNobodyElseNotices
   quick.upgrade();
   ASSERT_TRUE(quick.wait_for_upgrade());
   // 300 bodies are about 100 kB a frame: a hundred of them fill any buffer on the way.
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < 100 && clients()[0].frames_dropped == 0; ++i) {
     publish(300);
-    ASSERT_TRUE(run_until(io_, [&, next = number_] {
+    const std::string newest = "\"number\":" + std::to_string(number_) + ",";
+    ASSERT_TRUE(run_until(io_, [&] {
       const auto message = quick.next_message();
-      const auto json = message ? Json::parse(*message) : Json();
-      return json.contains("number") && json["number"] == next;
+      return message && message->find(newest) != std::string::npos;
     })) << i;
   }
   ASSERT_EQ(clients().size(), 2);

@@ -1,0 +1,178 @@
+#include "fiducap/control.hpp"
+
+#include <utility>
+
+#include "fiducap/v1/control.pb.h"
+#include "proof/control_proof.hpp"
+#include "src/tcp_stream.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr std::uint32_t kMaxMessage = 1 << 20;  // of a reply: 1024 bodies need 250 KiB
+
+ControlledBody to_body(const v1::ControlBody& in) {
+  ControlledBody out;
+  out.id = static_cast<int>(in.id());
+  out.name = in.name();
+  out.enabled = in.enabled();
+  if (in.position_size() == 3) {
+    for (int i = 0; i < 3; ++i) out.pivot_position_m[static_cast<std::size_t>(i)] = in.position(i);
+  }
+  if (in.orientation_wxyz_size() == 4) {
+    for (int i = 0; i < 4; ++i) out.pivot_orientation_wxyz[static_cast<std::size_t>(i)] = in.orientation_wxyz(i);
+  }
+  return out;
+}
+
+}  // namespace
+
+class Control::Impl {
+ public:
+  explicit Impl(ControlOptions options) : options_(std::move(options)) {}
+
+  Outcome run(const v1::ControlCommand& command, v1::ControlReply& reply) {
+    const auto deadline = std::chrono::steady_clock::now() + options_.timeout;
+    stream_.close_if_gone();
+    const std::string problem = ask(command, reply, deadline);
+    if (!problem.empty()) return {false, where() + problem};
+    if (reply.result() == v1::ControlReply::RESULT_DONE) return {true, {}};
+    return {false, reply.text().empty() ? "the server refused" : reply.text()};
+  }
+
+ private:
+  using Deadline = sdk::TcpStream::Deadline;
+
+  std::string where() const { return options_.server + ":" + std::to_string(options_.port) + ": "; }
+
+  std::string ask(const v1::ControlCommand& command, v1::ControlReply& reply, Deadline deadline) {
+    if (!stream_.is_open()) {
+      if (auto problem = connect(deadline); !problem.empty()) return problem;
+    }
+    v1::ControlRequest request;
+    const std::string body = command.SerializeAsString();
+    const auto proof = proof::control_proof(options_.token, challenge_, ++sequence_, body);
+    request.set_sequence(sequence_);
+    request.set_proof(std::string(proof.begin(), proof.end()));
+    request.set_body(body);
+    std::string bytes(4, '\0');
+    request.AppendToString(&bytes);
+    for (std::size_t i = 0; i < 4; ++i) bytes[i] = static_cast<char>((bytes.size() - 4) >> (8 * i));
+    if (auto problem = stream_.write(bytes.data(), bytes.size(), deadline); !problem.empty()) return problem;
+    auto problem = read(reply, deadline);
+    if (problem.empty() && reply.sequence() != sequence_) {
+      stream_.close();
+      return "the answer was to another command";
+    }
+    return problem;
+  }
+
+  std::string connect(Deadline deadline) {
+    if (auto problem = stream_.open(options_.server, options_.port, deadline); !problem.empty()) return problem;
+    v1::ControlReply hello;
+    if (auto problem = read(hello, deadline); !problem.empty()) {
+      return problem + " (too many connections or wrong tokens from here, or not a Fiducap server)";
+    }
+    if (!hello.has_hello()) {
+      stream_.close();
+      return hello.text().empty() ? "the server did not greet" : hello.text();
+    }
+    challenge_ = hello.hello().challenge();
+    sequence_ = 0;
+    return {};
+  }
+
+  std::string read(v1::ControlReply& reply, Deadline deadline) {
+    std::array<std::uint8_t, 4> length{};
+    auto problem = stream_.read(length.data(), length.size(), deadline);
+    if (!problem.empty()) return problem;
+    const std::uint32_t size = length[0] | std::uint32_t{length[1]} << 8 | std::uint32_t{length[2]} << 16 |
+                               std::uint32_t{length[3]} << 24;
+    std::string bytes(size <= kMaxMessage ? size : 0, '\0');
+    if (size <= kMaxMessage) problem = stream_.read(bytes.data(), bytes.size(), deadline);
+    if (!problem.empty()) return problem;
+    if (size <= kMaxMessage && reply.ParseFromString(bytes)) return {};
+    stream_.close();
+    return "the answer is not of this protocol";
+  }
+
+  ControlOptions options_;
+  sdk::TcpStream stream_;
+  std::string challenge_;
+  std::uint64_t sequence_{0};
+};
+
+Control::Control(ControlOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+
+Control::~Control() = default;
+
+Outcome Control::list(ControlState& state) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_list_bodies();
+  Outcome outcome = impl_->run(command, reply);
+  if (!outcome) return outcome;
+  state = {};
+  for (const auto& body : reply.state().bodies()) state.bodies.push_back(to_body(body));
+  state.mapping = reply.state().mapping();
+  state.recording = reply.state().recording();
+  return outcome;
+}
+
+Outcome Control::set_enabled(int body_id, bool enabled) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_set_enabled()->set_body_id(static_cast<std::uint32_t>(body_id));
+  command.mutable_set_enabled()->set_enabled(enabled);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::rename(int body_id, const std::string& name) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_rename()->set_body_id(static_cast<std::uint32_t>(body_id));
+  command.mutable_rename()->set_name(name);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::set_pivot(int body_id, const std::array<double, 3>& position_m,
+                           const std::array<double, 4>& orientation_wxyz) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  auto& pivot = *command.mutable_set_pivot();
+  pivot.set_body_id(static_cast<std::uint32_t>(body_id));
+  for (const double part : position_m) pivot.add_position(part);
+  for (const double part : orientation_wxyz) pivot.add_orientation_wxyz(part);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::set_mapping(bool mapping) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_set_map_mode()->set_mapping(mapping);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::commit_map() {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_commit_map();
+  return impl_->run(command, reply);
+}
+
+Outcome Control::start_recording(const std::string& name) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_start_recording()->set_name(name);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::stop_recording() {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_stop_recording();
+  return impl_->run(command, reply);
+}
+
+}  // namespace fiducap

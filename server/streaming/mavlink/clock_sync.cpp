@@ -1,0 +1,44 @@
+#include "streaming/mavlink/clock_sync.hpp"
+
+#include <algorithm>
+#include <chrono>
+
+namespace fiducap::mavlink {
+
+namespace {
+constexpr Duration kQuickPeriod = std::chrono::milliseconds(100);
+constexpr Duration kSlowPeriod = std::chrono::seconds(1);
+constexpr Duration kLongestTrip = std::chrono::seconds(1);
+constexpr Duration kMemory = std::chrono::seconds(10);
+}  // namespace
+
+std::optional<Timesync> ClockSync::question(Instant now) {
+  if (next_question_ && now < *next_question_) return std::nullopt;
+  next_question_ = now + (answers_ < kKept ? kQuickPeriod : kSlowPeriod);
+  asked_[next_asked_++ % kKept] = now;
+  return Timesync{0, to_ns(now)};
+}
+
+bool ClockSync::answer(const Timesync& answer, Instant now) {
+  const Instant asked = instant_from_ns(answer.ts1_ns);
+  const auto found = std::find(asked_.begin(), asked_.end(), asked);
+  if (found == asked_.end() || now < asked || now - asked > kLongestTrip) return false;
+  found->reset();  // an answer counts once
+  const Duration trip = now - asked;
+  // Wraps instead of overflowing: the autopilot may say anything.
+  const auto midway = static_cast<std::uint64_t>(to_ns(asked) + trip.count() / 2);
+  const auto offset = static_cast<std::int64_t>(static_cast<std::uint64_t>(answer.tc1_ns) - midway);
+  measured_[answers_++ % kKept] = Measured{now, {Duration{offset}, trip / 2}};
+  return true;
+}
+
+std::optional<ClockSync::Offset> ClockSync::offset(Instant now) const {
+  std::optional<Offset> best;
+  for (const auto& one : measured_) {
+    if (!one || now - one->at > kMemory) continue;
+    if (!best || one->offset.doubt < best->doubt) best = one->offset;
+  }
+  return best;
+}
+
+}  // namespace fiducap::mavlink

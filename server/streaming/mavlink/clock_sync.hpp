@@ -1,0 +1,42 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+
+#include "base/time.hpp"
+#include "streaming/mavlink/codec.hpp"
+
+namespace fiducap::mavlink {
+
+/// How far the autopilot's clock is from ours, by TIMESYNC: question and answer, of the last answers the one that was
+/// quickest. Often at first, once a second later.
+class ClockSync final {
+ public:
+  /// @return the question to send now, if one is due
+  [[nodiscard]] std::optional<Timesync> question(Instant now);
+  /// @return false: not an answer to a question of ours of the last seconds
+  bool answer(const Timesync& answer, Instant now);
+
+  struct Offset {
+    Duration to_autopilot{};  ///< Its clock − ours.
+    Duration doubt{};         ///< Half the round trip: the truth is not further away.
+  };
+  /// nullopt: no answer within the last ten seconds.
+  [[nodiscard]] std::optional<Offset> offset(Instant now) const;
+
+ private:
+  struct Measured {
+    Instant at{};
+    Offset offset;
+  };
+  static constexpr std::size_t kKept = 16;
+
+  std::array<std::optional<Instant>, kKept> asked_{};
+  std::size_t next_asked_{0};
+  std::optional<Instant> next_question_;
+  std::array<std::optional<Measured>, kKept> measured_{};
+  std::size_t answers_{0};
+};
+
+}  // namespace fiducap::mavlink

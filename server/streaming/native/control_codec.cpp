@@ -1,0 +1,105 @@
+#include "streaming/native/control_codec.hpp"
+
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "fiducap/v1/control.pb.h"
+
+namespace fiducap::native {
+
+namespace {
+
+// A quaternion further from unit length than this was not made by rounding.
+constexpr double kUnitTolerance = 1e-3;
+constexpr double kFarthestPivot_m = 1000;
+
+Expected<int> to_id(std::uint32_t id) {
+  if (id == 0 || id > 0x7fffffff) return fail(ErrorCode::kInvalid, "body_id must be 1 or more");
+  return static_cast<int>(id);
+}
+
+Expected<Pose> to_pose(const v1::SetPivot& in) {
+  if (in.position_size() != 3 || in.orientation_wxyz_size() != 4) {
+    return fail(ErrorCode::kInvalid, "a pivot needs 3 numbers of its place and 4 of its attitude");
+  }
+  const Eigen::Vector3d p(in.position(0), in.position(1), in.position(2));
+  const Eigen::Quaterniond q(in.orientation_wxyz(0), in.orientation_wxyz(1), in.orientation_wxyz(2),
+                             in.orientation_wxyz(3));
+  if (!(p.norm() <= kFarthestPivot_m)) return fail(ErrorCode::kInvalid, "the pivot must be within 1000 m of its body");
+  if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) {
+    return fail(ErrorCode::kInvalid, "the pivot's quaternion must have unit length");
+  }
+  return Pose{q.normalized(), p};
+}
+
+void put(const OperatorDesk::Body& body, v1::ControlBody& out) {
+  out.set_id(static_cast<std::uint32_t>(body.id));
+  out.set_name(body.name);
+  out.set_enabled(body.enabled);
+  for (int i = 0; i < 3; ++i) out.add_position(body.X_BP.p[i]);
+  for (const double part : {body.X_BP.q.w(), body.X_BP.q.x(), body.X_BP.q.y(), body.X_BP.q.z()}) {
+    out.add_orientation_wxyz(part);
+  }
+}
+
+template <typename Command>
+Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
+  const auto body_id = to_id(id);
+  if (!body_id) return tl::unexpected(body_id.error());
+  command.body_id = *body_id;
+  return ControlCommand{std::move(command)};
+}
+
+}  // namespace
+
+Expected<ControlRequest> decode_control_request(std::span<const std::byte> message) {
+  v1::ControlRequest in;
+  if (message.size() > kMaxControlMessage || !in.ParseFromArray(message.data(), static_cast<int>(message.size()))) {
+    return fail(ErrorCode::kTruncated, "expected a ControlRequest, came " + std::to_string(message.size()) + " bytes");
+  }
+  return ControlRequest{in.sequence(), in.proof(), in.body()};
+}
+
+Expected<ControlCommand> decode_control_command(const std::string& body) {
+  v1::ControlCommand in;
+  if (!in.ParseFromString(body)) return fail(ErrorCode::kTruncated, "expected a ControlCommand");
+  switch (in.command_case()) {
+    case v1::ControlCommand::kListBodies: return ListBodies{};
+    case v1::ControlCommand::kSetEnabled:
+      return with_id(in.set_enabled().body_id(), SetEnabled{0, in.set_enabled().enabled()});
+    case v1::ControlCommand::kRename: return with_id(in.rename().body_id(), Rename{0, in.rename().name()});
+    case v1::ControlCommand::kSetPivot: {
+      const auto X_BP = to_pose(in.set_pivot());
+      if (!X_BP) return tl::unexpected(X_BP.error());
+      return with_id(in.set_pivot().body_id(), SetPivot{0, *X_BP});
+    }
+    case v1::ControlCommand::kSetMapMode:
+      return SetMapMode{in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen};
+    case v1::ControlCommand::kCommitMap: return CommitMap{};
+    case v1::ControlCommand::kStartRecording: return StartRecording{in.start_recording().name()};
+    case v1::ControlCommand::kStopRecording: return StopRecording{};
+    case v1::ControlCommand::COMMAND_NOT_SET: break;
+  }
+  return fail(ErrorCode::kUnsupported, "this server does not know the command");
+}
+
+void append(std::vector<std::byte>& out, const ControlReply& reply) {
+  v1::ControlReply message;
+  message.set_sequence(reply.sequence);
+  message.set_result(static_cast<v1::ControlReply::Result>(reply.result));
+  message.set_text(reply.text);
+  if (!reply.challenge.empty()) message.mutable_hello()->set_challenge(reply.challenge);
+  if (reply.state) {
+    auto& state = *message.mutable_state();
+    for (const auto& body : reply.state->bodies) put(body, *state.add_bodies());
+    state.set_mapping(reply.state->map_mode == MapMode::kMapping);
+    state.set_recording(reply.state->recording);
+  }
+  const auto size = static_cast<std::uint32_t>(message.ByteSizeLong());
+  for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));
+  const std::size_t at = out.size();
+  out.resize(at + size);
+  FIDUCAP_ASSERT(message.SerializeToArray(out.data() + at, static_cast<int>(size)));
+}
+
+}  // namespace fiducap::native

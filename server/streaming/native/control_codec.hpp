@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "base/pose.hpp"
+#include "streaming/operator_desk.hpp"
+
+/// Messages of the control channel, struct ↔ bytes. Meaning of every field: `proto/fiducap/v1/control.proto`.
+namespace fiducap::native {
+
+inline constexpr std::size_t kMaxControlMessage = 65536;
+inline constexpr std::size_t kChallengeSize = 32;
+
+struct ControlRequest {
+  std::uint64_t sequence{};
+  std::string proof;
+  std::string body;
+};
+
+struct ListBodies {};
+struct SetEnabled {
+  int body_id{};
+  bool enabled{};
+};
+struct Rename {
+  int body_id{};
+  std::string name;
+};
+struct SetPivot {
+  int body_id{};
+  Pose X_BP;
+};
+struct SetMapMode {
+  MapMode mode{};
+};
+struct CommitMap {};
+struct StartRecording {
+  std::string name;
+};
+struct StopRecording {};
+using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, CommitMap, StartRecording,
+                                    StopRecording>;
+
+[[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
+/// @return Error `kUnsupported` for a command of a later version, `kInvalid` for numbers that cannot be
+[[nodiscard]] Expected<ControlCommand> decode_control_command(const std::string& body);
+
+enum class ControlResult { kDone = 0, kRefused, kForbidden, kMalformed, kUnsupported, kBusy };
+
+struct ControlState {
+  std::vector<OperatorDesk::Body> bodies;
+  MapMode map_mode{};
+  std::string recording;
+};
+
+struct ControlReply {
+  std::uint64_t sequence{};
+  ControlResult result{};
+  std::string text;
+  std::string challenge;  ///< Of the hello; else empty.
+  std::optional<ControlState> state;
+};
+
+/// With its length in front.
+void append(std::vector<std::byte>& out, const ControlReply& reply);
+
+}  // namespace fiducap::native

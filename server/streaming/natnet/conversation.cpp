@@ -1,0 +1,215 @@
+#include "streaming/natnet/conversation.hpp"
+
+#include <utility>
+
+#include "base/log.hpp"
+#include "streaming/natnet/model_encoder.hpp"
+
+namespace fiducap::natnet {
+
+namespace {
+
+constexpr std::array<std::uint8_t, 4> kApplicationVersion{0, 1, 0, 0};
+constexpr Duration kRecordingPoll = std::chrono::milliseconds(100);
+
+std::array<std::uint8_t, 4> octets(std::uint32_t address) {
+  return {static_cast<std::uint8_t>(address >> 24), static_cast<std::uint8_t>(address >> 16),
+          static_cast<std::uint8_t>(address >> 8), static_cast<std::uint8_t>(address)};
+}
+
+RegistryLimits limits_of(const NatNetConfig& config) {
+  return {config.max_clients, config.max_clients_per_address, from_seconds(config.client_timeout_s)};
+}
+
+}  // namespace
+
+Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model, OperatorDesk* desk,
+                           double rate_hz, std::uint64_t key, Instant epoch)
+    : registry_(limits_of(config)), guard_(key), encoder_(config.axes(), config.when_invalid, epoch) {
+  server_.config = config;
+  server_.desk = desk;
+  server_.rate_hz = rate_hz;
+  use(std::move(model));
+  for (const auto& target : config.targets) {
+    if (const auto peer = parse_peer(target)) registry_.add_fixed(*peer, config.default_bitstream(), epoch);
+  }
+}
+
+void Conversation::set_ports(std::uint16_t port, std::uint16_t multicast_command_port) {
+  server_.config.port = port;
+  server_.config.multicast_command_port = multicast_command_port;
+}
+
+void Conversation::use(std::shared_ptr<const SceneModel> model) {
+  server_.model = std::move(model);
+  server_.announced = announced_bodies(*server_.model, server_.config.name_rule(), server_.config.aliases);
+  for (auto& encoded : models_) encoded.clear();
+}
+
+Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, const Peer& from, Channel channel,
+                                          Instant now) {
+  Turn turn{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
+  const auto request = decode_request(datagram);
+  if (!request) {
+    ++unanswered_.malformed;
+    return {};
+  }
+  if (channel == Channel::kUnicast) meet_again(turn);
+  const Bytes answer = std::visit([&](const auto& what) { return on(what, turn); }, *request);
+  if (answer.empty() || guard_.may_answer(from, answer.size(), !turn.before.known, now)) return answer;
+  ++unanswered_.too_much;
+  return {};
+}
+
+void Conversation::meet_again(Turn& turn) {
+  turn.subscriber = registry_.find(turn.from);
+  if (turn.subscriber == nullptr) return;
+  turn.subscriber->heard_at = turn.now;
+  if (!turn.subscriber->stranger) return;
+  if (!registry_.accept(*turn.subscriber, turn.now)) ++unanswered_.full;
+  turn.subscriber = registry_.find(turn.from);
+}
+
+Conversation::Bytes Conversation::on(const ConnectRequest& request, Turn& turn) {
+  const Bitstream version = version_for(request.versions, turn);
+  guard_.promise(turn.from, version);
+  if (turn.channel == Channel::kMulticast) return info(version, turn);
+  // An empty one is also what clients send that only ask, and then take the next datagram for an answer.
+  if (!request.empty) subscribe(turn, version, request.name, turn.now + kHold);
+  if (turn.subscriber != nullptr) {
+    turn.subscriber->version = version;
+    if (request.subscribed_data_only) turn.subscriber->selection.only_subscribed();
+  }
+  return info(version, turn);
+}
+
+Conversation::Bytes Conversation::on(const DiscoveryRequest& request, Turn& turn) {
+  return info(version_for(request.versions, turn), turn);
+}
+
+Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Turn& turn) {
+  if (turn.channel == Channel::kMulticast) return {};
+  // After a restart of the server a client goes on with these; it keeps reading the version it was told then.
+  const bool told = turn.before.version != Bitstream{};
+  subscribe(turn, told ? turn.before.version : version_for(request.versions, turn), request.name, turn.now);
+  return {};
+}
+
+Conversation::Bytes Conversation::on(const DisconnectRequest&, Turn& turn) {
+  if (turn.subscriber != nullptr && registry_.remove(turn.from)) log::info("natnet", text_of(turn.from) + " left");
+  return {};
+}
+
+Conversation::Bytes Conversation::on(const EchoRequest& request, Turn& turn) {
+  return say(encode_echo(request.client_ticks, turn.now));
+}
+
+Conversation::Bytes Conversation::on(const ModelRequest& request, Turn& turn) {
+  const ModelLayout layout = model_layout(version_of(turn));
+  if ((request.types & ModelRequest::kRigidBodies) == 0) {
+    return say(encode_model(server_.announced, layout, request.types));
+  }
+  Datagram& encoded = models_[static_cast<std::size_t>(layout)];
+  if (encoded.empty()) encoded = encode_model(server_.announced, layout);
+  return encoded;
+}
+
+Conversation::Bytes Conversation::on(const FrameRequest&, Turn& turn) {
+  if (!server_.frame) return {};
+  return frame({frame_layout(version_of(turn))}, turn.now);
+}
+
+Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) {
+  if (CommandWords::is_legacy_check(request.text)) {
+    log::debug("natnet", text_of(turn.from) + ": its NatNet library is too old for this server, it needs 4.1 or later");
+  }
+  auto answer = words_.answer(request.text, server_,
+                              {turn.from, turn.channel == Channel::kMulticast, version_of(turn), turn.subscriber});
+  if (answer.switch_to) switch_to(*answer.switch_to, turn);
+  if (answer.leaves && turn.subscriber != nullptr && registry_.remove(turn.from)) {
+    log::info("natnet", text_of(turn.from) + " left");
+  }
+  recording_asked_at_ = {};
+  return say(std::move(answer.datagram));
+}
+
+void Conversation::subscribe(Turn& turn, Bitstream version, const std::string& name, Instant frames_from) {
+  if (turn.subscriber == nullptr) {
+    turn.subscriber = registry_.add(turn.from, !turn.before.known, turn.now);
+    if (turn.subscriber == nullptr) {
+      ++unanswered_.full;
+      return;
+    }
+    turn.subscriber->version = version;
+    turn.subscriber->frames_from = frames_from;
+  }
+  turn.subscriber->frames_from = std::min(turn.subscriber->frames_from, frames_from);
+  if (!name.empty()) turn.subscriber->name = name;
+}
+
+void Conversation::switch_to(Bitstream version, Turn& turn) {
+  guard_.promise(turn.from, version);
+  if (turn.subscriber == nullptr) return;
+  turn.subscriber->version = version;
+  turn.subscriber->bitstream_changed_until = turn.now + kAnnounce;
+}
+
+Bitstream Conversation::version_for(const ClientVersions& versions, const Turn& turn) const {
+  const Bitstream ours = server_.config.default_bitstream();
+  return turn.channel == Channel::kMulticast ? ours : negotiate(versions, ours);
+}
+
+Bitstream Conversation::version_of(const Turn& turn) const {
+  if (turn.subscriber != nullptr) return turn.subscriber->version;
+  const bool told = turn.channel == Channel::kUnicast && turn.before.version != Bitstream{};
+  return told ? turn.before.version : server_.config.default_bitstream();
+}
+
+Conversation::Bytes Conversation::info(Bitstream version, const Turn& turn) {
+  const NatNetConfig& config = server_.config;
+  return say(encode(ServerInfo{kApplicationVersion, version, config.data_port, turn.channel == Channel::kMulticast,
+                               octets(parse_address(config.multicast_group).value_or(0))}));
+}
+
+void Conversation::take(std::shared_ptr<const SceneFrame> frame, Instant now) {
+  if (frame->model->generation != server_.model->generation) {
+    use(frame->model);
+    model_changed_until_ = now + kAnnounce;
+  }
+  server_.frame = std::move(frame);
+  server_.rate_hz = server_.frame->rate_hz;
+  loaded_ = false;
+  if (server_.desk != nullptr && now - recording_asked_at_ >= kRecordingPoll) {
+    recording_ = server_.desk->recording().has_value();
+    recording_asked_at_ = now;
+  }
+}
+
+Conversation::Bytes Conversation::frame_for(const Subscriber& subscriber, Instant now) {
+  if (!server_.frame || now < subscriber.frames_from) return {};
+  const Bytes bytes = frame({frame_layout(subscriber.version), now < subscriber.bitstream_changed_until,
+                             &subscriber.selection},
+                            now);
+  return subscriber.stranger && !guard_.may_send_to_stranger(bytes.size(), now) ? Bytes{} : bytes;
+}
+
+Conversation::Bytes Conversation::multicast_frame(Instant now) {
+  if (!server_.frame) return {};
+  return frame({frame_layout(server_.config.default_bitstream())}, now);
+}
+
+Conversation::Bytes Conversation::frame(const FrameProfile& profile, Instant now) {
+  if (!loaded_) {
+    const int bits = (recording_ ? FrameBits::kRecording : 0) | (now < model_changed_until_ ? FrameBits::kModelChanged : 0);
+    encoder_.load(*server_.frame, now, static_cast<std::int16_t>(bits));
+    loaded_ = true;
+  }
+  return encoder_.encode(profile);
+}
+
+Conversation::Bytes Conversation::say(Datagram datagram) {
+  answer_ = std::move(datagram);
+  return answer_;
+}
+
+}  // namespace fiducap::natnet

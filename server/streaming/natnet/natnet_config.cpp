@@ -1,0 +1,46 @@
+#include "streaming/natnet/natnet_config.hpp"
+
+namespace fiducap::natnet {
+
+namespace {
+
+constexpr std::uint32_t kFirstGroup = 0xe0000000;  // 224.0.0.0
+constexpr std::uint32_t kLastGroup = 0xefffffff;
+constexpr std::size_t kMostTargets = 64;
+
+bool is_address(const std::string& text) { return parse_address(text).has_value(); }
+
+bool is_group(const std::string& text) {
+  const auto address = parse_address(text);
+  return address && *address >= kFirstGroup && *address <= kLastGroup;
+}
+
+}  // namespace
+
+NameRule NatNetConfig::name_rule() const { return conventions_of("natnet").names; }
+
+std::vector<ConfigError> NatNetConfig::check() const {
+  const auto version = parse_bitstream(bitstream);
+  Checker rules{"streaming.natnet."};
+  rules.require(is_address(address), "address", address, "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
+      .require(unicast || multicast, "unicast", "false", "must be on when multicast is off: nobody would get frames")
+      .require(!unicast || !multicast || port != multicast_command_port || port == 0, "multicast_command_port",
+               multicast_command_port, "must differ from port: clients are told by it what kind of server this is")
+      .require(is_group(multicast_group), "multicast_group", multicast_group,
+               "must be a multicast address, 224.0.0.0 to 239.255.255.255")
+      .require(multicast_interface.empty() || is_address(multicast_interface), "multicast_interface",
+               multicast_interface, "must be the IPv4 address of one of this machine's interfaces, or empty")
+      .within("multicast_ttl", multicast_ttl, 0, 255)
+      .require(version && is_supported(*version), "bitstream", bitstream, "must be 2.5 to 2.10, 3.0, 3.1 or 4.0 to 4.2")
+      .require(up != UpAxis::kDown, "up", name_of(up), "must be y or z: mocap clients know no other")
+      .require(targets.size() <= kMostTargets, "targets", targets.size(), "must be at most 64")
+      .within("max_clients", max_clients, 1, 256)
+      .within("max_clients_per_address", max_clients_per_address, 1, 256)
+      .within("client_timeout_s", client_timeout_s, 2, 600);
+  for (const auto& target : targets) {
+    rules.require(parse_peer(target).has_value(), "targets", target, "must be ip:port, e.g. 10.0.0.7:1511");
+  }
+  return rules.errors;
+}
+
+}  // namespace fiducap::natnet

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/natnet/bitstream.hpp"
+#include "streaming/natnet/peer.hpp"
+#include "streaming/operator_desk.hpp"
+
+namespace fiducap::natnet {
+
+struct NatNetConfig {
+  bool enabled{false};
+  std::string address{"127.0.0.1"};  ///< IPv4. 0.0.0.0: all interfaces.
+  std::uint16_t port{1510};          ///< Commands of unicast clients. 0: any free one.
+  std::uint16_t data_port{1511};     ///< Where multicast frames go; clients are told.
+  /// A client must be told whether its server is a multicast one, so these have a command port of their own.
+  bool multicast{false};
+  std::uint16_t multicast_command_port{1520};  ///< May be 1510 when `unicast` is off.
+  bool unicast{true};
+  std::string multicast_group{"239.255.42.99"};
+  std::string multicast_interface;  ///< Address of the card frames leave by; empty: `address`.
+  int multicast_ttl{1};
+  std::string bitstream{"3.1"};  ///< For clients that do not say; 3.1 is what most of them read.
+  UpAxis up{conventions_of("natnet").axes.up};
+  AxesScope scope{conventions_of("natnet").axes.scope};
+  WhenInvalid when_invalid{conventions_of("natnet").when_invalid};
+  NameAliases aliases;
+  std::vector<std::string> targets;  ///< `ip:port` that get frames without asking, for clients that only listen.
+  int max_clients{64};
+  int max_clients_per_address{16};  ///< Of others; this machine's own may take all places.
+  double client_timeout_s{15.0};  ///< Of silence; some clients speak every 5 s only.
+  RemoteControl remote_control{RemoteControl::kLoopback};  ///< The protocol knows no password.
+
+  [[nodiscard]] OutputAxes axes() const { return {up, scope, 1.0}; }
+  [[nodiscard]] Bitstream default_bitstream() const { return parse_bitstream(bitstream).value_or(Bitstream{3, 1}); }
+  /// Commas separate the fields of commands: a body with one in its name could not be addressed.
+  [[nodiscard]] NameRule name_rule() const;
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+}  // namespace fiducap::natnet

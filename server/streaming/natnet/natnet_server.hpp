@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "base/clock.hpp"
+#include "base/expected.hpp"
+#include "streaming/natnet/natnet_config.hpp"
+#include "streaming/streamer.hpp"
+
+namespace boost::asio {
+class io_context;
+}
+
+namespace fiducap::natnet {
+
+/// What the hub owns.
+class NatNetStreamer : public Streamer {
+ public:
+  /// Where it really listens; 0: that channel is off.
+  [[nodiscard]] virtual std::uint16_t port() const = 0;
+  [[nodiscard]] virtual std::uint16_t multicast_command_port() const = 0;
+};
+
+/// NatNet: commands in by UDP, frames out by UDP, to each client that asked or to a multicast group, or both.
+/// @param desk  for commands that change something; nullptr: none does. Outlives the server.
+/// @param rate_hz  of frames, until the first one says its own
+/// @return Error naming address, port and remedy when it cannot bind, `kInvalid` when the scene has more bodies than
+///         NatNet clients take
+[[nodiscard]] Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(boost::asio::io_context& io,
+                                                                            const NatNetConfig& config,
+                                                                            std::shared_ptr<const SceneModel> model,
+                                                                            const Clock& clock, OperatorDesk* desk,
+                                                                            double rate_hz);
+
+}  // namespace fiducap::natnet

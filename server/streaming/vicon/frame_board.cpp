@@ -1,0 +1,185 @@
+#include "streaming/vicon/frame_board.hpp"
+
+#include <algorithm>
+#include <span>
+#include <utility>
+
+#include "streaming/conventions/protocol_conventions.hpp"
+
+namespace fiducap::vicon {
+
+namespace {
+
+// A packet leaves this much later than it was made before it is worth one of its own.
+constexpr Duration kFresh = std::chrono::microseconds(500);
+
+const std::vector<std::uint32_t>* wanted_of(const Profile& profile, Type type) {
+  const auto entry = profile.filter.find(type);
+  return entry == profile.filter.end() ? nullptr : &entry->second;
+}
+
+double fastest_camera_hz(const SceneFrame& frame) {
+  double fastest = 0;
+  for (const BodyPose& body : frame.bodies) fastest = std::max(fastest, body.image_rate_hz);
+  return fastest;
+}
+
+Duration not_negative(Duration d) { return std::max(d, Duration::zero()); }
+
+}  // namespace
+
+FrameBoard::FrameBoard(WhenInvalid when_invalid) : poses_(conventions_of("vicon").axes, when_invalid) {}
+
+void FrameBoard::put_up(const SceneFrame& frame, Instant now) {
+  poses_.take_over(frame);
+  id_ = numbers_.next(frame.at, frame.rate_hz);
+  hardware_number_ = static_cast<std::uint32_t>(frame.number);
+  timecode_ = timecode_of(frame.utc_ns(), frame.rate_hz);
+  camera_hz_ = fastest_camera_hz(frame);
+  made_ = not_negative(frame.published_at - frame.at);
+  offered_ = not_negative(now - frame.published_at);
+  put_up_at_ = now;
+  ready_.clear();
+  for (std::size_t i = 0; i < kOffered.size(); ++i) encoded_[i] = encoded_[i] && is_static(kOffered[i]);
+  refresh_statics(frame);
+}
+
+void FrameBoard::refresh_statics(const SceneFrame& frame) {
+  const auto& all = poses_.all();
+  bool same = statics_version_ != 0 && frame.model->generation == generation_ && frame.rate_hz == rate_hz_ &&
+              listed_.size() == all.size();
+  for (std::size_t i = 0; same && i < all.size(); ++i) same = listed_[i] == all[i].listed;
+  if (same) return;
+  ++statics_version_;
+  generation_ = frame.model->generation;
+  rate_hz_ = frame.rate_hz;
+  listed_.clear();
+  for (const SubjectPose& pose : all) listed_.push_back(pose.listed);
+  list_subjects(frame);
+  encode_statics();
+}
+
+void FrameBoard::list_subjects(const SceneFrame& frame) {
+  const std::vector<std::string> names = client_names(*frame.model, conventions_of("vicon").names);
+  subjects_.clear();
+  const std::size_t count = std::min(names.size(), listed_.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    if (listed_[i]) subjects_.push_back({static_cast<std::uint32_t>(frame.model->bodies[i].id), names[i]});
+  }
+}
+
+void FrameBoard::encode_statics() {
+  for (std::size_t i = 0; i < kOffered.size(); ++i) {
+    if (!is_static(kOffered[i])) continue;
+    runs_[i].clear();
+    encode(kOffered[i], runs_[i]);
+    encoded_[i] = true;
+  }
+}
+
+const ObjectRun& FrameBoard::run_of(Type type) {
+  const std::size_t i = *index_of(static_cast<std::uint32_t>(type));
+  if (!encoded_[i]) {
+    runs_[i].clear();
+    encode(type, runs_[i]);
+    encoded_[i] = true;
+  }
+  return runs_[i];
+}
+
+void FrameBoard::encode(Type type, ObjectRun& run) const {
+  const auto each_subject = [&](auto&& one) {
+    for (const Subject& subject : subjects_) {
+      one(subject);
+      run.finish(subject.id);
+    }
+  };
+  const auto each_visible = [&](auto&& one) {
+    for (const SubjectPose& pose : poses_.all()) {
+      if (!pose.visible) continue;
+      one(pose.segment);
+      run.finish(pose.segment.subject);
+    }
+  };
+  switch (type) {
+    case Type::kApplicationInfo: encode_application_info(run.bytes); return run.finish();
+    case Type::kStreamInfo: encode_stream_info(rate_hz_, run.bytes); return run.finish();
+    case Type::kSubjectInfo: return each_subject([&](const Subject& s) { encode_subject_info(s.id, s.name, run.bytes); });
+    case Type::kSubjectTopology: return each_subject([&](const Subject& s) { encode_subject_topology(s.id, run.bytes); });
+    case Type::kSubjectScale: return each_subject([&](const Subject& s) { encode_subject_scale(s.id, run.bytes); });
+    case Type::kFrameInfo: encode_frame_info(id_, run.bytes); return run.finish();
+    case Type::kHardwareFrameInfo: encode_hardware_frame_info(hardware_number_, run.bytes); return run.finish();
+    case Type::kTimecode: encode_timecode(timecode_, run.bytes); return run.finish();
+    case Type::kFrameRateInfo: {
+      const std::array<NamedValue, 2> rates{{{"Camera", camera_hz_}, {"Stream", rate_hz_}}};
+      encode_frame_rate_info(rates, run.bytes);
+      return run.finish();
+    }
+    case Type::kGlobalSegments:
+    case Type::kLocalSegments: return each_visible([&](const SegmentPose& p) { encode_segments(type, p, run.bytes); });
+    case Type::kLightweightSegments:
+      return each_visible([&](const SegmentPose& p) { encode_lightweight_segments(p, run.bytes); });
+    case Type::kObjectQuality:
+      for (const SubjectPose& pose : poses_.all()) {
+        if (!pose.listed) continue;
+        encode_object_quality(pose.segment.subject, pose.quality, run.bytes);
+        run.finish(pose.segment.subject);
+      }
+      return;
+    default: return;  // the contents and the latency are written per packet; a ping is no part of a frame
+  }
+}
+
+net::SharedBytes FrameBoard::packet(const std::shared_ptr<const Profile>& profile, bool statics, Instant now) {
+  const Duration waited = not_negative(now - put_up_at_);
+  const bool late = waited > kFresh;
+  if (!late) {
+    for (const Ready& one : ready_) {
+      if (one.profile == profile && one.statics == statics) return one.bytes;
+    }
+  }
+  auto bytes = packets_.acquire();
+  compose(*profile, statics, late ? waited : Duration::zero(), *bytes);
+  net::SharedBytes shared = std::move(bytes);
+  if (!late) ready_.push_back({profile, statics, shared});
+  return shared;
+}
+
+void FrameBoard::compose(const Profile& profile, bool statics, Duration waited, std::vector<std::byte>& out) {
+  out.clear();
+  const std::size_t opened = open_packet(out);
+  append_contents(profile, statics, out);
+  const auto append = [&](bool static_ones) {
+    for (const Type type : kOffered) {
+      if (is_static(type) == static_ones && profile.types.has(type)) {
+        run_of(type).append_to(out, wanted_of(profile, type));
+      }
+    }
+  };
+  if (statics) append(true);
+  append(false);
+  if (profile.types.has(Type::kLatencyInfo)) {
+    const std::array<NamedValue, 2> samples{
+        {{"Frame", to_seconds(made_)}, {"Output", to_seconds(offered_ + waited)}}};
+    encode_latency_info(samples, out);
+  }
+  close_packet(opened, out);
+}
+
+void FrameBoard::append_contents(const Profile& profile, bool statics, std::vector<std::byte>& out) {
+  std::array<std::pair<Type, std::uint32_t>, kOffered.size()> counts;
+  std::array<Type, kOffered.size()> unchanged;
+  std::size_t n_counts = 0;
+  std::size_t n_unchanged = 0;
+  for (const Type type : kOffered) {
+    if (type == Type::kContents || !profile.types.has(type)) continue;
+    const bool left_out = is_static(type) && !statics;
+    std::uint32_t n = left_out ? 0 : run_of(type).count(wanted_of(profile, type));
+    if (type == Type::kLatencyInfo) n = 1;
+    counts[n_counts++] = {type, n};
+    if (n == 0 && !statics && is_kept_by_clients(type)) unchanged[n_unchanged++] = type;
+  }
+  encode_contents(std::span(counts).first(n_counts), std::span(unchanged).first(n_unchanged), out);
+}
+
+}  // namespace fiducap::vicon

@@ -1,0 +1,285 @@
+#include "fan_out/sink.hpp"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+namespace fiducap::fan_out {
+
+namespace {
+
+constexpr int kReceiveBuffer = 8 << 20;
+
+sockaddr_in loopback(std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_port = htons(port);
+  return address;
+}
+
+int open_socket(int type, std::uint16_t port) {
+  const int fd = ::socket(AF_INET, type | SOCK_CLOEXEC, 0);
+  const sockaddr_in to = loopback(port);
+  if (fd < 0 || (type == SOCK_STREAM && ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0))
+    throw std::runtime_error("cannot connect to port " + std::to_string(port));
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
+  ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK);
+  return fd;
+}
+
+template <typename T>
+T little(std::span<const std::byte> bytes, std::size_t at) {
+  T value{};
+  std::memcpy(&value, bytes.data() + at, sizeof value);  // this machine's own order
+  return value;
+}
+std::uint32_t big(std::span<const std::byte> bytes, std::size_t at) { return ntohl(little<std::uint32_t>(bytes, at)); }
+
+void put(std::vector<std::byte>& out, std::uint32_t v) {
+  for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(v >> (8 * i)));
+}
+void put16(std::vector<std::byte>& out, std::uint16_t v) {
+  out.push_back(static_cast<std::byte>(v));
+  out.push_back(static_cast<std::byte>(v >> 8));
+}
+std::span<const std::byte> bytes_of(const std::string& text) { return std::as_bytes(std::span(text.data(), text.size())); }
+
+void send_all(int fd, std::span<const std::byte> bytes) {
+  if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(bytes.size()))
+    throw std::runtime_error("the server does not read");
+}
+
+/// Counts pose reports of `body1`; names and types are learned from the descriptions.
+class VrpnSink final : public Sink {
+ public:
+  VrpnSink(const Load& load, const Shared& shared)
+      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVrpn]), load, shared, "vrpn", "tcp") {
+    std::string cookie = "vrpn: ver. 07.35  0";
+    cookie.resize(kCookie, '\0');
+    send_all(fd(), bytes_of(cookie));
+  }
+
+ private:
+  static constexpr std::size_t kCookie = 24;
+  static constexpr std::size_t kHeader = 24;
+
+  std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
+    std::size_t used = 0;
+    if (!greeted_) {
+      if (bytes.size() < kCookie) return 0;
+      greeted_ = true;
+      used = kCookie;
+    }
+    while (bytes.size() - used >= kHeader) {
+      const auto message = bytes.subspan(used);
+      const std::size_t length = big(message, 0);
+      const std::size_t padded = kHeader + (length - kHeader + 7) / 8 * 8;
+      if (message.size() < padded) break;
+      take(message.first(length), now_ns);
+      used += padded;
+    }
+    return used;
+  }
+
+  void take(std::span<const std::byte> message, std::int64_t now_ns) {
+    const auto sender = static_cast<std::int32_t>(big(message, 12));
+    const auto type = static_cast<std::int32_t>(big(message, 16));
+    if (type == -1 || type == -2) {
+      const std::string name(reinterpret_cast<const char*>(message.data()) + kHeader + 4);
+      if (type == -1 && name == "body1") body_ = sender;
+      if (type == -2 && name == "vrpn_Tracker Pos_Quat") pose_ = sender;
+      return;
+    }
+    if (type != pose_ || sender != body_) return;
+    const std::int64_t utc_ns = std::int64_t{big(message, 4)} * 1'000'000'000 + std::int64_t{big(message, 8)} * 1000;
+    saw_instant(utc_ns - shared().utc_offset_ns, now_ns);
+  }
+
+  bool greeted_{false};
+  std::int32_t body_{-100};
+  std::int32_t pose_{-100};
+};
+
+class NatNetSink final : public Sink {
+ public:
+  NatNetSink(const Load& load, const Shared& shared)
+      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "natnet", "4.1 unicast"), server_(loopback(shared.ports[Shared::kNatNet])) {
+    std::vector<std::byte> request;
+    put16(request, 0);
+    put16(request, 269);
+    request.resize(4 + 11 + 245 + 4);
+    std::memcpy(request.data() + 4, "fan_out", 7);
+    for (const int byte : {4, 1, 0, 0, 0, 4, 1, 0, 0}) request.push_back(static_cast<std::byte>(byte));
+    request.resize(4 + 269);
+    say(request);
+    keep_alive();
+  }
+  void keep_alive() override {
+    std::vector<std::byte> alive;
+    put16(alive, 10);
+    put16(alive, 0);
+    say(alive);
+  }
+
+ private:
+  std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
+    constexpr std::uint16_t kFrame = 7;
+    if (bytes.size() >= 8 && little<std::uint16_t>(bytes, 0) == kFrame) saw_number(little<std::uint32_t>(bytes, 4), now_ns);
+    return bytes.size();
+  }
+  void say(std::span<const std::byte> bytes) const {
+    ::sendto(fd(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&server_), sizeof server_);
+  }
+
+  sockaddr_in server_;
+};
+
+/// Server push, segments with occlusion and latency: what the SDK asks for.
+class ViconSink final : public Sink {
+ public:
+  ViconSink(const Load& load, const Shared& shared)
+      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVicon]), load, shared, "vicon", "server push") {
+    std::vector<std::byte> types;
+    put(types, static_cast<std::uint32_t>(kWanted.size()));
+    for (const std::uint32_t type : kWanted) put(types, type);
+    say(100001, types);
+    say(100002, {std::byte{1}});
+  }
+
+ private:
+  static constexpr std::uint32_t kTag = 0x1A2B0001;
+  static constexpr std::uint32_t kFrameInfo = 2;
+  static constexpr std::array<std::uint32_t, 14> kWanted{1, 2, 5, 8, 9, 23, 26, 28, 36, 37, 39, 40, 28001, 100004};
+
+  void say(std::uint32_t type, const std::vector<std::byte>& payload) const {
+    std::vector<std::byte> packet;
+    put(packet, kTag);
+    put(packet, static_cast<std::uint32_t>(8 + payload.size()));
+    put(packet, type);
+    put(packet, static_cast<std::uint32_t>(payload.size()));
+    packet.insert(packet.end(), payload.begin(), payload.end());
+    send_all(fd(), packet);
+  }
+
+  std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
+    std::size_t used = 0;
+    while (bytes.size() - used >= 8) {
+      const std::size_t size = 8 + std::size_t{little<std::uint32_t>(bytes, used + 4)};
+      if (bytes.size() - used < size) break;
+      take(bytes.subspan(used + 8, size - 8), now_ns);
+      used += size;
+    }
+    return used;
+  }
+
+  /// Objects one after the other: type, size, content.
+  void take(std::span<const std::byte> objects, std::int64_t now_ns) {
+    while (objects.size() >= 8) {
+      const auto type = little<std::uint32_t>(objects, 0);
+      const std::size_t size = little<std::uint32_t>(objects, 4);
+      if (objects.size() < 8 + size) return;
+      if (type == kFrameInfo && size >= 4) saw_count(little<std::uint32_t>(objects, 8), now_ns);
+      objects = objects.subspan(8 + size);
+    }
+  }
+};
+
+class QualisysSink final : public Sink {
+ public:
+  QualisysSink(const Load& load, const Shared& shared)
+      : Sink(open_socket(SOCK_STREAM, static_cast<std::uint16_t>(shared.ports[Shared::kQualisys] + 1)), load, shared,
+             "qualisys", "6D tcp") {
+    say("Version 1.23");
+    say("StreamFrames AllFrames 6D");
+  }
+
+ private:
+  void say(const std::string& command) const {
+    std::vector<std::byte> packet;
+    put(packet, static_cast<std::uint32_t>(8 + command.size() + 1));
+    put(packet, 1);
+    const auto text = bytes_of(command);
+    packet.insert(packet.end(), text.begin(), text.end());
+    packet.push_back({});
+    send_all(fd(), packet);
+  }
+
+  std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
+    constexpr std::uint32_t kData = 3;
+    std::size_t used = 0;
+    while (bytes.size() - used >= 8) {
+      const std::size_t size = little<std::uint32_t>(bytes, used);
+      if (bytes.size() - used < size) break;
+      if (little<std::uint32_t>(bytes, used + 4) == kData) saw_count(little<std::uint32_t>(bytes, used + 16), now_ns);
+      used += size;
+    }
+    return used;
+  }
+};
+
+}  // namespace
+
+std::int64_t steady_ns() { return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+void Tally::take(std::uint64_t number, double latency) {
+  if (frames > 0 && number <= last_) return;
+  if (frames > 0) missing += number - last_ - 1;
+  last_ = number;
+  ++frames;
+  latency_us.push_back(static_cast<float>(latency));
+}
+
+Sink::Sink(int fd, const Load& load, const Shared& shared, std::string protocol, std::string mode)
+    : fd_(fd), load_(load), shared_(shared) {
+  tally.protocol = std::move(protocol);
+  tally.mode = std::move(mode);
+  tally.latency_us.reserve(static_cast<std::size_t>(load.seconds * load.rate_hz));
+}
+
+Sink::~Sink() { ::close(fd_); }
+
+void Sink::pump(std::int64_t now_ns) {
+  if (!reading_) return;
+  std::array<std::byte, 65536> chunk{};
+  for (;;) {
+    const ssize_t n = ::recv(fd_, chunk.data(), chunk.size(), 0);
+    if (n <= 0) return;
+    in_.insert(in_.end(), chunk.data(), chunk.data() + n);
+    const std::size_t used = parse(in_, now_ns);
+    in_.erase(in_.begin(), in_.begin() + static_cast<std::ptrdiff_t>(used));
+  }
+}
+
+void Sink::saw_number(std::uint64_t number, std::int64_t now_ns) {
+  const double period_ns = 1e9 / load_.rate_hz;
+  const double at_ns = static_cast<double>(shared_.first_at_ns) + static_cast<double>(number - 1) * period_ns;
+  tally.take(number, 1e-3 * (static_cast<double>(now_ns) - at_ns));
+}
+
+void Sink::saw_instant(std::int64_t at_ns, std::int64_t now_ns) {
+  const double period_ns = 1e9 / load_.rate_hz;
+  saw_number(1 + static_cast<std::uint64_t>(std::llround(static_cast<double>(at_ns - shared_.first_at_ns) / period_ns)), now_ns);
+}
+
+void Sink::saw_count(std::uint64_t count, std::int64_t now_ns) {
+  // The first frame is less than a period old: that is where counting starts.
+  if (!count_start_) count_start_ = static_cast<std::int64_t>(count) - static_cast<std::int64_t>(shared_.frames.load());
+  saw_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(count) - *count_start_), now_ns);
+}
+
+std::unique_ptr<Sink> make_vrpn_sink(const Load& load, const Shared& shared) { return std::make_unique<VrpnSink>(load, shared); }
+std::unique_ptr<Sink> make_natnet_sink(const Load& load, const Shared& shared) { return std::make_unique<NatNetSink>(load, shared); }
+std::unique_ptr<Sink> make_vicon_sink(const Load& load, const Shared& shared) { return std::make_unique<ViconSink>(load, shared); }
+std::unique_ptr<Sink> make_qualisys_sink(const Load& load, const Shared& shared) { return std::make_unique<QualisysSink>(load, shared); }
+
+}  // namespace fiducap::fan_out

@@ -1,0 +1,187 @@
+#include <fiducap.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "support/allocation_counter.hpp"
+#include "support/fake_desk.hpp"
+#include "test_server.hpp"
+
+extern "C" int fiducap_layout_is_checked(void);
+
+namespace fiducap {
+namespace {
+
+std::string output_of(const std::string& command) {
+  std::string text;
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  if (pipe == nullptr) return text;
+  char buffer[512];
+  while (std::fgets(buffer, sizeof(buffer), pipe) != nullptr) text += buffer;
+  return ::pclose(pipe) == 0 ? text : "failed: " + text;
+}
+
+class CApiTest : public testing::Test {
+ protected:
+  void connect() {
+    fiducap_options options = fiducap_options_init();
+    options.port = server_.port();
+    options.reconnect_s = 0.1;
+    client_ = fiducap_connect(&options, nullptr, 0);
+    ASSERT_NE(client_, nullptr);
+    ASSERT_TRUE(publish_until(server_, *scene_, [&] { return fiducap_latest(client_, &frame_, bodies_, 3) == 1; }));
+  }
+  ~CApiTest() override { fiducap_disconnect(client_); }
+
+  std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm", "cart"});
+  FakeDesk desk_;
+  TestServer server_{*scene_, 0, {}, &desk_};
+  fiducap_client* client_{nullptr};
+  fiducap_frame frame_ = fiducap_frame_init();
+  fiducap_body bodies_[3]{};
+};
+
+TEST_F(CApiTest, GivesTheNewestFrame) {
+  connect();
+  EXPECT_EQ(frame_.body_count, 3u);
+  EXPECT_GT(frame_.number, 0u);
+  EXPECT_STREQ(bodies_[1].name, "arm");
+  EXPECT_EQ(bodies_[1].struct_size, sizeof(fiducap_body));
+  EXPECT_EQ(bodies_[1].valid, 1);
+  EXPECT_EQ(bodies_[1].position_m[0], 2.0);
+  EXPECT_EQ(bodies_[1].velocity_m_s[2], 0.125);
+}
+
+TEST_F(CApiTest, GivesAnOlderProgramOnlyTheFieldsItKnows) {
+  connect();
+  // A body of a version that ended after the position, in an array of that stride.
+  constexpr std::uint32_t kOldBody = offsetof(fiducap_body, orientation_wxyz);
+  alignas(8) unsigned char old[2 * kOldBody + 8];
+  std::fill(std::begin(old), std::end(old), 0xee);
+  fiducap_frame frame = fiducap_frame_init();
+  frame.body_size = kOldBody;
+  frame.struct_size = offsetof(fiducap_frame, at_client_ns);
+  frame.at_client_ns = 42;
+  ASSERT_EQ(fiducap_latest(client_, &frame, reinterpret_cast<fiducap_body*>(old), 2), 1);
+  double x = 0;
+  std::memcpy(&x, old + kOldBody + offsetof(fiducap_body, position_m), sizeof(x));
+  EXPECT_EQ(x, 2.0) << "the second body is where the old program looks for it";
+  EXPECT_EQ(old[2 * kOldBody], 0xee) << "nothing behind its array is touched";
+  EXPECT_EQ(frame.at_client_ns, 42) << "nor behind its frame";
+  EXPECT_EQ(frame.struct_size, offsetof(fiducap_frame, at_client_ns));
+}
+
+TEST_F(CApiTest, LeavesOutTheBodiesThereIsNoRoomFor) {
+  connect();
+  fiducap_body one[1]{};
+  ASSERT_EQ(fiducap_latest(client_, &frame_, one, 1), 1);
+  EXPECT_EQ(frame_.body_count, 3u);
+  EXPECT_EQ(fiducap_latest(client_, &frame_, nullptr, 0), 1) << "only the header";
+}
+
+TEST_F(CApiTest, LatestAndPredictAllocateNothing) {
+  connect();
+  fiducap_body body = fiducap_body_init();
+  EXPECT_EQ(fiducap_predict(client_, "drone", 50'000'000, &body), 1);
+  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more than that.
+  constexpr std::uint64_t kOfARenewal = 100;
+  const AllocationCounter allocations;
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_EQ(fiducap_latest(client_, &frame_, bodies_, 3), 1);
+    EXPECT_EQ(fiducap_predict(client_, "drone", 50'000'000, &body), 1);
+  }
+  EXPECT_LT(allocations.count(), kOfARenewal);
+  EXPECT_NEAR(body.position_m[0], 1.025, 1e-9);
+}
+
+TEST_F(CApiTest, CountsAndFinds) {
+  connect();
+  fiducap_statistics statistics = fiducap_statistics_init();
+  fiducap_get_statistics(client_, &statistics);
+  EXPECT_EQ(statistics.connected, 1);
+  EXPECT_GE(statistics.frames, 1u);
+  EXPECT_STREQ(statistics.problem, "");
+  fiducap_found found[4] = {fiducap_found_init(), fiducap_found_init(), fiducap_found_init(), fiducap_found_init()};
+  ASSERT_EQ(fiducap_discover(200, server_.port(), found, 4), 1u);
+  EXPECT_STREQ(found[0].address, "127.0.0.1");
+}
+
+TEST_F(CApiTest, SaysWhatCannotBeAndSurvivesNothing) {
+  const char* names[33];
+  for (auto& name : names) name = "b";
+  fiducap_options options = fiducap_options_init();
+  options.bodies = names;
+  options.body_count = 33;
+  char problem[FIDUCAP_TEXT_SIZE] = "";
+  EXPECT_EQ(fiducap_connect(&options, problem, sizeof(problem)), nullptr);
+  EXPECT_NE(std::string(problem).find("32 bodies"), std::string::npos) << problem;
+  char tiny[5];
+  EXPECT_EQ(fiducap_connect(&options, tiny, sizeof(tiny)), nullptr);
+  EXPECT_STREQ(tiny, "fidu");
+  EXPECT_EQ(fiducap_latest(nullptr, &frame_, bodies_, 3), 0);
+  EXPECT_EQ(fiducap_predict(nullptr, "a", 0, nullptr), 0);
+  fiducap_get_statistics(nullptr, nullptr);
+  fiducap_disconnect(nullptr);
+  fiducap_control_close(nullptr);
+}
+
+TEST_F(CApiTest, Controls) {
+  fiducap_control* control = fiducap_control_open("127.0.0.1", server_.port(), "correct horse", 20'000);
+  char problem[FIDUCAP_TEXT_SIZE] = "";
+  fiducap_controlled_body bodies[2] = {fiducap_controlled_body_init(), fiducap_controlled_body_init()};
+  std::uint32_t count = 2;
+  int mapping = -1;
+  char recording[FIDUCAP_NAME_SIZE];
+  ASSERT_EQ(fiducap_control_list(control, bodies, &count, &mapping, recording, problem, sizeof(problem)), 1) << problem;
+  EXPECT_EQ(count, 2u);
+  EXPECT_STREQ(bodies[1].name, "arm");
+  EXPECT_EQ(bodies[1].pivot_position_m[2], 0.3);
+  EXPECT_EQ(mapping, 0);
+  EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem, sizeof(problem)), 0);
+  EXPECT_NE(std::string(problem).find("5"), std::string::npos) << problem;
+  EXPECT_EQ(fiducap_control_commit_map(control, nullptr, 0), 1);
+  EXPECT_EQ(desk_.commits, 1);
+  fiducap_control_close(control);
+}
+
+TEST_F(CApiTest, ServesThePythonPackage) {
+  if (std::system("python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))' 2>/dev/null") != 0) {
+    GTEST_SKIP() << "no python3 (3.8 or newer)";
+  }
+  std::atomic<bool> done{false};
+  std::string output;
+  std::thread python([&] {
+    const std::string package = std::string(FIDUCAP_SOURCE_DIR) + "/client/python";
+    output = output_of("FIDUCAP_LIBRARY=" FIDUCAP_C_LIBRARY " FIDUCAP_TEST_PORT=" + std::to_string(server_.port()) +
+                       " PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + package + " python3 -m unittest discover -s " +
+                       package + "/tests 2>&1");
+    done = true;
+  });
+  EXPECT_TRUE(publish_until(server_, *scene_, [&] { return done.load(); }));
+  python.join();
+  EXPECT_NE(output.find("\nOK"), std::string::npos) << output;
+  EXPECT_NE(output.find("Ran 8 tests"), std::string::npos) << output;
+}
+
+TEST(CAbi, ExportsExactlyTheFunctionsThatWerePromised) {
+  const std::string listed = output_of(std::string("nm -D --defined-only ") + FIDUCAP_C_LIBRARY);
+  std::set<std::string> exported;
+  std::istringstream lines(listed);
+  std::string address, kind, name;
+  while (lines >> address >> kind >> name) {
+    if (kind == "T") exported.insert(name.substr(0, name.find('@')));
+    if (kind != "A") EXPECT_EQ(name.rfind("fiducap_", 0), 0u) << name << " leaves the library";
+  }
+  std::ifstream file(std::string(FIDUCAP_SOURCE_DIR) + "/client/abi/fiducap.symbols");
+  std::set<std::string> promised;
+  while (file >> name) promised.insert(name);
+  EXPECT_EQ(exported, promised);
+  EXPECT_EQ(fiducap_abi_version(), FIDUCAP_ABI_VERSION);
+  EXPECT_EQ(fiducap_layout_is_checked(), 1);
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,124 @@
+// The control channel, both ends, over a real loopback socket.
+#include "fiducap/control.hpp"
+
+#include <gtest/gtest.h>
+
+#include "streaming/native/wrong_proofs.hpp"
+#include "support/fake_desk.hpp"
+#include "test_server.hpp"
+
+namespace fiducap {
+namespace {
+
+class ControlTest : public testing::Test {
+ protected:
+  ControlOptions options(const std::string& token = "correct horse") const {
+    ControlOptions made;
+    made.port = server_.port();
+    made.token = token;
+    made.timeout = kPatience;
+    return made;
+  }
+
+  std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm"});
+  FakeDesk desk_;
+  TestServer server_{*scene_, 0, {}, &desk_};
+};
+
+TEST_F(ControlTest, ListsAllBodiesAndWhatTheServerIsAbout) {
+  Control control(options());
+  ControlState state;
+  desk_.mode = MapMode::kMapping;
+  desk_.under_way = "monday";
+  const auto outcome = control.list(state);
+  ASSERT_TRUE(outcome) << outcome.problem;
+  ASSERT_EQ(state.bodies.size(), 2u);
+  EXPECT_EQ(state.bodies[1].id, 2);
+  EXPECT_EQ(state.bodies[1].name, "arm");
+  EXPECT_FALSE(state.bodies[1].enabled);
+  EXPECT_EQ(state.bodies[1].pivot_position_m, (std::array<double, 3>{0.1, 0.2, 0.3}));
+  EXPECT_TRUE(state.mapping);
+  EXPECT_EQ(state.recording, "monday");
+}
+
+TEST_F(ControlTest, CarriesOutEveryCommandOnOneConnection) {
+  Control control(options());
+  EXPECT_TRUE(control.set_enabled(2, true));
+  EXPECT_TRUE(desk_.all[1].enabled);
+  EXPECT_TRUE(control.rename(1, "quad"));
+  EXPECT_EQ(desk_.all[0].name, "quad");
+  EXPECT_TRUE(control.set_pivot(1, {1, 2, 3}, {2 / 9., 4 / 9., 5 / 9., 6 / 9.}));
+  EXPECT_EQ(desk_.all[0].X_BP.p, Eigen::Vector3d(1, 2, 3));
+  EXPECT_NEAR(desk_.all[0].X_BP.q.z(), 6 / 9., 1e-15);
+  EXPECT_TRUE(control.set_mapping(true));
+  EXPECT_EQ(desk_.mode, MapMode::kMapping);
+  EXPECT_TRUE(control.commit_map());
+  EXPECT_EQ(desk_.commits, 1);
+  EXPECT_TRUE(control.start_recording("tuesday"));
+  EXPECT_EQ(desk_.under_way, "tuesday");
+  EXPECT_TRUE(control.stop_recording());
+  EXPECT_FALSE(desk_.under_way);
+}
+
+TEST_F(ControlTest, SaysWhatTheDeskRefuses) {
+  Control control(options());
+  EXPECT_NE(control.rename(7, "x").problem.find("7"), std::string::npos);
+  EXPECT_NE(control.rename(1, "").problem.find("empty"), std::string::npos);
+  EXPECT_FALSE(control.set_pivot(1, {0, 0, 0}, {1, 1, 0, 0})) << "not of unit length";
+  EXPECT_FALSE(control.set_enabled(-1, true));
+  EXPECT_TRUE(control.commit_map()) << "and the connection goes on";
+}
+
+TEST_F(ControlTest, RefusesAWrongTokenAndDoesNothing) {
+  for (const auto* token : {"", "correct horsf", "correct horse "}) {
+    Control control(options(token));
+    const auto outcome = control.set_mapping(true);
+    EXPECT_FALSE(outcome);
+    EXPECT_NE(outcome.problem.find("token"), std::string::npos) << outcome.problem;
+  }
+  EXPECT_EQ(desk_.mode, MapMode::kFrozen);
+}
+
+TEST_F(ControlTest, TakesNoCommandsWithoutAConfiguredToken) {
+  desk_.operator_token.clear();
+  Control control(options(""));
+  const auto outcome = control.commit_map();
+  EXPECT_FALSE(outcome);
+  EXPECT_NE(outcome.problem.find("operator.token"), std::string::npos) << outcome.problem;
+  EXPECT_EQ(desk_.commits, 0);
+}
+
+TEST_F(ControlTest, ShutsOutWhoGuesses) {
+  for (int i = 0; i < native::WrongProofs::kAllowed; ++i) EXPECT_FALSE(Control(options("guess")).commit_map());
+  EXPECT_FALSE(Control(options()).commit_map()) << "not even with the right token, for ten seconds";
+  server_.clock().advance(native::WrongProofs::kWindow);
+  server_.publish(scene_);  // forgets the connections that ended
+  Control control(options());
+  const auto outcome = control.commit_map();
+  EXPECT_TRUE(outcome) << outcome.problem;
+}
+
+TEST_F(ControlTest, SaysThatNobodyListens) {
+  auto nowhere = options();
+  { nowhere.port = TestServer(*scene_).port(); }
+  const auto outcome = Control(nowhere).commit_map();
+  EXPECT_FALSE(outcome);
+  EXPECT_NE(outcome.problem.find(std::to_string(nowhere.port)), std::string::npos) << outcome.problem;
+}
+
+TEST_F(ControlTest, ComesBackAfterARestartOfTheServer) {
+  std::uint16_t port = 0;
+  auto first = std::make_unique<TestServer>(*scene_, port, native::NativeConfig{}, &desk_);
+  auto there = options();
+  there.port = first->port();
+  Control control(there);
+  ASSERT_TRUE(control.commit_map());
+  first.reset();
+  EXPECT_FALSE(control.commit_map());
+  first = std::make_unique<TestServer>(*scene_, there.port, native::NativeConfig{}, &desk_);
+  const auto outcome = control.commit_map();
+  EXPECT_TRUE(outcome) << outcome.problem;
+}
+
+}  // namespace
+}  // namespace fiducap

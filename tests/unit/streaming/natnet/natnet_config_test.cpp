@@ -1,0 +1,66 @@
+#include "streaming/natnet/natnet_config.hpp"
+
+#include <gmock/gmock.h>
+
+namespace fiducap::natnet {
+namespace {
+
+std::vector<std::string> faults(const NatNetConfig& config) {
+  std::vector<std::string> paths;
+  for (const auto& error : config.check()) paths.push_back(error.path);
+  return paths;
+}
+
+TEST(NatNetConfig, DefaultsAreUsable) { EXPECT_TRUE(NatNetConfig{}.check().empty()); }
+
+TEST(NatNetConfig, StreamsYUpInMetresAsTheCommercialServerDoes) {
+  EXPECT_EQ(NatNetConfig{}.up, UpAxis::kY);
+  EXPECT_EQ(NatNetConfig{}.scope, AxesScope::kWorldAndBody);
+  EXPECT_EQ(NatNetConfig{}.axes().units_per_m, 1.0);
+}
+
+TEST(NatNetConfig, NamesEveryBrokenRule) {
+  NatNetConfig config;
+  config.address = "localhost";
+  config.multicast_group = "10.0.0.1";
+  config.multicast_interface = "eth0";
+  config.bitstream = "4.3";
+  config.up = UpAxis::kDown;
+  config.targets = {"10.0.0.7", "10.0.0.7:0", "10.0.0.7:1511"};
+  config.max_clients = 0;
+  config.client_timeout_s = 0;
+  EXPECT_THAT(faults(config),
+              testing::UnorderedElementsAre("streaming.natnet.address", "streaming.natnet.multicast_group",
+                                            "streaming.natnet.multicast_interface", "streaming.natnet.bitstream",
+                                            "streaming.natnet.up", "streaming.natnet.targets", "streaming.natnet.targets",
+                                            "streaming.natnet.max_clients", "streaming.natnet.client_timeout_s"));
+}
+
+TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
+  NatNetConfig config;
+  config.multicast = true;
+  config.multicast_command_port = config.port;
+  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.multicast_command_port"));
+  config.unicast = false;
+  EXPECT_TRUE(config.check().empty());
+  config.multicast = false;
+  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast"));
+}
+
+TEST(Peer, ReadsWhatItWrites) {
+  const Peer peer{0x0a4d0107, 1511};
+  EXPECT_EQ(text_of(peer), "10.77.1.7:1511");
+  EXPECT_EQ(parse_peer("10.77.1.7:1511"), peer);
+  for (const char* text : {"", ":", "10.0.0.1", "10.0.0.1:", "10.0.0.1:x", "10.0.0.1:65536", "10.0.0:1", "1.2.3.4:5 "}) {
+    EXPECT_EQ(parse_peer(text), std::nullopt) << text;
+  }
+}
+
+TEST(Peer, KnowsTheLoopback) {
+  EXPECT_TRUE(parse_peer("127.0.0.1:1")->is_loopback());
+  EXPECT_TRUE(parse_peer("127.9.9.9:1")->is_loopback());
+  EXPECT_FALSE(parse_peer("10.0.0.1:1")->is_loopback());
+}
+
+}  // namespace
+}  // namespace fiducap::natnet

@@ -1,0 +1,257 @@
+#include "streaming/vicon/frame_board.hpp"
+
+#include <gmock/gmock.h>
+
+#include "client_packets.hpp"
+#include "stream_view.hpp"
+#include "support/allocation_counter.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap::vicon {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::Pair;
+
+constexpr double kRounding_mm = 1e-9;
+constexpr double kFloat_mm = 1e-3;  // of a few metres in millimetres
+constexpr Duration kLate = std::chrono::milliseconds(4);
+
+std::shared_ptr<const Profile> profile_of(const std::set<std::uint32_t>& types, SubjectFilter filter = {}) {
+  Profile profile;
+  for (const auto type : types) profile.types.add(type);
+  profile.filter = std::move(filter);
+  return std::make_shared<const Profile>(std::move(profile));
+}
+
+/// A client that sees everything that is put up; statics only when `next` is told so.
+class ViconFrameBoardTest : public testing::Test {
+ protected:
+  ViconFrameBoardTest() {
+    view_.greeted = true;
+    for (const Type type : kOffered) view_.offered.insert(static_cast<std::uint32_t>(type));
+  }
+  void see_as(const std::set<std::uint32_t>& types, SubjectFilter filter = {}) {
+    view_.requested = types;
+    profile_ = profile_of(types, std::move(filter));
+  }
+  void next(const SceneFrame& frame, bool statics, Duration waited = {}) {
+    const Instant now = frame.published_at + waited_before_;
+    board_.put_up(frame, now);
+    const auto bytes = board_.packet(profile_, statics, now + waited);
+    EXPECT_EQ(view_.take(*bytes), bytes->size());
+    EXPECT_THAT(view_.violations, IsEmpty());
+  }
+
+  FrameBoard board_{WhenInvalid::kFlag};
+  std::shared_ptr<const Profile> profile_;
+  StreamView view_;
+  Duration waited_before_{};
+};
+
+TEST_F(ViconFrameBoardTest, TheFirstFrameTellsEverything) {
+  see_as(client::kSegments);
+  const auto frame = make_scene_frame({"arm", "drone"}, 12);
+  next(*frame, true);
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "arm"), Pair(2, "drone")));
+  EXPECT_EQ(view_.rate_hz, 100.0);
+  EXPECT_EQ(view_.up, 0);
+  EXPECT_EQ(view_.hardware_number, 12u);
+  EXPECT_THAT(view_.topologies, ElementsAre(1, 2));
+  EXPECT_THAT(view_.scales, ElementsAre(1, 2));
+  EXPECT_THAT(view_.rates, ElementsAre(Pair("Camera", 20.0), Pair("Stream", 100.0)));
+  ASSERT_EQ(view_.globals.size(), 2u);
+  const Eigen::Map<const Eigen::Vector3d> t(view_.globals[2].t.data());
+  const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> R(view_.globals[2].R.data());
+  EXPECT_LT((t - Eigen::Vector3d(2000, -2000, 500)).norm(), kRounding_mm);
+  EXPECT_LT((R - frame->bodies[1].X_WP.rotation()).norm(), 1e-12);
+  EXPECT_EQ(view_.locals[2].t, view_.globals[2].t);
+  EXPECT_EQ(view_.locals[2].R, view_.globals[2].R);
+  EXPECT_NEAR(view_.qualities[1], 0.8, 1e-12) << "1 cm is a quarter of the half-good variance";
+}
+
+TEST_F(ViconFrameBoardTest, LaterFramesKeepWhatDidNotChange) {
+  see_as(client::kSegments);
+  next(*make_scene_frame({"arm", "drone"}, 1), true);
+  next(*make_scene_frame({"arm", "drone"}, 2), false);
+  EXPECT_EQ(view_.frames_with_statics, 1);
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "arm"), Pair(2, "drone")));
+  EXPECT_EQ(view_.rate_hz, 100.0);
+  EXPECT_EQ(view_.qualities.size(), 2u);
+}
+
+TEST_F(ViconFrameBoardTest, LightweightSegmentsCarryTheSamePose) {
+  see_as(client::kLight);
+  const auto frame = make_scene_frame({"arm"});
+  next(*frame, true);
+  EXPECT_THAT(view_.globals, IsEmpty());
+  ASSERT_EQ(view_.lights.size(), 1u);
+  const auto& light = view_.lights[1];
+  EXPECT_NEAR(light.t[0], 1000, kFloat_mm);
+  EXPECT_NEAR(light.t[1], -2000, kFloat_mm);
+  const Eigen::Vector3d r(light.r[0], light.r[1], light.r[2]);
+  EXPECT_LT(angle_between(exp_so3(r), frame->bodies[0].X_WP.q), 1e-6);
+}
+
+TEST_F(ViconFrameBoardTest, AnInvalidBodyIsOccluded) {
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"arm", "drone"});
+  frame->bodies[0].valid = false;
+  next(*frame, true);
+  EXPECT_EQ(view_.names.size(), 2u);
+  EXPECT_FALSE(view_.globals.contains(1));
+  EXPECT_TRUE(view_.globals.contains(2));
+  EXPECT_EQ(view_.qualities[1], 0.0);
+}
+
+TEST_F(ViconFrameBoardTest, AFilterLetsOnlyItsSubjectsThrough) {
+  see_as(client::kSegments, {{Type::kGlobalSegments, {2, 7}}, {Type::kObjectQuality, {1}}});
+  next(*make_scene_frame({"a", "b", "c"}), true);
+  EXPECT_EQ(view_.names.size(), 3u);
+  EXPECT_EQ(view_.globals.size(), 1u);
+  EXPECT_TRUE(view_.globals.contains(2));
+  EXPECT_EQ(view_.locals.size(), 3u) << "a type without an entry is unrestricted";
+  EXPECT_THAT(view_.qualities, ElementsAre(Pair(1, testing::_)));
+  see_as(client::kSegments, {{Type::kSubjectInfo, {1}}, {Type::kGlobalSegments, {1}}, {Type::kLocalSegments, {}}});
+  next(*make_scene_frame({"a", "b", "c"}, 2), true);
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "a")));
+  EXPECT_THAT(view_.locals, IsEmpty());
+}
+
+TEST_F(ViconFrameBoardTest, RenamedAddedAndRemovedSubjectsMakeANewVersion) {
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"a", "b"});
+  next(*frame, true);
+  EXPECT_EQ(board_.statics_version(), 1u);
+  const auto changed = [&](std::vector<BodyDescription> bodies) {
+    auto later = make_scene_frame({"x", "y", "z"}, ++frame->number + 1);
+    auto model = std::make_shared<SceneModel>();
+    model->generation = frame->number;
+    model->bodies = std::move(bodies);
+    later->bodies.resize(model->bodies.size());
+    for (std::size_t i = 0; i < later->bodies.size(); ++i) later->bodies[i].body_id = model->bodies[i].id;
+    later->model = model;
+    next(*later, true);
+  };
+  changed({{1, "a"}, {2, "renamed"}});
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "a"), Pair(2, "renamed")));
+  changed({{1, "a"}, {2, "renamed"}, {9, "new"}});
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "a"), Pair(2, "renamed"), Pair(9, "new")));
+  changed({{9, "new"}});
+  EXPECT_THAT(view_.names, ElementsAre(Pair(9, "new")));
+  EXPECT_THAT(view_.qualities, ElementsAre(Pair(9, testing::_)));
+  EXPECT_EQ(board_.statics_version(), 4u);
+  changed({});
+  EXPECT_THAT(view_.names, IsEmpty());
+  next(*make_scene_frame({}, 50), false);
+  EXPECT_EQ(view_.rate_hz, 100.0) << "kept although there are no subjects";
+}
+
+TEST_F(ViconFrameBoardTest, AChangedRateMakesANewVersion) {
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"a"});
+  next(*frame, true);
+  frame->rate_hz = 250;
+  next(*frame, true);
+  EXPECT_EQ(board_.statics_version(), 2u);
+  EXPECT_EQ(view_.rate_hz, 250.0);
+}
+
+TEST_F(ViconFrameBoardTest, StopTakesALostBodyOffTheListAndPutsItBack) {
+  board_ = FrameBoard(WhenInvalid::kStop);
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"a", "b"});
+  next(*frame, true);
+  const auto version = board_.statics_version();
+  frame->bodies[0].valid = false;
+  next(*frame, true);
+  EXPECT_EQ(board_.statics_version(), version + 1);
+  EXPECT_THAT(view_.names, ElementsAre(Pair(2, "b")));
+  frame->bodies[0].valid = true;
+  next(*frame, true);
+  EXPECT_EQ(view_.names.size(), 2u);
+}
+
+TEST_F(ViconFrameBoardTest, NamesAreFitForTopicNamesAndDistinct) {
+  see_as(client::kSegments);
+  next(*make_scene_frame({"my robot ", "my/robot.", "arm-2", "\xc3\xa4rm"}), true);
+  for (const auto& [id, name] : view_.names) {
+    EXPECT_EQ(name.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"), std::string::npos)
+        << name;
+  }
+  EXPECT_EQ(view_.names[1], "my_robot_");
+  EXPECT_EQ(view_.names[2], "my_robot__2");
+  EXPECT_EQ(view_.names[3], "arm_2");
+}
+
+TEST_F(ViconFrameBoardTest, LatencyIsTheAgeOfThePoseWhenItLeaves) {
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"a"});
+  frame->published_at = frame->at + std::chrono::milliseconds(3);
+  waited_before_ = std::chrono::milliseconds(1);
+  next(*frame, true);
+  EXPECT_THAT(view_.latency, ElementsAre(Pair("Frame", 0.003), Pair("Output", 0.001)));
+  const auto late = board_.packet(profile_, false, frame->published_at + waited_before_ + kLate);
+  StreamView other = view_;
+  other.frame_id = 0;
+  other.frames = 0;
+  other.take(*late);
+  EXPECT_EQ(other.latency[1].first, "Output");
+  EXPECT_DOUBLE_EQ(other.latency[1].second, 0.005);
+  EXPECT_THAT(other.violations, IsEmpty());
+}
+
+TEST_F(ViconFrameBoardTest, LatencyIsNeverNegative) {
+  see_as(client::kSegments);
+  auto frame = make_scene_frame({"a"});
+  frame->published_at = frame->at - std::chrono::milliseconds(3);
+  waited_before_ = -std::chrono::milliseconds(1);
+  next(*frame, true);
+  EXPECT_THAT(view_.latency, ElementsAre(Pair("Frame", 0.0), Pair("Output", 0.0)));
+}
+
+TEST_F(ViconFrameBoardTest, ClientsWithOneProfileShareTheirBytes) {
+  const auto frame = make_scene_frame({"a"});
+  board_.put_up(*frame, frame->published_at);
+  const auto profile = profile_of(client::kSegments);
+  const auto light = profile_of(client::kLight);
+  const auto first = board_.packet(profile, false, frame->published_at);
+  EXPECT_EQ(board_.packet(profile, false, frame->published_at), first);
+  EXPECT_NE(board_.packet(profile, true, frame->published_at), first);
+  EXPECT_NE(board_.packet(light, false, frame->published_at), first);
+}
+
+TEST_F(ViconFrameBoardTest, SendsOnlyWhatWasAskedFor) {
+  see_as({5, 26, 901, 100004});
+  next(*make_scene_frame({"a"}), true);
+  EXPECT_THAT(view_.names, IsEmpty());
+  see_as({5, 100004});
+  next(*make_scene_frame({"a"}, 2), false);
+}
+
+TEST_F(ViconFrameBoardTest, AllocatesNothingPerFrameAfterWarmUp) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 100; ++i) names.push_back("body" + std::to_string(i));
+  const auto frame = make_scene_frame(names);
+  const std::array profiles{profile_of(client::kSegments), profile_of(client::kLight),
+                            profile_of(client::kSegments, {{Type::kGlobalSegments, {2, 7}}})};
+  const auto once = [&](bool statics) {
+    board_.put_up(*frame, frame->published_at);
+    for (const auto& profile : profiles) {
+      const auto bytes = board_.packet(profile, statics, frame->published_at);
+      const auto again = board_.packet(profile, statics, frame->published_at);
+      const auto late = board_.packet(profile, statics, frame->published_at + kLate);
+      ASSERT_EQ(bytes, again);
+      ASSERT_NE(bytes, late);
+    }
+  };
+  once(true);
+  once(false);
+  const AllocationCounter allocations;
+  for (int i = 0; i < 100; ++i) once(i % 10 == 0);
+  EXPECT_EQ(allocations.count(), 0u);
+}
+
+}  // namespace
+}  // namespace fiducap::vicon

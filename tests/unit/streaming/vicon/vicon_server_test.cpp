@@ -1,0 +1,248 @@
+#include "streaming/vicon/vicon_server.hpp"
+
+#include <gmock/gmock.h>
+
+#include "server_fixture.hpp"
+
+namespace fiducap::vicon {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Pair;
+
+TEST_F(ViconServerTest, PushesEveryFrame) {
+  start();
+  StrictClient client;
+  open(client);
+  client.send(client::request_frame(true));
+  steps(3);
+  for (int i = 1; i <= 20; ++i) {
+    publish();
+    ASSERT_TRUE(until([&] { return client.view.frames == i; }));
+  }
+  EXPECT_EQ(client.view.frames_with_statics, 1);
+  EXPECT_THAT(client.view.names, ElementsAre(Pair(1, "arm"), Pair(2, "drone")));
+  EXPECT_EQ(client.view.globals[1].t[0], 1000.0);
+  EXPECT_EQ(client.view.frame_id, 19u);
+  EXPECT_THAT(client.view.violations, IsEmpty());
+  EXPECT_EQ(status().at(0).frames_sent, 20u);
+}
+
+TEST_F(ViconServerTest, AnswersAPullWithTheNewestFrameOnceAndThenWithTheNext) {
+  start();
+  StrictClient client;
+  open(client);
+  publish();
+  publish();
+  client.send(client::request_frame(false));
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  EXPECT_EQ(client.view.hardware_number, 2u) << "the newest";
+  client.send(client::request_frame(false));
+  steps(20);
+  EXPECT_EQ(client.view.frames, 1) << "never the same one twice";
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
+  publish();
+  steps(20);
+  EXPECT_EQ(client.view.frames, 2) << "nothing unasked";
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, PrefetchGetsTheNextNFrames) {
+  start();
+  StrictClient client;
+  open(client);
+  client.send(client::request_next(3));
+  steps(3);
+  for (int i = 0; i < 6; ++i) {
+    publish();
+    steps(3);
+  }
+  EXPECT_EQ(client.view.frames, 3);
+  EXPECT_EQ(client.view.hardware_number, 3u);
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, ARequestThatOvertakesTheTypesIsServedOnceTheyAreKnown) {
+  start();
+  StrictClient client;
+  client.connect(port_);
+  clients_ = {&client};
+  client.send(client::request_frame(false));  // as SDK 1.11 does
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.greeted; }));
+  steps(10);
+  EXPECT_EQ(client.view.frames, 0);
+  client.want(client::kSegments);
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  EXPECT_EQ(client.view.globals.size(), 2u);
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, ModesCanBeSwitchedWhileRunning) {
+  start();
+  StrictClient client;
+  open(client);
+  client.send(client::request_frame(true));
+  steps(3);
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  client.send(client::request_frame(false));  // stop pushing, or pull: cannot be told apart
+  steps(3);
+  publish();
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
+  client.send(client::request_next(1));
+  steps(3);
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 3; }));
+  publish();
+  steps(10);
+  EXPECT_EQ(client.view.frames, 3);
+  EXPECT_THAT(status().at(0).detail, HasSubstr("prefetch"));
+}
+
+TEST_F(ViconServerTest, ClientsOfEveryKindAtOnceSeeTheSameMotion) {
+  start();
+  StrictClient push;
+  StrictClient pull;
+  StrictClient light;
+  StrictClient filtering;
+  open(push);
+  open(pull);
+  open(light, client::kLight);
+  open(filtering);
+  filtering.send(client::filter({{8, {2}}, {9, {2}}}));
+  for (auto* client : {&push, &light, &filtering}) client->send(client::request_frame(true));
+  steps(5);
+  for (int i = 1; i <= 30; ++i) {
+    pull.send(client::request_frame(false));
+    steps(2);
+    publish();
+    ASSERT_TRUE(until([&] {
+      return push.view.frames == i && pull.view.frames == i && light.view.frames == i && filtering.view.frames == i;
+    }));
+    EXPECT_EQ(push.view.frame_id, pull.view.frame_id);
+    EXPECT_EQ(push.view.globals[2].t, pull.view.globals[2].t);
+    EXPECT_FLOAT_EQ(light.view.lights[2].t[0], static_cast<float>(push.view.globals[2].t[0]));
+    EXPECT_THAT(filtering.view.globals, ElementsAre(Pair(2, testing::_)));
+  }
+  for (const auto* client : clients_) EXPECT_THAT(client->view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, SubjectsComeGoAndChangeTheirNamesWhileClientsAreConnected) {
+  start();
+  StrictClient client;
+  open(client);
+  client.send(client::request_frame(true));
+  steps(3);
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  const auto publish_model = [&](std::uint64_t generation, std::vector<BodyDescription> bodies) {
+    auto later = make_scene_frame(std::vector<std::string>(bodies.size(), "x"), ++number_);
+    for (std::size_t i = 0; i < bodies.size(); ++i) later->bodies[i].body_id = bodies[i].id;
+    auto model = std::make_shared<SceneModel>();
+    model->generation = generation;
+    model->bodies = std::move(bodies);
+    later->model = model;
+    const int before = client.view.frames;
+    server_->publish(later);
+    ASSERT_TRUE(until([&] { return client.view.frames == before + 1; }));
+  };
+  publish_model(2, {{1, "arm"}, {2, "drone"}, {5, "rover"}});
+  EXPECT_EQ(client.view.id_of("rover"), 5u);
+  EXPECT_TRUE(client.view.globals.contains(5));
+  publish_model(3, {{1, "left_arm"}, {5, "rover"}});
+  EXPECT_THAT(client.view.names, ElementsAre(Pair(1, "left_arm"), Pair(5, "rover")));
+  EXPECT_FALSE(client.view.globals.contains(2));
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, ALostBodyIsOccludedAndComesBack) {
+  start();
+  StrictClient client;
+  open(client);
+  client.send(client::request_frame(true));
+  steps(3);
+  auto lost = frame();
+  lost->bodies[0].valid = false;
+  server_->publish(lost);
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  EXPECT_EQ(client.view.names.size(), 2u);
+  EXPECT_FALSE(client.view.globals.contains(1));
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
+  EXPECT_TRUE(client.view.globals.contains(1));
+}
+
+TEST_F(ViconServerTest, AnswersPings) {
+  start();
+  StrictClient client;
+  open(client);
+  for (std::uint32_t id = 1; id <= 30; ++id) client.send(client::ping(id));
+  ASSERT_TRUE(until([&] { return client.view.pongs.size() == 30; }));
+  EXPECT_EQ(client.view.pongs.back(), 30u);
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, NewTypesTakeEffectWithTheNextFrame) {
+  start();
+  StrictClient client;
+  open(client, {1, 2, 5, 26, 37, 100004});
+  client.send(client::request_frame(true));
+  steps(3);
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 1; }));
+  EXPECT_THAT(client.view.globals, IsEmpty());
+  client.want(client::kSegments);
+  steps(3);
+  publish();
+  ASSERT_TRUE(until([&] { return client.view.frames == 2; }));
+  EXPECT_EQ(client.view.globals.size(), 2u);
+  EXPECT_EQ(client.view.topologies.size(), 2u);
+  EXPECT_THAT(client.view.violations, IsEmpty());
+}
+
+TEST_F(ViconServerTest, RestartsOnTheSamePortAtOnce) {
+  start();
+  StrictClient first;
+  open(first);
+  server_->stop();
+  server_.reset();
+  ASSERT_TRUE(until([&] { return first.closed_by_server(); }));
+  start();  // port_ is that of the first run
+  StrictClient second;
+  open(second);
+  EXPECT_TRUE(second.view.greeted);
+}
+
+TEST_F(ViconServerTest, NamesPortAndRemedyWhenThePortIsInUse) {
+  start();
+  config_.port = port_;
+  const auto second = start_vicon_server(io_, config_, clock_);
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
+  EXPECT_THAT(second.error().text(), HasSubstr("port " + std::to_string(port_) + " is in use"));
+  EXPECT_THAT(second.error().text(), HasSubstr("streaming.vicon.port"));
+}
+
+TEST_F(ViconServerTest, StatusNamesPeerModeAndContent) {
+  start();
+  StrictClient client;
+  open(client, client::kLight);
+  client.send(client::request_frame(true));
+  client.send(client::filter({{901, {1}}}));
+  steps(5);
+  clock_.advance(std::chrono::seconds(7));
+  const auto all = status();
+  ASSERT_EQ(all.size(), 1u);
+  EXPECT_EQ(all[0].protocol, "vicon");
+  EXPECT_THAT(all[0].peer, HasSubstr("127.0.0.1:"));
+  EXPECT_EQ(all[0].detail, "z-up mm, push, lightweight segments, 1 subjects only");
+  EXPECT_DOUBLE_EQ(all[0].connected_s, 7.0);
+}
+
+}  // namespace
+}  // namespace fiducap::vicon
