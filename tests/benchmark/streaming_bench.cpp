@@ -26,7 +26,7 @@ void bench_encoders(const Options& options, std::vector<Row>& rows) {
   const vrpn::ReportEncoder vrpn({}, {});
   rows.push_back(
       row_of("encode vrpn, pose and velocity", "frame of 8 bodies",
-             measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, encoded); })));
+             measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, {}, encoded); })));
 }
 
 void bench_scene(const Options& options, std::vector<Row>& rows) {

@@ -1,4 +1,5 @@
-// sensor_msgs/Image and CompressedImage as anybody may send them. The first bytes choose size, step and encoding.
+// sensor_msgs/Image and CompressedImage as anybody may send them. The first bytes choose size, step
+// and encoding.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -17,8 +18,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   CameraModel camera;
   camera.width = 1 + from.u8() % 64;
   camera.height = 1 + from.u8() % 64;
-  constexpr std::string_view kEncodings[] = {"mono8",  "mono16", "bgr8",        "rgb8",        "bgra8", "yuv422",
-                                             "yuyv",   "8UC3",   "bayer_rggb8", "bayer_gbrg8", "32FC1", ""};
+  constexpr std::string_view kEncodings[] = {"mono8",       "mono16",      "bgr8",  "rgb8",
+                                             "bgra8",       "yuv422",      "yuyv",  "8UC3",
+                                             "bayer_rggb8", "bayer_gbrg8", "32FC1", ""};
   dds::RawImage image;
   image.encoding = kEncodings[from.u8() % std::size(kEncodings)];
   const std::uint8_t lies = from.u8();
@@ -30,6 +32,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   image.data = {reinterpret_cast<const std::uint8_t*>(rest.data()), rest.size()};
   GrayImage gray;
   const auto converted = dds::to_gray(image, camera, gray);
-  if (converted && gray.pixels.size() != static_cast<std::size_t>(camera.width * camera.height)) std::abort();
+  if (converted && gray.pixels.size() != static_cast<std::size_t>(camera.width * camera.height))
+    std::abort();
   return 0;
 }

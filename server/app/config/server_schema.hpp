@@ -50,6 +50,12 @@ void describe(V& v, BodyConfig& c) {
 }
 
 template <class V>
+void describe(V& v, vrpn::ExtraSensor& c) {
+  v.value("body", c.body);
+  v.value("X_PS", c.X_PS);
+}
+
+template <class V>
 void describe(V& v, vrpn::VrpnConfig& c) {
   v.value("enabled", c.enabled);
   v.value("address", c.address);
@@ -62,6 +68,7 @@ void describe(V& v, vrpn::VrpnConfig& c) {
   v.word("scope", c.scope, words::kAxesScope);
   v.value("minor_version", c.minor_version);
   v.value("workspace_box_m", c.workspace_box_m);
+  v.list("sensors", c.sensors);
 }
 
 template <class V>

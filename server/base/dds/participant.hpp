@@ -13,7 +13,8 @@
 
 struct dds_topic_descriptor;
 
-/// Cyclone DDS, as far as fiducap uses it. Its header is seen by participant.cpp and by those who fill its structs.
+/// Cyclone DDS, as far as fiducap uses it. Its header is seen by participant.cpp and by those who
+/// fill its structs.
 namespace fiducap::dds {
 
 /// One entity of the middleware; deletes it, and what hangs on it, at the end.
@@ -39,9 +40,9 @@ class Entity final {
 
 /// What a topic is: its name on the wire and its type.
 struct TopicName {
-  std::string name;                        ///< As on the wire: `rt/tf`.
-  const dds_topic_descriptor* type{};      ///< Made by idlc.
-  std::string type_hash{};                 ///< `RIHS01_…`, for ROS 2 from Iron on; empty: not a type of ROS.
+  std::string name;                    ///< As on the wire: `rt/tf`.
+  const dds_topic_descriptor* type{};  ///< Made by idlc.
+  std::string type_hash{};  ///< `RIHS01_…`, for ROS 2 from Iron on; empty: not a type of ROS.
 };
 
 struct Qos {
@@ -54,7 +55,8 @@ struct Qos {
 /// A process's membership in one domain. Thread-safe.
 class Participant final {
  public:
-  /// @return Error naming the interface when there is no such one, or when this process is in the domain already.
+  /// @return Error naming the interface when there is no such one, or when this process is in the
+  /// domain already.
   [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config);
 
   [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
@@ -62,7 +64,9 @@ class Participant final {
 
  private:
   Participant(Entity domain_entity, Entity participant, int domain)
-      : domain_entity_(std::move(domain_entity)), participant_(std::move(participant)), domain_(domain) {}
+      : domain_entity_(std::move(domain_entity)),
+        participant_(std::move(participant)),
+        domain_(domain) {}
 
   Entity domain_entity_;  // goes last
   Entity participant_;
@@ -72,13 +76,15 @@ class Participant final {
 /// Writes one topic. Not thread-safe; readers are counted by the middleware's own threads.
 class Writer final {
  public:
-  [[nodiscard]] static Expected<Writer> make(const Participant& in, const TopicName& topic, const Qos& qos);
+  [[nodiscard]] static Expected<Writer> make(const Participant& in, const TopicName& topic,
+                                             const Qos& qos);
 
   [[nodiscard]] bool has_readers() const;
   /// Of each reader the participant it belongs to, as hexadecimal digits. For display: allocates.
   [[nodiscard]] std::vector<std::string> reading_participants() const;
   /// Never waits. @param sample  a struct of the topic's type; copied.
-  /// @return false when the middleware does not take it: a reader that must not lose anything is too slow
+  /// @return false when the middleware does not take it: a reader that must not lose anything is
+  /// too slow
   bool write(const void* sample);
   /// Several samples share a packet until `flush`; without it they stay in the machine.
   void flush();
@@ -103,7 +109,8 @@ class Writer final {
 /// Reads one topic. Owned by one thread.
 class Reader final {
  public:
-  [[nodiscard]] static Expected<Reader> make(const Participant& in, const TopicName& topic, const Qos& qos);
+  [[nodiscard]] static Expected<Reader> make(const Participant& in, const TopicName& topic,
+                                             const Qos& qos);
   [[nodiscard]] std::int32_t handle() const { return reader_.handle(); }
 
   /// One message on loan from the middleware.
@@ -111,7 +118,8 @@ class Reader final {
    public:
     Loan() = default;
     Loan(std::int32_t reader, void* sample) : reader_(reader), sample_(sample) {}
-    Loan(Loan&& other) noexcept : reader_(other.reader_), sample_(std::exchange(other.sample_, nullptr)) {}
+    Loan(Loan&& other) noexcept
+        : reader_(other.reader_), sample_(std::exchange(other.sample_, nullptr)) {}
     Loan& operator=(Loan&& other) noexcept {
       std::swap(reader_, other.reader_);
       std::swap(sample_, other.sample_);

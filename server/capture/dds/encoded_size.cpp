@@ -36,7 +36,9 @@ bool is_frame_start(std::uint8_t marker) {
   return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
 }
 
-bool stands_alone(std::uint8_t marker) { return marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8); }
+bool stands_alone(std::uint8_t marker) {
+  return marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8);
+}
 
 Expected<PixelSize> jpeg_size(std::span<const std::byte> image) {
   BigEndianReader from(image.subspan(2));

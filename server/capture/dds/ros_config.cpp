@@ -20,11 +20,13 @@ bool is_topic(const std::string& name) {
 std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const {
   Checker checker{prefix};
   checker.within("camera_info_wait_s", camera_info_wait_s, 0, 600)
-      .require(!images.empty() && images.size() <= 16, "images", std::to_string(images.size()) + " entries",
-               "must name 1 to 16 topics")
-      .require(imu.empty() || is_topic(imu), "imu", '"' + imu + '"', "must be a topic, e.g. /imu/data");
+      .require(!images.empty() && images.size() <= 16, "images",
+               std::to_string(images.size()) + " entries", "must name 1 to 16 topics")
+      .require(imu.empty() || is_topic(imu), "imu", '"' + imu + '"',
+               "must be a topic, e.g. /imu/data");
   for (const auto& topic : images) {
-    checker.require(is_topic(topic), "images", '"' + topic + '"', "must be topics, e.g. /camera/image_raw");
+    checker.require(is_topic(topic), "images", '"' + topic + '"',
+                    "must be topics, e.g. /camera/image_raw");
   }
   return checker.errors;
 }

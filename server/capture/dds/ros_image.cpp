@@ -63,8 +63,9 @@ std::string printable(std::string_view text) {
 
 Expected<void> check_size(std::int64_t width, std::int64_t height, const CameraModel& camera) {
   if (width == camera.width && height == camera.height) return {};
-  return fail(ErrorCode::kInvalid, "images are " + std::to_string(width) + " x " + std::to_string(height) +
-                                       ", the calibration is for " + std::to_string(camera.width) + " x " +
+  return fail(ErrorCode::kInvalid, "images are " + std::to_string(width) + " x " +
+                                       std::to_string(height) + ", the calibration is for " +
+                                       std::to_string(camera.width) + " x " +
                                        std::to_string(camera.height));
 }
 
@@ -74,13 +75,16 @@ Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayIma
   if (const auto fits = check_size(image.width, image.height, camera); !fits) return fits;
   const Encoding* encoding = find(image.encoding);
   if (encoding == nullptr) {
-    return fail(ErrorCode::kUnsupported, "encoding \"" + printable(image.encoding) + "\" is not known here");
+    return fail(ErrorCode::kUnsupported,
+                "encoding \"" + printable(image.encoding) + "\" is not known here");
   }
-  const std::uint64_t row = std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->bytes_per_pixel);
+  const std::uint64_t row =
+      std::uint64_t{image.width} * static_cast<std::uint64_t>(encoding->bytes_per_pixel);
   const std::uint64_t needed = std::uint64_t{image.step} * (std::uint64_t{image.height} - 1) + row;
   if (image.step < row || image.data.size() < needed) {
-    return fail(ErrorCode::kTruncated, "needs " + std::to_string(needed) + " bytes in rows of at least " +
-                                           std::to_string(row) + ", came " + std::to_string(image.data.size()) +
+    return fail(ErrorCode::kTruncated, "needs " + std::to_string(needed) +
+                                           " bytes in rows of at least " + std::to_string(row) +
+                                           ", came " + std::to_string(image.data.size()) +
                                            " in rows of " + std::to_string(image.step));
   }
   out.resize(camera.width, camera.height);
@@ -89,15 +93,16 @@ Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayIma
     // The high byte; a row may begin at an odd address.
     const std::size_t high = image.is_bigendian ? 0 : 1;
     for (int y = 0; y < camera.height; ++y) {
-      const std::uint8_t* from = image.data.data() + std::size_t{image.step} * static_cast<std::size_t>(y) + high;
+      const std::uint8_t* from =
+          image.data.data() + std::size_t{image.step} * static_cast<std::size_t>(y) + high;
       std::uint8_t* to = gray.ptr(y);
       for (int x = 0; x < camera.width; ++x) to[x] = from[2 * x];
     }
     return {};
   }
   // OpenCV only reads; its view of somebody's memory knows no const.
-  const cv::Mat view(camera.height, camera.width, encoding->type, const_cast<std::uint8_t*>(image.data.data()),
-                     image.step);
+  const cv::Mat view(camera.height, camera.width, encoding->type,
+                     const_cast<std::uint8_t*>(image.data.data()), image.step);
   if (encoding->conversion == kCopy) {
     view.copyTo(gray);
   } else {
@@ -106,21 +111,26 @@ Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayIma
   return {};
 }
 
-Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraModel& camera, GrayImage& out) {
+Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraModel& camera,
+                           GrayImage& out) {
   const auto size = encoded_size(std::as_bytes(encoded));
   if (!size) return tl::unexpected(size.error());
   if (const auto fits = check_size(size->width, size->height, camera); !fits) return fits;
   // No picture is larger than its pixels in 16-bit colour; more bytes only cost time.
-  const auto most = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 8 + 65536;
+  const auto most =
+      static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height) * 8 + 65536;
   if (encoded.size() > most) return fail(ErrorCode::kInvalid, "is larger than its pixels");
-  cv::Mat decoded;  // not our pixels: OpenCV leaves what is there when the header is broken, and calls it decoded
+  cv::Mat decoded;  // not our pixels: OpenCV leaves what is there when the header is broken, and
+                    // calls it decoded
   try {
-    const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1, const_cast<std::uint8_t*>(encoded.data()));
+    const cv::Mat bytes(1, static_cast<int>(encoded.size()), CV_8UC1,
+                        const_cast<std::uint8_t*>(encoded.data()));
     decoded = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& failure) {
     return fail(ErrorCode::kInvalid, "cannot be decoded: " + printable(failure.what()));
   }
-  if (decoded.empty() || decoded.type() != CV_8UC1) return fail(ErrorCode::kInvalid, "cannot be decoded");
+  if (decoded.empty() || decoded.type() != CV_8UC1)
+    return fail(ErrorCode::kInvalid, "cannot be decoded");
   if (const auto fits = check_size(decoded.cols, decoded.rows, camera); !fits) return fits;
   out.resize(camera.width, camera.height);
   decoded.copyTo(cv::Mat(camera.height, camera.width, CV_8UC1, out.pixels.data()));
@@ -132,9 +142,11 @@ Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info)
   if (info.width == 0 || info.height == 0 || info.width > kLargest || info.height > kLargest) {
     return fail(ErrorCode::kInvalid, "camera_info has no usable size");
   }
-  if (info.binning_x > 1 || info.binning_y > 1 || info.roi.x_offset != 0 || info.roi.y_offset != 0) {
-    return fail(ErrorCode::kUnsupported, "camera_info tells of binned or cut images: describe the camera in the "
-                                         "configuration");
+  if (info.binning_x > 1 || info.binning_y > 1 || info.roi.x_offset != 0 ||
+      info.roi.y_offset != 0) {
+    return fail(ErrorCode::kUnsupported,
+                "camera_info tells of binned or cut images: describe the camera in the "
+                "configuration");
   }
   CameraModel model;
   model.width = static_cast<int>(info.width);
@@ -150,11 +162,13 @@ Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info)
   } else if ((name == "equidistant" || name == "fisheye") && count == 4) {
     model.distortion = Distortion::kEquidistant;
   } else if (count != 0) {
-    return fail(ErrorCode::kUnsupported, "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
-                                             " coefficients is not known here (plumb_bob, equidistant)");
+    return fail(ErrorCode::kUnsupported,
+                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
+                    " coefficients is not known here (plumb_bob, equidistant)");
   }
   for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.d._buffer[i];
-  if (const auto errors = model.check(); !errors.empty()) return fail(ErrorCode::kInvalid, errors.front().text());
+  if (const auto errors = model.check(); !errors.empty())
+    return fail(ErrorCode::kInvalid, errors.front().text());
   return model;
 }
 

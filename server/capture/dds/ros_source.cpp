@@ -25,11 +25,12 @@ std::int64_t to_ns(const builtin_interfaces_msg_dds__Time_& stamp) {
 }
 
 std::int64_t utc_now_ns() {
-  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch()).count();
+  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
 }
 
-Expected<Reader> subscribe(const Participant& in, const std::string& topic, const dds_topic_descriptor_t& type,
-                           bool reliable, int depth) {
+Expected<Reader> subscribe(const Participant& in, const std::string& topic,
+                           const dds_topic_descriptor_t& type, bool reliable, int depth) {
   return Reader::make(in, {"rt" + topic, &type, {}}, {reliable, false, depth, 0});
 }
 
@@ -42,22 +43,26 @@ struct Camera {
 
 class RosSource final : public SensorSource {
  public:
-  RosSource(std::shared_ptr<Participant> participant, const RosSourceConfig& config, const Clock& clock, WaitSet arrivals)
+  RosSource(std::shared_ptr<Participant> participant, const RosSourceConfig& config,
+            const Clock& clock, WaitSet arrivals)
       : participant_(std::move(participant)),
         mapper_(config.synchronized),
         clock_(clock),
         arrivals_(std::move(arrivals)) {}
 
-  Expected<void> subscribe_all(const RosSourceConfig& config, const std::vector<CameraMount>& mounts) {
+  Expected<void> subscribe_all(const RosSourceConfig& config,
+                               const std::vector<CameraMount>& mounts) {
     if (!config.imu.empty()) {
-      auto reader = subscribe(*participant_, config.imu, sensor_msgs_msg_dds__Imu__desc, config.reliable, kImuDepth);
+      auto reader = subscribe(*participant_, config.imu, sensor_msgs_msg_dds__Imu__desc,
+                              config.reliable, kImuDepth);
       if (!reader) return tl::unexpected(reader.error());
       imu_.emplace(std::move(*reader));
       if (auto added = arrivals_.add(*imu_); !added) return added;
     }
     for (std::size_t k = 0; k < std::min(config.images.size(), mounts.size()); ++k) {
-      const auto& type = is_compressed(config.images[k]) ? sensor_msgs_msg_dds__CompressedImage__desc
-                                                         : sensor_msgs_msg_dds__Image__desc;
+      const auto& type = is_compressed(config.images[k])
+                             ? sensor_msgs_msg_dds__CompressedImage__desc
+                             : sensor_msgs_msg_dds__Image__desc;
       auto reader = subscribe(*participant_, config.images[k], type, config.reliable, kImageDepth);
       if (!reader) return tl::unexpected(reader.error());
       if (auto added = arrivals_.add(*reader); !added) return added;
@@ -96,8 +101,9 @@ class RosSource final : public SensorSource {
       const std::size_t k = turn_++ % cameras_.size();
       auto loan = cameras_[k].reader.take();
       if (!loan) continue;
-      auto frame = is_compressed(cameras_[k].topic) ? read(k, loan.as<sensor_msgs_msg_dds__CompressedImage_>())
-                                                    : read(k, loan.as<sensor_msgs_msg_dds__Image_>());
+      auto frame = is_compressed(cameras_[k].topic)
+                       ? read(k, loan.as<sensor_msgs_msg_dds__CompressedImage_>())
+                       : read(k, loan.as<sensor_msgs_msg_dds__Image_>());
       if (frame) return frame;
     }
     return std::nullopt;
@@ -115,7 +121,8 @@ class RosSource final : public SensorSource {
     return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
-  std::optional<SensorSample> read(std::size_t k, const sensor_msgs_msg_dds__CompressedImage_& message) {
+  std::optional<SensorSample> read(std::size_t k,
+                                   const sensor_msgs_msg_dds__CompressedImage_& message) {
     auto gray = pool_.acquire();
     const auto converted =
         decode_gray({message.data._buffer, message.data._length}, cameras_[k].mount.model, *gray);
@@ -123,10 +130,12 @@ class RosSource final : public SensorSource {
   }
 
   std::optional<SensorSample> finish(std::size_t k, const builtin_interfaces_msg_dds__Time_& stamp,
-                                     const Expected<void>& converted, std::shared_ptr<GrayImage> gray) {
+                                     const Expected<void>& converted,
+                                     std::shared_ptr<GrayImage> gray) {
     if (!converted) {
       if (!std::exchange(cameras_[k].complained, true)) {
-        log::warning("capture", cameras_[k].topic + ": " + converted.error().text() + "; such images are left out");
+        log::warning("capture", cameras_[k].topic + ": " + converted.error().text() +
+                                    "; such images are left out");
       }
       return std::nullopt;
     }
@@ -139,8 +148,10 @@ class RosSource final : public SensorSource {
     const bool by_stamp = !mapper_.by_arrival();
     const auto at = mapper_.place(to_ns(stamp), clock_.now(), utc_now_ns());
     if (by_stamp && mapper_.by_arrival()) {
-      log::warning("capture", "the stamps of a ROS source are not of this machine's time (PTP or NTP would help): they "
-                              "are placed by arrival now");
+      log::warning(
+          "capture",
+          "the stamps of a ROS source are not of this machine's time (PTP or NTP would help): they "
+          "are placed by arrival now");
     }
     return at;
   }
@@ -156,8 +167,8 @@ class RosSource final : public SensorSource {
 };
 
 /// The first usable lens on `topic` before `deadline`.
-Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& topic, Instant deadline,
-                                    const Clock& clock) {
+Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& topic,
+                                    Instant deadline, const Clock& clock) {
   auto reader = subscribe(participant, topic, sensor_msgs_msg_dds__CameraInfo__desc, false, 1);
   if (!reader) return tl::unexpected(reader.error());
   auto arrivals = WaitSet::make(participant);
@@ -172,18 +183,22 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
       why = model.error().text();
     }
   } while (clock.now() < deadline);
-  return fail(ErrorCode::kNotFound, why + " Or describe the camera's lens in the configuration.", topic);
+  return fail(ErrorCode::kNotFound, why + " Or describe the camera's lens in the configuration.",
+              topic);
 }
 
 }  // namespace
 
 Expected<std::unique_ptr<SensorSource>> open_ros_source(std::shared_ptr<Participant> participant,
                                                         const RosSourceConfig& config,
-                                                        const std::vector<CameraMount>& cameras, const Clock& clock) {
+                                                        const std::vector<CameraMount>& cameras,
+                                                        const Clock& clock) {
   auto arrivals = WaitSet::make(*participant);
   if (!arrivals) return tl::unexpected(arrivals.error());
-  auto source = std::make_unique<RosSource>(std::move(participant), config, clock, std::move(*arrivals));
-  if (auto subscribed = source->subscribe_all(config, cameras); !subscribed) return tl::unexpected(subscribed.error());
+  auto source =
+      std::make_unique<RosSource>(std::move(participant), config, clock, std::move(*arrivals));
+  if (auto subscribed = source->subscribe_all(config, cameras); !subscribed)
+    return tl::unexpected(subscribed.error());
   return source;
 }
 

@@ -13,12 +13,15 @@ constexpr double kFullQualityPosition_m = 0.01;
 constexpr double kFullQualityRotation_rad = 0.0175;
 constexpr double kBestBlindQuality = 50;
 
-/// W turned about the vertical so that its x axis points where its y axis did: east, north, up → north, west, up.
+/// W turned about the vertical so that its x axis points where its y axis did: east, north, up →
+/// north, west, up.
 BodyPose north_first(const BodyPose& body) {
   Eigen::Matrix3d R;
   R << 0, 1, 0, -1, 0, 0, 0, 0, 1;  // exact: axes are swapped, nothing is rounded
   BodyPose out = body;
-  out.X_WP = {(Eigen::Quaterniond(std::sqrt(0.5), 0, 0, -std::sqrt(0.5)) * body.X_WP.q).normalized(), R * body.X_WP.p};
+  out.X_WP = {
+      (Eigen::Quaterniond(std::sqrt(0.5), 0, 0, -std::sqrt(0.5)) * body.X_WP.q).normalized(),
+      R * body.X_WP.p};
   out.v_WP = R * body.v_WP;
   out.a_WP = R * body.a_WP;
   Matrix12d J = Matrix12d::Identity();
@@ -46,7 +49,8 @@ Matrix6d body_twist_covariance(const BodyPose& body) {
 }
 
 AutopilotOdometry to_autopilot(const BodyPose& body, AutopilotWorld world) {
-  const BodyPose told = to_client(world == AutopilotWorld::kNed ? north_first(body) : body, kAutopilot);
+  const BodyPose told =
+      to_client(world == AutopilotWorld::kNed ? north_first(body) : body, kAutopilot);
   AutopilotOdometry out;
   out.p_NF = told.X_WP.p;
   out.q_NF = told.X_WP.q;

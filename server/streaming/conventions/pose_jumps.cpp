@@ -9,7 +9,7 @@ namespace {
 constexpr double kSmallestJump_m = 0.10;
 constexpr double kSmallestJump_rad = 0.10;
 constexpr double kSigmas = 6.0;
-constexpr double kHardBraking_m_s2 = 50.0;      // what motion may add to the constant velocity
+constexpr double kHardBraking_m_s2 = 50.0;  // what motion may add to the constant velocity
 constexpr double kHardTurning_rad_s2 = 500.0;
 }  // namespace
 
@@ -34,8 +34,10 @@ bool PoseJumps::is_jump(const Seen& before, const BodyPose& now, Instant at) {
   const Eigen::Vector3d moved = now.X_WP.p - before.X_WP.p - now.v_WP * dt;
   const Eigen::Quaterniond expected = before.X_WP.q * exp_so3(now.w_WP_P * dt);
   const double turned = log_so3(expected.conjugate() * now.X_WP.q).norm();
-  return moved.norm() > kSmallestJump_m + kSigmas * now.position_sigma_m() + kHardBraking_m_s2 * dt * dt ||
-         turned > kSmallestJump_rad + kSigmas * now.rotation_sigma_rad() + kHardTurning_rad_s2 * dt * dt;
+  return moved.norm() >
+             kSmallestJump_m + kSigmas * now.position_sigma_m() + kHardBraking_m_s2 * dt * dt ||
+         turned >
+             kSmallestJump_rad + kSigmas * now.rotation_sigma_rad() + kHardTurning_rad_s2 * dt * dt;
 }
 
 }  // namespace fiducap

@@ -7,9 +7,9 @@
 
 namespace fiducap {
 
-/// Counts per body how often its pose moved in a way no motion explains: it came back after it was gone, or the map
-/// moved. Who fuses the stream starts again then. One `observe` per frame; allocates nothing while the bodies are the
-/// same.
+/// Counts per body how often its pose moved in a way no motion explains: it came back after it was
+/// gone, or the map moved. Who fuses the stream starts again then. One `observe` per frame;
+/// allocates nothing while the bodies are the same.
 class PoseJumps final {
  public:
   void observe(const SceneFrame& frame);

@@ -6,7 +6,8 @@
 
 namespace fiducap {
 
-/// Which frames of a faster stream are sent on at a lower rate: evenly, in the mean exactly at that rate.
+/// Which frames of a faster stream are sent on at a lower rate: evenly, in the mean exactly at that
+/// rate.
 class SendSchedule final {
  public:
   explicit SendSchedule(double rate_hz) : period_(from_seconds(1.0 / rate_hz)) {}

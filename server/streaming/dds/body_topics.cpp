@@ -7,7 +7,8 @@ namespace fiducap::dds {
 BodyTopics::BodyTopics(TopicMaker& make, std::string name, bool alone)
     : name_(std::move(name)),
       world_frame_(make.config().world_frame),
-      px4_world_(make.config().px4 == Px4Profile::kNed ? AutopilotWorld::kNed : AutopilotWorld::kFrd),
+      px4_world_(make.config().px4 == Px4Profile::kNed ? AutopilotWorld::kNed
+                                                       : AutopilotWorld::kFrd),
       px4_schedule_(make.config().px4_rate_hz) {
   const DdsConfig& config = make.config();
   const std::string own = config.prefix + "/" + name_;

@@ -10,7 +10,8 @@
 
 namespace fiducap::dds {
 
-/// The topics of one body. Silent while its pose may not be used: ROS has no word for that in these types.
+/// The topics of one body. Silent while its pose may not be used: ROS has no word for that in these
+/// types.
 class BodyTopics final {
  public:
   /// @param name  as a ROS name   @param alone  the scene has no other body

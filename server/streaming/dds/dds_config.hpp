@@ -13,21 +13,23 @@ enum class Px4Profile { kOff, kNed, kFrd };
 /// What is offered on DDS. Domain, interface and peers: NetworkConfig.
 struct DdsConfig {
   bool enabled{false};
-  std::string prefix;              ///< Before the topics of a body: `/fiducap` gives `/fiducap/<body>/pose`.
+  std::string prefix;  ///< Before the topics of a body: `/fiducap` gives `/fiducap/<body>/pose`.
   std::string world_frame{"world"};  ///< frame_id of the workspace; a body's own is its name.
-  bool pose{true};                 ///< `/<body>/pose`, geometry_msgs/PoseStamped.
-  bool twist{true};                ///< `/<body>/twist`, geometry_msgs/TwistStamped, in the world's axes.
-  bool odometry{true};             ///< `/<body>/odom`, nav_msgs/Odometry with covariances, twist in the body's axes.
-  bool tf{true};                   ///< `/tf`: world → body. `/tf_static`: world → settled tags.
-  bool poses{true};                ///< `/poses`, NamedPoseArray of motion_capture_tracking (Crazyswarm).
-  double poses_deadline_hz{100};   ///< Promised for `/poses`: who asks for more is not served; 0: nothing is promised.
-  bool rigid_bodies{true};         ///< `/rigid_bodies`, mocap4r2_msgs/RigidBodies.
-  bool diagnostics{true};          ///< `/diagnostics`, once a second.
-  bool native{true};               ///< `fiducap/bodies` and `fiducap/tags` (proto/dds/fiducap.idl), keyed.
+  bool pose{true};                   ///< `/<body>/pose`, geometry_msgs/PoseStamped.
+  bool twist{true};  ///< `/<body>/twist`, geometry_msgs/TwistStamped, in the world's axes.
+  bool odometry{
+      true};      ///< `/<body>/odom`, nav_msgs/Odometry with covariances, twist in the body's axes.
+  bool tf{true};  ///< `/tf`: world → body. `/tf_static`: world → settled tags.
+  bool poses{true};  ///< `/poses`, NamedPoseArray of motion_capture_tracking (Crazyswarm).
+  double poses_deadline_hz{
+      100};  ///< Promised for `/poses`: who asks for more is not served; 0: nothing is promised.
+  bool rigid_bodies{true};  ///< `/rigid_bodies`, mocap4r2_msgs/RigidBodies.
+  bool diagnostics{true};   ///< `/diagnostics`, once a second.
+  bool native{true};        ///< `fiducap/bodies` and `fiducap/tags` (proto/dds/fiducap.idl), keyed.
   /// `[/<body>]/fmu/in/vehicle_visual_odometry`; without the body's name when there is only one.
   Px4Profile px4{Px4Profile::kOff};
   double px4_rate_hz{50};
-  bool reliable{true};             ///< Also serves subscribers that want no loss; false: best effort only.
+  bool reliable{true};  ///< Also serves subscribers that want no loss; false: best effort only.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };

@@ -20,7 +20,8 @@ namespace {
 /// All topics, for the model in use.
 class Offer final {
  public:
-  Offer(const Participant& in, const DdsConfig& config) : make_(in, config), scene_(make_), map_(make_), health_(make_) {}
+  Offer(const Participant& in, const DdsConfig& config)
+      : make_(in, config), scene_(make_), map_(make_), health_(make_) {}
 
   /// @return the first topic that could not be made
   Expected<void> use(const SceneModel& model) {
@@ -111,8 +112,10 @@ class DdsServer final : public Streamer {
 
 }  // namespace
 
-Expected<std::unique_ptr<Streamer>> start_dds_server(std::shared_ptr<Participant> participant, const DdsConfig& config,
-                                                     std::shared_ptr<const SceneModel> model, const Clock& clock) {
+Expected<std::unique_ptr<Streamer>> start_dds_server(std::shared_ptr<Participant> participant,
+                                                     const DdsConfig& config,
+                                                     std::shared_ptr<const SceneModel> model,
+                                                     const Clock& clock) {
   auto server = std::make_unique<DdsServer>(std::move(participant), config, clock);
   if (const auto made = server->use(std::move(model)); !made) return tl::unexpected(made.error());
   return server;

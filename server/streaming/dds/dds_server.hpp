@@ -10,14 +10,14 @@
 
 namespace fiducap::dds {
 
-/// ROS 2 topics and the native keyed types on DDS. A topic nobody listens to costs nothing but its place in discovery.
+/// ROS 2 topics and the native keyed types on DDS. A topic nobody listens to costs nothing but its
+/// place in discovery.
 ///
-/// The middleware has threads of its own for discovery and repeats; every write happens on the I/O thread, once per
-/// topic, however many listen.
+/// The middleware has threads of its own for discovery and repeats; every write happens on the I/O
+/// thread, once per topic, however many listen.
 /// @return Error naming the topic that could not be made
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_dds_server(std::shared_ptr<Participant> participant,
-                                                                    const DdsConfig& config,
-                                                                    std::shared_ptr<const SceneModel> model,
-                                                                    const Clock& clock);
+[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_dds_server(
+    std::shared_ptr<Participant> participant, const DdsConfig& config,
+    std::shared_ptr<const SceneModel> model, const Clock& clock);
 
 }  // namespace fiducap::dds

@@ -26,8 +26,8 @@ void print(std::array<char, N>& to, const char* format, Args... args) {
 }  // namespace
 
 HealthTopic::HealthTopic(TopicMaker& make) {
-  writer_ = make.make(make.config().diagnostics, ros_topic("/diagnostics", RosType::kDiagnosticArray),
-                      {true, false, 1, 0});
+  writer_ = make.make(make.config().diagnostics,
+                      ros_topic("/diagnostics", RosType::kDiagnosticArray), {true, false, 1, 0});
 }
 
 void HealthTopic::use(const SceneModel& model) {
@@ -37,9 +37,11 @@ void HealthTopic::use(const SceneModel& model) {
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     Body& body = bodies_[i];
     body.name = "fiducap: " + model.bodies[i].name;
-    constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)", "tags in view",
-                                                     "age (s)", "image rate (Hz)", "images dropped"};
-    for (std::size_t k = 0; k < kValues; ++k) body.pairs[k] = {key(kKeys[k]), body.values[k].data()};
+    constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)",
+                                                     "tags in view",       "age (s)",
+                                                     "image rate (Hz)",    "images dropped"};
+    for (std::size_t k = 0; k < kValues; ++k)
+      body.pairs[k] = {key(kKeys[k]), body.values[k].data()};
   }
 }
 

@@ -4,7 +4,9 @@ namespace fiducap::dds {
 
 namespace {
 // As ROS users know it.
-std::string shown(const std::string& topic) { return topic.starts_with("rt/") ? topic.substr(2) : topic; }
+std::string shown(const std::string& topic) {
+  return topic.starts_with("rt/") ? topic.substr(2) : topic;
+}
 }  // namespace
 
 void Listeners::begin() {
@@ -20,7 +22,9 @@ void Listeners::look_at(const Writer& writer) {
     auto [place, is_new] = by_participant_.try_emplace(participant);
     Listener& listener = place->second;
     if (is_new) listener.since = clock_.now();
-    const auto before = listener.before.try_emplace(writer.topic(), writer.written(), writer.refused()).first->second;
+    const auto before =
+        listener.before.try_emplace(writer.topic(), writer.written(), writer.refused())
+            .first->second;
     listener.topics.insert(shown(writer.topic()));
     listener.sent += writer.written() - before.first;
     listener.refused += writer.refused() - before.second;
@@ -42,8 +46,8 @@ void Listeners::append_to(std::vector<ClientStatus>& out) {
       }
       detail += (detail.empty() ? "" : " ") + topic;
     }
-    out.push_back({"dds", "participant " + at->first, std::move(detail), listener.sent, listener.refused,
-                   to_seconds(clock_.now() - listener.since)});
+    out.push_back({"dds", "participant " + at->first, std::move(detail), listener.sent,
+                   listener.refused, to_seconds(clock_.now() - listener.since)});
     ++at;
   }
 }

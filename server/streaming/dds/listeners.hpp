@@ -13,8 +13,8 @@
 
 namespace fiducap::dds {
 
-/// Who listens to what, by participant: DDS knows no connections, only readers that match. Looked at when the page asks,
-/// at most a few times a second.
+/// Who listens to what, by participant: DDS knows no connections, only readers that match. Looked
+/// at when the page asks, at most a few times a second.
 class Listeners final {
  public:
   explicit Listeners(const Clock& clock) : clock_(clock) {}

@@ -12,7 +12,8 @@ namespace {
 constexpr Duration kQuietTime = std::chrono::seconds(1);
 
 bool is_settled(const MapTag& tag) {
-  return tag.component == 0 && (tag.state == TagState::kCalibrated || tag.state == TagState::kSurveyed);
+  return tag.component == 0 &&
+         (tag.state == TagState::kCalibrated || tag.state == TagState::kSurveyed);
 }
 
 bool has(const TagMap& map, int id) { return map.find(id) != nullptr; }
@@ -21,7 +22,8 @@ bool has(const TagMap& map, int id) { return map.find(id) != nullptr; }
 
 MapTopics::MapTopics(TopicMaker& make) : world_frame_(make.config().world_frame) {
   const DdsConfig& config = make.config();
-  tf_static_ = make.make(config.tf, ros_topic("/tf_static", RosType::kTfMessage), TopicMaker::kept());
+  tf_static_ =
+      make.make(config.tf, ros_topic("/tf_static", RosType::kTfMessage), TopicMaker::kept());
   tags_ = make.make(config.native, {"fiducap/tags", &fiducap_dds_Tag_desc, {}}, TopicMaker::kept());
 }
 
@@ -35,21 +37,33 @@ void MapTopics::publish(const SceneFrame& frame) {
 }
 
 void MapTopics::publish_tf(const SceneFrame& frame) {
+  std::vector<std::pair<int, Pose>> settled;
   std::vector<std::string> names;
   for (const auto& tag : frame.map->tags) {
-    if (is_settled(tag)) names.push_back("tag_" + std::to_string(tag.tag.tag_id));
+    if (!is_settled(tag)) continue;
+    settled.emplace_back(tag.tag.tag_id, tag.tag.X_WT);
+    names.push_back("tag_" + std::to_string(tag.tag.tag_id));
+  }
+  const auto same = [](const auto& a, const auto& b) {
+    return a.first == b.first && a.second.p == b.second.p &&
+           a.second.q.coeffs() == b.second.q.coeffs();
+  };
+  // tf2 knows no way to take a frame back: fewer of them are no news.
+  if (settled.empty() ||
+      std::equal(settled.begin(), settled.end(), told_tf_.begin(), told_tf_.end(), same)) {
+    return;
   }
   const std_msgs_msg_dds__Header_ header{to_ros(frame.utc_ns()), borrowed(world_frame_)};
   std::vector<geometry_msgs_msg_dds__TransformStamped_> transforms;
-  for (const auto& tag : frame.map->tags) {
-    if (!is_settled(tag)) continue;
-    transforms.push_back({header, borrowed(names[transforms.size()]), to_ros_transform(tag.tag.X_WT)});
+  for (std::size_t i = 0; i < settled.size(); ++i) {
+    transforms.push_back({header, borrowed(names[i]), to_ros_transform(settled[i].second)});
   }
-  if (transforms.empty() && !told_) return;
   tf2_msgs_msg_dds__TFMessage_ message{};
-  message.transforms._length = message.transforms._maximum = static_cast<std::uint32_t>(transforms.size());
+  message.transforms._length = message.transforms._maximum =
+      static_cast<std::uint32_t>(transforms.size());
   message.transforms._buffer = transforms.data();
   send(tf_static_, &message);
+  told_tf_ = std::move(settled);
 }
 
 void MapTopics::publish_tags(const TagMap& map) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "streaming/dds/ros_messages.hpp"
@@ -11,8 +12,8 @@
 
 namespace fiducap::dds {
 
-/// Where the settled tags are: `/tf_static` (frames `tag_<id>`) and `fiducap/tags`, both kept for late joiners. Written
-/// when the map changes, at most once a second.
+/// Where the settled tags are: `/tf_static` (frames `tag_<id>`) and `fiducap/tags`, both kept for
+/// late joiners. Written when the map changes, at most once a second.
 class MapTopics final {
  public:
   explicit MapTopics(TopicMaker& make);
@@ -27,7 +28,8 @@ class MapTopics final {
   std::string world_frame_;
   std::shared_ptr<const TagMap> told_;
   std::optional<Instant> told_at_;
-  std::vector<int> told_ids_;  ///< On `fiducap/tags`.
+  std::vector<std::pair<int, Pose>> told_tf_;  ///< On `/tf_static`.
+  std::vector<int> told_ids_;                  ///< On `fiducap/tags`.
   std::optional<Writer> tf_static_;
   std::optional<Writer> tags_;
 };

@@ -11,7 +11,9 @@ constexpr std::int64_t kNsPerSecond = 1'000'000'000;
 template <typename Matrix, std::size_t N>
 void put_rows(const Matrix& from, double (&to)[N]) {
   static_assert(N == Matrix::RowsAtCompileTime * Matrix::ColsAtCompileTime);
-  Eigen::Map<Eigen::Matrix<double, Matrix::RowsAtCompileTime, Matrix::ColsAtCompileTime, Eigen::RowMajor>> view(to);
+  Eigen::Map<
+      Eigen::Matrix<double, Matrix::RowsAtCompileTime, Matrix::ColsAtCompileTime, Eigen::RowMajor>>
+      view(to);
   view = from;
 }
 
@@ -60,7 +62,8 @@ fiducap_dds_TagState to_dds(TagState state) {
 
 builtin_interfaces_msg_dds__Time_ to_ros(std::int64_t utc_ns) {
   const std::int64_t ns = std::max<std::int64_t>(utc_ns, 0);
-  return {static_cast<std::int32_t>(ns / kNsPerSecond), static_cast<std::uint32_t>(ns % kNsPerSecond)};
+  return {static_cast<std::int32_t>(ns / kNsPerSecond),
+          static_cast<std::uint32_t>(ns % kNsPerSecond)};
 }
 
 geometry_msgs_msg_dds__Vector3_ to_ros(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -73,7 +76,9 @@ geometry_msgs_msg_dds__Transform_ to_ros_transform(const Pose& X) {
   return {to_ros(X.p), {X.q.x(), X.q.y(), X.q.z(), X.q.w()}};
 }
 
-void fill(geometry_msgs_msg_dds__PoseStamped_& out, const BodyPose& body) { out.pose = to_ros(body.X_WP); }
+void fill(geometry_msgs_msg_dds__PoseStamped_& out, const BodyPose& body) {
+  out.pose = to_ros(body.X_WP);
+}
 
 void fill(geometry_msgs_msg_dds__TwistStamped_& out, const BodyPose& body) {
   out.twist = {to_ros(body.v_WP), to_ros(Eigen::Vector3d(body.X_WP.q * body.w_WP_P))};
@@ -82,15 +87,17 @@ void fill(geometry_msgs_msg_dds__TwistStamped_& out, const BodyPose& body) {
 void fill(nav_msgs_msg_dds__Odometry_& out, const BodyPose& body) {
   out.pose.pose = to_ros(body.X_WP);
   put_rows(Matrix6d(body.covariance.topLeftCorner<6, 6>()), out.pose.covariance);
-  out.twist.twist = {to_ros(Eigen::Vector3d(body.X_WP.q.conjugate() * body.v_WP)), to_ros(body.w_WP_P)};
+  out.twist.twist = {to_ros(Eigen::Vector3d(body.X_WP.q.conjugate() * body.v_WP)),
+                     to_ros(body.w_WP_P)};
   put_rows(body_twist_covariance(body), out.twist.covariance);
 }
 
-void fill(px4_msgs_msg_dds__VehicleOdometry_& out, const BodyPose& body, std::int64_t utc_ns, AutopilotWorld world,
-          std::uint32_t jumps) {
+void fill(px4_msgs_msg_dds__VehicleOdometry_& out, const BodyPose& body, std::int64_t utc_ns,
+          AutopilotWorld world, std::uint32_t jumps) {
   const AutopilotOdometry told = to_autopilot(body, world);
   const std::uint8_t axes = world == AutopilotWorld::kNed ? 1 : 2;
-  out.timestamp = out.timestamp_sample = static_cast<std::uint64_t>(std::max<std::int64_t>(utc_ns, 0) / 1000);
+  out.timestamp = out.timestamp_sample =
+      static_cast<std::uint64_t>(std::max<std::int64_t>(utc_ns, 0) / 1000);
   out.pose_frame = out.velocity_frame = axes;
   put(told.p_NF, out.position);
   put(told.q_NF, out.q);
@@ -103,7 +110,8 @@ void fill(px4_msgs_msg_dds__VehicleOdometry_& out, const BodyPose& body, std::in
   out.quality = autopilot_quality(body);
 }
 
-void fill(fiducap_dds_Body& out, const BodyPose& body, const SceneFrame& frame, std::uint32_t jumps) {
+void fill(fiducap_dds_Body& out, const BodyPose& body, const SceneFrame& frame,
+          std::uint32_t jumps) {
   out.id = body.body_id;
   out.frame = frame.number;
   out.utc_ns = frame.utc_ns();
@@ -133,8 +141,9 @@ void fill(fiducap_dds_Tag& out, const MapTag& tag, std::int64_t map_version) {
 }
 
 bool is_usable(const BodyPose& body) {
-  return body.valid && body.X_WP.p.allFinite() && body.X_WP.q.coeffs().allFinite() && body.v_WP.allFinite() &&
-         body.w_WP_P.allFinite() && body.a_WP.allFinite() && body.covariance.allFinite();
+  return body.valid && body.X_WP.p.allFinite() && body.X_WP.q.coeffs().allFinite() &&
+         body.v_WP.allFinite() && body.w_WP_P.allFinite() && body.a_WP.allFinite() &&
+         body.covariance.allFinite();
 }
 
 }  // namespace fiducap::dds

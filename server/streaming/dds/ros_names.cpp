@@ -27,8 +27,10 @@ std::string as_ros_name(const std::string& name) {
 }  // namespace
 
 bool is_ros_name(std::string_view name) {
-  return !name.empty() && name.size() <= 100 && is_letter(name.front()) && name.find("__") == std::string_view::npos &&
-         std::all_of(name.begin(), name.end(), [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
+  return !name.empty() && name.size() <= 100 && is_letter(name.front()) &&
+         name.find("__") == std::string_view::npos &&
+         std::all_of(name.begin(), name.end(),
+                     [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
 }
 
 bool is_ros_namespace(std::string_view name) {
@@ -44,8 +46,11 @@ bool is_ros_namespace(std::string_view name) {
 }
 
 bool is_ros_frame(std::string_view name) {
-  const auto good = [](char c) { return is_letter(c) || is_digit(c) || c == '_' || c == '/' || c == '-' || c == '.'; };
-  return !name.empty() && name.size() <= 100 && name.front() != '/' && std::all_of(name.begin(), name.end(), good);
+  const auto good = [](char c) {
+    return is_letter(c) || is_digit(c) || c == '_' || c == '/' || c == '-' || c == '.';
+  };
+  return !name.empty() && name.size() <= 100 && name.front() != '/' &&
+         std::all_of(name.begin(), name.end(), good);
 }
 
 std::vector<std::string> ros_names(const SceneModel& model) {

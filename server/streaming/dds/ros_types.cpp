@@ -21,9 +21,11 @@ Known known(RosType type) {
       return {&geometry_msgs_msg_dds__TwistStamped__desc,
               "5f0fcd4f81d5d06ad9b4c4c63e3ea51b82d6ae4d0558f1d475229b1121db6f64"};
     case RosType::kOdometry:
-      return {&nav_msgs_msg_dds__Odometry__desc, "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"};
+      return {&nav_msgs_msg_dds__Odometry__desc,
+              "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"};
     case RosType::kTfMessage:
-      return {&tf2_msgs_msg_dds__TFMessage__desc, "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"};
+      return {&tf2_msgs_msg_dds__TFMessage__desc,
+              "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"};
     case RosType::kNamedPoseArray:
       return {&motion_capture_tracking_interfaces_msg_dds__NamedPoseArray__desc,
               "d4c89ff7e0670d5f83b0322513e1c8dc2c3b279a68495daa026c352f0027e5f2"};

@@ -2,7 +2,8 @@
 
 #include "base/dds/participant.hpp"
 
-/// The ROS 2 messages that we write: descriptor and hash of each type. A ROS topic `/a/b` is `rt/a/b` on the wire.
+/// The ROS 2 messages that we write: descriptor and hash of each type. A ROS topic `/a/b` is
+/// `rt/a/b` on the wire.
 namespace fiducap::dds {
 
 enum class RosType {

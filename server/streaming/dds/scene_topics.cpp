@@ -34,7 +34,8 @@ SceneTopics::SceneTopics(TopicMaker& make) : world_frame_(make.config().world_fr
   tf_ = make.make(config.tf, ros_topic("/tf", RosType::kTfMessage), {true, false, 1, 0});
   poses_ = make.make(config.poses, ros_topic("/poses", RosType::kNamedPoseArray),
                      with_deadline(stream, config.poses_deadline_hz));
-  rigid_bodies_ = make.make(config.rigid_bodies, ros_topic("/rigid_bodies", RosType::kRigidBodies), stream);
+  rigid_bodies_ =
+      make.make(config.rigid_bodies, ros_topic("/rigid_bodies", RosType::kRigidBodies), stream);
   native_ = make.make(config.native, {"fiducap/bodies", &fiducap_dds_Body_desc, {}}, stream);
 }
 
@@ -67,7 +68,8 @@ void SceneTopics::publish_tf(const SceneFrame& frame, const std::vector<bool>& u
   transforms_.clear();
   const auto header = header_of(frame, world_frame_);
   for (std::size_t i = 0; i < frame.bodies.size(); ++i) {
-    if (usable[i]) transforms_.push_back({header, borrowed(names_[i]), to_ros_transform(frame.bodies[i].X_WP)});
+    if (usable[i])
+      transforms_.push_back({header, borrowed(names_[i]), to_ros_transform(frame.bodies[i].X_WP)});
   }
   if (transforms_.empty()) return;
   tf2_msgs_msg_dds__TFMessage_ message;

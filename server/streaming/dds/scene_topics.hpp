@@ -10,18 +10,20 @@
 
 namespace fiducap::dds {
 
-/// The topics that hold all usable bodies in one message: `/tf`, `/poses`, `/rigid_bodies`, and `fiducap/bodies`, which
-/// has one instance per body and says of every body how it is.
+/// The topics that hold all usable bodies in one message: `/tf`, `/poses`, `/rigid_bodies`, and
+/// `fiducap/bodies`, which has one instance per body and says of every body how it is.
 ///
 /// Keeps its messages: after the first frame of a model nothing is allocated here.
 class SceneTopics final {
  public:
   explicit SceneTopics(TopicMaker& make);
 
-  /// Those who left the model are disposed of. @param names  of the bodies, as ROS names, in their order
+  /// Those who left the model are disposed of. @param names  of the bodies, as ROS names, in their
+  /// order
   void use(const SceneModel& model, std::vector<std::string> names);
   /// @param usable  per body of the frame
-  void publish(const SceneFrame& frame, const std::vector<bool>& usable, const std::vector<std::uint32_t>& jumps);
+  void publish(const SceneFrame& frame, const std::vector<bool>& usable,
+               const std::vector<std::uint32_t>& jumps);
   void each(const std::function<void(const Writer&)>& visit) const;
 
  private:

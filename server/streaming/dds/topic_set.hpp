@@ -38,7 +38,9 @@ class TopicMaker final {
 };
 
 /// Somebody listens.
-[[nodiscard]] inline bool is_wanted(const std::optional<Writer>& writer) { return writer && writer->has_readers(); }
+[[nodiscard]] inline bool is_wanted(const std::optional<Writer>& writer) {
+  return writer && writer->has_readers();
+}
 
 inline void send(std::optional<Writer>& writer, const void* sample) {
   writer->write(sample);

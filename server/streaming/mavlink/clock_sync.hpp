@@ -9,8 +9,8 @@
 
 namespace fiducap::mavlink {
 
-/// How far the autopilot's clock is from ours, by TIMESYNC: question and answer, of the last answers the one that was
-/// quickest. Often at first, once a second later.
+/// How far the autopilot's clock is from ours, by TIMESYNC: question and answer, of the last
+/// answers the one that was quickest. Often at first, once a second later.
 class ClockSync final {
  public:
   /// @return the question to send now, if one is due

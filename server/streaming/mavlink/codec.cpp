@@ -9,7 +9,8 @@ namespace fiducap::mavlink {
 
 namespace {
 
-// Name, types and order of a message's fields, folded into one byte by the protocol's rule: both sides mean the same.
+// Name, types and order of a message's fields, folded into one byte by the protocol's rule: both
+// sides mean the same.
 std::optional<std::uint8_t> checksum_seed(std::uint32_t message) {
   switch (static_cast<MessageId>(message)) {
     case MessageId::kHeartbeat:
@@ -30,7 +31,8 @@ class Checksum final {
   void add(std::uint8_t byte) {
     auto folded = static_cast<std::uint8_t>(byte ^ (value_ & 0xff));
     folded = static_cast<std::uint8_t>(folded ^ (folded << 4));
-    value_ = static_cast<std::uint16_t>((value_ >> 8) ^ (folded << 8) ^ (folded << 3) ^ (folded >> 4));
+    value_ =
+        static_cast<std::uint16_t>((value_ >> 8) ^ (folded << 8) ^ (folded << 3) ^ (folded >> 4));
   }
   void add(std::span<const std::byte> bytes) {
     for (const std::byte byte : bytes) add(static_cast<std::uint8_t>(byte));
@@ -41,7 +43,8 @@ class Checksum final {
   std::uint16_t value_{0xffff};
 };
 
-/// Header, then the fields by `write`, then what depends on them: length without trailing zeros, checksum.
+/// Header, then the fields by `write`, then what depends on them: length without trailing zeros,
+/// checksum.
 template <typename Write>
 void frame(const Sender& from, MessageId message, std::vector<std::byte>& out, Write&& write) {
   const std::size_t start = out.size();
@@ -65,11 +68,14 @@ void put(LittleEndianWriter& to, const Eigen::Vector3d& v) {
 /// Upper right triangle, row by row.
 void put(LittleEndianWriter& to, const Matrix6d& covariance) {
   for (int row = 0; row < 6; ++row) {
-    for (int column = row; column < 6; ++column) to.f32(static_cast<float>(covariance(row, column)));
+    for (int column = row; column < 6; ++column)
+      to.f32(static_cast<float>(covariance(row, column)));
   }
 }
 
-std::uint8_t u8(std::span<const std::byte> bytes, std::size_t at) { return static_cast<std::uint8_t>(bytes[at]); }
+std::uint8_t u8(std::span<const std::byte> bytes, std::size_t at) {
+  return static_cast<std::uint8_t>(bytes[at]);
+}
 
 struct Shape {
   std::size_t header{};
@@ -91,8 +97,10 @@ std::optional<Shape> shape_of(std::span<const std::byte> in) {
     const std::uint8_t incompatible = u8(in, 2);
     if ((incompatible & ~kSigned) != 0) return std::nullopt;  // means something that we do not know
     const std::size_t signature = (incompatible & kSigned) != 0 ? kSignature : 0;
-    const std::uint32_t message = u8(in, 7) | std::uint32_t{u8(in, 8)} << 8 | std::uint32_t{u8(in, 9)} << 16;
-    shape = {kHeader2, payload, kHeader2 + payload + kChecksum + signature, message, u8(in, 5), u8(in, 6)};
+    const std::uint32_t message =
+        u8(in, 7) | std::uint32_t{u8(in, 8)} << 8 | std::uint32_t{u8(in, 9)} << 16;
+    shape = {kHeader2, payload,   kHeader2 + payload + kChecksum + signature,
+             message,  u8(in, 5), u8(in, 6)};
   } else {
     return std::nullopt;
   }
@@ -120,7 +128,12 @@ std::array<std::byte, N> whole_payload(const Frame& frame) {
 
 void encode_heartbeat(const Sender& from, const Heartbeat& heartbeat, std::vector<std::byte>& out) {
   frame(from, MessageId::kHeartbeat, out, [&](LittleEndianWriter& to) {
-    to.u32(0).u8(heartbeat.type).u8(heartbeat.autopilot).u8(0).u8(heartbeat.system_status).u8(kProtocolVersion);
+    to.u32(0)
+        .u8(heartbeat.type)
+        .u8(heartbeat.autopilot)
+        .u8(0)
+        .u8(heartbeat.system_status)
+        .u8(kProtocolVersion);
   });
 }
 
@@ -145,7 +158,8 @@ void encode_odometry(const Sender& from, const PoseReport& report, std::vector<s
   });
 }
 
-void encode_vision_position(const Sender& from, const PoseReport& report, std::vector<std::byte>& out) {
+void encode_vision_position(const Sender& from, const PoseReport& report,
+                            std::vector<std::byte>& out) {
   frame(from, MessageId::kVisionPositionEstimate, out, [&](LittleEndianWriter& to) {
     to.u64(report.time_us);
     put(to, report.odometry.p_NF);
@@ -170,7 +184,8 @@ std::optional<Frame> next_frame(std::span<const std::byte>& in) {
     }
     in = in.subspan(shape->whole);
     if (!seed) continue;  // not for us; its length has to be believed
-    return Frame{shape->message, shape->system, shape->component, bytes.subspan(shape->header, shape->payload)};
+    return Frame{shape->message, shape->system, shape->component,
+                 bytes.subspan(shape->header, shape->payload)};
   }
   return std::nullopt;
 }

@@ -47,7 +47,8 @@ void encode_timesync(const Sender& from, const Timesync& timesync, std::vector<s
 /// ODOMETRY: pose in the world axes, velocity and rate in the body's.
 void encode_odometry(const Sender& from, const PoseReport& report, std::vector<std::byte>& out);
 /// VISION_POSITION_ESTIMATE: pose only.
-void encode_vision_position(const Sender& from, const PoseReport& report, std::vector<std::byte>& out);
+void encode_vision_position(const Sender& from, const PoseReport& report,
+                            std::vector<std::byte>& out);
 
 struct Frame {
   std::uint32_t message{};
@@ -56,8 +57,8 @@ struct Frame {
   std::span<const std::byte> payload;
 };
 
-/// Takes the next frame of a message we know from `in`, with a right checksum. Other messages and noise are passed
-/// over; what is left of a datagram afterwards is less than a frame.
+/// Takes the next frame of a message we know from `in`, with a right checksum. Other messages and
+/// noise are passed over; what is left of a datagram afterwards is less than a frame.
 /// @return nullopt when there is none
 [[nodiscard]] std::optional<Frame> next_frame(std::span<const std::byte>& in);
 

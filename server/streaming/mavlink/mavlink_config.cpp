@@ -13,14 +13,17 @@ std::vector<ConfigError> MavlinkConfig::check() const {
     return !error;
   };
   Checker all{"streaming.mavlink."};
-  all.require(is_ipv4(address), "address", '"' + address + '"', "must be an IPv4 address, e.g. 0.0.0.0")
-      .require(vehicles.size() <= 64, "vehicles", std::to_string(vehicles.size()) + " entries", "must be at most 64");
+  all.require(is_ipv4(address), "address", '"' + address + '"',
+              "must be an IPv4 address, e.g. 0.0.0.0")
+      .require(vehicles.size() <= 64, "vehicles", std::to_string(vehicles.size()) + " entries",
+               "must be at most 64");
   std::set<std::pair<std::string, std::uint16_t>> peers;
   for (std::size_t i = 0; i < vehicles.size(); ++i) {
     const VehicleConfig& vehicle = vehicles[i];
     Checker one{"streaming.mavlink.vehicles." + std::to_string(i) + "."};
     one.require(!vehicle.body.empty(), "body", "\"\"", "must name one of the bodies")
-        .require(is_ipv4(vehicle.address), "address", '"' + vehicle.address + '"', "must be an IPv4 address")
+        .require(is_ipv4(vehicle.address), "address", '"' + vehicle.address + '"',
+                 "must be an IPv4 address")
         .require(vehicle.port > 0, "port", vehicle.port, "must be in [1, 65535]")
         .require(peers.emplace(vehicle.address, vehicle.port).second, "port", vehicle.port,
                  "is another vehicle's, too: each has an address of its own")

@@ -36,7 +36,8 @@ struct Vehicle {
 /// Shared with the one pending wait of the socket, which may outlive the streamer in the I/O queue.
 class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
  public:
-  MavlinkServer(udp::socket socket, const MavlinkConfig& config, const SceneModel& model, const Clock& clock)
+  MavlinkServer(udp::socket socket, const MavlinkConfig& config, const SceneModel& model,
+                const Clock& clock)
       : clock_(clock), socket_(std::move(socket)), started_(clock.now()) {
     for (const auto& vehicle : config.vehicles) {
       const udp::endpoint peer(asio::ip::make_address(vehicle.address), vehicle.port);
@@ -61,13 +62,16 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
     batch_.clear();
     for (auto& vehicle : vehicles_) {
       vehicle.datagram.clear();
-      const auto found = std::find_if(frame.bodies.begin(), frame.bodies.end(),
-                                      [&](const BodyPose& body) { return body.body_id == vehicle.body_id; });
+      const auto found =
+          std::find_if(frame.bodies.begin(), frame.bodies.end(),
+                       [&](const BodyPose& body) { return body.body_id == vehicle.body_id; });
       const bool there = found != frame.bodies.end();
-      const auto jumps = there ? jumps_.count(static_cast<std::size_t>(found - frame.bodies.begin())) : 0;
+      const auto jumps =
+          there ? jumps_.count(static_cast<std::size_t>(found - frame.bodies.begin())) : 0;
       vehicle.link.publish(frame, there ? &*found : nullptr, jumps, now, vehicle.datagram);
       if (vehicle.datagram.empty()) continue;
-      batch_.add(vehicle.datagram, vehicle.peer.data(), static_cast<socklen_t>(vehicle.peer.size()));
+      batch_.add(vehicle.datagram, vehicle.peer.data(),
+                 static_cast<socklen_t>(vehicle.peer.size()));
     }
     batch_.send(socket_.native_handle());
     std::size_t place = 0;
@@ -79,8 +83,8 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
   void append_clients(std::vector<ClientStatus>& out) const {
     const Instant now = clock_.now();
     for (const auto& vehicle : vehicles_) {
-      out.push_back({"mavlink", net::peer_text(vehicle.peer), vehicle.link.status(now), vehicle.link.poses(),
-                     vehicle.refused, to_seconds(now - started_)});
+      out.push_back({"mavlink", net::peer_text(vehicle.peer), vehicle.link.status(now),
+                     vehicle.link.poses(), vehicle.refused, to_seconds(now - started_)});
     }
   }
 
@@ -139,8 +143,12 @@ class Owner final : public MavlinkStreamer {
   Owner& operator=(const Owner&) = delete;
 
   [[nodiscard]] std::string_view protocol() const override { return "mavlink"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override { server_->publish(*frame); }
-  void append_clients(std::vector<ClientStatus>& out) const override { server_->append_clients(out); }
+  void publish(const std::shared_ptr<const SceneFrame>& frame) override {
+    server_->publish(*frame);
+  }
+  void append_clients(std::vector<ClientStatus>& out) const override {
+    server_->append_clients(out);
+  }
   void stop() override { server_->stop(); }
   [[nodiscard]] std::uint16_t port() const override { return server_->port(); }
 
@@ -150,9 +158,9 @@ class Owner final : public MavlinkStreamer {
 
 }  // namespace
 
-Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(asio::io_context& io, const MavlinkConfig& config,
-                                                                std::shared_ptr<const SceneModel> model,
-                                                                const Clock& clock) {
+Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(
+    asio::io_context& io, const MavlinkConfig& config, std::shared_ptr<const SceneModel> model,
+    const Clock& clock) {
   auto socket = net::bind_udp(io, {config.address, config.port, "streaming.mavlink"});
   if (!socket) return tl::unexpected(socket.error());
   auto server = std::make_shared<MavlinkServer>(std::move(*socket), config, *model, clock);

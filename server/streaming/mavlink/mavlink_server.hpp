@@ -19,9 +19,8 @@ class MavlinkStreamer : public Streamer {
 };
 
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind
-[[nodiscard]] Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(boost::asio::io_context& io,
-                                                                              const MavlinkConfig& config,
-                                                                              std::shared_ptr<const SceneModel> model,
-                                                                              const Clock& clock);
+[[nodiscard]] Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(
+    boost::asio::io_context& io, const MavlinkConfig& config,
+    std::shared_ptr<const SceneModel> model, const Clock& clock);
 
 }  // namespace fiducap::mavlink

@@ -23,15 +23,15 @@ inline constexpr std::size_t kMaxPayload = 255;
 inline constexpr std::size_t kMaxFrame = kHeader2 + kMaxPayload + kChecksum + kSignature;
 inline constexpr std::uint8_t kSigned = 0x01;  ///< Of the incompatibility flags.
 
-inline constexpr std::uint8_t kOnboardController = 18;       ///< MAV_TYPE
-inline constexpr std::uint8_t kNoAutopilot = 8;              ///< MAV_AUTOPILOT_INVALID
-inline constexpr std::uint8_t kStateStandby = 3;             ///< MAV_STATE
+inline constexpr std::uint8_t kOnboardController = 18;  ///< MAV_TYPE
+inline constexpr std::uint8_t kNoAutopilot = 8;         ///< MAV_AUTOPILOT_INVALID
+inline constexpr std::uint8_t kStateStandby = 3;        ///< MAV_STATE
 inline constexpr std::uint8_t kStateActive = 4;
 inline constexpr std::uint8_t kProtocolVersion = 3;
-inline constexpr std::uint8_t kFrameLocalNed = 1;            ///< MAV_FRAME
+inline constexpr std::uint8_t kFrameLocalNed = 1;  ///< MAV_FRAME
 inline constexpr std::uint8_t kFrameBodyFrd = 12;
 inline constexpr std::uint8_t kFrameLocalFrd = 20;
-inline constexpr std::uint8_t kEstimatorMocap = 6;           ///< MAV_ESTIMATOR_TYPE
-inline constexpr std::uint8_t kVisualInertialOdometry = 197; ///< MAV_COMP_ID
+inline constexpr std::uint8_t kEstimatorMocap = 6;            ///< MAV_ESTIMATOR_TYPE
+inline constexpr std::uint8_t kVisualInertialOdometry = 197;  ///< MAV_COMP_ID
 
 }  // namespace fiducap::mavlink

@@ -13,16 +13,18 @@
 
 namespace fiducap::mavlink {
 
-/// The conversation with one autopilot, without the socket: poses at its rate while they may be used and nothing in
-/// their place while not, a heartbeat a second, clock questions asked and answered.
+/// The conversation with one autopilot, without the socket: poses at its rate while they may be
+/// used and nothing in their place while not, a heartbeat a second, clock questions asked and
+/// answered.
 ///
-/// Times on the wire are the server's; the answers to the autopilot's TIMESYNC let it put them on its own clock, which
-/// is what PX4 and ArduPilot expect.
+/// Times on the wire are the server's; the answers to the autopilot's TIMESYNC let it put them on
+/// its own clock, which is what PX4 and ArduPilot expect.
 class VehicleLink final {
  public:
   explicit VehicleLink(const VehicleConfig& config);
 
-  /// One datagram from the autopilot's address. Answers are appended, at most as many bytes as came.
+  /// One datagram from the autopilot's address. Answers are appended, at most as many bytes as
+  /// came.
   void receive(std::span<const std::byte> datagram, Instant now, std::vector<std::byte>& answers);
   /// Everything due with this frame, as one datagram; nothing appended when nothing is.
   /// @param body  nullptr: the body is not in the scene   @param jumps  see PoseJumps
@@ -33,11 +35,14 @@ class VehicleLink final {
   [[nodiscard]] std::string status(Instant now) const;
   [[nodiscard]] std::uint64_t poses() const { return poses_; }
   [[nodiscard]] const VehicleConfig& config() const { return config_; }
-  [[nodiscard]] std::optional<ClockSync::Offset> clock_offset(Instant now) const { return sync_.offset(now); }
+  [[nodiscard]] std::optional<ClockSync::Offset> clock_offset(Instant now) const {
+    return sync_.offset(now);
+  }
 
  private:
   [[nodiscard]] Sender next_sender();
-  void publish_pose(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps, std::vector<std::byte>& out);
+  void publish_pose(const SceneFrame& frame, const BodyPose& body, std::uint32_t jumps,
+                    std::vector<std::byte>& out);
 
   VehicleConfig config_;
   SendSchedule schedule_;

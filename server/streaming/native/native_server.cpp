@@ -32,6 +32,7 @@ using boost::system::error_code;
 constexpr int kRequestsPerTurn = 64;
 // A big scene for many clients at once must fit: 16 MB asked for, the kernel grants what net.core.wmem_max allows.
 constexpr int kSendBuffer = 16 << 20;
+constexpr int kBindAttempts = 16;  // for port 0
 
 std::uint64_t random_word(std::random_device& device) {
   return std::uint64_t{device()} << 32 | device();
@@ -305,13 +306,12 @@ class NativeStreamer final : public Streamer {
 
 }  // namespace
 
-Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io, const NativeConfig& config,
-                                                        std::shared_ptr<const SceneModel> model, const Clock& clock,
-                                                        OperatorDesk* desk) {
-  if (model->bodies.size() > kMaxBodies) {
-    return fail(ErrorCode::kInvalid, "the native protocol carries at most " + std::to_string(kMaxBodies) +
-                                         " bodies, the scene has " + std::to_string(model->bodies.size()));
-  }
+namespace {
+
+/// One attempt: the number that UDP got on port 0 may be taken for TCP.
+Expected<std::shared_ptr<NativeServer>> open_server(asio::io_context& io, const NativeConfig& config,
+                                                    const std::shared_ptr<const SceneModel>& model, const Clock& clock,
+                                                    OperatorDesk* desk) {
   auto socket = net::bind_udp(io, {config.address, config.port, "streaming.native"});
   if (!socket) return tl::unexpected(socket.error());
   error_code ignored;  // a smaller buffer only means counted drops earlier
@@ -323,9 +323,24 @@ Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io, co
   if (config.control && desk != nullptr) {
     if (auto taken = server->take_commands(io, *desk); !taken) return tl::unexpected(taken.error());
   }
-  server->listen();
-  if (config.discovery) server->be_discovered(io);
-  return std::make_unique<NativeStreamer>(std::move(server));
+  return server;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io, const NativeConfig& config,
+                                                        std::shared_ptr<const SceneModel> model, const Clock& clock,
+                                                        OperatorDesk* desk) {
+  if (model->bodies.size() > kMaxBodies) {
+    return fail(ErrorCode::kInvalid, "the native protocol carries at most " + std::to_string(kMaxBodies) +
+                                         " bodies, the scene has " + std::to_string(model->bodies.size()));
+  }
+  auto server = open_server(io, config, model, clock, desk);
+  for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i) server = open_server(io, config, model, clock, desk);
+  if (!server) return tl::unexpected(server.error());
+  (*server)->listen();
+  if (config.discovery) (*server)->be_discovered(io);
+  return std::make_unique<NativeStreamer>(std::move(*server));
 }
 
 std::uint16_t bound_port(const Streamer& native_server) {

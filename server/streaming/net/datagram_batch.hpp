@@ -3,7 +3,9 @@
 #include <sys/socket.h>
 #include <sys/uio.h>
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -17,15 +19,27 @@ class DatagramBatch final {
  public:
   void clear();
   void add(std::span<const std::byte> datagram, const sockaddr* address, socklen_t address_size);
+  /// Many datagrams to one address as one message: the kernel cuts `bytes` every `cut` bytes, the last may be shorter.
+  /// Where it cannot (old kernel, no such device), `send` cuts.
+  void add_cut(std::span<const std::byte> bytes, std::size_t cut, const sockaddr* address, socklen_t address_size);
   /// A datagram that the socket does not take (its buffer is full, no way to the address) is left out; the others go.
   void send(int socket);
 
+  /// Messages so far: one per `add`, one or more per `add_cut`.
   [[nodiscard]] std::size_t size() const { return messages_.size(); }
-  /// After `send`: did the socket take the i-th one?
+  /// After `send`: did the socket take the i-th one, all of it?
   [[nodiscard]] bool sent(std::size_t i) const { return sent_[i]; }
 
  private:
+  struct Cut {
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(std::uint16_t))> control{};
+    std::size_t bytes{0};  ///< 0: not cut.
+  };
+  void point_at_memory();
+  [[nodiscard]] bool send_cut_by_hand(int socket, std::size_t i) const;
+
   std::vector<iovec> pieces_;
+  std::vector<Cut> cuts_;
   std::vector<mmsghdr> messages_;
   std::vector<bool> sent_;
 };

@@ -14,6 +14,7 @@ namespace {
 using boost::system::error_code;
 
 constexpr auto kTick = std::chrono::milliseconds(100);
+constexpr auto kGoodbye = std::chrono::milliseconds(50);
 constexpr std::string_view kKey = "streaming.qualisys";
 constexpr int kBindAttempts = 32;  // for port 0: three in a row must be free
 constexpr std::uint16_t kLastFreeBase = 65'533;
@@ -189,10 +190,15 @@ void Server::stop() {
   stopped_ = true;
   for (auto& door : doors_) door.stop();
   if (discovery_) discovery_->stop();
-  timer_.cancel();
   tell_all(Event::kShuttingDown);
-  for (const auto& session : sessions_)
+  timer_.expires_after(kGoodbye);  // clients whose socket is full may still hear it
+  timer_.async_wait([self = shared_from_this()](const error_code&) { self->close_all(); });
+}
+
+void Server::close_all() {
+  for (const auto& session : sessions_) {
     session->close("is left: the server stops", log::Level::kDebug);
+  }
   sessions_.clear();
 }
 

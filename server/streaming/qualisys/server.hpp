@@ -47,6 +47,7 @@ class Server final : public std::enable_shared_from_this<Server> {
   void send_datagrams();
   void tick();
   void sweep();
+  void close_all();
 
   boost::asio::io_context& io_;
   const Clock& clock_;

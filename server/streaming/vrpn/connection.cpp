@@ -7,7 +7,6 @@ namespace fiducap::vrpn {
 
 namespace {
 
-constexpr int kSensor = 0;
 constexpr std::size_t kMaxExplained = 4;
 
 bool in_range(std::int32_t id) { return id >= 0 && id < kMaxIds; }
@@ -133,8 +132,13 @@ void Connection::answer(Type type, const Message& message, std::int64_t utc_ns, 
   switch (type) {
     case Type::kPing: return encode_empty(header_of(utc_ns, *body, Type::kPong), out);
     case Type::kRequestToRoom: return encode_to_room(header_of(utc_ns, *body, Type::kToRoom), Pose{}, out);
-    case Type::kRequestUnitToSensor:
-      return encode_unit_to_sensor(header_of(utc_ns, *body, Type::kUnitToSensor), kSensor, Pose{}, out);
+    case Type::kRequestUnitToSensor: {
+      const auto sensors = static_cast<int>(config_.sensors_of(name->second).size()) + 1;
+      for (int i = 0; i < sensors; ++i) {  // reports are of the sensors already
+        encode_unit_to_sensor(header_of(utc_ns, *body, Type::kUnitToSensor), i, Pose{}, out);
+      }
+      return;
+    }
     case Type::kRequestWorkspace:
       return encode_workspace(header_of(utc_ns, *body, Type::kWorkspace), box_low_, box_high_, out);
     default: return;  // set_update_rate, Reset_Origin: a client must not change what others see

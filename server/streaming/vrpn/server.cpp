@@ -18,35 +18,14 @@ using boost::system::error_code;
 constexpr auto kTick = std::chrono::milliseconds(100);
 constexpr int kTicksPerSecond = 10;
 constexpr int kLogLinesPerSecond = 20;
-constexpr int kBacklog = 64;
 constexpr int kBindAttempts = 16;  // for port 0: the number that TCP got may be taken for UDP
-constexpr int kMaxPending = 32;
-constexpr int kMaxPendingPerSource = 16;
-
-std::string remedy(const error_code& error, const std::string& address, std::uint16_t port) {
-  namespace errc = boost::system::errc;
-  const std::string number = std::to_string(port);
-  if (error == errc::address_in_use) {
-    return "port " + number + " is in use, perhaps by another mocap server; end it (`ss -tulpn | grep " + number +
-           "` shows it) or set streaming.vrpn.port to a free one";
-  }
-  if (error == errc::permission_denied) {
-    return "port " + number + " may be used by root only; set streaming.vrpn.port to 1024 or above (usual: 3883)";
-  }
-  if (error == errc::address_not_available) {
-    return "this machine has no interface with the address " + address +
-           "; set streaming.vrpn.address to one of its addresses (`ip -4 addr` lists them) or to 0.0.0.0 for all";
-  }
-  return "cannot use port " + number + ": " + error.message();
-}
+constexpr std::string_view kKey = "streaming.vrpn";
 
 }  // namespace
 
 Server::Server(boost::asio::io_context& io, const VrpnConfig& config, const Clock& clock)
     : io_(io),
       context_(std::make_shared<SessionContext>(SessionContext{config, clock})),
-      acceptor_(io),
-      requests_(io),
       timer_(io),
       encoder_(config.axes(), {config.velocity, config.acceleration}) {
   context_->log_lines_left = kLogLinesPerSecond;
@@ -57,100 +36,60 @@ Expected<void> Server::listen(const SceneModel& model) {
   for (int i = 1; i < kBindAttempts && !bound && context_->config.port == 0; ++i) bound = bind(0);
   if (!bound) return bound;
   take_over(model);
-  accept();
-  receive_request();
+  requests_->start();
   tick();
   return {};
 }
 
 Expected<void> Server::bind(std::uint16_t port) {
-  const std::string& text = context_->config.address;
-  error_code error;
-  const auto address = boost::asio::ip::make_address_v4(text, error);
-  if (error) return fail(ErrorCode::kInvalid, "expected an IPv4 address, came \"" + text + "\"", "streaming.vrpn.address");
-  const auto refuse = [&](const char* transport) {
-    acceptor_.close();
-    requests_.close();
-    return fail(ErrorCode::kUnavailable, remedy(error, text, port), "VRPN on " + text + ", " + transport);
-  };
-  acceptor_.open(tcp::v4(), error);
-  // So that a restart need not wait for connections that were closed a moment ago.
-  if (!error) acceptor_.set_option(tcp::acceptor::reuse_address(true), error);
-  if (!error) acceptor_.bind({address, port}, error);
-  if (!error) acceptor_.listen(kBacklog, error);
-  if (error) return refuse("TCP");
-  port = acceptor_.local_endpoint().port();
-  requests_.open(udp::v4(), error);
-  if (!error) requests_.bind({address, port}, error);
-  if (error) return refuse("UDP");
-  port_ = port;
+  const std::string& address = context_->config.address;
+  const std::weak_ptr<Server> weak = weak_from_this();
+  auto listener = net::TcpListener::open(io_, {address, port, kKey}, [weak](tcp::socket socket) {
+    if (const auto self = weak.lock()) self->begin(std::move(socket), Origin::kDirect);
+  });
+  if (!listener) return tl::unexpected(listener.error());
+  auto requests = net::bind_udp(io_, {address, listener->port(), kKey});
+  if (!requests) return tl::unexpected(requests.error());
+  auto reports = net::bind_udp(io_, {address, 0, kKey});
+  if (!reports) return tl::unexpected(reports.error());
+  port_ = listener->port();
+  listener_.emplace(std::move(*listener));
+  reports_.emplace(std::move(*reports));
+  requests_ = std::make_shared<ConnectBack>(
+      io_, std::move(*requests), context_,
+      ConnectBack::Owner{[weak](const tcp::endpoint& client) {
+                           const auto self = weak.lock();
+                           return self != nullptr && self->wants(client);
+                         },
+                         [weak](tcp::socket socket) {
+                           if (const auto self = weak.lock()) self->begin(std::move(socket), Origin::kRequested);
+                         }});
   return {};
 }
 
-void Server::accept() {
-  accepting_ = true;
-  acceptor_.async_accept([self = shared_from_this()](const error_code& error, tcp::socket socket) {
-    self->accepting_ = false;
-    if (self->stopped_) return;
-    if (error) return;  // e.g. out of file descriptors: the next tick tries again
-    self->accepted(std::move(socket));
-    self->accept();
-  });
-}
-
-void Server::accepted(tcp::socket socket) {
-  error_code error;
-  const auto peer = socket.remote_endpoint(error);
-  if (error || !has_room_for(peer)) return;  // closes it
-  begin(std::make_shared<Session>(context_, std::move(socket), peer, Origin::kDirect));
-}
-
-void Server::receive_request() {
-  receiving_ = true;
-  requests_.async_receive_from(boost::asio::buffer(request_), requester_,
-                               [self = shared_from_this()](const error_code& error, std::size_t size) {
-                                 self->receiving_ = false;
-                                 if (self->stopped_) return;
-                                 if (error) return;  // the next tick tries again
-                                 self->serve_request(size);
-                                 self->receive_request();
-                               });
-}
-
-void Server::serve_request(std::size_t size) {
-  const auto port = decode_request(std::span<const std::byte>(request_).first(size));
-  if (!port) {
-    return context_->say(log::Level::kDebug, requester_.address().to_string() + " " + port.error().text());
-  }
-  // The datagram's own source, whatever address its text names: nobody can make us connect to a third party.
-  const tcp::endpoint client(requester_.address(), *port);
+bool Server::wants(const tcp::endpoint& client) const {
   const bool served = std::any_of(sessions_.begin(), sessions_.end(), [&](const auto& session) {
-    return !session->closed() && session->origin() == Origin::kRequested && session->peer() == client;
+    return !session->closed() && session->origin() == Origin::kRequested && session->endpoint() == client;
   });
-  if (served) return;  // clients repeat themselves; a second connection would never be accepted
-  const auto pending = [&](auto&& which) {
-    return std::count_if(sessions_.begin(), sessions_.end(),
-                         [&](const auto& session) { return session->connecting() && which(*session); });
-  };
-  const auto from_here = [&](const Session& s) { return s.peer().address() == client.address(); };
-  if (pending([](const Session&) { return true; }) >= kMaxPending || pending(from_here) >= kMaxPendingPerSource) return;
-  if (!has_room_for(client)) return;
-  begin(std::make_shared<Session>(context_, tcp::socket(io_), client, Origin::kRequested));
+  return !served && has_room_for(client);
 }
 
 bool Server::has_room_for(const tcp::endpoint& client) const {
-  const auto used = std::count_if(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->closed(); });
+  const auto open = std::count_if(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->closed(); });
+  const auto used = open + static_cast<std::ptrdiff_t>(requests_->pending());
   if (used < context_->config.max_clients) return true;
-  context_->say(log::Level::kWarning, "no room for client " + client.address().to_string() + ":" +
-                                          std::to_string(client.port()) + ": all " + std::to_string(used) +
-                                          " places are taken (streaming.vrpn.max_clients)");
+  context_->say(log::Level::kWarning, "no room for client " + net::peer_text(client) + ": all " +
+                                          std::to_string(used) + " places are taken (streaming.vrpn.max_clients)");
   return false;
 }
 
-void Server::begin(const std::shared_ptr<Session>& session) {
+void Server::begin(tcp::socket socket, Origin origin) {
+  error_code error;
+  const auto peer = socket.remote_endpoint(error);
+  if (stopped_ || error || !has_room_for(peer)) return;  // closes it
   sweep();
-  sessions_.push_back(session);
-  session->start();
+  sessions_.push_back(std::make_shared<Session>(context_, std::move(socket), origin));
+  sessions_.back()->greet();
 }
 
 void Server::tick() {
@@ -163,8 +102,8 @@ void Server::tick() {
       context_->say(log::Level::kInfo, std::to_string(lost) + " more lines within a second were left out");
     }
   }
-  if (!accepting_) accept();
-  if (!receiving_) receive_request();
+  listener_->tick();
+  requests_->tick(now);
   timer_.expires_after(kTick);
   timer_.async_wait([self = shared_from_this()](const error_code& error) {
     if (!error && !self->stopped_) self->tick();
@@ -172,14 +111,18 @@ void Server::tick() {
 }
 
 void Server::take_over(const SceneModel& model) {
+  if (generation_ == model.generation) return;
+  generation_ = model.generation;
+  sensors_of_body_.clear();
+  if (!context_->config.sensors.empty()) {
+    for (const auto& body : model.bodies) sensors_of_body_.push_back(context_->config.sensors_of(body.name));
+  }
   for (const auto& name : context_->senders.update(model)) {
     context_->say(log::Level::kError, "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
   }
 }
 
-void Server::publish(const SceneFrame& frame) {
-  if (stopped_) return;
-  context_->utc_offset = frame.utc_offset;
+void Server::say_changes(const SceneFrame& frame) {
   if (frame.model != nullptr) {
     const std::size_t known = context_->senders.names().size();
     take_over(*frame.model);
@@ -187,18 +130,58 @@ void Server::publish(const SceneFrame& frame) {
       for (const auto& session : sessions_) session->describe_new_senders();
     }
   }
-  const auto senders = context_->senders.of_bodies();
   texts_.clear();
-  watch_.observe(frame, senders, texts_);
-  if (!texts_.empty()) {
-    for (const auto& session : sessions_) session->send_reliable(texts_);
+  watch_.observe(frame, context_->senders.of_bodies(), texts_);
+  if (texts_.empty()) return;
+  number_messages(texts_, context_->sequence);
+  for (const auto& session : sessions_) {
+    if (session->open()) session->send_reliable(texts_);
   }
+}
+
+void Server::publish(const SceneFrame& frame) {
+  if (stopped_) return;
+  context_->utc_offset = frame.utc_offset;
+  say_changes(frame);
   if (std::none_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->open(); })) return;
   const auto reports = frames_.acquire();
-  encoder_.encode(frame, senders, *reports);
+  encoder_.encode(frame, context_->senders.of_bodies(), sensors_of_body_, *reports);
   if (reports->bytes.empty()) return;
-  numbered_ = reports->bytes;
-  for (const auto& session : sessions_) session->publish(reports, numbered_);
+  number_messages(reports->bytes, context_->sequence);
+  batch_.clear();
+  for (const auto& session : sessions_) send_frame(*session, reports);
+  send_datagrams();
+}
+
+void Server::send_frame(Session& session, const std::shared_ptr<const EncodedFrame>& reports) {
+  session.batched = {};
+  if (!session.open()) return;
+  if (!session.by_udp()) return session.offer(net::SharedBytes(reports, &reports->bytes));
+  const sockaddr_in& target = session.udp_target();
+  const auto* address = reinterpret_cast<const sockaddr*>(&target);
+  session.batched.begin = batch_.size();
+  if (const std::size_t cut = reports->equal_cut(); cut > 0) {
+    batch_.add_cut(reports->bytes, cut, address, sizeof(target));
+  } else {
+    std::size_t begin = 0;
+    for (const std::size_t end : reports->datagram_ends) {
+      batch_.add(std::span(reports->bytes).subspan(begin, end - begin), address, sizeof(target));
+      begin = end;
+    }
+  }
+  session.batched.end = batch_.size();
+}
+
+void Server::send_datagrams() {
+  if (batch_.size() == 0) return;
+  batch_.send(reports_->native_handle());
+  for (const auto& session : sessions_) {
+    const auto [begin, end] = session->batched;
+    if (begin == end) continue;
+    bool whole = true;
+    for (std::size_t i = begin; i < end; ++i) whole = whole && batch_.sent(i);
+    session->count_udp(whole);
+  }
 }
 
 void Server::append_clients(std::vector<ClientStatus>& out) const {
@@ -211,11 +194,10 @@ void Server::append_clients(std::vector<ClientStatus>& out) const {
 void Server::stop() {
   if (stopped_) return;
   stopped_ = true;
-  error_code ignored;
-  acceptor_.close(ignored);
-  requests_.close(ignored);
+  if (listener_) listener_->stop();
+  if (requests_) requests_->stop();
   timer_.cancel();
-  for (const auto& session : sessions_) session->close("is left: the server stops");
+  for (const auto& session : sessions_) session->close("is left: the server stops", log::Level::kDebug);
   sessions_.clear();
 }
 

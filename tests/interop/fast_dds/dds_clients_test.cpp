@@ -33,7 +33,8 @@ class FastDdsClient : public testing::Test {
       ADD_FAILURE() << server.error().text();
       return {};
     }
-    std::vector<std::string> arguments{"read", std::to_string(kDomain), "127.0.0.1", "127.0.0.1", kSeconds};
+    std::vector<std::string> arguments{"read", std::to_string(kDomain), "127.0.0.1", "127.0.0.1",
+                                       kSeconds};
     arguments.insert(arguments.end(), topics.begin(), topics.end());
     PeerProcess peer(arguments);
     publish_frames(**server, kBodies, [&peer] { return peer.is_running(); });
@@ -45,11 +46,12 @@ class FastDdsClient : public testing::Test {
 TEST_F(FastDdsClient, ReadsEveryTopicWithTheQosThatItsSubscribersUse) {
   DdsConfig config;
   config.px4 = Px4Profile::kFrd;
-  auto heard = hear(config, {"PoseStamped:rt/drone/pose", "TwistStamped:rt/drone/twist:b", "Odometry:rt/rover/odom",
-                             "TFMessage:rt/tf", "TFMessage:rt/tf_static:k", "NamedPoseArray:rt/poses:bd",
+  auto heard = hear(config, {"PoseStamped:rt/drone/pose", "TwistStamped:rt/drone/twist:b",
+                             "Odometry:rt/rover/odom", "TFMessage:rt/tf",
+                             "TFMessage:rt/tf_static:k", "NamedPoseArray:rt/poses:bd",
                              "RigidBodies:rt/rigid_bodies:b", "DiagnosticArray:rt/diagnostics",
-                             "VehicleOdometry:rt/drone/fmu/in/vehicle_visual_odometry:b", "Body:fiducap/bodies",
-                             "Tag:fiducap/tags:k"});
+                             "VehicleOdometry:rt/drone/fmu/in/vehicle_visual_odometry:b",
+                             "Body:fiducap/bodies", "Tag:fiducap/tags:k"});
   for (const auto& [topic, about] : heard) EXPECT_EQ(about.incompatible, 0) << topic;
   EXPECT_GE(heard["rt/drone/pose"].count, kEnough);
   EXPECT_THAT(heard["rt/drone/pose"].last, StartsWith("frame=world p=1,-2,0.5 q_xyzw="));
@@ -57,7 +59,8 @@ TEST_F(FastDdsClient, ReadsEveryTopicWithTheQosThatItsSubscribersUse) {
   EXPECT_THAT(heard["rt/drone/twist"].last, StartsWith("frame=world v=0.5,-0.25,0.125 w="));
   EXPECT_GE(heard["rt/rover/odom"].count, kEnough);
   EXPECT_THAT(heard["rt/rover/odom"].last, HasSubstr("child=rover p=2,-2,0.5"));
-  EXPECT_THAT(heard["rt/rover/odom"].last, HasSubstr(" w=0.1,0.2,0.3 pose_cov=0.0001,0,0,0,0,0,0,0.0001,"));
+  EXPECT_THAT(heard["rt/rover/odom"].last,
+              HasSubstr(" w=0.1,0.2,0.3 pose_cov=0.0001,0,0,0,0,0,0,0.0001,"));
   EXPECT_GE(heard["rt/tf"].count, kEnough);
   EXPECT_EQ(heard["rt/tf"].last, "transforms=2 world>drone@1,-2,0.5 world>rover@2,-2,0.5");
   EXPECT_EQ(heard["rt/tf_static"].count, 1);
@@ -66,9 +69,11 @@ TEST_F(FastDdsClient, ReadsEveryTopicWithTheQosThatItsSubscribersUse) {
   EXPECT_THAT(heard["rt/poses"].last, HasSubstr(" rover p=2,-2,0.5"));
   EXPECT_GE(heard["rt/rigid_bodies"].count, kEnough);
   EXPECT_GE(heard["rt/diagnostics"].count, 2);
-  EXPECT_THAT(heard["rt/diagnostics"].last, HasSubstr("[fiducap: drone|0|tracking|position sigma (m)=0.0100|"));
+  EXPECT_THAT(heard["rt/diagnostics"].last,
+              HasSubstr("[fiducap: drone|0|tracking|position sigma (m)=0.0100|"));
   EXPECT_GE(heard["rt/drone/fmu/in/vehicle_visual_odometry"].count, kEnough / 2);
-  EXPECT_THAT(heard["rt/drone/fmu/in/vehicle_visual_odometry"].last, StartsWith("frame=2 p=1,2,-0.5 "));
+  EXPECT_THAT(heard["rt/drone/fmu/in/vehicle_visual_odometry"].last,
+              StartsWith("frame=2 p=1,2,-0.5 "));
   EXPECT_GE(heard["fiducap/bodies"].count, 2 * kEnough);
   EXPECT_EQ(heard["fiducap/bodies"].ids, 2);
   EXPECT_EQ(heard["fiducap/tags"].count, 1);
@@ -77,7 +82,8 @@ TEST_F(FastDdsClient, ReadsEveryTopicWithTheQosThatItsSubscribersUse) {
 TEST_F(FastDdsClient, WhoNeedsRepeatsIsNotServedByABestEffortWriter) {
   DdsConfig config;
   config.reliable = false;
-  auto heard = hear(config, {"PoseStamped:rt/drone/pose", "PoseStamped:rt/rover/pose:b", "TFMessage:rt/tf"});
+  auto heard =
+      hear(config, {"PoseStamped:rt/drone/pose", "PoseStamped:rt/rover/pose:b", "TFMessage:rt/tf"});
   EXPECT_EQ(heard["rt/drone/pose"].count, 0);
   EXPECT_NE(heard["rt/drone/pose"].incompatible, 0);
   EXPECT_GE(heard["rt/rover/pose"].count, kEnough);

@@ -1,4 +1,5 @@
-// Two machines: a network namespace each, joined by a cable on which multicast does not pass. Only peers find each other.
+// Two machines: a network namespace each, joined by a cable on which multicast does not pass. Only
+// peers find each other.
 #include <gmock/gmock.h>
 #include <sched.h>
 #include <sys/wait.h>
@@ -41,13 +42,16 @@ class Gate final {
   int ends_[2]{-1, -1};
 };
 
-bool run(const std::string& command) { return std::system((command + " >/dev/null 2>&1").c_str()) == 0; }
+bool run(const std::string& command) {
+  return std::system((command + " >/dev/null 2>&1").c_str()) == 0;
+}
 
 std::string inside(pid_t pid, const std::string& command) {
   return "nsenter -t " + std::to_string(pid) + " -n " + command;
 }
 
-/// A child with a network of its own: says that it has one, waits for the cable, then does its work and ends.
+/// A child with a network of its own: says that it has one, waits for the cable, then does its work
+/// and ends.
 template <typename Work>
 pid_t start_apart(const Gate& apart, const Gate& connected, Work&& work) {
   const pid_t pid = ::fork();
@@ -77,13 +81,16 @@ int serve_for(double seconds) {
   return 0;
 }
 
-// Fast DDS looks at interfaces once, when it starts; the kernel takes up to a second to call a cable plugged in.
+// Fast DDS looks at interfaces once, when it starts; the kernel takes up to a second to call a
+// cable plugged in.
 const std::string kUntilUp =
-    "sh -c 'for i in $(seq 100); do ip link show cable | grep -q \"state UP\" && exit 0; sleep 0.05; done; exit 1'";
+    "sh -c 'for i in $(seq 100); do ip link show cable | grep -q \"state UP\" && exit 0; sleep "
+    "0.05; done; exit 1'";
 
 bool connect(pid_t ours, pid_t theirs) {
   return run(inside(ours, "ip link set lo up")) && run(inside(theirs, "ip link set lo up")) &&
-         run(inside(ours, "ip link add cable type veth peer name cable netns " + std::to_string(theirs))) &&
+         run(inside(ours, "ip link add cable type veth peer name cable netns " +
+                              std::to_string(theirs))) &&
          run(inside(ours, std::string("ip address add ") + kOurs + "/24 dev cable")) &&
          run(inside(theirs, std::string("ip address add ") + kTheirs + "/24 dev cable")) &&
          run(inside(ours, "ip link set cable up multicast off")) &&
@@ -91,7 +98,8 @@ bool connect(pid_t ours, pid_t theirs) {
          run(inside(theirs, kUntilUp));
 }
 
-// Their machine goes two seconds before our server ends, and takes the cable with it: the server ends all the same.
+// Their machine goes two seconds before our server ends, and takes the cable with it: the server
+// ends all the same.
 TEST(FastDdsAcrossNamespaces, IsFoundByPeersWithoutMulticast) {
   const Gate ours_apart;
   const Gate theirs_apart;
@@ -102,8 +110,8 @@ TEST(FastDdsAcrossNamespaces, IsFoundByPeersWithoutMulticast) {
     ::waitpid(server, nullptr, 0);
     GTEST_SKIP() << "network namespaces are not permitted here (needs CAP_SYS_ADMIN)";
   }
-  PeerProcess peer({"read", std::to_string(kDomain), kTheirs, kOurs, "7", "PoseStamped:rt/drone/pose",
-                    "TFMessage:rt/tf_static:k", "Body:fiducap/bodies"},
+  PeerProcess peer({"read", std::to_string(kDomain), kTheirs, kOurs, "7",
+                    "PoseStamped:rt/drone/pose", "TFMessage:rt/tf_static:k", "Body:fiducap/bodies"},
                    [&] {
                      if (::unshare(CLONE_NEWNET) != 0) ::_exit(77);
                      theirs_apart.open();

@@ -3,9 +3,9 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
 namespace fast_dds_peer {
 namespace {
@@ -44,7 +44,8 @@ std::vector<WantedTopic> topics_from(int argc, char** argv, int first) {
     const std::string text = argv[i];
     const auto one = text.find(':');
     const auto two = text.find(':', one + 1);
-    topics.push_back({text.substr(0, one), text.substr(one + 1, two == std::string::npos ? two : two - one - 1),
+    topics.push_back({text.substr(0, one),
+                      text.substr(one + 1, two == std::string::npos ? two : two - one - 1),
                       two == std::string::npos ? "" : text.substr(two + 1)});
   }
   return topics;
@@ -52,12 +53,15 @@ std::vector<WantedTopic> topics_from(int argc, char** argv, int first) {
 
 int run(int argc, char** argv) {
   if (argc < 6) {
-    std::fprintf(stderr, "usage: fast_dds_peer read|write DOMAIN OWN_ADDRESS PEER|- SECONDS TYPE:TOPIC[:FLAGS]...|CAMERA\n");
+    std::fprintf(stderr,
+                 "usage: fast_dds_peer read|write DOMAIN OWN_ADDRESS PEER|- SECONDS "
+                 "TYPE:TOPIC[:FLAGS]...|CAMERA\n");
     return 2;
   }
   const auto qos = qos_for(argv[3], argv[4]);
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  auto* participant = factory->create_participant(static_cast<std::uint32_t>(std::atoi(argv[2])), qos);
+  auto* participant =
+      factory->create_participant(static_cast<std::uint32_t>(std::atoi(argv[2])), qos);
   if (participant == nullptr) {
     std::fprintf(stderr, "no participant\n");
     return 1;

@@ -6,12 +6,14 @@
 
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 
-/// Fast DDS as a client of ours. A program of its own: it must not share a process with Cyclone DDS.
+/// Fast DDS as a client of ours. A program of its own: it must not share a process with Cyclone
+/// DDS.
 namespace fast_dds_peer {
 
 namespace dds = eprosima::fastdds::dds;
 
-/// `PoseStamped:rt/drone/pose:flags`; flags of b (best effort), k (transient local), d (deadline 10 ms).
+/// `PoseStamped:rt/drone/pose:flags`; flags of b (best effort), k (transient local), d (deadline 10
+/// ms).
 struct WantedTopic {
   std::string type;
   std::string name;
@@ -23,10 +25,13 @@ struct WantedTopic {
 using Patience = std::chrono::duration<double>;
 
 /// Reads for so long and prints one line per topic. @return exit code
-int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics, Patience duration);
+int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics,
+                Patience duration);
 
-/// Plays a camera and an IMU: images that grow brighter, 20 Hz and 200 Hz, and the camera's description.
+/// Plays a camera and an IMU: images that grow brighter, 20 Hz and 200 Hz, and the camera's
+/// description.
 /// @param name  of the camera, `/cam0`: `rt/cam0/image_raw`, `rt/cam0/camera_info`, `rt/imu/data`
-int write_sensors(dds::DomainParticipant& participant, const std::string& folder, Patience duration);
+int write_sensors(dds::DomainParticipant& participant, const std::string& folder,
+                  Patience duration);
 
 }  // namespace fast_dds_peer

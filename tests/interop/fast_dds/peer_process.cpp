@@ -22,7 +22,8 @@ int number_after(const std::string& line, const std::string& key) {
 
 }  // namespace
 
-PeerProcess::PeerProcess(const std::vector<std::string>& arguments, const std::function<void()>& before_exec) {
+PeerProcess::PeerProcess(const std::vector<std::string>& arguments,
+                         const std::function<void()>& before_exec) {
   int ends[2];
   if (::pipe2(ends, O_CLOEXEC) != 0) return;
   std::string program = FAST_DDS_PEER;
@@ -50,26 +51,30 @@ PeerProcess::~PeerProcess() {
 
 bool PeerProcess::is_running() {
   siginfo_t info{};
-  return pid_ > 0 && ::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+  return pid_ > 0 &&
+         ::waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
          info.si_pid == 0;
 }
 
 std::map<std::string, Heard> PeerProcess::heard() {
   std::string text;
   char buffer[4096];
-  for (ssize_t n = 0; (n = ::read(output_, buffer, sizeof(buffer))) > 0;) text.append(buffer, static_cast<std::size_t>(n));
+  for (ssize_t n = 0; (n = ::read(output_, buffer, sizeof(buffer))) > 0;)
+    text.append(buffer, static_cast<std::size_t>(n));
   std::map<std::string, Heard> all;
   std::istringstream lines(text);
   for (std::string line; std::getline(lines, line);) {
     const auto last = line.find("last: ");
     if (last == std::string::npos) continue;
     all[line.substr(0, line.find(' '))] = {number_after(line, "count"), number_after(line, "ids"),
-                                           number_after(line, "incompatible"), line.substr(last + 6)};
+                                           number_after(line, "incompatible"),
+                                           line.substr(last + 6)};
   }
   return all;
 }
 
-void publish_frames(Streamer& server, const std::vector<std::string>& bodies, const std::function<bool()>& go_on) {
+void publish_frames(Streamer& server, const std::vector<std::string>& bodies,
+                    const std::function<bool()>& go_on) {
   auto due = std::chrono::steady_clock::now();
   for (std::uint64_t number = 1; go_on(); ++number) {
     auto frame = make_scene_frame(bodies, number);

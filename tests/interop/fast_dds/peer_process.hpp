@@ -23,7 +23,8 @@ struct Heard {
 class PeerProcess final {
  public:
   /// @param before_exec  in the child
-  explicit PeerProcess(const std::vector<std::string>& arguments, const std::function<void()>& before_exec = {});
+  explicit PeerProcess(const std::vector<std::string>& arguments,
+                       const std::function<void()>& before_exec = {});
   ~PeerProcess();
   PeerProcess(const PeerProcess&) = delete;
   PeerProcess& operator=(const PeerProcess&) = delete;
@@ -39,6 +40,7 @@ class PeerProcess final {
 };
 
 /// Frames at 100 Hz until `go_on` says no; the bodies move, so that a repeated message would show.
-void publish_frames(Streamer& server, const std::vector<std::string>& bodies, const std::function<bool()>& go_on);
+void publish_frames(Streamer& server, const std::vector<std::string>& bodies,
+                    const std::function<bool()>& go_on);
 
 }  // namespace fiducap::dds

@@ -27,8 +27,8 @@ std::string text(const geometry_msgs::msg::dds_::Pose_& pose) {
   std::ostringstream out;
   out.precision(9);
   out << "p=" << pose.position().x() << ',' << pose.position().y() << ',' << pose.position().z()
-      << " q_xyzw=" << pose.orientation().x() << ',' << pose.orientation().y() << ',' << pose.orientation().z() << ','
-      << pose.orientation().w();
+      << " q_xyzw=" << pose.orientation().x() << ',' << pose.orientation().y() << ','
+      << pose.orientation().z() << ',' << pose.orientation().w();
   return out.str();
 }
 
@@ -36,28 +36,34 @@ template <typename Numbers>
 std::string list(const Numbers& numbers) {
   std::ostringstream out;
   out.precision(9);
-  for (const auto number : numbers) out << (out.tellp() > 0 ? "," : "") << static_cast<double>(number);
+  for (const auto number : numbers)
+    out << (out.tellp() > 0 ? "," : "") << static_cast<double>(number);
   return out.str();
 }
 
-std::string text(const geometry_msgs::msg::dds_::Vector3_& v) { return list(std::array{v.x(), v.y(), v.z()}); }
+std::string text(const geometry_msgs::msg::dds_::Vector3_& v) {
+  return list(std::array{v.x(), v.y(), v.z()});
+}
 
 // What of each type is printed, and the time it is for.
 std::string show(const geometry_msgs::msg::dds_::PoseStamped_& m) {
   return "frame=" + m.header().frame_id() + " " + text(m.pose());
 }
 std::string show(const geometry_msgs::msg::dds_::TwistStamped_& m) {
-  return "frame=" + m.header().frame_id() + " v=" + text(m.twist().linear()) + " w=" + text(m.twist().angular());
+  return "frame=" + m.header().frame_id() + " v=" + text(m.twist().linear()) +
+         " w=" + text(m.twist().angular());
 }
 std::string show(const nav_msgs::msg::dds_::Odometry_& m) {
-  return "frame=" + m.header().frame_id() + " child=" + m.child_frame_id() + " " + text(m.pose().pose()) +
-         " v=" + text(m.twist().twist().linear()) + " w=" + text(m.twist().twist().angular()) +
-         " pose_cov=" + list(m.pose().covariance()) + " twist_cov=" + list(m.twist().covariance());
+  return "frame=" + m.header().frame_id() + " child=" + m.child_frame_id() + " " +
+         text(m.pose().pose()) + " v=" + text(m.twist().twist().linear()) +
+         " w=" + text(m.twist().twist().angular()) + " pose_cov=" + list(m.pose().covariance()) +
+         " twist_cov=" + list(m.twist().covariance());
 }
 std::string show(const tf2_msgs::msg::dds_::TFMessage_& m) {
   std::string out = "transforms=" + std::to_string(m.transforms().size());
   for (const auto& one : m.transforms()) {
-    out += " " + one.header().frame_id() + ">" + one.child_frame_id() + "@" + text(one.transform().translation());
+    out += " " + one.header().frame_id() + ">" + one.child_frame_id() + "@" +
+           text(one.transform().translation());
   }
   return out;
 }
@@ -68,7 +74,8 @@ std::string show(const motion_capture_tracking_interfaces::msg::dds_::NamedPoseA
 }
 std::string show(const mocap4r2_msgs::msg::dds_::RigidBodies_& m) {
   std::string out = "number=" + std::to_string(m.frame_number());
-  for (const auto& one : m.rigidbodies()) out += " " + one.rigid_body_name() + " " + text(one.pose());
+  for (const auto& one : m.rigidbodies())
+    out += " " + one.rigid_body_name() + " " + text(one.pose());
   return out;
 }
 std::string show(const diagnostic_msgs::msg::dds_::DiagnosticArray_& m) {
@@ -81,17 +88,21 @@ std::string show(const diagnostic_msgs::msg::dds_::DiagnosticArray_& m) {
   return out;
 }
 std::string show(const px4_msgs::msg::dds_::VehicleOdometry_& m) {
-  return "frame=" + std::to_string(m.pose_frame()) + " p=" + list(m.position()) + " q_wxyz=" + list(m.q()) +
-         " v=" + list(m.velocity()) + " w=" + list(m.angular_velocity()) + " p_var=" + list(m.position_variance()) +
-         " reset=" + std::to_string(m.reset_counter()) + " quality=" + std::to_string(static_cast<int>(m.quality()));
+  return "frame=" + std::to_string(m.pose_frame()) + " p=" + list(m.position()) +
+         " q_wxyz=" + list(m.q()) + " v=" + list(m.velocity()) +
+         " w=" + list(m.angular_velocity()) + " p_var=" + list(m.position_variance()) +
+         " reset=" + std::to_string(m.reset_counter()) +
+         " quality=" + std::to_string(static_cast<int>(m.quality()));
 }
 std::string show(const fiducap::dds::Body& m) {
-  return "id=" + std::to_string(m.id()) + " name=" + m.name() + " valid=" + std::to_string(m.valid()) +
+  return "id=" + std::to_string(m.id()) + " name=" + m.name() +
+         " valid=" + std::to_string(m.valid()) +
          " state=" + std::to_string(static_cast<int>(m.state())) + " p=" + list(m.position()) +
          " q_wxyz=" + list(m.attitude()) + " cov0=" + std::to_string(m.covariance()[0]);
 }
 std::string show(const fiducap::dds::Tag& m) {
-  return "id=" + std::to_string(m.id()) + " edge=" + std::to_string(m.edge_m()) + " p=" + list(m.position());
+  return "id=" + std::to_string(m.id()) + " edge=" + std::to_string(m.edge_m()) +
+         " p=" + list(m.position());
 }
 
 template <typename T>
@@ -124,9 +135,11 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
     type_->auto_fill_type_information(false);
     type_->auto_fill_type_object(false);
     type_.register_type(&participant);
-    auto* topic = participant.create_topic(wanted_.name, type_.get_type_name(), dds::TOPIC_QOS_DEFAULT);
+    auto* topic =
+        participant.create_topic(wanted_.name, type_.get_type_name(), dds::TOPIC_QOS_DEFAULT);
     dds::DataReaderQos qos;
-    qos.reliability().kind = wanted_.has('b') ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
+    qos.reliability().kind =
+        wanted_.has('b') ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
     if (wanted_.has('k')) qos.durability().kind = dds::TRANSIENT_LOCAL_DURABILITY_QOS;
     if (wanted_.has('d')) qos.deadline().period = {0, 10'000'000};
     qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
@@ -151,7 +164,8 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
       ages_ms_.push_back((now - utc_s(message)) * 1000);
     }
   }
-  void on_requested_incompatible_qos(dds::DataReader*, const dds::RequestedIncompatibleQosStatus& s) override {
+  void on_requested_incompatible_qos(dds::DataReader*,
+                                     const dds::RequestedIncompatibleQosStatus& s) override {
     const std::lock_guard lock(mutex_);
     incompatible_ = static_cast<int>(s.last_policy_id);
   }
@@ -160,11 +174,13 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
     const std::lock_guard lock(mutex_);
     std::sort(ages_ms_.begin(), ages_ms_.end());
     const auto at = [this](double share) {
-      return ages_ms_.empty() ? 0.0 : ages_ms_[static_cast<std::size_t>(share * static_cast<double>(ages_ms_.size() - 1))];
+      return ages_ms_.empty() ? 0.0
+                              : ages_ms_[static_cast<std::size_t>(
+                                    share * static_cast<double>(ages_ms_.size() - 1))];
     };
     std::printf("%s count=%zu ids=%zu disposed=%d incompatible=%d age_ms=%.3f/%.3f/%.3f last: %s\n",
-                wanted_.name.c_str(), count_, ids_.size(), disposed_, incompatible_, at(0.5), at(0.99), at(1.0),
-                last_.c_str());
+                wanted_.name.c_str(), count_, ids_.size(), disposed_, incompatible_, at(0.5),
+                at(0.99), at(1.0), last_.c_str());
   }
 
  private:
@@ -180,7 +196,8 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
   std::vector<double> ages_ms_;
 };
 
-using Maker = std::unique_ptr<AnyReader> (*)(dds::DomainParticipant&, dds::Subscriber&, const WantedTopic&);
+using Maker = std::unique_ptr<AnyReader> (*)(dds::DomainParticipant&, dds::Subscriber&,
+                                             const WantedTopic&);
 
 template <typename T, typename Support>
 std::unique_ptr<AnyReader> make(dds::DomainParticipant& participant, dds::Subscriber& subscriber,
@@ -203,7 +220,8 @@ const std::map<std::string, Maker>& makers() {
       {"TFMessage", make<tf2::TFMessage_, tf2::TFMessage_PubSubType>},
       {"NamedPoseArray", make<tracking::NamedPoseArray_, tracking::NamedPoseArray_PubSubType>},
       {"RigidBodies", make<mocap::RigidBodies_, mocap::RigidBodies_PubSubType>},
-      {"DiagnosticArray", make<diagnostic::DiagnosticArray_, diagnostic::DiagnosticArray_PubSubType>},
+      {"DiagnosticArray",
+       make<diagnostic::DiagnosticArray_, diagnostic::DiagnosticArray_PubSubType>},
       {"VehicleOdometry", make<px4::VehicleOdometry_, px4::VehicleOdometry_PubSubType>},
       {"Body", make<fiducap::dds::Body, fiducap::dds::BodyPubSubType>},
       {"Tag", make<fiducap::dds::Tag, fiducap::dds::TagPubSubType>},
@@ -213,7 +231,8 @@ const std::map<std::string, Maker>& makers() {
 
 }  // namespace
 
-int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics, Patience duration) {
+int read_topics(dds::DomainParticipant& participant, const std::vector<WantedTopic>& topics,
+                Patience duration) {
   auto* subscriber = participant.create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   std::vector<std::unique_ptr<AnyReader>> readers;
   for (const auto& wanted : topics) {

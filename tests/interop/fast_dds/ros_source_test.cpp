@@ -17,7 +17,8 @@ constexpr int kDomain = 47;
 class RealClock final : public Clock {
  public:
   [[nodiscard]] Instant now() const override {
-    return Instant{std::chrono::duration_cast<Duration>(std::chrono::steady_clock::now().time_since_epoch())};
+    return Instant{
+        std::chrono::duration_cast<Duration>(std::chrono::steady_clock::now().time_since_epoch())};
   }
   [[nodiscard]] bool wait_until(Instant at, std::stop_token) const override {
     std::this_thread::sleep_for(at - now());
@@ -69,7 +70,8 @@ TEST_F(RosSourceFromFastDds, GivesImagesAndReadingsInOrderWithTheLensOfTheDriver
     if (const auto* frame = std::get_if<CameraFrame>(&**sample)) {
       ++images;
       EXPECT_EQ(frame->image->width, 640);
-      EXPECT_EQ(frame->image->pixels.front(), frame->image->pixels.back()) << "one image, not parts of two";
+      EXPECT_EQ(frame->image->pixels.front(), frame->image->pixels.back())
+          << "one image, not parts of two";
       if (last_image) {
         EXPECT_GT(at, *last_image);
       }

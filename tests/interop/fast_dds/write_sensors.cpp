@@ -20,15 +20,16 @@ constexpr int kImuPerImage = 10;
 constexpr std::chrono::milliseconds kImuPeriod{5};
 
 template <typename Support>
-dds::DataWriter* make_writer(dds::DomainParticipant& participant, dds::Publisher& publisher, const std::string& name,
-                             bool reliable) {
+dds::DataWriter* make_writer(dds::DomainParticipant& participant, dds::Publisher& publisher,
+                             const std::string& name, bool reliable) {
   dds::TypeSupport type(new Support());
   type->auto_fill_type_information(false);
   type->auto_fill_type_object(false);
   type.register_type(&participant);
   auto* topic = participant.create_topic(name, type.get_type_name(), dds::TOPIC_QOS_DEFAULT);
   dds::DataWriterQos qos;
-  qos.reliability().kind = reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
+  qos.reliability().kind =
+      reliable ? dds::RELIABLE_RELIABILITY_QOS : dds::BEST_EFFORT_RELIABILITY_QOS;
   qos.history().depth = 5;
   qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;
   return publisher.create_datawriter(topic, qos);
@@ -37,7 +38,8 @@ dds::DataWriter* make_writer(dds::DomainParticipant& participant, dds::Publisher
 template <typename Message>
 void stamp(Message& message, const std::string& frame) {
   const auto ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                      std::chrono::system_clock::now().time_since_epoch()).count();
+                      std::chrono::system_clock::now().time_since_epoch())
+                      .count();
   message.header().stamp().sec(static_cast<std::int32_t>(ns / 1'000'000'000));
   message.header().stamp().nanosec(static_cast<std::uint32_t>(ns % 1'000'000'000));
   message.header().frame_id(frame);
@@ -57,10 +59,13 @@ sensor::CameraInfo_ camera_info() {
 
 }  // namespace
 
-int write_sensors(dds::DomainParticipant& participant, const std::string& folder, Patience duration) {
+int write_sensors(dds::DomainParticipant& participant, const std::string& folder,
+                  Patience duration) {
   auto* publisher = participant.create_publisher(dds::PUBLISHER_QOS_DEFAULT);
-  auto* images = make_writer<sensor::Image_PubSubType>(participant, *publisher, "rt" + folder + "/image_raw", true);
-  auto* infos = make_writer<sensor::CameraInfo_PubSubType>(participant, *publisher, "rt" + folder + "/camera_info", true);
+  auto* images = make_writer<sensor::Image_PubSubType>(participant, *publisher,
+                                                       "rt" + folder + "/image_raw", true);
+  auto* infos = make_writer<sensor::CameraInfo_PubSubType>(participant, *publisher,
+                                                           "rt" + folder + "/camera_info", true);
   auto* imus = make_writer<sensor::Imu_PubSubType>(participant, *publisher, "rt/imu/data", false);
   sensor::Image_ image;
   image.width(kWidth);

@@ -27,10 +27,10 @@ CameraModel camera(int width, int height) {
 
 class RosImageTest : public testing::Test {
  protected:
-  Expected<void> convert(std::string_view encoding, std::uint32_t step, const std::vector<std::uint8_t>& data,
-                         bool big = false) {
-    return to_gray({static_cast<std::uint32_t>(model_.width), static_cast<std::uint32_t>(model_.height), encoding, big,
-                    step, data},
+  Expected<void> convert(std::string_view encoding, std::uint32_t step,
+                         const std::vector<std::uint8_t>& data, bool big = false) {
+    return to_gray({static_cast<std::uint32_t>(model_.width),
+                    static_cast<std::uint32_t>(model_.height), encoding, big, step, data},
                    model_, gray_);
   }
   CameraModel model_ = camera(2, 2);
@@ -65,10 +65,13 @@ TEST_F(RosImageTest, BrightnessOfYuvIsWhereTheEncodingHasIt) {
 }
 
 TEST_F(RosImageTest, BayerPatternsBeginWithTheColourThatTheyName) {
-  // Only the red pixels shine: the picture must come out as bright as red is, wherever the pattern has it.
+  // Only the red pixels shine: the picture must come out as bright as red is, wherever the pattern
+  // has it.
   model_ = camera(8, 8);
-  const std::pair<const char*, std::pair<int, int>> red_at[] = {
-      {"bayer_rggb8", {0, 0}}, {"bayer_bggr8", {1, 1}}, {"bayer_gbrg8", {1, 0}}, {"bayer_grbg8", {0, 1}}};
+  const std::pair<const char*, std::pair<int, int>> red_at[] = {{"bayer_rggb8", {0, 0}},
+                                                                {"bayer_bggr8", {1, 1}},
+                                                                {"bayer_gbrg8", {1, 0}},
+                                                                {"bayer_grbg8", {0, 1}}};
   for (const auto& [encoding, place] : red_at) {
     std::vector<std::uint8_t> data(64, 0);
     for (int y = place.first; y < 8; y += 2) {
@@ -86,11 +89,16 @@ TEST_F(RosImageTest, LyingSizesAreErrorsNotReads) {
   EXPECT_FALSE(convert("mono8", std::numeric_limits<std::uint32_t>::max(), {1, 2, 3, 4}));
   EXPECT_FALSE(convert("bgra8", 8, std::vector<std::uint8_t>(15)));
   EXPECT_FALSE(convert("32FC1", 8, std::vector<std::uint8_t>(16)));
-  const RawImage huge{std::numeric_limits<std::uint32_t>::max(), std::numeric_limits<std::uint32_t>::max(), "mono8",
-                      false, 4, {}};
+  const RawImage huge{std::numeric_limits<std::uint32_t>::max(),
+                      std::numeric_limits<std::uint32_t>::max(),
+                      "mono8",
+                      false,
+                      4,
+                      {}};
   const auto result = to_gray(huge, model_, gray_);
   ASSERT_FALSE(result);
-  EXPECT_THAT(result.error().text(), HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
+  EXPECT_THAT(result.error().text(),
+              HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
 }
 
 TEST_F(RosImageTest, CompressedImagesAreDecodedWhenTheirHeaderHasTheRightSize) {

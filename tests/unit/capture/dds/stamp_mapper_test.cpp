@@ -38,7 +38,8 @@ TEST(StampMapper, AClockThatIsNotOursIsFoundOutAndPlacedByArrival) {
   Instant now = kStart;
   int refused = 0;
   for (int i = 0; i < 60; ++i, now += 5ms) {
-    if (!mapper.place((now - kStart).count(), now + 1ms, utc_at(now + 1ms))) ++refused;  // simulated time, from 0
+    if (!mapper.place((now - kStart).count(), now + 1ms, utc_at(now + 1ms)))
+      ++refused;  // simulated time, from 0
   }
   EXPECT_EQ(refused, 50);
   EXPECT_TRUE(mapper.by_arrival());
@@ -55,8 +56,8 @@ TEST(StampMapper, BySlowMessagesArrivalIsNotDelayed) {
     const auto placed = mapper.place(std::int64_t{i} * 5'000'000, arrived, 0);
     ASSERT_TRUE(placed);
     if (i < 200) continue;
-    EXPECT_GE(*placed, now + 1ms);            // nobody knows the quickest way
-    EXPECT_LE(*placed, now + 1ms + 200us);    // but the quickest of two hundred is close to it
+    EXPECT_GE(*placed, now + 1ms);          // nobody knows the quickest way
+    EXPECT_LE(*placed, now + 1ms + 200us);  // but the quickest of two hundred is close to it
   }
 }
 
@@ -65,7 +66,8 @@ TEST(StampMapper, WhatLiesBetweenImageAndReadingStaysAsMeasured) {
   Instant now = kStart;
   for (int i = 0; i < 100; ++i, now += 5ms) (void)mapper.place(std::int64_t{i} * 5'000'000, now, 0);
   const auto reading = mapper.place(500'000'000, now, 0);
-  const auto image = mapper.place(480'000'000, now + 40ms, 0);  // exposed 20 ms before, came 60 ms after
+  const auto image =
+      mapper.place(480'000'000, now + 40ms, 0);  // exposed 20 ms before, came 60 ms after
   ASSERT_TRUE(reading && image);
   EXPECT_EQ(*reading - *image, 20ms);
 }
@@ -75,7 +77,8 @@ TEST(StampMapper, FollowsAClockThatRunsWrong) {
   Instant now = kStart;
   constexpr double kDrift = 100e-6;  // slow by this
   for (int i = 0; i < 200'000; ++i, now += 5ms) {
-    const auto stamp = static_cast<std::int64_t>(static_cast<double>((now - kStart).count()) * (1 - kDrift));
+    const auto stamp =
+        static_cast<std::int64_t>(static_cast<double>((now - kStart).count()) * (1 - kDrift));
     const auto placed = mapper.place(stamp, now, 0);
     ASSERT_TRUE(placed);
     EXPECT_LE(now - *placed, 2ms + 1us);  // 20 s of drift

@@ -37,16 +37,20 @@ BodyPose random_body(std::mt19937& random) {
 TEST(AutopilotAxes, NorthIsTheWorkspacesYAndDownItsMinusZ) {
   BodyPose body;
   body.X_WP = {Eigen::Quaterniond::Identity(), {1, 2, 3}};
-  EXPECT_TRUE(to_autopilot(body, AutopilotWorld::kNed).p_NF.isApprox(Eigen::Vector3d(2, 1, -3), kRounding));
-  EXPECT_TRUE(to_autopilot(body, AutopilotWorld::kFrd).p_NF.isApprox(Eigen::Vector3d(1, -2, -3), kRounding));
+  EXPECT_TRUE(
+      to_autopilot(body, AutopilotWorld::kNed).p_NF.isApprox(Eigen::Vector3d(2, 1, -3), kRounding));
+  EXPECT_TRUE(to_autopilot(body, AutopilotWorld::kFrd)
+                  .p_NF.isApprox(Eigen::Vector3d(1, -2, -3), kRounding));
 }
 
 TEST(AutopilotAxes, ALevelBodyFacingEastHasAYawOfNinetyDegrees) {
   BodyPose body;  // x forward along W's x: east
   body.X_WP = {Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()};
   const auto rpy = roll_pitch_yaw(to_autopilot(body, AutopilotWorld::kNed).q_NF);
-  EXPECT_TRUE(rpy.isApprox(Eigen::Vector3d(0, 0, std::numbers::pi / 2), kRounding)) << rpy.transpose();
-  EXPECT_TRUE(to_autopilot(body, AutopilotWorld::kFrd).q_NF.isApprox(Eigen::Quaterniond::Identity(), kRounding));
+  EXPECT_TRUE(rpy.isApprox(Eigen::Vector3d(0, 0, std::numbers::pi / 2), kRounding))
+      << rpy.transpose();
+  EXPECT_TRUE(to_autopilot(body, AutopilotWorld::kFrd)
+                  .q_NF.isApprox(Eigen::Quaterniond::Identity(), kRounding));
 }
 
 TEST(AutopilotAxes, NoseUpIsAPositivePitchAndRightSideDownAPositiveRoll) {
@@ -96,8 +100,11 @@ TEST_P(AutopilotAxesProperty, CovariancesKeepTheirEigenvaluesAndStaySymmetric) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Worlds, AutopilotAxesProperty, testing::Values(AutopilotWorld::kNed, AutopilotWorld::kFrd),
-                         [](const auto& world) { return world.param == AutopilotWorld::kNed ? "Ned" : "Frd"; });
+INSTANTIATE_TEST_SUITE_P(Worlds, AutopilotAxesProperty,
+                         testing::Values(AutopilotWorld::kNed, AutopilotWorld::kFrd),
+                         [](const auto& world) {
+                           return world.param == AutopilotWorld::kNed ? "Ned" : "Frd";
+                         });
 
 TEST(AutopilotAxes, YawVarianceOfALevelBodyIsThatAboutTheVertical) {
   BodyPose body;
@@ -122,7 +129,8 @@ TEST(BodyTwistCovariance, JacobianIsThatOfCentralDifferences) {
     const auto velocity_P = [&body](const Eigen::Matrix<double, 12, 1>& error) {
       const Eigen::Quaterniond q = exp_so3(error.segment<3>(3)) * body.X_WP.q;
       Eigen::Matrix<double, 6, 1> out;
-      out << q.conjugate() * Eigen::Vector3d(body.v_WP + error.segment<3>(6)), body.w_WP_P + error.segment<3>(9);
+      out << q.conjugate() * Eigen::Vector3d(body.v_WP + error.segment<3>(6)),
+          body.w_WP_P + error.segment<3>(9);
       return out;
     };
     Eigen::Matrix<double, 6, 12> J;
@@ -142,7 +150,7 @@ TEST(AutopilotQuality, FallsWithTheDoubtAndIsMinusOneWhenInvalid) {
   body.covariance = Matrix12d::Identity() * 1e-6;
   EXPECT_EQ(autopilot_quality(body), 100);
   body.covariance = Matrix12d::Identity() * 0.01;  // 10 cm
-  EXPECT_EQ(autopilot_quality(body), 10);          // ten times the best; 5.7 degrees alone would give 17
+  EXPECT_EQ(autopilot_quality(body), 10);  // ten times the best; 5.7 degrees alone would give 17
   body.covariance = Matrix12d::Identity() * 1e6;
   EXPECT_EQ(autopilot_quality(body), 1);
   body.covariance = Matrix12d::Identity() * 1e-6;

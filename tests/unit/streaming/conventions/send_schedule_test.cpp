@@ -13,7 +13,9 @@ int sent_of(int frames, double frame_rate_hz, double rate_hz) {
   SendSchedule schedule(rate_hz);
   int sent = 0;
   for (int i = 0; i < frames; ++i) {
-    sent += schedule.is_due(instant_from_ns(7) + from_seconds(i / frame_rate_hz), frame_rate_hz) ? 1 : 0;
+    sent += schedule.is_due(instant_from_ns(7) + from_seconds(i / frame_rate_hz), frame_rate_hz)
+                ? 1
+                : 0;
   }
   return sent;
 }

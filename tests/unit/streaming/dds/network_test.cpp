@@ -27,7 +27,8 @@ TEST(DdsNetwork, AnotherInterfaceIsSearchedByMulticastUnlessPeersAreNamed) {
   EXPECT_THAT(cyclone_xml(config), HasSubstr("<AllowMulticast>spdp<"));
   config.peers = {"192.168.1.7", "robot.local"};
   EXPECT_FALSE(config.uses_multicast());
-  EXPECT_THAT(cyclone_xml(config), HasSubstr("<Peer Address=\"192.168.1.7\"/><Peer Address=\"robot.local\"/>"));
+  EXPECT_THAT(cyclone_xml(config),
+              HasSubstr("<Peer Address=\"192.168.1.7\"/><Peer Address=\"robot.local\"/>"));
 }
 
 TEST(DdsNetwork, AnAddressStandsForItsInterface) {

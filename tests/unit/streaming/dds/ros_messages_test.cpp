@@ -16,7 +16,8 @@ class RosMessagesTest : public testing::Test {
   RosMessagesTest() {
     body_.X_WP = {Eigen::Quaterniond(2 / 9., 4 / 9., 5 / 9., 6 / 9.), {1.0, -2.0, 0.25}};
     for (int row = 0; row < 12; ++row) {
-      for (int column = 0; column < 12; ++column) body_.covariance(row, column) = 1 + std::min(row, column);
+      for (int column = 0; column < 12; ++column)
+        body_.covariance(row, column) = 1 + std::min(row, column);
     }
   }
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"drone"});
@@ -43,9 +44,11 @@ TEST_F(RosMessagesTest, TwistOfATwistMessageIsInTheWorldThatOfAnOdometryInTheBod
   EXPECT_EQ(world.twist.linear.x, body_.v_WP.x());
   EXPECT_EQ(own.twist.twist.angular.z, body_.w_WP_P.z());
   const auto& linear = own.twist.twist.linear;
-  EXPECT_TRUE((body_.X_WP.q * Eigen::Vector3d(linear.x, linear.y, linear.z)).isApprox(body_.v_WP, kRounding));
+  EXPECT_TRUE((body_.X_WP.q * Eigen::Vector3d(linear.x, linear.y, linear.z))
+                  .isApprox(body_.v_WP, kRounding));
   const auto& angular = world.twist.angular;
-  EXPECT_TRUE(Eigen::Vector3d(angular.x, angular.y, angular.z).isApprox(body_.X_WP.q * body_.w_WP_P, kRounding));
+  EXPECT_TRUE(Eigen::Vector3d(angular.x, angular.y, angular.z)
+                  .isApprox(body_.X_WP.q * body_.w_WP_P, kRounding));
 }
 
 TEST_F(RosMessagesTest, CovariancesGoRowByRow) {

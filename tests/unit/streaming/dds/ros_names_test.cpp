@@ -11,11 +11,14 @@ using testing::ElementsAre;
 
 SceneModel model_of(const std::vector<std::string>& names) {
   SceneModel model;
-  for (const auto& name : names) model.bodies.push_back({static_cast<int>(model.bodies.size()) + 1, name});
+  for (const auto& name : names)
+    model.bodies.push_back({static_cast<int>(model.bodies.size()) + 1, name});
   return model;
 }
 
-TEST(RosNames, GoodNamesStay) { EXPECT_THAT(ros_names(model_of({"drone", "cf_7"})), ElementsAre("drone", "cf_7")); }
+TEST(RosNames, GoodNamesStay) {
+  EXPECT_THAT(ros_names(model_of({"drone", "cf_7"})), ElementsAre("drone", "cf_7"));
+}
 
 TEST(RosNames, WhatRosForbidsBecomesAnUnderscore) {
   EXPECT_THAT(ros_names(model_of({"big-drone.v2", "7up", "_x__y_", "ä"})),
@@ -32,7 +35,8 @@ TEST(RosNames, AreLegalAndDistinctWhateverTheBodiesAreCalled) {
     std::vector<std::string> names;
     for (int i = 0; i < 8; ++i) {
       std::string name;
-      for (unsigned k = 0; k < random() % 6; ++k) name += static_cast<char>(random() % 3 == 0 ? random() % 256 : 'a');
+      for (unsigned k = 0; k < random() % 6; ++k)
+        name += static_cast<char>(random() % 3 == 0 ? random() % 256 : 'a');
       names.push_back(name);
     }
     auto given = ros_names(model_of(names));
@@ -45,7 +49,8 @@ TEST(RosNames, AreLegalAndDistinctWhateverTheBodiesAreCalled) {
 TEST(RosNames, NamespacesBeginWithASlashAndDoNotEndWithOne) {
   EXPECT_TRUE(is_ros_namespace("/fiducap"));
   EXPECT_TRUE(is_ros_namespace("/lab/fiducap"));
-  for (const char* bad : {"fiducap", "/", "/fiducap/", "//a", "/7", "/a b"}) EXPECT_FALSE(is_ros_namespace(bad)) << bad;
+  for (const char* bad : {"fiducap", "/", "/fiducap/", "//a", "/7", "/a b"})
+    EXPECT_FALSE(is_ros_namespace(bad)) << bad;
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// What lies on the wire, byte by byte: OMG's XCDR version 1, little-endian, and what discovery says about our writers.
+// What lies on the wire, byte by byte: OMG's XCDR version 1, little-endian, and what discovery says
+// about our writers.
 #include <dds/dds.h>
 #include <dds/ddsi/ddsi_serdata.h>
 #include <gmock/gmock.h>
@@ -40,12 +41,14 @@ TEST_F(DdsWire, PoseStampedIsPlainCdr) {
   std::vector<std::byte> bytes(ddsi_serdata_size(data));
   ddsi_serdata_to_ser(data, 0, bytes.size(), bytes.data());
   ddsi_serdata_unref(data);
-  EXPECT_EQ(to_hex(bytes), to_hex(from_hex(
-      "00010000"                                          // CDR, little-endian
-      "04030201 08070605"                                 // stamp
-      "04000000 6d617000"                                 // "map" with its zero
-      "000000000000f03f 00000000000000c0 000000000000d03f"  // x y z
-      "000000000000e03f 000000000000e0bf 000000000000e03f 000000000000e0bf")));  // x y z w
+  EXPECT_EQ(
+      to_hex(bytes),
+      to_hex(from_hex(
+          "00010000"                                            // CDR, little-endian
+          "04030201 08070605"                                   // stamp
+          "04000000 6d617000"                                   // "map" with its zero
+          "000000000000f03f 00000000000000c0 000000000000d03f"  // x y z
+          "000000000000e03f 000000000000e0bf 000000000000e03f 000000000000e0bf")));  // x y z w
 }
 
 TEST_F(DdsWire, WritersCarryRosNamesAndTheTypeHash) {
@@ -75,7 +78,8 @@ TEST_F(DdsWire, EveryRosTypeHasTheNameThatRosMangles) {
       {RosType::kDiagnosticArray, "diagnostic_msgs::msg::dds_::DiagnosticArray_"},
       {RosType::kVehicleOdometry, "px4_msgs::msg::dds_::VehicleOdometry_"},
   };
-  for (const auto& [type, name] : expected) EXPECT_STREQ(ros_topic("/x", type).type->m_typename, name);
+  for (const auto& [type, name] : expected)
+    EXPECT_STREQ(ros_topic("/x", type).type->m_typename, name);
 }
 
 }  // namespace

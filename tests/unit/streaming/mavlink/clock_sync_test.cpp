@@ -42,7 +42,8 @@ TEST(ClockSync, TheTruthIsNeverFurtherAwayThanTheDoubt) {
   ClockSync sync;
   Instant now = kStart;
   for (int i = 0; i < 200; ++i) {
-    exchange(sync, now, from_seconds(0.001 + delay_s(random)), from_seconds(0.001 + delay_s(random)));
+    exchange(sync, now, from_seconds(0.001 + delay_s(random)),
+             from_seconds(0.001 + delay_s(random)));
     const auto offset = sync.offset(now);
     ASSERT_TRUE(offset);
     EXPECT_LE(std::abs((offset->to_autopilot - kShift).count()), offset->doubt.count());
@@ -83,7 +84,8 @@ TEST(ClockSync, BelievesOnlyAnswersToItsOwnQuestionsAndOnlyOnce) {
 }
 
 TEST(ClockSync, AClockThatSaysAnythingDoesNoHarm) {
-  for (const auto said : {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
+  for (const auto said :
+       {std::numeric_limits<std::int64_t>::min(), std::numeric_limits<std::int64_t>::max()}) {
     ClockSync sync;
     const auto question = sync.question(kStart);
     ASSERT_TRUE(question);

@@ -1,4 +1,5 @@
-// Golden bytes: made by mavlink/c_library_v2, commit 7e16bc08f14a4f8bfab474de831013a6455ee3da, from the same numbers.
+// Golden bytes: made by mavlink/c_library_v2, commit 7e16bc08f14a4f8bfab474de831013a6455ee3da, from
+// the same numbers.
 #include "streaming/mavlink/codec.hpp"
 
 #include <gmock/gmock.h>
@@ -21,8 +22,10 @@ PoseReport example_report() {
   int next = 1;
   for (int row = 0; row < 6; ++row) {
     for (int column = row; column < 6; ++column, ++next) {
-      report.odometry.pose_covariance(row, column) = report.odometry.pose_covariance(column, row) = next;
-      report.odometry.twist_covariance(row, column) = report.odometry.twist_covariance(column, row) = 0.5 * next;
+      report.odometry.pose_covariance(row, column) = report.odometry.pose_covariance(column, row) =
+          next;
+      report.odometry.twist_covariance(row, column) =
+          report.odometry.twist_covariance(column, row) = 0.5 * next;
     }
   }
   report.reset_counter = 3;
@@ -31,10 +34,14 @@ PoseReport example_report() {
 }
 
 const char* const kOdometry =
-    "fde90000ff03c54b0100404b4c00000000000000803f000000c00000803e398e633e398ee33ee4380e3fabaa2a3f0000003f000080be0000003e"
-    "cdcccc3dcdcc4c3e9a99993e0000803f0000004000004040000080400000a0400000c0400000e0400000004100001041000020410000304100"
-    "004041000050410000604100007041000080410000884100009041000098410000a0410000a8410000003f0000803f0000c03f000000400000"
-    "2040000040400000604000008040000090400000a0400000b0400000c0400000d0400000e0400000f040000000410000084100001041000018"
+    "fde90000ff03c54b0100404b4c00000000000000803f000000c00000803e398e633e398ee33ee4380e3fabaa2a3f00"
+    "00003f000080be0000003e"
+    "cdcccc3dcdcc4c3e9a99993e0000803f0000004000004040000080400000a0400000c0400000e04000000041000010"
+    "41000020410000304100"
+    "004041000050410000604100007041000080410000884100009041000098410000a0410000a8410000003f0000803f"
+    "0000c03f000000400000"
+    "2040000040400000604000008040000090400000a0400000b0400000c0400000d0400000e0400000f0400000004100"
+    "00084100001041000018"
     "410000204100002841140c03064d9238";
 const char* const kHeartbeatOfPx4InVersion1 = "fe090401010000000000020c5104033844";
 const char* const kAnswer = "fd0d00000901c56f0000fbffffffffffffff141a99be1c1470";
@@ -47,7 +54,9 @@ std::vector<std::byte> bytes_of(Encode&& encode) {
 }
 
 TEST(MavlinkCodec, OdometryIsByteForByteThatOfThePublicLibrary) {
-  const auto bytes = bytes_of([](auto& out) { encode_odometry({3, 197, 255}, example_report(), out); });
+  const auto bytes = bytes_of([](auto& out) {
+    encode_odometry({3, 197, 255}, example_report(), out);
+  });
   EXPECT_EQ(to_hex(bytes), to_hex(from_hex(kOdometry)));
 }
 
@@ -58,17 +67,21 @@ TEST(MavlinkCodec, VisionPositionIsByteForByteThatOfThePublicLibrary) {
   const Eigen::AngleAxisd yaw(0.3, Eigen::Vector3d::UnitZ());
   report.odometry.q_NF = yaw * pitch * roll;
   const auto bytes = bytes_of([&](auto& out) { encode_vision_position({3, 197, 0}, report, out); });
-  EXPECT_EQ(to_hex(bytes),
-            to_hex(from_hex(
-                "fd7500000003c5660000404b4c00000000000000803f000000c00000803ecdcccc3dcdcc4cbe9a99993e0000803f00000040000040"
-                "40000080400000a0400000c0400000e04000000041000010410000204100003041000040410000504100006041000070410000804"
-                "10000884100009041000098410000a0410000a84103256a")));
+  EXPECT_EQ(to_hex(bytes), to_hex(from_hex("fd7500000003c5660000404b4c00000000000000803f000000c0000"
+                                           "0803ecdcccc3dcdcc4cbe9a99993e0000803f00000040000040"
+                                           "40000080400000a0400000c0400000e040000000410000104100002"
+                                           "04100003041000040410000504100006041000070410000804"
+                                           "10000884100009041000098410000a0410000a84103256a")));
 }
 
 TEST(MavlinkCodec, HeartbeatAndClockQuestionAreThoseOfThePublicLibrary) {
-  const auto heartbeat = bytes_of([](auto& out) { encode_heartbeat({1, 197, 7}, {18, 8, 4}, out); });
+  const auto heartbeat = bytes_of([](auto& out) {
+    encode_heartbeat({1, 197, 7}, {18, 8, 4}, out);
+  });
   EXPECT_EQ(to_hex(heartbeat), "fd0900000701c50000000000000012080004035d56");
-  const auto question = bytes_of([](auto& out) { encode_timesync({1, 197, 8}, {0, 123456789012}, out); });
+  const auto question = bytes_of([](auto& out) {
+    encode_timesync({1, 197, 8}, {0, 123456789012}, out);
+  });
   EXPECT_EQ(to_hex(question), "fd0d00000801c56f00000000000000000000141a99be1c4475");
 }
 

@@ -45,13 +45,16 @@ class MavlinkServerTest : public testing::Test {
     std::array<std::byte, 2048> buffer{};
     boost::system::error_code error;
     udp::endpoint from;
-    for (std::size_t n = 0; (n = autopilot_.receive_from(boost::asio::buffer(buffer), from, 0, error)) > 0 && !error;) {
+    for (std::size_t n = 0;
+         (n = autopilot_.receive_from(boost::asio::buffer(buffer), from, 0, error)) > 0 &&
+         !error;) {
       all.insert(all.end(), buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(n));
     }
     return all;
   }
   void say(udp::socket& from, const std::vector<std::byte>& bytes) {
-    from.send_to(boost::asio::buffer(bytes), {boost::asio::ip::address_v4::loopback(), server_->port()});
+    from.send_to(boost::asio::buffer(bytes),
+                 {boost::asio::ip::address_v4::loopback(), server_->port()});
     io_.restart();
     io_.run_for(20ms);
   }

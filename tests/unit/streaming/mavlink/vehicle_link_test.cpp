@@ -29,7 +29,8 @@ class VehicleLinkTest : public testing::Test {
       frame_->at += 10ms;
       ++frame_->number;
       datagram_.clear();
-      link.publish(*frame_, body_is_there_ ? &frame_->bodies[0] : nullptr, 0, frame_->at, datagram_);
+      link.publish(*frame_, body_is_there_ ? &frame_->bodies[0] : nullptr, 0, frame_->at,
+                   datagram_);
       std::span<const std::byte> in(datagram_);
       while (const auto message = next_frame(in)) ++counts[message->message];
     }
@@ -86,7 +87,8 @@ TEST_F(VehicleLinkTest, HeartbeatSaysWhetherThePoseIsThere) {
   const auto status_in = [this] {
     std::span<const std::byte> in(datagram_);
     while (const auto message = next_frame(in)) {
-      if (message->message == kHeartbeatId) return static_cast<int>(decode_heartbeat(*message).system_status);
+      if (message->message == kHeartbeatId)
+        return static_cast<int>(decode_heartbeat(*message).system_status);
     }
     return -1;
   };

@@ -62,6 +62,37 @@ TEST_F(DatagramBatchTest, OneThatCannotGoDoesNotStopTheOthers) {
   EXPECT_EQ(read(two_), "found");
 }
 
+TEST_F(DatagramBatchTest, OneMessageIsCutIntoManyDatagrams) {
+  const auto to_one = one_.local_endpoint();
+  batch_.add_cut(bytes("aaaabbbbccccdd"), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
+  add("next", to_one);
+  EXPECT_EQ(batch_.size(), 2u);
+  batch_.send(sender_.native_handle());
+  EXPECT_TRUE(batch_.sent(0) && batch_.sent(1));
+  for (const char* part : {"aaaa", "bbbb", "cccc", "dd", "next"}) EXPECT_EQ(read(one_), part);
+}
+
+TEST_F(DatagramBatchTest, CutsMoreDatagramsThanTheKernelTakesAtOnce) {
+  const auto to_one = one_.local_endpoint();
+  std::string text;
+  for (int i = 0; i < 150; ++i) text += std::to_string(1000 + i);
+  batch_.add_cut(bytes(text), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
+  EXPECT_EQ(batch_.size(), 3u);
+  batch_.send(sender_.native_handle());
+  for (int i = 0; i < 150; ++i) EXPECT_EQ(read(one_), std::to_string(1000 + i));
+}
+
+TEST_F(DatagramBatchTest, WhatTheKernelCannotCutIsCutByHand) {
+  const int on = 1;  // without checksums the kernel refuses to cut
+  ASSERT_EQ(::setsockopt(sender_.native_handle(), SOL_SOCKET, SO_NO_CHECK, &on, sizeof(on)), 0);
+  const auto to_one = one_.local_endpoint();
+  batch_.add_cut(bytes("aaaabb"), 4, to_one.data(), static_cast<socklen_t>(to_one.size()));
+  batch_.send(sender_.native_handle());
+  EXPECT_TRUE(batch_.sent(0));
+  EXPECT_EQ(read(one_), "aaaa");
+  EXPECT_EQ(read(one_), "bb");
+}
+
 TEST_F(DatagramBatchTest, AllocatesNothingAfterTheFirstFrame) {
   const auto to_one = one_.local_endpoint();
   const auto frame = [&] {

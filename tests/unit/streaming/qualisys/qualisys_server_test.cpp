@@ -297,6 +297,10 @@ TEST_F(QualisysServer, PublishingAllocatesNothingAfterWarmUp) {
   start();
   RtClient tcp(base_ + 1);
   RtClient udp(base_ + 1);
+  RtClient tcp2(base_ + 1);
+  RtClient tcp3(base_ + 1);
+  begin(tcp2, "StreamFrames AllFrames 6D");
+  begin(tcp3, "StreamFrames AllFrames 6DEuler");
   begin(tcp, "StreamFrames AllFrames 6D");
   begin(udp, "StreamFrames AllFrames UDP:" + std::to_string(udp.open_udp()) + " 6D 6DRes");
   const auto same = frame();

@@ -58,7 +58,7 @@ std::vector<std::int32_t> ids(std::size_t bodies) {
 
 EncodedFrame encoded(const SceneFrame& frame, ReportContent content, const OutputAxes& axes = {}) {
   EncodedFrame out;
-  ReportEncoder(axes, content).encode(frame, ids(frame.bodies.size()), out);
+  ReportEncoder(axes, content).encode(frame, ids(frame.bodies.size()), {}, out);
   return out;
 }
 
@@ -108,7 +108,7 @@ TEST(VrpnReportEncoder, AnInvalidBodyIsNotReported) {
 TEST(VrpnReportEncoder, ABodyWithoutSenderIsNotReported) {
   const auto frame = make_scene_frame({"a", "b"});
   EncodedFrame out;
-  ReportEncoder({}, kPoseOnly).encode(*frame, std::vector<std::int32_t>{-1, 4}, out);
+  ReportEncoder({}, kPoseOnly).encode(*frame, std::vector<std::int32_t>{-1, 4}, {}, out);
   const auto reports = decoded(out);
   ASSERT_EQ(reports.size(), 1u);
   EXPECT_EQ(reports[0].header.sender, 4);
@@ -186,7 +186,7 @@ TEST(VrpnReportEncoder, AFrameWithoutValidBodiesIsEmpty) {
   auto frame = make_scene_frame({"a"});
   EncodedFrame out = encoded(*frame, kAll);
   frame->bodies[0].valid = false;
-  ReportEncoder({}, kAll).encode(*frame, ids(1), out);
+  ReportEncoder({}, kAll).encode(*frame, ids(1), {}, out);
   EXPECT_TRUE(out.bytes.empty());
   EXPECT_TRUE(out.datagram_ends.empty());
 }
@@ -197,11 +197,59 @@ TEST(VrpnReportEncoder, AllocatesNothingAfterWarmUp) {
   for (const UpAxis up : {UpAxis::kZ, UpAxis::kY}) {
     const ReportEncoder encoder({up, AxesScope::kWorldAndBody, 1.0}, kAll);
     EncodedFrame out;
-    encoder.encode(*frame, senders, out);
+    encoder.encode(*frame, senders, {}, out);
     const AllocationCounter allocations;
-    for (int i = 0; i < 100; ++i) encoder.encode(*frame, senders, out);
+    for (int i = 0; i < 100; ++i) encoder.encode(*frame, senders, {}, out);
     EXPECT_EQ(allocations.count(), 0u);
   }
+}
+
+TEST(VrpnReportEncoder, MoreSensorsMoveWithTheirBody) {
+  auto frame = make_scene_frame({"arm", "drone"});
+  BodyPose& arm = frame->bodies[0];
+  const double c = std::sqrt(0.5);
+  arm.X_WP = {Eigen::Quaterniond(c, 0, 0, c), {1, 2, 3}};  // x of the body points along y of the world
+  arm.v_WP = {0.5, 0, 0};
+  arm.w_WP_P = {0, 0, 2};
+  arm.a_WP = {0, 0, 0};
+  const std::vector<std::vector<Pose>> sensors{{{Eigen::Quaterniond(0, 1, 0, 0), {0.1, 0, 0}}}, {}};
+  EncodedFrame out;
+  ReportEncoder({}, kAll).encode(*frame, ids(2), sensors, out);
+  std::vector<int> seen;
+  std::span<const std::byte> rest(out.bytes);
+  std::vector<BigEndianReader> of_tip;
+  while (!rest.empty()) {
+    const auto message = decode_message(rest);
+    ASSERT_TRUE(message);
+    BigEndianReader in(message->payload);
+    seen.push_back(in.i32());
+    (void)in.i32();
+    if (seen.back() == 1) of_tip.push_back(in);
+    rest = rest.subspan(message->size);
+  }
+  EXPECT_EQ(seen, (std::vector<int>{0, 0, 0, 1, 1, 1, 0, 0, 0}));
+  ASSERT_EQ(of_tip.size(), 3u);
+  const auto expect = [](BigEndianReader& in, std::initializer_list<double> values) {
+    for (const double v : values) EXPECT_NEAR(in.f64(), v, 1e-12);
+  };
+  expect(of_tip[0], {1, 2.1, 3, c, c, 0, 0});     // q_WP * half a turn about x, as x y z w
+  expect(of_tip[1], {0.5 - 0.2, 0, 0});           // 2 rad/s · 0.1 m, to the left of the tip
+  expect(of_tip[2], {0, -0.4, 0});                // 4 · 0.1 m, towards the pivot
+}
+
+TEST(VrpnReportEncoder, EqualDatagramsAreCutByTheKernel) {
+  std::vector<std::string> names;
+  for (int i = 0; i < 12; ++i) names.push_back("b" + std::to_string(i));
+  auto frame = make_scene_frame(names);
+  EncodedFrame out;
+  ReportEncoder({}, kAll).encode(*frame, ids(12), {}, out);
+  EXPECT_EQ(out.equal_cut(), 5u * 280);
+  EXPECT_EQ(out.datagram_ends, (std::vector<std::size_t>{1400, 2800, 3360}));
+  frame->bodies[1].v_WP.x() = std::numeric_limits<double>::quiet_NaN();  // one report less
+  ReportEncoder({}, kAll).encode(*frame, ids(12), {}, out);
+  EXPECT_EQ(out.equal_cut(), 0u);
+  ReportEncoder({}, kAll).encode(*make_scene_frame({"a"}), ids(1), {}, out);
+  EXPECT_EQ(out.equal_cut(), 0u);
 }
 
 }  // namespace

@@ -20,5 +20,19 @@ TEST(VrpnConfig, NamesEveryBrokenRuleAtOnce) {
   EXPECT_EQ(errors[3].value, "[0, 0, 0, 1, -1, 1]");
 }
 
+TEST(VrpnConfig, SensorsBelongToBodiesAndAreFew) {
+  VrpnConfig config;
+  config.sensors = {{"arm", Pose{}}, {"drone", Pose{}}, {"arm", Pose{}}};
+  EXPECT_TRUE(config.check().empty());
+  EXPECT_EQ(config.sensors_of("arm").size(), 2u);
+  EXPECT_TRUE(config.sensors_of("rover").empty());
+  for (int i = 0; i < 3; ++i) config.sensors.push_back({"arm", Pose{}});
+  config.sensors.push_back({"", Pose{}});
+  config.sensors.push_back({"drone", {Eigen::Quaterniond(2, 0, 0, 0), Eigen::Vector3d::Zero()}});
+  const auto errors = config.check();
+  ASSERT_EQ(errors.size(), 7u);  // five of the arm, one of nobody, one that is no attitude
+  EXPECT_EQ(errors.back().path, "streaming.vrpn.sensors.7.X_PS");
+}
+
 }  // namespace
 }  // namespace fiducap::vrpn

@@ -77,7 +77,7 @@ TEST_F(VrpnServerTest, AStalledTcpClientDisturbsNobodyAndLosesFrames) {
   EXPECT_EQ(all[1].frames_sent, static_cast<std::uint64_t>(kFrames));
 }
 
-TEST_F(VrpnServerTest, ClosesAClientThatLeavesReliableDataLying) {
+TEST_F(VrpnServerTest, ClosesAClientThatReadsNothingForFiveSeconds) {
   std::vector<std::string> many;
   for (int i = 0; i < 40; ++i) many.push_back("body" + std::to_string(i));
   start(many);
@@ -90,11 +90,9 @@ TEST_F(VrpnServerTest, ClosesAClientThatLeavesReliableDataLying) {
     publish();
     return status()[0].frames_dropped > 50;  // the kernel's buffers have stopped growing
   }));
-  pass(std::chrono::seconds(10));
-  EXPECT_EQ(status().size(), 1u) << "stuck poses alone are no reason";
-  stalled.ask("body0", "vrpn_Base ping_message");
-  steps(150);
-  pass(std::chrono::seconds(3));
+  pass(std::chrono::seconds(4));
+  EXPECT_EQ(status().size(), 1u);
+  pass(std::chrono::seconds(2));
   EXPECT_THAT(status(), IsEmpty());
 }
 

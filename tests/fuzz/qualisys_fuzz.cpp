@@ -1,0 +1,60 @@
+// Everything that a QTM client may send: its conversation on each port, and discovery. The first byte
+// chooses, the second cuts the bytes into pieces.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <span>
+#include <vector>
+
+#include "streaming/qualisys/connection.hpp"
+#include "streaming/qualisys/settings.hpp"
+#include "support/scene_builder.hpp"
+#include "unit/streaming/qualisys/fake_desk.hpp"
+
+namespace {
+
+using namespace fiducap;
+using namespace fiducap::qualisys;
+
+void require(bool holds) {
+  if (!holds) std::abort();
+}
+
+void converse(Door door, std::size_t piece, std::span<const std::byte> bytes) {
+  static const auto frame = make_scene_frame({"arm", "drone"}, 9);
+  FakeDesk desk;
+  Room room(QualisysConfig{}, &desk);
+  room.bodies.update(*frame->model);
+  Connection connection(room, door, 1, "10.0.0.7", 4711);
+  std::vector<std::byte> out;
+  EncodedFrame encoded;
+  while (!bytes.empty()) {
+    const auto next = bytes.first(std::min(piece, bytes.size()));
+    bytes = bytes.subspan(next.size());
+    if (!connection.receive(next, out)) break;
+    room.frames.put(frame, room.bodies);
+    if (const auto profile = connection.current_of(9)) (void)room.frames.encoded(*profile);
+    if (const auto profile = connection.stream_of(*frame)) {
+      require(!room.frames.encoded(*profile)->packet.empty());
+    }
+    if (const auto port = connection.udp_port()) require(*port >= kLowestUdpPort);
+  }
+  (void)connection.detail();
+  require(out.size() < std::size_t{5} << 20);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 2) return 0;
+  const std::span<const std::byte> bytes(reinterpret_cast<const std::byte*>(data) + 2, size - 2);
+  const std::size_t piece = data[1] == 0 ? bytes.size() + 1 : data[1];
+  switch (data[0] % 5) {
+    case 0: converse(Door::kLittleEndian, piece, bytes); break;
+    case 1: converse(Door::kBigEndian, piece, bytes); break;
+    case 2: converse(Door::kLegacy, piece, bytes); break;
+    case 3: (void)decode_discover(bytes); break;
+    default: (void)parse_body_switches(decode_text(bytes));
+  }
+  return 0;
+}
