@@ -91,14 +91,10 @@ double ClockFilter::log_probability(double drift) const {
 void ClockFilter::fit() {
   const auto n = static_cast<double>(count_);
   double sum_at_s = 0;
-  double sum_upper_s = 0;
-  double sum_lower_s = 0;
   double first_s = std::numeric_limits<double>::infinity();
   double last_s = -first_s;
   for (std::size_t i = 0; i < count_; ++i) {
     sum_at_s += samples_[i].at_s;
-    sum_upper_s += samples_[i].upper_s;
-    sum_lower_s += samples_[i].lower_s;
     first_s = std::min(first_s, samples_[i].at_s);
     last_s = std::max(last_s, samples_[i].at_s);
   }
@@ -106,8 +102,16 @@ void ClockFilter::fit() {
   span_s_ = last_s - first_s;
   // The mean excess hardly depends on the slope; the newest one is good enough.
   const Edges before = edges(drift_);
-  upper_jitter_s_ = std::max(kLeastJitter_s, sum_upper_s / n - before.upper_s);
-  lower_jitter_s_ = std::max(kLeastJitter_s, before.lower_s - sum_lower_s / n);
+  // From the median: of an exponential waiting time it is ln 2 of the mean, and a few that stood in a jam do not count.
+  std::array<double, kKept> excess{};
+  const auto middle_of = [&](auto&& excess_of) {
+    for (std::size_t i = 0; i < count_; ++i) excess[i] = excess_of(samples_[i], drift_ * (samples_[i].at_s - mean_at_s_));
+    const auto middle = excess.begin() + static_cast<std::ptrdiff_t>(count_ / 2);
+    std::nth_element(excess.begin(), middle, excess.begin() + static_cast<std::ptrdiff_t>(count_));
+    return std::max(kLeastJitter_s, *middle / M_LN2);
+  };
+  upper_jitter_s_ = middle_of([&](const Sample& s, double moved_s) { return s.upper_s - moved_s - before.upper_s; });
+  lower_jitter_s_ = middle_of([&](const Sample& s, double moved_s) { return before.lower_s - s.lower_s + moved_s; });
   drift_ = most_probable_drift();
   edges_ = edges(drift_);
 }
