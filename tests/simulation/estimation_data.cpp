@@ -61,6 +61,51 @@ std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end
   return out;
 }
 
+/// Between two true states: cubic in position (by both velocities) and in attitude (by both rates,
+/// B axes).
+TruthSample between(const TruthSample& a, const TruthSample& b, const Eigen::Vector3d& w_a,
+                    const Eigen::Vector3d& w_b, Instant at) {
+  const double h = to_seconds(b.at - a.at);
+  const double s = to_seconds(at - a.at) / h;
+  // Hermite's cubic from zero: its end value and both slopes times h.
+  const double end = s * s * (3 - 2 * s);
+  const double slope_a = s * (1 - s) * (1 - s);
+  const double slope_b = -s * s * (1 - s);
+  const auto cubic = [&](const Eigen::Vector3d& to, const Eigen::Vector3d& da,
+                         const Eigen::Vector3d& db) {
+    return Eigen::Vector3d(end * to + slope_a * h * da + slope_b * h * db);
+  };
+  const auto mean = [&](const Eigen::Vector3d& x, const Eigen::Vector3d& y) {
+    return Eigen::Vector3d((1 - s) * x + s * y);
+  };
+  TruthSample out;
+  out.at = at;
+  out.X_WB.p = a.X_WB.p + cubic(b.X_WB.p - a.X_WB.p, a.v_WB, b.v_WB);
+  out.X_WB.q =
+      (a.X_WB.q * exp_so3(cubic(log_so3(a.X_WB.q.conjugate() * b.X_WB.q), w_a, w_b))).normalized();
+  out.v_WB = mean(a.v_WB, b.v_WB);
+  out.bias_w = mean(a.bias_w, b.bias_w);
+  out.bias_f = mean(a.bias_f, b.bias_f);
+  return out;
+}
+
+/// Adds the instants of the images to a truth that has only those of the IMU.
+void add_image_times(EstimationData& data) {
+  std::vector<TruthSample> added;
+  for (const SensorSample& sample : data.samples) {
+    const Instant at = time_of(sample);
+    const auto after = std::lower_bound(data.truth.begin(), data.truth.end(), at,
+                                        [](const TruthSample& t, Instant i) { return t.at < i; });
+    if (after == data.truth.begin() || after == data.truth.end() || after->at == at) continue;
+    const auto before = after - 1;
+    added.push_back(
+        between(*before, *after, data.rate_at(before->at), data.rate_at(after->at), at));
+  }
+  data.truth.insert(data.truth.end(), added.begin(), added.end());
+  std::sort(data.truth.begin(), data.truth.end(),
+            [](const TruthSample& a, const TruthSample& b) { return a.at < b.at; });
+}
+
 /// The lowest id of the first image that shows a tag.
 int first_tag(const EstimationData& data) {
   for (const SensorSample& sample : data.samples) {
@@ -185,6 +230,7 @@ Expected<EstimationData> load_estimation_data(const std::string& folder) {
   data.nominal_X_BV = data.camera.X_BV;
   data.camera.X_BV = extrinsics->front();
   data.imu = info->imu;
+  add_image_times(data);
   data.reference_tag = info->reference_tag ? *info->reference_tag : first_tag(data);
   return data;
 }
