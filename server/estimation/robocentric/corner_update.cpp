@@ -1,9 +1,5 @@
 #include "estimation/robocentric/corner_update.hpp"
 
-#include <Eigen/Cholesky>
-#include <cmath>
-
-#include "base/assert.hpp"
 #include "base/so3.hpp"
 
 namespace fiducap::robocentric {
@@ -11,9 +7,6 @@ namespace fiducap::robocentric {
 using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
-
-constexpr int kRows = 8;
-using Matrix83d = Eigen::Matrix<double, 8, 3>;
 
 /// Tag in B axes by the state, and its derivative towards what it depends on.
 Pose tag_in_body(const FilterState& state, const TagToUse& tag) {
@@ -54,17 +47,6 @@ void add_tag_blocks(TagMeasurement& m, const FilterState& state, int local, cons
 }
 
 }  // namespace
-
-void TagMeasurement::add(int at, const Matrix83d& H) {
-  for (std::size_t i = 0; i < block_count; ++i) {
-    if (blocks[i].at == at) {
-      blocks[i].H += H;
-      return;
-    }
-  }
-  FIDUCAP_ASSERT(block_count < kMaxBlocks);
-  blocks[block_count++] = {at, H};
-}
 
 Pose predicted_tag(const FilterState& state, int camera, const TagToUse& tag) {
   if (tag.local >= 0 && camera == 0) return state.tags[static_cast<std::size_t>(tag.local)].X_VT;
@@ -108,58 +90,6 @@ void CornerUpdate::build(const FilterState& state, int camera, const CameraModel
   for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, corner_noise_px));
 }
 
-void CornerUpdate::keep_inside_gate(const FilterState& state, double gate, std::vector<bool>& accepted) {
-  const auto P = state.P();
-  used_.clear();
-  accepted.assign(measurements_.size(), false);
-  for (std::size_t i = 0; i < measurements_.size(); ++i) {
-    const TagMeasurement& m = measurements_[i];
-    if (!m.in_front) continue;
-    Eigen::Matrix<double, 8, 8> S = m.R;
-    for (std::size_t a = 0; a < m.block_count; ++a) {
-      for (std::size_t b = 0; b < m.block_count; ++b) {
-        S.noalias() += m.blocks[a].H * P.block<3, 3>(m.blocks[a].at, m.blocks[b].at) * m.blocks[b].H.transpose();
-      }
-    }
-    const double distance = m.y.dot(S.ldlt().solve(m.y));
-    if (!(distance < gate)) continue;  // NaN stays out as well
-    accepted[i] = true;
-    used_.push_back(i);
-  }
-}
-
-void CornerUpdate::stack(const FilterState& state) {
-  const auto P = state.P();
-  const Eigen::Index n = state.size();
-  const Eigen::Index rows = kRows * static_cast<Eigen::Index>(used_.size());
-  if (PHt_.rows() < n || PHt_.cols() < rows) {
-    PHt_.resize(n + n / 2, rows * 2);
-    S_.resize(rows * 2, rows * 2);
-    y_.resize(rows * 2);
-    dx_.resize(n + n / 2);
-  }
-  auto PHt = PHt_.topLeftCorner(n, rows);
-  auto S = S_.topLeftCorner(rows, rows);
-  PHt.setZero();
-  for (std::size_t k = 0; k < used_.size(); ++k) {
-    const TagMeasurement& m = measurements_[used_[k]];
-    const Eigen::Index at = kRows * static_cast<Eigen::Index>(k);
-    y_.segment<kRows>(at) = m.y;
-    for (std::size_t b = 0; b < m.block_count; ++b) {
-      PHt.middleCols<kRows>(at).noalias() += P.middleCols<3>(m.blocks[b].at) * m.blocks[b].H.transpose();
-    }
-  }
-  for (std::size_t k = 0; k < used_.size(); ++k) {
-    const TagMeasurement& m = measurements_[used_[k]];
-    const Eigen::Index at = kRows * static_cast<Eigen::Index>(k);
-    S.middleRows<kRows>(at).setZero();
-    for (std::size_t b = 0; b < m.block_count; ++b) {
-      S.middleRows<kRows>(at).noalias() += m.blocks[b].H * PHt.middleRows<3>(m.blocks[b].at);
-    }
-    S.block<kRows, kRows>(at, at) += m.R;
-  }
-}
-
 void CornerUpdate::refer_to(const FilterState& prior, const FilterState& state) {
   // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
   const Eigen::VectorXd back = state.error_to(prior);
@@ -176,43 +106,27 @@ UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraMod
   if (options.start != nullptr) state.copy_mean(*options.start);
   build(state, camera, model, tags, options.corner_noise_px);
   if (moves) refer_to(prior, state);
-  keep_inside_gate(state, options.gate, accepted);
-  report.tags_rejected = static_cast<int>(tags.size() - used_.size());
-  if (used_.empty()) {
+  update_.gate(state.P(), measurements_, options.gate, accepted);
+  report.tags_used = static_cast<int>(update_.used().size());
+  report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
+  if (update_.empty()) {
     if (moves) state.copy_mean(prior);
     return report;
   }
-  const Eigen::Index n = state.size();
-  const Eigen::Index rows = kRows * static_cast<Eigen::Index>(used_.size());
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     if (iteration > 0) {
       build(state, camera, model, tags, options.corner_noise_px);
       refer_to(prior, state);
     }
-    stack(state);
-    auto PHt = PHt_.topLeftCorner(n, rows);
-    auto S = S_.topLeftCorner(rows, rows);
-    auto y = y_.head(rows);
-    auto dx = dx_.head(n);
-    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(S);  // in place: S becomes its Cholesky factor
-    llt.matrixL().solveInPlace(y);
-    if (iteration == 0) report.nis = y.squaredNorm();
-    llt.matrixU().solveInPlace<Eigen::OnTheRight>(PHt);
-    dx.noalias() = PHt * y;
+    const double nis = update_.solve(state.P(), measurements_);
+    if (iteration == 0) report.nis = nis;
     if (moves) state.copy_mean(prior);
-    state.add_error(dx);
+    state.add_error(update_.correction());
   }
-  // P ← P − K S Kᵀ with K S^{1/2} = P Hᵀ S^{-T/2}: symmetric by construction, half the work of the product.
-  auto P = state.P();
-  P.template selfadjointView<Eigen::Lower>().rankUpdate(PHt_.topLeftCorner(n, rows), -1.0);
-  P.template triangularView<Eigen::StrictlyUpper>() = P.transpose();
-
-  report.tags_used = static_cast<int>(used_.size());
-  report.nis_dof = static_cast<int>(rows);
+  update_.shrink(state.P());
+  report.nis_dof = update_.rows();
   build(state, camera, model, tags, options.corner_noise_px);
-  double squares = 0;
-  for (const std::size_t i : used_) squares += measurements_[i].y.squaredNorm();
-  report.reprojection_px = std::sqrt(squares / (4.0 * static_cast<double>(used_.size())));
+  report.reprojection_px = update_.rms_px(measurements_);
   return report;
 }
 

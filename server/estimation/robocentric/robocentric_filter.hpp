@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "estimation/body_filter.hpp"
-#include "estimation/robocentric/attitude_start.hpp"
+#include "estimation/attitude_start.hpp"
 #include "estimation/robocentric/corner_update.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
-#include "estimation/robocentric/imu_buffer.hpp"
+#include "estimation/imu_buffer.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/relink.hpp"
-#include "estimation/robocentric/tag_candidates.hpp"
+#include "estimation/tag_candidates.hpp"
 #include "estimation/robocentric/workspace_axes.hpp"
 
 namespace fiducap::robocentric {
