@@ -60,7 +60,8 @@ void StackedUpdate::stack(ConstCovariance P, std::span<const TagMeasurement> mea
   }
 }
 
-double StackedUpdate::solve(ConstCovariance P, std::span<const TagMeasurement> measurements) {
+double StackedUpdate::solve(ConstCovariance P, std::span<const TagMeasurement> measurements,
+                            std::span<const int> held) {
   stack(P, measurements);
   auto PHt = PHt_.topLeftCorner(n_, rows());
   auto S = S_.topLeftCorner(rows(), rows());
@@ -69,11 +70,18 @@ double StackedUpdate::solve(ConstCovariance P, std::span<const TagMeasurement> m
   llt.matrixL().solveInPlace(y);
   llt.matrixU().solveInPlace<Eigen::OnTheRight>(PHt);
   dx_.head(n_).noalias() = PHt * y;
+  for (const int at : held) dx_.segment<6>(at).setZero();
   return y.squaredNorm();
 }
 
-void StackedUpdate::shrink(Covariance P) const {
-  P.selfadjointView<Eigen::Lower>().rankUpdate(PHt_.topLeftCorner(n_, rows()), -1.0);
+void StackedUpdate::shrink(Covariance P, std::span<const int> held) const {
+  const auto gain = PHt_.topLeftCorner(n_, rows());
+  P.selfadjointView<Eigen::Lower>().rankUpdate(gain, -1.0);
+  for (const int a : held) {
+    for (const int b : held) {
+      if (b <= a) P.block<6, 6>(a, b).noalias() += gain.middleRows<6>(a) * gain.middleRows<6>(b).transpose();
+    }
+  }
   P.triangularView<Eigen::StrictlyUpper>() = P.transpose();
 }
 

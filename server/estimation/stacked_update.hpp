@@ -29,12 +29,14 @@ class StackedUpdate final {
   /// Length of the stacked innovation.
   [[nodiscard]] int rows() const { return 8 * static_cast<int>(used_.size()); }
 
+  /// @param held  first columns of six-wide blocks that must not learn (Schmidt's consider states)
   /// @return normalised innovation squared yᵀ S⁻¹ y; the correction stands in correction()
-  double solve(ConstCovariance P, std::span<const TagMeasurement> measurements);
+  double solve(ConstCovariance P, std::span<const TagMeasurement> measurements, std::span<const int> held);
   [[nodiscard]] Eigen::Ref<const Eigen::VectorXd> correction() const { return dx_.head(n_); }
 
-  /// P ← P − K S Kᵀ of the last solve(): symmetric by construction.
-  void shrink(Covariance P) const;
+  /// P ← P − K S Kᵀ of the last solve(): symmetric by construction. What held blocks know of each other stays; their
+  /// correlation with the rest follows, so that their uncertainty is neither forgotten nor counted twice.
+  void shrink(Covariance P, std::span<const int> held) const;
 
   /// RMS over the corners of the used tags, raw pixels.
   [[nodiscard]] double rms_px(std::span<const TagMeasurement> measurements) const;

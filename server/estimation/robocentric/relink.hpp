@@ -5,7 +5,7 @@
 
 #include "capture/camera_model.hpp"
 #include "estimation/resection.hpp"
-#include "estimation/robocentric/corner_update.hpp"
+#include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/propagation.hpp"
 
 namespace fiducap::robocentric {

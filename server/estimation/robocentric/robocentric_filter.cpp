@@ -8,7 +8,6 @@
 #include "estimation/chi_square.hpp"
 #include "estimation/place_search.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
-#include "estimation/robocentric/tag_score.hpp"
 
 namespace fiducap::robocentric {
 
@@ -255,7 +254,7 @@ void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
 }
 
 void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
   const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;

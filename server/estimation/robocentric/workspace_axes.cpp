@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/so3.hpp"
-#include "estimation/robocentric/redefine.hpp"
+#include "estimation/linear_term.hpp"
 
 namespace fiducap::robocentric {
 
@@ -69,18 +69,13 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
   const Eigen::Matrix3d place_turn = skew(place_B);
 
   std::array<LinearTerm, 5> terms;
-  auto term = [](int at, const Eigen::Matrix3d& to_p, const Eigen::Matrix3d& to_q) {
-    LinearTerm out{at, {}};
-    out.J << to_p, to_q;
-    return out;
-  };
   const Eigen::Matrix3d tag_turn = from_turn * R_BV;
-  terms[0] = term(kAttitude, place_turn * from_tilt, from_tilt);
-  terms[1] = term(e, -Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
-  terms[2] = term(e + 3, skew(arm_B) + place_turn * from_turn, from_turn);
-  terms[3] = term(t, -R_BV, Eigen::Matrix3d::Zero());
-  terms[4] = term(t + 3, place_turn * tag_turn, tag_turn);
-  redefine(state, kPosition, kAttitude, terms, Matrix6d::Zero());
+  terms[0] = linear_term(kAttitude, place_turn * from_tilt, from_tilt);
+  terms[1] = linear_term(e, -Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+  terms[2] = linear_term(e + 3, skew(arm_B) + place_turn * from_turn, from_turn);
+  terms[3] = linear_term(t, -R_BV, Eigen::Matrix3d::Zero());
+  terms[4] = linear_term(t + 3, place_turn * tag_turn, tag_turn);
+  redefine(state.covariance, kPosition, kAttitude, terms, Matrix6d::Zero());
   return finish(state, q_new, place_B - X_BT.p);
 }
 
@@ -101,7 +96,7 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   } else {
     noise.bottomRightCorner<3, 3>().diagonal().setConstant(turn2);
   }
-  redefine(state, kPosition, kAttitude, {&tilt, 1}, noise);
+  redefine(state.covariance, kPosition, kAttitude, {&tilt, 1}, noise);
   return finish(state, q_new, q_new.conjugate() * X_WT.p - X_BT.p);
 }
 

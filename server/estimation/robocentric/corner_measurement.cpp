@@ -1,4 +1,4 @@
-#include "estimation/robocentric/corner_update.hpp"
+#include "estimation/robocentric/corner_measurement.hpp"
 
 #include "base/so3.hpp"
 
@@ -82,52 +82,6 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
     m.R = noise_of(state, tag, H_BT, corner_noise_px);
   }
   return m;
-}
-
-void CornerUpdate::build(const FilterState& state, int camera, const CameraModel& model,
-                         std::span<const TagToUse> tags, double corner_noise_px) {
-  measurements_.clear();
-  for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, corner_noise_px));
-}
-
-void CornerUpdate::refer_to(const FilterState& prior, const FilterState& state) {
-  // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
-  const Eigen::VectorXd back = state.error_to(prior);
-  for (TagMeasurement& m : measurements_) {
-    for (std::size_t b = 0; b < m.block_count; ++b) m.y -= m.blocks[b].H * back.segment<3>(m.blocks[b].at);
-  }
-}
-
-UpdateReport CornerUpdate::apply(FilterState& state, int camera, const CameraModel& model,
-                                 std::span<const TagToUse> tags, const Options& options, std::vector<bool>& accepted) {
-  UpdateReport report;
-  const bool moves = options.iterations > 1 || options.start != nullptr;
-  const FilterState prior = moves ? state : FilterState{};
-  if (options.start != nullptr) state.copy_mean(*options.start);
-  build(state, camera, model, tags, options.corner_noise_px);
-  if (moves) refer_to(prior, state);
-  update_.gate(state.P(), measurements_, options.gate, accepted);
-  report.tags_used = static_cast<int>(update_.used().size());
-  report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
-  if (update_.empty()) {
-    if (moves) state.copy_mean(prior);
-    return report;
-  }
-  for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    if (iteration > 0) {
-      build(state, camera, model, tags, options.corner_noise_px);
-      refer_to(prior, state);
-    }
-    const double nis = update_.solve(state.P(), measurements_);
-    if (iteration == 0) report.nis = nis;
-    if (moves) state.copy_mean(prior);
-    state.add_error(update_.correction());
-  }
-  update_.shrink(state.P());
-  report.nis_dof = update_.rows();
-  build(state, camera, model, tags, options.corner_noise_px);
-  report.reprojection_px = update_.rms_px(measurements_);
-  return report;
 }
 
 }  // namespace fiducap::robocentric
