@@ -8,7 +8,7 @@
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
 #include "detection/observe.hpp"
-#include "estimation/robocentric/workspace_axes.hpp"
+#include "estimation/heading_rule.hpp"
 
 namespace fiducap {
 
@@ -42,7 +42,7 @@ CameraMount nominal_camera(std::uint64_t seed) {
 /// Room axes → the workspace that a filter ties to its reference tag.
 Pose workspace_of(const Pose& X_RT, bool level) {
   if (!level) return X_RT.inverse();
-  const auto rule = robocentric::make_heading_rule({}, X_RT.q);
+  const auto rule = make_heading_rule({}, X_RT.q);
   const Eigen::Vector3d h = X_RT.q * Eigen::Vector3d::Unit(rule.axis);
   const Eigen::Quaterniond turn = exp_so3({0, 0, -std::atan2(h.y(), h.x())});
   return {turn, -(turn * X_RT.p)};
@@ -95,7 +95,7 @@ class Run {
     config.estimate_extrinsics = !setup_.true_extrinsics;
     // Without IMU nothing tells extrinsics from pose: they are taken as given.
     if (!setup_.has_imu) config.estimate_extrinsics = false;
-    filter_ = make_body_filter("robocentric", sensors, {}, config);
+    filter_ = make_body_filter(setup_.filter, sensors, {}, config);
     if (setup_.known_map) {
       for (const RecordedTag& tag : tags_) known_.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
     }

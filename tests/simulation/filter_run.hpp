@@ -13,6 +13,7 @@ namespace fiducap {
 
 /// One simulated body followed by one filter, corners only, compared with the truth at every image.
 struct FilterRunSetup {
+  std::string filter{"robocentric"};
   std::string world{"table"};      ///< Room preset and trajectory kind.
   double seconds{30.0};
   double scored_after_s{5.0};

@@ -1,6 +1,7 @@
 #include "estimation/robocentric/relink.hpp"
 
 #include "base/so3.hpp"
+#include "estimation/heading_rule.hpp"
 
 namespace fiducap::robocentric {
 
@@ -32,8 +33,8 @@ MotionSinceImage step_by_unknown_motion(FilterState& state, const Pose& X_B0B, b
   from_step.block<3, 3>(kAttitude, 3).setIdentity();
   from_step.block<6, 6>(kStepPosition, 0).setIdentity();
   Matrix6d S = Matrix6d::Zero();
-  S.diagonal() << Eigen::Vector3d::Constant(kUnknownStep_m * kUnknownStep_m),
-      Eigen::Vector3d::Constant(kUnknownTurn_rad * kUnknownTurn_rad);
+  S.diagonal() << Eigen::Vector3d::Constant(kUnknownPosition_m * kUnknownPosition_m),
+      Eigen::Vector3d::Constant(kUnknownAngle_rad * kUnknownAngle_rad);
   motion.Q = from_step * S * from_step.transpose();
   motion.Q.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
   if (!has_imu) {

@@ -10,12 +10,6 @@
 
 namespace fiducap::robocentric {
 
-// "Unknown" for a linear filter that is linearised at the right place; velocity and rate as at a start.
-inline constexpr double kUnknownStep_m = 30.0;
-inline constexpr double kUnknownTurn_rad = 2.0;
-inline constexpr double kStartVelocity_m_s = 1.0;
-inline constexpr double kStartRate_rad_s = 1.0;  // without IMU
-
 /// The tags of an image in the body axes of the state's time, B0, for find_place(): what it answers is the motion since.
 [[nodiscard]] std::vector<SightedTag> tags_at_start(const FilterState& state, int camera, const CameraModel& model,
                                                     std::span<const TagToUse> tags);

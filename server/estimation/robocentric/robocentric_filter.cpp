@@ -232,7 +232,7 @@ bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
 }
 
 bool RobocentricFilter::come_back(const TagObservations& seen) {
-  PlaceGuess guess{Pose{}, kUnknownStep_m, has_imu() ? kGyroTurn_rad : kUnknownTurn_rad};
+  PlaceGuess guess{Pose{}, kUnknownPosition_m, has_imu() ? kGyroTurn_rad : kUnknownAngle_rad};
   if (has_imu()) {
     if (!attitude_.ready()) return false;
     guess.X_AB.q = attitude_.q_LB(seen.exposed_at, state_.bias_w);

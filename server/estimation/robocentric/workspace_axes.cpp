@@ -1,7 +1,6 @@
 #include "estimation/robocentric/workspace_axes.hpp"
 
 #include <array>
-#include <cmath>
 
 #include "base/so3.hpp"
 #include "estimation/linear_term.hpp"
@@ -12,14 +11,6 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
 
-// "Unknown" for a linear filter whose linearisation point is already right: far beyond any room, small enough for double.
-constexpr double kUnknownPosition_m = 30.0;
-constexpr double kUnknownAngle_rad = 2.0;
-// A tag axis steeper than this gives no heading.
-constexpr double kSteep = 0.9;
-
-Eigen::Quaterniond yaw(double angle) { return exp_so3({0, 0, angle}); }
-
 Pose finish(FilterState& state, const Eigen::Quaterniond& q_new, const Eigen::Vector3d& p_new_B) {
   const Pose before = state.X_WB();
   state.q_WB = q_new.normalized();
@@ -28,17 +19,6 @@ Pose finish(FilterState& state, const Eigen::Quaterniond& q_new, const Eigen::Ve
 }
 
 }  // namespace
-
-HeadingRule make_heading_rule(const WorkspaceGauge& gauge, const Eigen::Quaterniond& q_WT) {
-  HeadingRule rule;
-  const Eigen::Matrix3d R = gauge.X_WT ? gauge.X_WT->rotation() : q_WT.toRotationMatrix();
-  while (rule.axis < 1 && std::abs(R(2, rule.axis)) > kSteep) ++rule.axis;
-  if (gauge.X_WT) {
-    rule.X_WT = *gauge.X_WT;
-    rule.yaw_rad = std::atan2(R(1, rule.axis), R(0, rule.axis));
-  }
-  return rule;
-}
 
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const Pose& X_BV = state.X_BV[0];
@@ -57,7 +37,7 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
     // … or only its heading: ψ shifts by what the tag's level axis h says.
     const Eigen::Matrix3d R_WB = state.q_WB.toRotationMatrix();
     const Eigen::Vector3d h = R_WB * (X_BT.q * Eigen::Vector3d::Unit(rule.axis));
-    q_new = yaw(rule.yaw_rad - std::atan2(h.y(), h.x())) * state.q_WB;
+    q_new = turn_to_heading(rule, state.q_WB * X_BT.q) * state.q_WB;
     const double level2 = h.x() * h.x() + h.y() * h.y();
     const Eigen::RowVector3d yaw_from_h(-h.y() / level2, h.x() / level2, 0);
     const Eigen::RowVector3d yaw_from_turn = -yaw_from_h * skew(h) * R_WB;  // h turns with the tag, in B axes
@@ -88,8 +68,7 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   const double turn2 = kUnknownAngle_rad * kUnknownAngle_rad;
   if (level) {
     // The heading that comes closest to the tag's whole attitude.
-    const Eigen::Matrix3d M = (X_WT.q * (state.q_WB * X_BT.q).conjugate()).toRotationMatrix();
-    q_new = yaw(std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1))) * state.q_WB;
+    q_new = turn_closest(X_WT.q, state.q_WB * X_BT.q) * state.q_WB;
     const Eigen::Vector3d up_B = q_new.conjugate() * Eigen::Vector3d::UnitZ();
     tilt.J.bottomRows<3>() = Eigen::Matrix3d::Identity() - up_B * up_B.transpose();
     noise.bottomRightCorner<3, 3>() = turn2 * up_B * up_B.transpose();
