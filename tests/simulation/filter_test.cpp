@@ -1,5 +1,7 @@
-// The robocentric filter on simulated corners with truth: accuracy, honesty about its own error, faults.
+// Both filters on simulated corners with truth: accuracy, honesty about its own error, faults.
 #include <gtest/gtest.h>
+
+#include <tuple>
 
 #include "simulation/filter_run.hpp"
 
@@ -53,50 +55,67 @@ constexpr double kNeesHigh = 17.4;
 // Tens of thousands of innovations per run make NIS sharp; the gate cuts the highest 0.1 %.
 constexpr double kNisSlack = 0.03;
 
-class Consistency : public testing::TestWithParam<RunSetup> {};
+using FilterAndSetup = std::tuple<std::string, RunSetup>;
+
+RunSetup setup_of(const FilterAndSetup& param) {
+  RunSetup setup = std::get<1>(param);
+  setup.filter = std::get<0>(param);
+  return setup;
+}
+
+const auto kFilters = testing::Values(std::string("robocentric"), std::string("world"));
+
+class Consistency : public testing::TestWithParam<FilterAndSetup> {};
 
 TEST_P(Consistency, NeesAndNisStayInTheirBands) {
-  const Ensemble all = run_seeds(GetParam());
+  const Ensemble all = run_seeds(setup_of(GetParam()));
   EXPECT_GT(all.nees, kNeesLow);
   EXPECT_LT(all.nees, kNeesHigh);
   EXPECT_NEAR(all.nis, 1.0, kNisSlack);
   RecordProperty("position_rmse_um", static_cast<int>(1e6 * all.position_m));
 }
 
-INSTANTIATE_TEST_SUITE_P(Classes, Consistency,
-                         testing::Values(RunSetup{.data = {.world = "table"}}, RunSetup{.data = {.world = "sparse"}},
-                                         RunSetup{.data = {.world = "hall"}},
-                                         RunSetup{.data = {.world = "sparse"}, .knowledge = 'C'}),
-                         [](const auto& one) {
-                           return one.param.data.world + (one.param.knowledge == 'C' ? "KnownMap" : "FreeMap");
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Classes, Consistency,
+    testing::Combine(kFilters, testing::Values(RunSetup{.data = {.world = "table"}}, RunSetup{.data = {.world = "sparse"}},
+                                               RunSetup{.data = {.world = "hall"}},
+                                               RunSetup{.data = {.world = "sparse"}, .knowledge = 'C'})),
+    [](const auto& one) {
+      const RunSetup setup = setup_of(one.param);
+      return setup.filter + "_" + setup.data.world + (setup.knowledge == 'C' ? "KnownMap" : "FreeMap");
+    });
+
+class FilterAccuracy : public testing::TestWithParam<std::string> {};
+class FilterFaults : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(Each, FilterAccuracy, kFilters);
+INSTANTIATE_TEST_SUITE_P(Each, FilterFaults, kFilters);
 
 // The bound of research/bound.md for the same class is 2.5 mm (A); a factor of two is what one filter of the paper's kind
 // may lose on 20 seeds without being broken.
-TEST(FilterAccuracy, TableIsKnownToMillimetres) {
-  const Ensemble all = run_seeds({.data = {.world = "table"}});
+TEST_P(FilterAccuracy, TableIsKnownToMillimetres) {
+  const Ensemble all = run_seeds({.filter = GetParam(), .data = {.world = "table"}});
   EXPECT_LT(all.position_m, 0.005);
 }
 
-TEST(FilterAccuracy, WithoutImuTheMotionModelCarriesTheBody) {
+TEST_P(FilterAccuracy, WithoutImuTheMotionModelCarriesTheBody) {
   // Without IMU nothing tells extrinsics from pose: they are taken as given.
-  const FilterRun one = run({.data = {.world = "table", .has_imu = false}, .knowledge = 'B'});
+  const FilterRun one = run({.filter = GetParam(), .data = {.world = "table", .has_imu = false}, .knowledge = 'B'});
   // Single images of three tags of 60 px at 1 m with 0.4 px noise give about 7 mm.
   EXPECT_LT(one.position_rmse_m(), 0.012);
   EXPECT_LT(one.map_position_m, 0.003);
   EXPECT_GT(one.frames_with_pose, 0.98 * one.frames_with_tags);
 }
 
-TEST(FilterFaults, PhantomTagsDoNotJoinTheMap) {
-  RunSetup setup{.data = {.world = "hall"}, .knowledge = 'C'};
+TEST_P(FilterFaults, PhantomTagsDoNotJoinTheMap) {
+  RunSetup setup{.filter = GetParam(), .data = {.world = "hall"}, .knowledge = 'C'};
   setup.data.faults.wrong_id = 0.05;
   const FilterRun one = run(setup);
   EXPECT_EQ(one.tags_mapped, 0);
   EXPECT_LT(one.position_rmse_m(), 0.02);
 }
 
-TEST(FilterFaults, CoastsThroughABlackout) {
-  RunSetup setup{.data = {.world = "hall", .seconds = 40}, .knowledge = 'C'};
+TEST_P(FilterFaults, CoastsThroughABlackout) {
+  RunSetup setup{.filter = GetParam(), .data = {.world = "hall", .seconds = 40}, .knowledge = 'C'};
   setup.data.faults.blackout_every_s = 10;
   setup.data.faults.blackout_s = 1.0;
   const FilterRun one = run(setup);
@@ -104,8 +123,8 @@ TEST(FilterFaults, CoastsThroughABlackout) {
   EXPECT_LT(one.mean_nees(), 25.0);
 }
 
-TEST(FilterFaults, AMovedTagLeavesTheState) {
-  RunSetup setup{.data = {.world = "table", .seconds = 40}};
+TEST_P(FilterFaults, AMovedTagLeavesTheState) {
+  RunSetup setup{.filter = GetParam(), .data = {.world = "table", .seconds = 40}};
   setup.data.faults.moved_tag = 2;
   setup.data.faults.moved_at_s = 20;
   setup.data.faults.moved_by_m = {0.3, 0.0, 0.0};

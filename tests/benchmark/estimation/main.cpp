@@ -49,7 +49,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   options.classes = verb.classes;
   options.cases = verb.cases;
   options.seeds = verb.seeds;
-  app.add_option("--filter", options.filters, "filters, side by side")->delimiter(',');
+  app.add_option("--filter", options.filters, "filters, side by side")->check(CLI::IsMember({"robocentric", "world"}))->delimiter(',');
   app.add_option("--class", options.classes, "classes of motion: table sparse loop hall big")
       ->delimiter(',');
   app.add_option("--cases", options.cases,
@@ -89,7 +89,7 @@ int run(int argc, char** argv) {
   app.add_flag("--json", json, "tables as JSON")->configurable(false);
   app.fallthrough();
   EstimationOptions base;
-  base.filters = {"robocentric"};
+  base.filters = {"robocentric", "world"};
   if (const auto folder = shared_data()) base.data = folder->string();
   std::vector<EstimationOptions> options(verbs().size(), base);
   std::vector<CLI::App*> commands;

@@ -8,7 +8,7 @@
 #include "detection/tag_pose.hpp"
 #include "estimation/estimator_config.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 /// What is known about the camera while a tag is being judged.
 struct CameraAttitude {
@@ -63,4 +63,4 @@ class TagCandidates final {
   std::map<std::pair<int, int>, Candidate> candidates_;  ///< By tag id and camera.
 };
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,4 +1,4 @@
-#include "estimation/robocentric/tag_candidates.hpp"
+#include "estimation/tag_candidates.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "base/so3.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 namespace {
 
@@ -117,4 +117,4 @@ std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::
   return candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT;
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,9 +1,9 @@
-#include "estimation/robocentric/imu_buffer.hpp"
+#include "estimation/imu_buffer.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 namespace {
 // Two and a half seconds at 200 Hz: no camera is that slow.
@@ -74,4 +74,4 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   return input;
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap
