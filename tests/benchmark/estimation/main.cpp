@@ -58,6 +58,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_option("--first-seed", options.first_seed, "the first of them");
   app.add_option("--seconds", options.seconds, "of data per run");
   app.add_option("--data", options.data, "folder with sim_table, sim_sparse, …");
+  app.add_flag("--each", options.each, "a line for every seed");
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
 }
 
