@@ -49,7 +49,9 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   options.classes = verb.classes;
   options.cases = verb.cases;
   options.seeds = verb.seeds;
-  app.add_option("--filter", options.filters, "filters, side by side")->check(CLI::IsMember({"robocentric", "world"}))->delimiter(',');
+  app.add_option("--filter", options.filters, "filters, side by side")
+      ->check(CLI::IsMember({"robocentric", "world"}))
+      ->delimiter(',');
   app.add_option("--class", options.classes, "classes of motion: table sparse loop hall big")
       ->delimiter(',');
   app.add_option("--cases", options.cases,

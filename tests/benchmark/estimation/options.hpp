@@ -23,7 +23,7 @@ struct EstimationOptions {
   std::string data;   ///< Folder with the recordings.
   int threads{2};
   bool quick{false};
-  bool each{false};                  ///< A line for every seed.
+  bool each{false};  ///< A line for every seed.
   EstimatorConfig estimator{};
 };
 

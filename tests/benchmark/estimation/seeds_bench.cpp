@@ -137,8 +137,8 @@ std::vector<Table> bench_seeds(const EstimationOptions& options) {
       {"class", "case", "filter", "seconds", "pose", "vel", "biases", "extr", "tags",
        "NIS [band]"}};
   Table each{"Each seed (mm)",
-             {"class", "case", "filter", "seed", "pos", "/bound", "level", "/bound", "pose NEES", "vel", "tags", "gap",
-              "/bound", "rejected", "dropped", ""}};
+             {"class", "case", "filter", "seed", "pos", "/bound", "level", "/bound", "pose NEES",
+              "vel", "tags", "gap", "/bound", "rejected", "dropped", ""}};
   for (const std::string& world : options.classes) {
     const double seconds = seconds_of(options, world);
     for (const char letter : options.cases) {
