@@ -84,6 +84,7 @@ void WorldFilter::restart() {
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
+  memory_.forget_all();
   heading_rule_.reset();
   gauge_tag_.reset();
   last_used_at_.reset();
@@ -101,6 +102,7 @@ void WorldFilter::lose_motion() {
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
+  memory_.forget_all();
   return_attempts_ = 0;
 }
 
@@ -151,7 +153,7 @@ void WorldFilter::integrate_to(Instant to) {
     const Instant end = imu_.end_of_interval(state_.time, to);
     step_to(end, imu_.input_between(state_.time, end), kStepWithImu_s);
   }
-  imu_.forget_before(to);
+  imu_.forget_before(memory_.needed_since().value_or(to));
 }
 
 void WorldFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
@@ -224,6 +226,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
     state_ = before_;
     at_image = false;
   }
+  if (at_image) memory_.add(seen, known);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
@@ -321,11 +324,59 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
   const int at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
-  for (const TagToUse& tag : fresh_) {
+  judged_ = fresh_;  // living again sorts anew
+  for (const TagToUse& tag : judged_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
-    if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
+    if (!verdict) {
+      ++report.tags_pending;
+      if (running() && has_imu() && tag.known == nullptr) memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
+    } else if (!admit_late(tag, *verdict, report) && !admit(seen, tag, verdict->X_VT, report)) {
+      ++report.tags_pending;
+    }
   }
+}
+
+bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report) {
+  const int tag_id = tag.seen->tag_id;
+  const auto first = memory_.first_sight(tag_id);
+  if (!first || !verdict.q_WT || tag.known != nullptr || static_cast<int>(state_.tags.size()) >= config_.max_local_tags) {
+    return false;
+  }
+  ImageMemory::Image& image = memory_.image(first->number);
+  const auto seen = std::find_if(image.seen.tags.begin(), image.seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+  FIDUCAP_ASSERT(seen != image.seen.tags.end());
+  const Eigen::Quaterniond q_VT = first->q_LV.conjugate() * *verdict.q_WT;
+  const auto poses = solve_tag_pose(*seen, model_of(image.seen.camera));
+  const bool second = angle_between(poses[1].X_VT.q, q_VT) < angle_between(poses[0].X_VT.q, q_VT);
+  image.admissions.push_back({tag_id, poses[second ? 1 : 0].X_VT});
+  live_again(first->number, report);
+  memory_.stop_waiting(tag_id);
+  ++report.tags_added;
+  return true;
+}
+
+void WorldFilter::live_again(long from, UpdateReport& report) {
+  state_ = *memory_.state_at(from);
+  for (long number = from; number <= memory_.newest(); ++number) {
+    ImageMemory::Image& image = memory_.image(number);
+    if (number > from) {
+      sort_tags(image.seen, image.known);
+      move_to(image.seen);
+      report.exposed_at = image.seen.exposed_at;
+      if (!usable_.empty()) correct(image.seen, report, 1);
+      memory_.renew(number, state_);
+    }
+    for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);
+  }
+}
+
+void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
+  const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == admission.tag_id; });
+  augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT, config_.corner_noise_px);
+  state_.tags.back().first_seen = seen.exposed_at;
+  state_.tags.back().last_seen = seen.exposed_at;
+  last_used_at_ = seen.exposed_at;
 }
 
 bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
@@ -336,11 +387,10 @@ bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const 
     return true;
   }
   if (static_cast<int>(state_.tags.size()) >= config_.max_local_tags) return false;
-  augment(state_, seen.camera, model_of(seen.camera), *tag.seen, X_VT, config_.corner_noise_px);
-  state_.tags.back().first_seen = seen.exposed_at;
-  state_.tags.back().last_seen = seen.exposed_at;
+  const ImageMemory::Admission admission{tag.seen->tag_id, X_VT};
+  if (memory_.newest() >= 0) memory_.image(memory_.newest()).admissions.push_back(admission);
+  join(seen, admission);
   ++report.tags_added;
-  last_used_at_ = seen.exposed_at;
   const auto prior = priors_.find(tag.seen->tag_id);
   if (prior != priors_.end()) {
     anchor_at(seen.camera, X_VT, prior->second.X_WT, report);
@@ -380,6 +430,7 @@ void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, Upda
 
 void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
   report.gauge_shift = report.gauge_shift ? X_new_old * *report.gauge_shift : X_new_old;
+  memory_.forget_all();  // its states are in the old axes
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
 }
 

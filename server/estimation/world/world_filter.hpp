@@ -13,6 +13,7 @@
 #include "estimation/tag_candidates.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "estimation/world/image_memory.hpp"
 #include "estimation/world/propagation.hpp"
 
 namespace fiducap::world {
@@ -67,6 +68,9 @@ class WorldFilter final : public BodyFilter {
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
+  bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
+  void live_again(long from, UpdateReport& report);
+  void join(const TagObservations& seen, const ImageMemory::Admission& admission);
   bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
   bool admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT);
   void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
@@ -88,13 +92,15 @@ class WorldFilter final : public BodyFilter {
   CornerUpdate<FilterState> corner_update_;
   AttitudeStart attitude_;
   TagCandidates candidates_;
+  ImageMemory memory_;
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;
   std::map<int, KnownTag> priors_;
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
-  std::vector<TagToUse> fresh_;   ///< … and those that may join it.
+  std::vector<TagToUse> fresh_;   ///< … and those that may join it,
+  std::vector<TagToUse> judged_;  ///< one after the other.
   std::vector<bool> accepted_;
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
