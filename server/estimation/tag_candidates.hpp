@@ -18,7 +18,16 @@ struct CameraAttitude {
 /// What the views of a tag say once its branch is certain.
 struct TagVerdict {
   Pose X_VT;                                ///< The tag in the camera's axes, by the newest image alone.
-  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude.
+  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude …
+  double sigma_rad{};                       ///< … and how uncertain that is.
+};
+
+/// When a tag has been looked at long enough.
+struct Patience {
+  int at_least{1};        ///< Views before a tag is believed at all: a phantom id is rarely seen twice.
+  int forced_after{0};    ///< A branch is taken without enough evidence after so many views; 0: never.
+  double sharp_rad{10};   ///< The attitude by all views must be this certain …
+  int unsharp_after{0};   ///< … but after so many views it is taken as it is.
 };
 
 /// Tags that were seen but whose pose branch is not yet certain.
@@ -32,12 +41,9 @@ class TagCandidates final {
   explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
 
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
-  /// @param at_least      views before a tag is believed at all: a phantom id is rarely seen twice
-  /// @param forced_after  a branch is taken without enough evidence after so many views; 0: never
   /// @return nullopt while its branch is not certain
   [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                          const std::optional<CameraAttitude>& attitude, int at_least,
-                                          int forced_after);
+                                          const std::optional<CameraAttitude>& attitude, const Patience& patience);
   void forget(int tag_id);
   void forget_all() { candidates_.clear(); }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
@@ -50,7 +56,8 @@ class TagCandidates final {
   };
   struct Branch {
     Eigen::Quaterniond q_WT;
-    double cost{};  ///< chi-square over the views
+    double cost{};       ///< chi-square over the views
+    double sigma_rad{};  ///< of the attitude
   };
   struct Candidate {
     std::vector<View> views;        ///< With attitude: the newest `branch_views`.

@@ -20,7 +20,8 @@ class ImageMemory final {
  public:
   struct Admission {
     int tag_id{};
-    Pose X_VT;  ///< As one image alone shows it.
+    /// In the camera's axes of that image, near the truth by all that is known: the corners are linearised here.
+    Pose X_VT;
   };
   struct Image {
     TagObservations seen;
