@@ -29,25 +29,25 @@ class CornerUpdate final {
                      const Options& options, std::vector<bool>& accepted) {
     UpdateReport report;
     const bool moves = options.iterations > 1 || options.start != nullptr;
-    const State prior = moves ? state : State{};
+    if (moves) prior_.copy_mean(state);
     if (options.start != nullptr) state.copy_mean(*options.start);
     build(state, camera, model, tags, options.corner_noise_px);
-    if (moves) refer_to(prior, state);
+    if (moves) refer_to(prior_, state);
     update_.gate(state.P(), measurements_, options.gate, accepted);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
     if (update_.empty()) {
-      if (moves) state.copy_mean(prior);
+      if (moves) state.copy_mean(prior_);
       return report;
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (iteration > 0) {
         build(state, camera, model, tags, options.corner_noise_px);
-        refer_to(prior, state);
+        refer_to(prior_, state);
       }
       const double nis = update_.solve(state.P(), measurements_, state.held_tags());
       if (iteration == 0) report.nis = nis;
-      if (moves) state.copy_mean(prior);
+      if (moves) state.copy_mean(prior_);
       state.add_error(update_.correction());
     }
     update_.shrink(state.P(), state.held_tags());
@@ -71,6 +71,7 @@ class CornerUpdate final {
     }
   }
 
+  State prior_;  ///< mean only
   std::vector<TagMeasurement> measurements_;
   StackedUpdate update_;
 };

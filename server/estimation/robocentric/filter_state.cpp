@@ -30,7 +30,7 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_f = other.bias_f;
   bias_w = other.bias_w;
   X_BV = other.X_BV;
-  for (std::size_t i = 0; i < tags.size(); ++i) tags[i].X_VT = other.tags[i].X_VT;
+  tags = other.tags;
 }
 
 void FilterState::add_tag(const LocalTag& tag, const Matrix6d& own) {

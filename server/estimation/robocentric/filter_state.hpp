@@ -51,7 +51,7 @@ struct FilterState {
   void add_tag(const LocalTag& tag, const Matrix6d& own);
   /// Takes a tag out (marginalises it).
   void remove_tag(std::size_t i);
-  /// Takes over everything but the covariance; @pre same tags.
+  /// Takes over everything but the covariance.
   void copy_mean(const FilterState& other);
   /// Makes room for the body and the cameras, covariance zero.
   void resize_covariance();

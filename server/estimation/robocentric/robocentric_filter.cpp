@@ -288,8 +288,9 @@ void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateRepor
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
-    if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude,
+                                           {.at_least = at_least, .forced_after = forced_after});
+    if (!verdict || !admit(seen, tag, verdict->X_VT, report)) ++report.tags_pending;
   }
 }
 

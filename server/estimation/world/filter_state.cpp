@@ -62,7 +62,8 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_f = other.bias_f;
   bias_w = other.bias_w;
   X_BV = other.X_BV;
-  for (std::size_t i = 0; i < tags.size(); ++i) tags[i].X_WT = other.tags[i].X_WT;
+  tags = other.tags;
+  held_ = other.held_;
 }
 
 void FilterState::add_error(const ErrorRef& error) {

@@ -49,7 +49,7 @@ struct FilterState {
   void add_tag(const WorldTag& tag, const Matrix6d& own);
   /// Takes a tag out (marginalises it).
   void remove_tag(std::size_t i);
-  /// Takes over everything but the covariance; @pre same tags.
+  /// Takes over everything but the covariance.
   void copy_mean(const FilterState& other);
   /// x ⊞ ξ: adds an error vector of length size() in the coordinates of state_layout.hpp.
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);

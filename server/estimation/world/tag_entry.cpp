@@ -15,7 +15,9 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
              double corner_noise_px) {
   const CornerResidual residual = corner_residual(seen, X_VT, model);
-  const Matrix6d own = (residual.H.transpose() * residual.H / (corner_noise_px * corner_noise_px)).inverse();
+  const Matrix6d inverse = (residual.H.transpose() * residual.H).inverse();
+  const Matrix6d own = corner_noise_px * corner_noise_px * inverse;
+  const Eigen::Matrix<double, 6, 1> beside = inverse * residual.H.transpose() * residual.y;
 
   const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
   WorldTag tag;
@@ -39,6 +41,10 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   seen_to_world << R_WV, lever * R_WV, zero, R_WV;
   const int at = state.tag_at(state.tags.size() - 1);
   redefine(state.covariance, at, at + 3, terms, seen_to_world * own * seen_to_world.transpose());
+  // The mean is where the corners, linearised, say it is.
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
+  error.tail<6>() = seen_to_world * beside;
+  state.add_error(error);
 }
 
 void hold(FilterState& state, const KnownTag& known, Instant at) {

@@ -35,6 +35,9 @@ constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
+// A tag joins when its attitude is this certain, so that it is linearised near the truth, or after so many views.
+constexpr double kSharp_rad = 0.05;
+constexpr int kUnsharpViews = 30;
 // After being adrift the gyro still says how the body turned.
 constexpr double kGyroTurn_rad = 0.1;
 // A map tag that was not seen for so long is let go, with what its error shares with the body's.
@@ -84,6 +87,7 @@ void WorldFilter::restart() {
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
+  memory_.forget_all();
   heading_rule_.reset();
   gauge_tag_.reset();
   last_used_at_.reset();
@@ -95,12 +99,18 @@ void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
   for (const KnownTag& prior : priors) priors_[prior.tag_id] = prior;
 }
 
+bool WorldFilter::running() const {
+  return mode_ == Mode::kRunning && (anchor_ != Anchor::kNone || !state_.tags.empty());
+}
+
 void WorldFilter::lose_motion() {
   if (mode_ != Mode::kRunning) return;
+  if (!running()) return restart();
   mode_ = Mode::kAdrift;
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
+  memory_.forget_all();
   return_attempts_ = 0;
 }
 
@@ -151,7 +161,7 @@ void WorldFilter::integrate_to(Instant to) {
     const Instant end = imu_.end_of_interval(state_.time, to);
     step_to(end, imu_.input_between(state_.time, end), kStepWithImu_s);
   }
-  imu_.forget_before(to);
+  imu_.forget_before(memory_.needed_since().value_or(to));
 }
 
 void WorldFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
@@ -201,14 +211,16 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   UpdateReport report;
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
-  report.running = mode_ == Mode::kRunning;
-  if (report.running && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
+  report.running = running();
+  if (mode_ == Mode::kRunning && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
 
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
 
   linearisation_.reset();
+  // With gravity and gyro the motion is followed from the first sight of a tag on, before any tag has joined.
+  if (mode_ == Mode::kStarting && attitude_.ready() && !fresh_.empty()) start(seen.exposed_at);
   bool at_image = false;  // the state stands at this image
   int iterations = 1;
   if (mode_ == Mode::kRunning) {
@@ -224,10 +236,11 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
     state_ = before_;
     at_image = false;
   }
+  if (at_image) memory_.add(seen, known);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
-  report.running = mode_ == Mode::kRunning;
+  report.running = running();
   return report;
 }
 
@@ -319,13 +332,86 @@ std::optional<CameraAttitude> WorldFilter::camera_attitude(int camera, Instant a
 void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
   if (has_imu() && !attitude_.ready()) return;
   const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
-  const int at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
-  const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
-  for (const TagToUse& tag : fresh_) {
-    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
-    if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
+  Patience patience;
+  patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
+  patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (has_imu()) {
+    patience.sharp_rad = kSharp_rad;
+    patience.unsharp_after = kUnsharpViews;
   }
+  judged_ = fresh_;  // living again sorts anew
+  for (const TagToUse& tag : judged_) {
+    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, patience);
+    if (!verdict) {
+      ++report.tags_pending;
+      if (mode_ == Mode::kRunning && has_imu() && tag.known == nullptr) memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
+    } else if (!admit_late(tag, *verdict, report) && !admit(seen, tag, verdict->X_VT, report)) {
+      ++report.tags_pending;
+    }
+  }
+}
+
+Pose WorldFilter::near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const {
+  const auto poses = solve_tag_pose(seen, model_of(camera));
+  const bool second = angle_between(poses[1].X_VT.q, q_VT) < angle_between(poses[0].X_VT.q, q_VT);
+  return place_turned_tag(seen, model_of(camera), q_VT, poses[second ? 1 : 0].X_VT.p);
+}
+
+bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report) {
+  const int tag_id = tag.seen->tag_id;
+  const auto first = memory_.first_sight(tag_id);
+  if (!first || !verdict.q_WT || tag.known != nullptr || static_cast<int>(state_.tags.size()) >= config_.max_local_tags) {
+    return false;
+  }
+  ImageMemory::Image& image = memory_.image(first->number);
+  const auto seen = std::find_if(image.seen.tags.begin(), image.seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+  FIDUCAP_ASSERT(seen != image.seen.tags.end());
+  const Eigen::Quaterniond q_VT = first->q_LV.conjugate() * *verdict.q_WT;
+  image.admissions.push_back({tag_id, near_place(*seen, image.seen.camera, q_VT)});
+  live_again(first->number, report);
+  memory_.stop_waiting(tag_id);
+  ++report.tags_added;
+  return true;
+}
+
+void WorldFilter::live_again(long from, UpdateReport& report) {
+  state_ = *memory_.state_at(from);
+  joining_.clear();
+  for (long number = from; number <= memory_.newest(); ++number) {
+    ImageMemory::Image& image = memory_.image(number);
+    if (number > from) {
+      sort_tags(image.seen, image.known);
+      move_to(image.seen);
+      report.exposed_at = image.seen.exposed_at;
+      linearise_joining();
+      if (!usable_.empty()) correct(image.seen, report, 1);
+      linearisation_.reset();
+      memory_.renew(number, state_);
+    }
+    for (const ImageMemory::Admission& admission : image.admissions) {
+      join(image.seen, admission);
+      const Pose X_WV = state_.X_WB * state_.X_BV[static_cast<std::size_t>(image.seen.camera)];
+      joining_.emplace_back(admission.tag_id, X_WV * admission.X_VT);
+    }
+  }
+}
+
+void WorldFilter::linearise_joining() {
+  if (!linearisation_) linearisation_.emplace();
+  linearisation_->copy_mean(state_);
+  for (const auto& [tag_id, X_WT] : joining_) {
+    const int tag = state_.find(tag_id);
+    if (tag >= 0) linearisation_->tags[static_cast<std::size_t>(tag)].X_WT = X_WT;
+  }
+}
+
+void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
+  const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == admission.tag_id; });
+  augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT, config_.corner_noise_px);
+  state_.tags.back().first_seen = seen.exposed_at;
+  state_.tags.back().last_seen = seen.exposed_at;
+  last_used_at_ = seen.exposed_at;
 }
 
 bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
@@ -336,11 +422,10 @@ bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const 
     return true;
   }
   if (static_cast<int>(state_.tags.size()) >= config_.max_local_tags) return false;
-  augment(state_, seen.camera, model_of(seen.camera), *tag.seen, X_VT, config_.corner_noise_px);
-  state_.tags.back().first_seen = seen.exposed_at;
-  state_.tags.back().last_seen = seen.exposed_at;
+  const ImageMemory::Admission admission{tag.seen->tag_id, X_VT};
+  if (memory_.newest() >= 0) memory_.image(memory_.newest()).admissions.push_back(admission);
+  join(seen, admission);
   ++report.tags_added;
-  last_used_at_ = seen.exposed_at;
   const auto prior = priors_.find(tag.seen->tag_id);
   if (prior != priors_.end()) {
     anchor_at(seen.camera, X_VT, prior->second.X_WT, report);
@@ -380,6 +465,7 @@ void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, Upda
 
 void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
   report.gauge_shift = report.gauge_shift ? X_new_old * *report.gauge_shift : X_new_old;
+  memory_.forget_all();  // its states are in the old axes
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
 }
 

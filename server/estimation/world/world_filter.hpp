@@ -13,6 +13,7 @@
 #include "estimation/tag_candidates.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "estimation/world/image_memory.hpp"
 #include "estimation/world/propagation.hpp"
 
 namespace fiducap::world {
@@ -31,7 +32,7 @@ class WorldFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
-  [[nodiscard]] bool running() const override { return mode_ == Mode::kRunning; }
+  [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
@@ -67,6 +68,11 @@ class WorldFilter final : public BodyFilter {
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
+  [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
+  bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
+  void live_again(long from, UpdateReport& report);
+  void linearise_joining();
+  void join(const TagObservations& seen, const ImageMemory::Admission& admission);
   bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
   bool admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT);
   void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
@@ -88,14 +94,18 @@ class WorldFilter final : public BodyFilter {
   CornerUpdate<FilterState> corner_update_;
   AttitudeStart attitude_;
   TagCandidates candidates_;
+  ImageMemory memory_;
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;
   std::map<int, KnownTag> priors_;
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
-  std::vector<TagToUse> fresh_;   ///< … and those that may join it.
+  std::vector<TagToUse> fresh_;   ///< … and those that may join it,
+  std::vector<TagToUse> judged_;  ///< one after the other.
   std::vector<bool> accepted_;
+  /// Tags that join while images are lived through again, and where they are linearised meanwhile.
+  std::vector<std::pair<int, Pose>> joining_;
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
