@@ -22,6 +22,12 @@ struct Verb {
 
 const std::vector<Verb>& verbs() {
   static const std::vector<Verb> all{
+      {"classes",
+       "whether the simulator's classes are like the open recordings",
+       {"table", "sparse", "loop"},
+       "ABCD",
+       5,
+       bench_classes},
       {"recordings",
        "the open recordings against bound and authors' code",
        {"table", "sparse", "loop", "big"},
