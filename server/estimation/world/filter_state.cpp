@@ -8,6 +8,7 @@ namespace fiducap::world {
 
 namespace {
 
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
 /// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the
@@ -109,27 +110,34 @@ Matrix6d adjoint(const Pose& X) {
 
 void camera_errors_to_extrinsics(FilterState& state) {
   auto P = state.P();
-  auto rows = state.covariance.six_rows();
   const Matrix6d to_body = adjoint(state.X_WB.inverse());
   for (int c = 0; c < state.cameras(); ++c) {
     const int at = layout::camera(c);
-    rows.noalias() = to_body * (P.middleRows<6>(at) - P.middleRows<6>(layout::kPosition));
-    P.middleRows<6>(at) = rows;
-    rows.noalias() = to_body * (P.middleCols<6>(at) - P.middleCols<6>(layout::kPosition)).transpose();
-    P.middleCols<6>(at) = rows.transpose();
+    // Column by column, then row by row: nothing is allocated.
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d apart = P.col(k).segment<6>(at) - P.col(k).segment<6>(layout::kPosition);
+      P.col(k).segment<6>(at) = to_body * apart;
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d apart = P.row(k).segment<6>(at) - P.row(k).segment<6>(layout::kPosition);
+      P.row(k).segment<6>(at) = (to_body * apart).transpose();
+    }
   }
 }
 
 void extrinsics_to_camera_errors(FilterState& state) {
   auto P = state.P();
-  auto rows = state.covariance.six_rows();
   const Matrix6d to_world = adjoint(state.X_WB);
   for (int c = 0; c < state.cameras(); ++c) {
     const int at = layout::camera(c);
-    rows.noalias() = to_world * P.middleRows<6>(at);
-    P.middleRows<6>(at) = rows + P.middleRows<6>(layout::kPosition);
-    rows.noalias() = to_world * P.middleCols<6>(at).transpose();
-    P.middleCols<6>(at) = rows.transpose() + P.middleCols<6>(layout::kPosition);
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d turned = to_world * P.col(k).segment<6>(at);
+      P.col(k).segment<6>(at) = turned + P.col(k).segment<6>(layout::kPosition);
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d turned = to_world * P.row(k).segment<6>(at).transpose();
+      P.row(k).segment<6>(at) = turned.transpose() + P.row(k).segment<6>(layout::kPosition);
+    }
   }
 }
 
