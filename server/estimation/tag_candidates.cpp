@@ -20,6 +20,17 @@ constexpr double kHopelessCostPerNumber = 25.0;
 constexpr int kRatioViews = 3;
 constexpr double kClearRatio = 9.0;
 
+/// The other attitude that gives nearly the same picture: the face's normal mirrored at the line of sight. Exact for a tag
+/// that is far away compared with its size.
+Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3d& p_VT) {
+  const Eigen::Vector3d normal = q_VT * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d towards = -p_VT.normalized();
+  const Eigen::Vector3d axis = normal.cross(towards);
+  const double sine = axis.norm();
+  if (sine < 1e-9) return q_VT;
+  return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
+}
+
 }  // namespace
 
 void TagCandidates::forget(int tag_id) {
@@ -48,7 +59,7 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
   views.push_back({seen, q_WV, poses[0].X_VT.p});
   Branch best = fit(views, model, q_WV * poses[0].X_VT.q);
-  Branch rival = fit(views, model, q_WV * poses[1].X_VT.q);
+  Branch rival = fit(views, model, q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p));
   if (rival.cost < best.cost) std::swap(best, rival);
 
   const double numbers = 8.0 * static_cast<double>(views.size());

@@ -7,8 +7,8 @@
 
 namespace fiducap::world {
 
-/// Innovation and Jacobian of one tag, RCARS II-D4: X_VT = X_BV⁻¹ X_WB⁻¹ X_WT. Body and tag enter with opposite signs
-/// and the same lever arm, so a common shift of the room cancels exactly, wherever this is linearised.
+/// Innovation and Jacobian of one tag, RCARS II-D4: X_VT = X_WV⁻¹ X_WT. Camera and tag enter with opposite signs and the
+/// same lever arm, so a common shift of both cancels exactly, wherever this is linearised.
 [[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
                                      double corner_noise_px);
 

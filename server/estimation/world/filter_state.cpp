@@ -8,6 +8,7 @@ namespace fiducap::world {
 
 namespace {
 
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
 /// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the
@@ -69,14 +70,16 @@ void FilterState::copy_mean(const FilterState& other) {
 void FilterState::add_error(const ErrorRef& error) {
   const Eigen::Vector3d phi = error.segment<3>(layout::kAttitude);
   v_WB = exp_so3(phi) * v_WB + left_jacobian_so3(phi) * error.segment<3>(layout::kVelocity);
+  const Pose before = X_WB;
   add_world_error(X_WB, error.segment<6>(layout::kPosition));
-  bias_f += error.segment<3>(layout::kBiasF);
-  bias_w += error.segment<3>(layout::kBiasW);
   for (int c = 0; c < cameras(); ++c) {
     Pose& X = X_BV[static_cast<std::size_t>(c)];
-    X.p += error.segment<3>(layout::extrinsics(c));
-    X.q = (exp_so3(error.segment<3>(layout::extrinsics(c) + 3)) * X.q).normalized();
+    Pose X_WV = before * X;
+    add_world_error(X_WV, error.segment<6>(layout::camera(c)));
+    X = X_WB.inverse() * X_WV;
   }
+  bias_f += error.segment<3>(layout::kBiasF);
+  bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < tags.size(); ++i) add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
 }
 
@@ -86,16 +89,65 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   error.segment<3>(layout::kVelocity) = J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
   error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
   error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
-  for (int c = 0; c < cameras(); ++c) {
-    const Pose& from = X_BV[static_cast<std::size_t>(c)];
-    const Pose& to = other.X_BV[static_cast<std::size_t>(c)];
-    error.segment<3>(layout::extrinsics(c)) = to.p - from.p;
-    error.segment<3>(layout::extrinsics(c) + 3) = log_so3(to.q * from.q.conjugate());
-  }
+  for (int c = 0; c < cameras(); ++c) world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
   for (std::size_t i = 0; i < tags.size(); ++i) {
     world_error(tags[i].X_WT, other.tags[i].X_WT, error.segment<6>(tag_at(i)));
   }
   return error;
+}
+
+namespace {
+
+/// Ad(X): the world-side error that an error on the other side of X is.
+Matrix6d adjoint(const Pose& X) {
+  const Eigen::Matrix3d R = X.rotation();
+  Matrix6d Ad;
+  Ad << R, skew(X.p) * R, Eigen::Matrix3d::Zero(), R;
+  return Ad;
+}
+
+}  // namespace
+
+void camera_errors_to_extrinsics(FilterState& state) {
+  auto P = state.P();
+  const Matrix6d to_body = adjoint(state.X_WB.inverse());
+  for (int c = 0; c < state.cameras(); ++c) {
+    const int at = layout::camera(c);
+    // Column by column, then row by row: nothing is allocated.
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d apart = P.col(k).segment<6>(at) - P.col(k).segment<6>(layout::kPosition);
+      P.col(k).segment<6>(at) = to_body * apart;
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d apart = P.row(k).segment<6>(at) - P.row(k).segment<6>(layout::kPosition);
+      P.row(k).segment<6>(at) = (to_body * apart).transpose();
+    }
+  }
+}
+
+void extrinsics_to_camera_errors(FilterState& state) {
+  auto P = state.P();
+  const Matrix6d to_world = adjoint(state.X_WB);
+  for (int c = 0; c < state.cameras(); ++c) {
+    const int at = layout::camera(c);
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d turned = to_world * P.col(k).segment<6>(at);
+      P.col(k).segment<6>(at) = turned + P.col(k).segment<6>(layout::kPosition);
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d turned = to_world * P.row(k).segment<6>(at).transpose();
+      P.row(k).segment<6>(at) = turned.transpose() + P.row(k).segment<6>(layout::kPosition);
+    }
+  }
+}
+
+Matrix6d extrinsics_covariance(const FilterState& state, int camera) {
+  const int at = layout::camera(camera);
+  const auto P = state.P();
+  const Matrix6d apart = P.block<6, 6>(at, at) - P.block<6, 6>(at, layout::kPosition) - P.block<6, 6>(layout::kPosition, at) +
+                         P.block<6, 6>(layout::kPosition, layout::kPosition);
+  const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) * adjoint(state.X_WB.inverse());
+  return J * apart * J.transpose();
 }
 
 Matrix6d plain_from_world_error(const Eigen::Vector3d& p) {

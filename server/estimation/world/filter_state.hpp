@@ -34,6 +34,7 @@ struct FilterState {
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return tag_at(tags.size()); }
+  [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
   [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
@@ -62,6 +63,12 @@ struct FilterState {
   std::vector<int> held_;
 };
 
+/// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the error of X_WV, that of
+/// X_BV = Exp(e) X̂_BV, which does not change then. @pre the other form
+void camera_errors_to_extrinsics(FilterState& state);
+/// … and back, with the body where it is now.
+void extrinsics_to_camera_errors(FilterState& state);
+
 /// ∂ (position, rotation vector, both W axes) / ∂ ξ of a pose at p: position moves by ρ + φ × p.
 [[nodiscard]] Matrix6d plain_from_world_error(const Eigen::Vector3d& p);
 /// Its inverse.
@@ -69,6 +76,8 @@ struct FilterState {
 
 /// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left alone.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
+/// Position (additive) and rotation vector of X_BV, both in B axes.
+[[nodiscard]] Matrix6d extrinsics_covariance(const FilterState& state, int camera);
 /// A tag with its covariance.
 [[nodiscard]] KnownTag tag_in_workspace(const FilterState& state, std::size_t tag);
 

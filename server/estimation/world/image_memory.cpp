@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "estimation/world/workspace_axes.hpp"
+
 namespace fiducap::world {
 
 void ImageMemory::forget_all() {
@@ -56,6 +58,12 @@ const FilterState* ImageMemory::state_at(long number) const {
 void ImageMemory::renew(long number, const FilterState& state) {
   for (Checkpoint& checkpoint : checkpoints_) {
     if (checkpoint.number == number) checkpoint.state = state;
+  }
+}
+
+void ImageMemory::move_axes(const Pose& G) {
+  for (Checkpoint& checkpoint : checkpoints_) {
+    if (checkpoint.number >= 0) world::move_axes(checkpoint.state, G);
   }
 }
 

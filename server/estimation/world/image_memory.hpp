@@ -50,6 +50,8 @@ class ImageMemory final {
   [[nodiscard]] const FilterState* state_at(long number) const;
   /// Replaces that state, when the past was lived through again.
   void renew(long number, const FilterState& state);
+  /// The workspace axes were moved by G: the states go along.
+  void move_axes(const Pose& G);
   /// IMU readings are needed from here on.
   [[nodiscard]] std::optional<Instant> needed_since() const;
 

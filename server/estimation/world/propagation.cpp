@@ -49,6 +49,8 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input, const Ei
 void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
                const Eigen::Vector3d& gravity_W, double dt) {
   if (dt <= 0) return;
+  if (!motion.begun) motion.X_WB_before = state.X_WB;
+  motion.begun = true;
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
   motion.Phi = (j.F * motion.Phi).eval();
   motion.Q = (j.F * motion.Q * j.F.transpose()).eval();
@@ -59,6 +61,10 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
 }
 
 void apply(FilterState& state, MotionSinceImage& motion) {
+  if (!motion.begun) return;
+  std::swap(state.X_WB, motion.X_WB_before);
+  camera_errors_to_extrinsics(state);
+  std::swap(state.X_WB, motion.X_WB_before);
   auto P = state.P();
   const Eigen::Index rest = state.size() - kBodySize;
   const BodyMatrix body = P.topLeftCorner<kBodySize, kBodySize>();
@@ -69,6 +75,7 @@ void apply(FilterState& state, MotionSinceImage& motion) {
     P.col(k).head<kBodySize>() = moved;
     P.row(k).head<kBodySize>() = moved.transpose();
   }
+  extrinsics_to_camera_errors(state);
   motion.restart();
 }
 

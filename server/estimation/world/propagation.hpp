@@ -9,6 +9,8 @@ namespace fiducap::world {
 /// errors do not enter the motion, so an inertial step costs the same whatever the number of tags, and the map's
 /// covariance with the body is moved once per image.
 struct MotionSinceImage {
+  bool begun{false};
+  Pose X_WB_before;                        ///< Where the body was at the last image.
   BodyMatrix Phi{BodyMatrix::Identity()};  ///< ∂ body now / ∂ body at the last image.
   BodyMatrix Q{BodyMatrix::Zero()};        ///< Covariance of what was added on the way.
 

@@ -19,8 +19,8 @@ inline constexpr int kBiasW = 12;    ///< gyro bias, B axes, rad/s.
 inline constexpr int kBodySize = 15;
 
 inline constexpr int kPoseSize = 6;
-/// Camera c: p_BV (B axes) then rotation, q_BV = exp(δ) q̂_BV, δ in B axes.
-[[nodiscard]] constexpr int extrinsics(int camera) { return kBodySize + kPoseSize * camera; }
+/// Camera c: ρ, φ of X_WV.
+[[nodiscard]] constexpr int camera(int camera) { return kBodySize + kPoseSize * camera; }
 /// Tag i: ρ, φ.
 [[nodiscard]] constexpr int tag(int cameras, int i) { return kBodySize + kPoseSize * (cameras + i); }
 }  // namespace layout

@@ -10,8 +10,6 @@
 
 namespace fiducap::world {
 
-using namespace layout;  // NOLINT: the block names are the subject of this file
-
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
              double corner_noise_px) {
   const CornerResidual residual = corner_residual(seen, X_VT, model);
@@ -19,26 +17,21 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   const Matrix6d own = corner_noise_px * corner_noise_px * inverse;
   const Eigen::Matrix<double, 6, 1> beside = inverse * residual.H.transpose() * residual.y;
 
-  const Pose& X_BV = state.X_BV[static_cast<std::size_t>(camera)];
+  const Pose X_WV = state.X_WV(camera);
   WorldTag tag;
   tag.tag_id = seen.tag_id;
   tag.edge_m = seen.edge_m;
   tag.sightings = 1;
-  tag.X_WT = state.X_WB * X_BV * X_VT;
+  tag.X_WT = X_WV * X_VT;
   state.add_tag(tag, Matrix6d::Zero());
 
-  const Eigen::Matrix3d R_WB = state.X_WB.rotation();
-  const Eigen::Matrix3d R_WV = R_WB * X_BV.rotation();
-  const Eigen::Matrix3d lever = skew(tag.X_WT.p);
-  const Eigen::Vector3d arm_B = X_BV.q * X_VT.p;
+  const Eigen::Matrix3d R_WV = X_WV.rotation();
   const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
-  const std::array<LinearTerm, 4> terms{
-      linear_term(kPosition, one, zero), linear_term(kAttitude, zero, one),
-      linear_term(extrinsics(camera), R_WB, zero),
-      linear_term(extrinsics(camera) + 3, lever * R_WB - R_WB * skew(arm_B), R_WB)};
+  const std::array<LinearTerm, 2> terms{linear_term(layout::camera(camera), one, zero),
+                                        linear_term(layout::camera(camera) + 3, zero, one)};
   Matrix6d seen_to_world = Matrix6d::Zero();
-  seen_to_world << R_WV, lever * R_WV, zero, R_WV;
+  seen_to_world << R_WV, skew(tag.X_WT.p) * R_WV, zero, R_WV;
   const int at = state.tag_at(state.tags.size() - 1);
   redefine(state.covariance, at, at + 3, terms, seen_to_world * own * seen_to_world.transpose());
   // The mean is where the corners, linearised, say it is.

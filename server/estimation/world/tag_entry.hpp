@@ -6,8 +6,8 @@
 
 namespace fiducap::world {
 
-/// A new tag joins the state where `camera` sees it, correlated with the body and the extrinsics, its own part of the
-/// covariance from its corners.
+/// A new tag joins the state where `camera` sees it, correlated with the camera, its own part of the covariance from its
+/// corners.
 /// @param X_VT  near its place, in the certain one of its two branches: the corners are linearised here
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
              double corner_noise_px);

@@ -43,11 +43,30 @@ RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
   return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
 }
 
-/// First columns of all poses in the state: the body, then the tags.
-int pose_at(const FilterState& state, std::size_t k) { return k == 0 ? kPosition : state.tag_at(k - 1); }
-std::size_t poses(const FilterState& state) { return state.tags.size() + 1; }
+/// First columns of all poses in the state: the body, the cameras, the tags.
+int pose_at(const FilterState&, std::size_t k) { return k == 0 ? kPosition : layout::camera(static_cast<int>(k) - 1); }
+std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.tags.size(); }
 
-/// The same state in axes that stand elsewhere: X_new = G X for every pose. Errors turn with the axes.
+/// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
+void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
+  auto P = state.P();
+  auto g = state.covariance.six_rows();  // covariance of the shift with everything
+  g.noalias() = shift.L * P.middleRows<6>(tag_at);
+  const Matrix6d own = g.middleCols<6>(tag_at) * shift.L.transpose();
+  for (std::size_t k = 0; k < poses(state); ++k) P.middleRows<6>(pose_at(state, k)) += shift.N * g;
+  for (std::size_t k = 0; k < poses(state); ++k) {
+    for (Eigen::Index row = 0; row < P.rows(); ++row) {
+      P.row(row).segment<6>(pose_at(state, k)) += (shift.N * g.col(row)).transpose();
+    }
+  }
+  const Matrix6d both = shift.N * own * shift.N.transpose();
+  for (std::size_t a = 0; a < poses(state); ++a) {
+    for (std::size_t b = 0; b < poses(state); ++b) P.block<6, 6>(pose_at(state, a), pose_at(state, b)) += both;
+  }
+}
+
+}  // namespace
+
 void move_axes(FilterState& state, const Pose& G) {
   state.X_WB = G * state.X_WB;
   state.v_WB = G.q * state.v_WB;
@@ -71,26 +90,6 @@ void move_axes(FilterState& state, const Pose& G) {
   P.middleCols<3>(kVelocity) = (P.middleCols<3>(kVelocity) * R.transpose()).eval();
 }
 
-/// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
-void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
-  auto P = state.P();
-  auto g = state.covariance.six_rows();  // covariance of the shift with everything
-  g.noalias() = shift.L * P.middleRows<6>(tag_at);
-  const Matrix6d own = g.middleCols<6>(tag_at) * shift.L.transpose();
-  for (std::size_t k = 0; k < poses(state); ++k) P.middleRows<6>(pose_at(state, k)) += shift.N * g;
-  for (std::size_t k = 0; k < poses(state); ++k) {
-    for (Eigen::Index row = 0; row < P.rows(); ++row) {
-      P.row(row).segment<6>(pose_at(state, k)) += (shift.N * g.col(row)).transpose();
-    }
-  }
-  const Matrix6d both = shift.N * own * shift.N.transpose();
-  for (std::size_t a = 0; a < poses(state); ++a) {
-    for (std::size_t b = 0; b < poses(state); ++b) P.block<6, 6>(pose_at(state, a), pose_at(state, b)) += both;
-  }
-}
-
-}  // namespace
-
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const Pose& X_WT = state.tags[tag].X_WT;
   Pose G;
@@ -112,7 +111,7 @@ double slack_of_reference(const FilterState& state, std::size_t tag, const Headi
 }
 
 Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level) {
-  const Pose seen = state.X_WB * state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
+  const Pose seen = state.X_WV(camera) * X_VT;
   Pose G;
   G.q = level ? turn_closest(X_WT.q, seen.q) : (X_WT.q * seen.q.conjugate()).normalized();
   G.p = X_WT.p - G.q * seen.p;
@@ -129,6 +128,7 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
 }
 
 void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu) {
+  camera_errors_to_extrinsics(state);
   state.X_WB = X_WB;
   state.v_WB.setZero();
   auto P = state.P();
@@ -137,11 +137,13 @@ void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu) {
   P.diagonal().segment<3>(kPosition).setConstant(kUnknownPosition_m * kUnknownPosition_m);
   P.diagonal().segment<3>(kAttitude).setConstant(kUnknownAngle_rad * kUnknownAngle_rad);
   P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
-  if (has_imu) return;
-  state.bias_w.setZero();
-  P.middleRows<3>(kBiasW).setZero();
-  P.middleCols<3>(kBiasW).setZero();
-  P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  if (!has_imu) {
+    state.bias_w.setZero();
+    P.middleRows<3>(kBiasW).setZero();
+    P.middleCols<3>(kBiasW).setZero();
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  extrinsics_to_camera_errors(state);
 }
 
 }  // namespace fiducap::world

@@ -5,6 +5,9 @@
 
 namespace fiducap::world {
 
+/// The same state in axes that stand elsewhere: X_new = G X for every pose. Errors turn with the axes.
+void move_axes(FilterState& state, const Pose& G);
+
 /// Re-defines W by a tag in the state: its position and heading become exact by definition, up stays gravity's business
 /// (`level`), or, without gravity, its whole pose becomes exact. Nothing measurable changes.
 /// @return X_WnewWold

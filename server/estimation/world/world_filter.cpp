@@ -79,8 +79,11 @@ void WorldFilter::restart() {
   auto P = state_.P();
   for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
     const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
-    P.diagonal().segment<3>(layout::extrinsics(c)).setConstant(mount.position_sigma_m * mount.position_sigma_m);
-    P.diagonal().segment<3>(layout::extrinsics(c) + 3).setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    Matrix6d plain = Matrix6d::Zero();
+    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
+    P.block<6, 6>(layout::camera(c), layout::camera(c)) = J * plain * J.transpose();  // the body is at the origin
   }
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
@@ -115,6 +118,7 @@ void WorldFilter::lose_motion() {
 }
 
 void WorldFilter::start(Instant at) {
+  camera_errors_to_extrinsics(state_);
   auto P = state_.P();
   P.topRows<kBodySize>().setZero();
   P.leftCols<kBodySize>().setZero();
@@ -130,6 +134,7 @@ void WorldFilter::start(Instant at) {
   } else {
     P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
   }
+  extrinsics_to_camera_errors(state_);
   motion_.restart();
   mode_ = Mode::kRunning;
   last_used_at_ = at;
@@ -271,6 +276,7 @@ bool WorldFilter::move_by_corners(const TagObservations& seen) {
   integrate_to(seen.exposed_at);
   Eigen::VectorXd moved = Eigen::VectorXd::Zero(state_.size());
   moved.head<kBodySize>() = motion_.Phi * offset;
+  for (int c = 0; c < state_.cameras(); ++c) moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
   apply(state_, motion_);
   linearisation_ = state_;
   // … and the prior mean is where the old velocity and rate would have led.
@@ -339,16 +345,19 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
     patience.sharp_rad = kSharp_rad;
     patience.unsharp_after = kUnsharpViews;
   }
-  judged_ = fresh_;  // living again sorts anew
-  for (const TagToUse& tag : judged_) {
+  decided_.clear();
+  for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
     const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, patience);
-    if (!verdict) {
+    if (verdict) {
+      decided_.emplace_back(tag, *verdict);
+    } else {
       ++report.tags_pending;
       if (mode_ == Mode::kRunning && has_imu() && tag.known == nullptr) memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
-    } else if (!admit_late(tag, *verdict, report) && !admit(seen, tag, verdict->X_VT, report)) {
-      ++report.tags_pending;
     }
+  }
+  for (const auto& [tag, verdict] : decided_) {
+    if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report)) ++report.tags_pending;
   }
 }
 
@@ -377,32 +386,16 @@ bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, Upd
 
 void WorldFilter::live_again(long from, UpdateReport& report) {
   state_ = *memory_.state_at(from);
-  joining_.clear();
   for (long number = from; number <= memory_.newest(); ++number) {
     ImageMemory::Image& image = memory_.image(number);
     if (number > from) {
       sort_tags(image.seen, image.known);
       move_to(image.seen);
       report.exposed_at = image.seen.exposed_at;
-      linearise_joining();
       if (!usable_.empty()) correct(image.seen, report, 1);
-      linearisation_.reset();
       memory_.renew(number, state_);
     }
-    for (const ImageMemory::Admission& admission : image.admissions) {
-      join(image.seen, admission);
-      const Pose X_WV = state_.X_WB * state_.X_BV[static_cast<std::size_t>(image.seen.camera)];
-      joining_.emplace_back(admission.tag_id, X_WV * admission.X_VT);
-    }
-  }
-}
-
-void WorldFilter::linearise_joining() {
-  if (!linearisation_) linearisation_.emplace();
-  linearisation_->copy_mean(state_);
-  for (const auto& [tag_id, X_WT] : joining_) {
-    const int tag = state_.find(tag_id);
-    if (tag >= 0) linearisation_->tags[static_cast<std::size_t>(tag)].X_WT = X_WT;
+    for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);
   }
 }
 
@@ -458,6 +451,7 @@ void WorldFilter::admit_known(const TagObservations& seen, const TagToUse& tag, 
 
 void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, UpdateReport& report) {
   if (anchor_ == Anchor::kWorkspace) return;
+  memory_.forget_all();  // its states do not know where the room is
   shift_workspace(tie_to_known(state_, camera, X_VT, X_WT, has_imu()), report);
   anchor_ = Anchor::kWorkspace;
   gauge_tag_.reset();
@@ -465,7 +459,7 @@ void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, Upda
 
 void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
   report.gauge_shift = report.gauge_shift ? X_new_old * *report.gauge_shift : X_new_old;
-  memory_.forget_all();  // its states are in the old axes
+  memory_.move_axes(X_new_old);
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
 }
 
@@ -515,8 +509,7 @@ void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
 std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
-    out.push_back({state_.X_BV[static_cast<std::size_t>(c)],
-                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c))});
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
   }
   return out;
 }

@@ -71,7 +71,6 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
   void live_again(long from, UpdateReport& report);
-  void linearise_joining();
   void join(const TagObservations& seen, const ImageMemory::Admission& admission);
   bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
   bool admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT);
@@ -101,11 +100,9 @@ class WorldFilter final : public BodyFilter {
   std::map<int, KnownTag> priors_;
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
-  std::vector<TagToUse> fresh_;   ///< … and those that may join it,
-  std::vector<TagToUse> judged_;  ///< one after the other.
+  std::vector<TagToUse> fresh_;   ///< … and those that may join it.
+  std::vector<std::pair<TagToUse, TagVerdict>> decided_;  ///< Those of them whose branch is certain now.
   std::vector<bool> accepted_;
-  /// Tags that join while images are lived through again, and where they are linearised meanwhile.
-  std::vector<std::pair<int, Pose>> joining_;
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;

@@ -136,6 +136,7 @@ TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
   const Eigen::MatrixXd H = jacobian(state);
   Eigen::MatrixXd room = Eigen::MatrixXd::Zero(state.size(), 6);
   room.middleRows<6>(kPosition).setIdentity();
+  for (int c = 0; c < state.cameras(); ++c) room.middleRows<6>(layout::camera(c)).setIdentity();
   for (std::size_t i = 0; i < state.tags.size(); ++i) room.middleRows<6>(state.tag_at(i)).setIdentity();
   EXPECT_LT((H * room).norm(), 1e-12 * H.norm());
 }
@@ -150,6 +151,30 @@ TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
     expect_covariance_follows_mean([&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
   }
+}
+
+TEST(WorldExtrinsics, AreWhatTheCameraDoesNotShareWithTheBody) {
+  const FilterState state = example_state();
+  for (int c = 0; c < state.cameras(); ++c) {
+    const Pose& X_BV = state.X_BV[static_cast<std::size_t>(c)];
+    const Eigen::MatrixXd J = central_differences(
+        [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+          const Pose other = moved(state, d).X_BV[static_cast<std::size_t>(c)];
+          Eigen::VectorXd plain(6);
+          plain << other.p, log_so3(other.q * X_BV.q.conjugate());
+          return plain;
+        },
+        state.size());
+    const Eigen::MatrixXd expected = J * state.P() * J.transpose();
+    EXPECT_LT((extrinsics_covariance(state, c) - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+  }
+}
+
+TEST(WorldExtrinsics, TheTwoFormsOfTheCovarianceAreOne) {
+  FilterState state = example_state();
+  camera_errors_to_extrinsics(state);
+  extrinsics_to_camera_errors(state);
+  EXPECT_LT((state.P() - example_state().P()).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 TEST(WorldTagEntry, CarriesBodyAndExtrinsics) {
