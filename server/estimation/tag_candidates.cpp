@@ -1,4 +1,4 @@
-#include "estimation/robocentric/tag_candidates.hpp"
+#include "estimation/tag_candidates.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "base/so3.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 namespace {
 
@@ -26,7 +26,7 @@ void TagCandidates::forget(int tag_id) {
   std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
 }
 
-std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
+std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
                                          const std::optional<CameraAttitude>& attitude, int at_least,
                                          int forced_after) {
   const auto poses = solve_tag_pose(seen, model);
@@ -41,7 +41,7 @@ std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen,
   return decided;
 }
 
-std::optional<Pose> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
+std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
                                                  const CameraModel& model, const std::array<TagPose, 2>& poses,
                                                  const Eigen::Quaterniond& q_WV, bool forced) {
   auto& views = candidate.views;
@@ -61,7 +61,7 @@ std::optional<Pose> TagCandidates::judge_turning(Candidate& candidate, const Tag
   // The newest image alone fixes the pose; the views only said which of its two valleys is the right one.
   const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
   const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
-  return poses[first ? 0 : 1].X_VT;
+  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT};
 }
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
@@ -96,7 +96,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
   return {q_WT, cost};
 }
 
-std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
   const double weight = 4.0 / (config_.corner_noise_px * config_.corner_noise_px);
   // Follow the branch that turned least since the last view; the first view follows its better one.
   bool follows_better = true;
@@ -114,7 +114,7 @@ std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their difference does.
   const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
   if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
-  return candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT;
+  return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT, std::nullopt};
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -8,11 +8,17 @@
 #include "detection/tag_pose.hpp"
 #include "estimation/estimator_config.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 /// What is known about the camera while a tag is being judged.
 struct CameraAttitude {
   Eigen::Quaterniond q_WV;  ///< In any axes that stand still over the views.
+};
+
+/// What the views of a tag say once its branch is certain.
+struct TagVerdict {
+  Pose X_VT;                                ///< The tag in the camera's axes, by the newest image alone.
+  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude.
 };
 
 /// Tags that were seen but whose pose branch is not yet certain.
@@ -28,8 +34,8 @@ class TagCandidates final {
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
   /// @param at_least      views before a tag is believed at all: a phantom id is rarely seen twice
   /// @param forced_after  a branch is taken without enough evidence after so many views; 0: never
-  /// @return the tag in the camera's axes once its branch is certain, else nullopt
-  [[nodiscard]] std::optional<Pose> judge(int camera, const TagObservation& seen, const CameraModel& model,
+  /// @return nullopt while its branch is not certain
+  [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen, const CameraModel& model,
                                           const std::optional<CameraAttitude>& attitude, int at_least,
                                           int forced_after);
   void forget(int tag_id);
@@ -54,13 +60,13 @@ class TagCandidates final {
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
   };
   [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;
-  [[nodiscard]] std::optional<Pose> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
+  [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
                                                   const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
                                                   bool forced);
-  [[nodiscard]] std::optional<Pose> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
+  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
 
   EstimatorConfig config_;
   std::map<std::pair<int, int>, Candidate> candidates_;  ///< By tag id and camera.
 };
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap
