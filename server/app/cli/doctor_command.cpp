@@ -70,10 +70,16 @@ std::string ports_text(const ServedProtocol& protocol) {
 
 std::string units_text(double units_per_m) { return units_per_m == 1000.0 ? "mm" : "m"; }
 
-void note_conventions(Findings& findings, std::string_view protocol, const OutputAxes& axes) {
+std::string looks_of_lost(const ProtocolConventions& conventions, WhenInvalid policy) {
+  if (policy == conventions.when_invalid) return std::string(conventions.invalid_looks);
+  return policy == WhenInvalid::kHold ? "its last valid pose, as if it were live (when_invalid: hold)"
+                                      : "absent (when_invalid: stop)";
+}
+
+void note_conventions(Findings& findings, std::string_view protocol, const OutputAxes& axes, WhenInvalid policy) {
   const ProtocolConventions& conventions = conventions_of(protocol);
   findings.note(std::string(name_of(axes.up)) + ", " + units_text(axes.units_per_m) + ", attitude " +
-                std::string(conventions.attitude) + "; a body that is lost: " + std::string(conventions.invalid_looks) +
+                std::string(conventions.attitude) + "; a body that is lost: " + looks_of_lost(conventions, policy) +
                 "; stamped with " + std::string(conventions.stamp));
 }
 
@@ -91,7 +97,7 @@ void look_at_protocols(Findings& findings, const StreamingConfig& streaming,
     const std::string place = name + " on " + protocol.address + ", " + ports_text(protocol);
     if (faults.empty()) findings.good(place);
     for (const std::string& fault : faults) findings.bad(place + ": " + fault);
-    note_conventions(findings, protocol.name, protocol.axes);
+    note_conventions(findings, protocol.name, protocol.axes, protocol.when_invalid);
     if (is_loopback(protocol.address))
       findings.note("reached from this machine only; streaming." + name +
                     ".address: 0.0.0.0 lets other machines in");
@@ -110,8 +116,10 @@ void look_at_dds(Findings& findings, const ServerConfig& config, const std::vect
   const auto faults = faults_of(network, listening, interfaces);
   if (faults.empty()) findings.good(place);
   for (const std::string& fault : faults) findings.bad(place + ": " + fault);
-  note_conventions(findings, "ros2", conventions_of("ros2").axes);
-  if (config.streaming.dds.px4 != dds::Px4Profile::kOff) note_conventions(findings, "px4", conventions_of("px4").axes);
+  for (const char* profile : {"ros2", "px4"}) {
+    if (profile == std::string_view("px4") && config.streaming.dds.px4 == dds::Px4Profile::kOff) continue;
+    note_conventions(findings, profile, conventions_of(profile).axes, conventions_of(profile).when_invalid);
+  }
   if (network.interface == "lo" || is_loopback(network.interface)) {
     findings.note("reached from this machine only; dds.interface: NAME of a card above lets other machines in");
   } else if (!network.uses_multicast()) {

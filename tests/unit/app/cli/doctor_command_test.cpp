@@ -81,11 +81,14 @@ TEST(Doctor, EndsWithOneWhenNoServerAnswersAndSaysSo) {
   std::ostringstream out;
   std::ostringstream err;
   const Terminal terminal{out, err};
-  EXPECT_EQ(run_doctor({"", {"streaming.vrpn.enabled=false"}, "127.0.0.1:9"}, terminal), kExitFailed);
+  EXPECT_EQ(run_doctor({"", {"streaming.vrpn.enabled=false", "streaming.natnet.enabled=true", "streaming.natnet.when_invalid=stop",
+                              "streaming.vicon.enabled=true"}, "127.0.0.1:9"}, terminal), kExitFailed);
   EXPECT_THAT(out.str(), HasSubstr("no answer"));
   EXPECT_THAT(out.str(), HasSubstr("vrpn: switched off"));
   EXPECT_THAT(out.str(), HasSubstr("attitude wxyz"));
   EXPECT_THAT(out.str(), HasSubstr("dds: switched off"));
+  EXPECT_THAT(out.str(), HasSubstr("a body that is lost: absent (when_invalid: stop)"));
+  EXPECT_THAT(out.str(), HasSubstr("a body that is lost: occluded"));
 }
 
 }  // namespace
