@@ -139,8 +139,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"streaming: {natnet: {aliases: {ghost: RigidBody 1}}}",
                  "streaming.natnet.aliases.ghost = \"RigidBody 1\": must stand for the name of one "
                  "of the bodies"},
-        BadValue{"streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
-                 "recording, folder: x}}]",
+        BadValue{"{streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
+                 "recording, folder: x}}]}",
                  "streaming.dds.aliases.a = \"\": must not be empty"},
         BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]",
                  "bodies.0.name = \"a b\": must have"},
