@@ -161,12 +161,12 @@ double EstimationData::path_m(Instant at) const {
 
 EstimationData simulate(const SimulatedDataSetup& setup) {
   simulation::RoomConfig room;
-  room.preset = setup.world == "big" ? "ceiling" : setup.world;
+  room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
   simulation::SimulatedBodyConfig body;
   body.cameras = {simulated_camera(setup)};
   body.has_imu = setup.has_imu;
   body.camera.images = false;
-  body.trajectory.kind = room.preset == "hall" ? "survey" : room.preset;
+  body.trajectory.kind = setup.world == "hall" ? "survey" : setup.world == "hover" ? "hover" : room.preset;
   body.trajectory.seed = setup.seed;
   body.trajectory.duration_s = 0;
   body.faults = setup.faults;

@@ -39,7 +39,7 @@ struct EstimationData {
 /// A body of the simulator, corners only.
 struct SimulatedDataSetup {
   std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
-                               ///< `big` is `ceiling`.
+                               ///< `hover` is nearly at rest in it, `big` is `ceiling`.
   double seconds{30.0};
   std::uint64_t seed{1};
   bool has_imu{true};

@@ -58,7 +58,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_option("--filter", options.filters, "filters, side by side")
       ->check(CLI::IsMember({"robocentric", "world"}))
       ->delimiter(',');
-  app.add_option("--class", options.classes, "classes of motion: table sparse loop hall big")
+  app.add_option("--class", options.classes, "classes of motion: table sparse loop hall hover big")
       ->delimiter(',');
   app.add_option("--cases", options.cases,
                  "of A B C D: unknown or true map, prior or true extrinsics");
