@@ -35,9 +35,6 @@ constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
-// A tag joins when its attitude is this certain, so that it is linearised near the truth, or after so many views.
-constexpr double kSharp_rad = 0.05;
-constexpr int kUnsharpViews = 30;
 // After being adrift the gyro still says how the body turned.
 constexpr double kGyroTurn_rad = 0.1;
 // Map tags are held while in view, and so many more of those seen last: what their errors share with the body's is worth
@@ -355,10 +352,6 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   Patience patience;
   patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
-  if (has_imu()) {
-    patience.sharp_rad = kSharp_rad;
-    patience.unsharp_after = kUnsharpViews;
-  }
   decided_.clear();
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
