@@ -28,6 +28,8 @@ struct DetectorConfig {
   double decimate{2.0};  ///< Of whole images: 1 sees smaller tags at five times the cost.
   double blur_sigma_px{0.0};
   bool refine_edges{true};
+  /// Sides fitted again between pixels: corners half as far off, 30 µs per tag.
+  bool fit_sides{true};
   int max_hamming{1};  ///< 2 costs 40 MB and finds false ids.
   double min_decision_margin{20.0};
   /// Least contrast worth a look; with `adapt_contrast` the lower bound.
@@ -36,7 +38,8 @@ struct DetectorConfig {
   bool adapt_contrast{true};
   /// Look where tags are expected at full resolution, and at the whole image now and then.
   bool regions{true};
-  /// With `regions`: the whole image is searched for new tags this often.
+  /// With `regions`: the whole image is searched for new tags this often, and a quarter of it at full
+  /// resolution.
   double search_period_s{0.5};
   /// Of one body's detector: all its cameras share them.
   int threads{1};

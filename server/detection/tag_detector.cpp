@@ -91,7 +91,7 @@ class TagDetector::Impl {
     FIDUCAP_ASSERT(family_ != nullptr);
     codes_ = family_->create();
     // Families with a white border have bits around it instead of a quiet zone.
-    refines_ = config.refine_edges && !codes_->reversed_border;
+    fits_sides_ = config.fit_sides && !codes_->reversed_border;
     detector_ = apriltag_detector_create();
     apriltag_detector_add_family_bits(detector_, codes_, config.max_hamming);
     detector_->nthreads = config.threads;
@@ -121,7 +121,7 @@ class TagDetector::Impl {
       if (static_cast<double>(d->decision_margin) < min_margin_) continue;
       TagSighting sighting = to_sighting(*d, region);
       if (!is_whole(sighting, region)) continue;
-      if (refines_) {
+      if (fits_sides_) {
         if (const auto fitted = fit_sides(image, sighting.corners_px, codes_->width_at_border)) {
           sighting.corners_px = *fitted;
         }
@@ -139,7 +139,7 @@ class TagDetector::Impl {
  private:
   const Family* family_;
   double min_margin_;
-  bool refines_{false};
+  bool fits_sides_{false};
   apriltag_family_t* codes_{nullptr};
   apriltag_detector_t* detector_{nullptr};
 };

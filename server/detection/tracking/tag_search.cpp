@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kMostOfImage =
     0.5;  // regions that cost more than this share of the whole image do not pay
+constexpr int kStrips = 4;
 constexpr int kSteadyImages = 3;  // a tag that flickers does not call for a whole search each time
 constexpr double kRefusedBorder_px = 5.0;  // see TagDetector
 
@@ -67,6 +68,7 @@ const CornerFrame& TagSearch::search(const CameraFrame& frame,
   if (whole_too) {
     search_whole(image, contrast);
     camera.searched_at = frame.exposed_at;
+    if (config_.regions && config_.decimate > 1) search_strip(camera, frame, contrast);
   }
   drop_repeated();
   return out_;
@@ -82,6 +84,20 @@ void TagSearch::search_regions(const GrayImage& image, int contrast) {
 void TagSearch::search_whole(const GrayImage& image, int contrast) {
   ++statistics_.whole_images;
   detector_.detect(image, whole(image), {config_.decimate, contrast}, out_.tags);
+}
+
+void TagSearch::search_strip(Camera& camera, const CameraFrame& frame, int contrast) {
+  const bool due = !camera.strip_at || frame.exposed_at < *camera.strip_at ||
+                   frame.exposed_at - *camera.strip_at >= from_seconds(config_.search_period_s);
+  if (!due) return;
+  camera.strip_at = frame.exposed_at;
+  const GrayImage& image = *frame.image;
+  // What a strip cuts is small and lies whole in the next one.
+  const int overlap = static_cast<int>(rules_.decimated_width_px * config_.decimate) + 16;
+  const int top = std::max(0, image.height * camera.strip / kStrips - overlap) / 4 * 4;
+  camera.strip = (camera.strip + 1) % kStrips;
+  const int end = camera.strip == 0 ? image.height : image.height * camera.strip / kStrips;
+  detector_.detect(image, {0, top, image.width, end}, {1.0, contrast}, out_.tags);
 }
 
 bool TagSearch::note_found(Camera& camera, const GrayImage& image,

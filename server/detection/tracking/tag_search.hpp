@@ -21,9 +21,10 @@ struct SearchStatistics {
 /// Finds the tags of a body's images with as little work as its expectations allow.
 ///
 /// Expected tags are looked for in regions at full resolution. The whole image is searched at
-/// `decimate` every `search_period_s` (cameras take turns); at once when a tag that has come
-/// steadily is missing, when no expected tag is found, and whenever nothing is expected or the
-/// regions would cost more than half of the image.
+/// `decimate` every `search_period_s` (cameras take turns), and with it one of four strips at full
+/// resolution, for tags that are too small otherwise; at once when a tag that has come steadily is
+/// missing, when no expected tag is found, and whenever nothing is expected or the regions would
+/// cost more than half of the image.
 ///
 /// Keeps, per camera, when it searched last and which tags came lately. One instance per body: all
 /// its cameras share the threads of the detector. Allocates nothing after warm-up; libapriltag
@@ -50,11 +51,15 @@ class TagSearch final {
   };
   struct Camera {
     std::optional<Instant> searched_at;
+    std::optional<Instant> strip_at;
+    int strip{0};                ///< Which one is next.
     std::vector<Steady> steady;  ///< One per id that was ever expected, by id.
   };
 
   void search_regions(const GrayImage& image, int contrast);
   void search_whole(const GrayImage& image, int contrast);
+  /// A part of the image at full resolution: together they find what is too small for `decimate`.
+  void search_strip(Camera& camera, const CameraFrame& frame, int contrast);
   /// @return true when the whole image should be searched because of what was not found.
   bool note_found(Camera& camera, const GrayImage& image, std::span<const ExpectedTag> expected);
   [[nodiscard]] bool search_is_due(Camera& camera, const CameraFrame& frame) const;

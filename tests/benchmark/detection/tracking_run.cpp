@@ -59,7 +59,7 @@ class TrackingRun final {
               {"libapriltag, decimate 2"},
               {"ours, truth of last image"},
               {"ours, robocentric filter"}},
-        detector_({}, {}),
+        detector_({}, as_it_comes()),
         search_({}, {}),
         random_(static_cast<unsigned>(setup.seed)) {
     sensors_.cameras = {mount_};
@@ -94,6 +94,11 @@ class TrackingRun final {
   }
 
  private:
+  static DetectorConfig as_it_comes() {
+    DetectorConfig config;
+    config.fit_sides = false;
+    return config;
+  }
   simulation::RoomConfig room() const {
     simulation::RoomConfig room;
     room.preset = setup_.room;

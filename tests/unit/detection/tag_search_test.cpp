@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "detection/pixel_noise.hpp"
 #include "rendered_wall.hpp"
 #include "support/allocation_counter.hpp"
@@ -63,6 +65,18 @@ TEST_F(TagSearchTest, ExpectedTagsAreFoundInTheirRegionsAndNewOnesOnSchedule) {
   EXPECT_EQ(search_.statistics().found, 10u);
 }
 
+TEST_F(TagSearchTest, TagsTooSmallForTheWholeSearchAreFoundByTheStripsAtFullResolution) {
+  wall_.X_WV = simulation::facing_camera(4.2);  // 11 px: 5 of them left by decimate 2
+  image_ = wall_.photograph();
+  TagDetector coarse({}, config());
+  ASSERT_THAT(coarse.detect({0, ms(0), image_}).tags, IsEmpty());
+  std::set<int> ids;
+  for (int k = 0; k < 4; ++k)
+    for (const int id : search(ms(1000 * k), {})) ids.insert(id);
+  EXPECT_THAT(ids, ElementsAre(0, 1, 2, 3, 4, 5));
+  EXPECT_THAT(search(ms(3050), expecting({0, 1, 2, 3, 4, 5})), ElementsAre(0, 1, 2, 3, 4, 5));
+}
+
 TEST_F(TagSearchTest, AnImageOlderThanTheLastOneStartsTheScheduleAgain) {
   (void)search(ms(90'000), expecting({0}));
   EXPECT_THAT(search(ms(10), expecting({0})), ElementsAre(0, 1, 2, 3, 4, 5));
@@ -98,8 +112,8 @@ TEST_F(TagSearchTest, RegionsThatCostMoreThanTheImageAreLeft) {
   EXPECT_EQ(search_.statistics().whole_images, 2u);
 }
 
-// Not the same to the last digit: the library's line fit rounds pixel by pixel, so another start gives another twentieth
-// of a pixel. What counts is the truth.
+// Not the same to the last digit: the library's line fit rounds pixel by pixel, so another start
+// gives another twentieth of a pixel. What counts is the truth.
 TEST_F(TagSearchTest, CornersAreAsCloseToTheTruthAsThoseOfTheWholeImageAtFullResolution) {
   DetectorConfig full;
   full.decimate = 1;
