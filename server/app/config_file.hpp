@@ -61,7 +61,7 @@ struct CameraConfig {
 struct BodyConfig {
   std::string name;
   int id{0};  ///< Streaming id; 0: place in the list, from 1.
-  std::string filter{"robocentric"};
+  std::string filter{"world"};
   SourceConfig source;
   std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
   bool use_imu{true};                 ///< False: the IMU is not listened to.

@@ -72,4 +72,18 @@ std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraMod
   return out;
 }
 
+Pose place_turned_tag(const TagObservation& tag, const CameraModel& camera, const Eigen::Quaterniond& q_VT,
+                      const Eigen::Vector3d& p_VT) {
+  Pose X_VT{q_VT, p_VT};
+  for (int i = 0; i < kPolishSteps; ++i) {
+    const CornerResidual residual = corner_residual(tag, X_VT, camera);
+    if (!residual.in_front) return {q_VT, p_VT};
+    const auto H = residual.H.leftCols<3>();
+    const Eigen::Vector3d d = (H.transpose() * H).ldlt().solve(H.transpose() * residual.y);
+    X_VT.p += d;
+    if (d.norm() < kConverged) break;
+  }
+  return X_VT;
+}
+
 }  // namespace fiducap

@@ -20,4 +20,9 @@ struct TagPose {
 /// each polished by Gauss–Newton on the corners.
 [[nodiscard]] std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraModel& camera);
 
+/// Where a tag of known attitude stands: least squares over its position alone.
+/// @param p_VT  start, e.g. of one of the planar poses
+[[nodiscard]] Pose place_turned_tag(const TagObservation& tag, const CameraModel& camera, const Eigen::Quaterniond& q_VT,
+                                    const Eigen::Vector3d& p_VT);
+
 }  // namespace fiducap

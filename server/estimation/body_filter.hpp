@@ -30,7 +30,7 @@ struct ExtrinsicsEstimate {
 };
 
 /// The filter of one rigid body. Two implementations stand side by side and are measured against each other
-/// (`robocentric`: the paper; `world`: to come), therefore the interface.
+/// (`robocentric`: the paper's; `world`: production), therefore the interface.
 ///
 /// Samples come in the order of SampleMerger: an image exposed at t right after the first IMU sample at or after t.
 class BodyFilter {
@@ -62,7 +62,7 @@ class BodyFilter {
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
 };
 
-/// @param name  `robocentric`
+/// @param name  `robocentric` or `world`
 [[nodiscard]] std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
                                                            const WorkspaceGauge& gauge,
                                                            const EstimatorConfig& config);

@@ -1,200 +1,264 @@
 #include "simulation/filter_run.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
-#include <functional>
-#include <random>
 
+#include "app/system_clock.hpp"
 #include "base/so3.hpp"
-#include "capture/sample_merger.hpp"
 #include "detection/observe.hpp"
-#include "estimation/robocentric/workspace_axes.hpp"
 
 namespace fiducap {
 
 namespace {
 
-constexpr Instant kStart = instant_from_ns(1'000'000'000);
-
-CameraMount true_camera() {
-  CameraMount mount;
-  mount.model.width = 752;
-  mount.model.height = 480;
-  mount.model.fu = mount.model.fv = 460;
-  mount.model.cu = 376;
-  mount.model.cv = 240;
-  mount.X_BV = simulation::forward_camera();
-  mount.position_sigma_m = 0.005;
-  mount.rotation_sigma_rad = 0.00873;
-  return mount;
-}
-
-CameraMount nominal_camera(std::uint64_t seed) {
-  CameraMount mount = true_camera();
-  std::mt19937_64 random(seed * 77 + 5);
-  std::normal_distribution<double> gauss;
-  const auto draw = [&](double sigma) { return Eigen::Vector3d(sigma * gauss(random), sigma * gauss(random), sigma * gauss(random)); };
-  mount.X_BV.p += draw(mount.position_sigma_m);
-  mount.X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * mount.X_BV.q;
-  return mount;
-}
+// Tags are compared at every tenth image: they hardly move in between.
+constexpr int kImagesPerTagCheck = 10;
 
 /// Room axes → the workspace that a filter ties to its reference tag.
 Pose workspace_of(const Pose& X_RT, bool level) {
   if (!level) return X_RT.inverse();
-  const auto rule = robocentric::make_heading_rule({}, X_RT.q);
-  const Eigen::Vector3d h = X_RT.q * Eigen::Vector3d::Unit(rule.axis);
+  const Eigen::Vector3d h = X_RT.q * Eigen::Vector3d::Unit(bound::heading_axis(X_RT.q));
   const Eigen::Quaterniond turn = exp_so3({0, 0, -std::atan2(h.y(), h.x())});
   return {turn, -(turn * X_RT.p)};
 }
 
-double rms(const std::vector<FilterRun::At>& all, const std::function<double(const FilterRun::At&)>& of) {
-  double sum = 0;
-  for (const auto& at : all) sum += of(at) * of(at);
-  return std::sqrt(sum / static_cast<double>(all.size()));
+Eigen::Matrix<double, 6, 1> pose_error(const Pose& estimate, const Pose& truth) {
+  Eigen::Matrix<double, 6, 1> e;
+  e << estimate.p - truth.p, log_so3(estimate.q * truth.q.conjugate());
+  return e;
 }
 
-FilterRun::At compare(const BodyEstimate& estimate, const TruthSample& truth, const Pose& X_WR, bool has_imu) {
-  const Pose X_WB = X_WR * truth.X_WB;
-  Eigen::Matrix<double, 15, 1> e;
-  e << estimate.X_WB.p - X_WB.p, log_so3(estimate.X_WB.q * X_WB.q.conjugate()),
-      estimate.v_WB - X_WR.q * truth.v_WB, estimate.bias_f - truth.bias_f, estimate.bias_w - truth.bias_w;
-  const int n = has_imu ? 15 : 9;
-  FilterRun::At at;
-  at.position_m = e.head<3>().norm();
-  at.rotation_rad = e.segment<3>(3).norm();
-  at.velocity_m_s = e.segment<3>(6).norm();
-  const Eigen::MatrixXd P = estimate.covariance.topLeftCorner(n, n);
-  const Eigen::VectorXd head = e.head(n);
-  at.nees = head.dot(P.ldlt().solve(head));
-  return at;
+/// eᵀ P⁻¹ e
+double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
+  return e.dot(P.ldlt().solve(e));
 }
 
 class Run {
  public:
-  explicit Run(const FilterRunSetup& setup) : setup_(setup) {
-    room_.preset = setup.world;
-    body_.cameras = {true_camera()};
-    body_.has_imu = setup.has_imu;
-    body_.camera.images = false;
-    body_.trajectory.kind = setup.world == "hall" ? "survey" : setup.world;
-    body_.trajectory.seed = setup.seed;
-    body_.trajectory.duration_s = 0;
-    body_.faults = setup.faults;
-    body_.seed = setup.seed;
+  Run(const EstimationData& data, const FilterChoice& choice)
+      : data_(data),
+        choice_(choice),
+        X_WR_(choice.knowledge.map_known() ? Pose{}
+                                           : workspace_of(reference().X_WT, data.imu.has_value())) {
+    BodySensors sensors;
+    sensors.cameras = {data.camera};
+    if (!choice.knowledge.extrinsics_known()) sensors.cameras.front().X_BV = data.nominal_X_BV;
+    sensors.imu = data.imu;
+    sensors.gravity_m_s2 = data.gravity_m_s2;
+    EstimatorConfig config = choice.estimator;
+    config.corner_noise_px = data.corner_noise_px;
+    config.estimate_extrinsics = !choice.knowledge.extrinsics_known();
+    if (choice.knowledge.map_known()) {
+      for (const RecordedTag& tag : data.tags)
+        known_.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
+    }
+    WorkspaceGauge gauge;
+    if (!choice.knowledge.map_known()) gauge.reference_tag = data.reference_tag;
+    filter_ = make_body_filter(choice.filter, sensors, gauge, config);
   }
 
   FilterRun go() {
-    auto source = simulation::make_simulated_source(room_, body_, kStart, nullptr);
-    if (!source) throw std::runtime_error(source.error().text());
-    tags_ = simulation::tags_of(room_);
-    BodySensors sensors;
-    sensors.cameras = {setup_.true_extrinsics ? true_camera() : nominal_camera(setup_.seed)};
-    if (setup_.has_imu) sensors.imu = body_.imu.noise;
-    EstimatorConfig config = setup_.estimator;
-    config.estimate_extrinsics = !setup_.true_extrinsics;
-    // Without IMU nothing tells extrinsics from pose: they are taken as given.
-    if (!setup_.has_imu) config.estimate_extrinsics = false;
-    filter_ = make_body_filter("robocentric", sensors, {}, config);
-    if (setup_.known_map) {
-      for (const RecordedTag& tag : tags_) known_.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
+    const Instant first = time_of(data_.samples.front());
+    Duration imu_since = thread_cpu_time();
+    for (const SensorSample& sample : data_.samples) {
+      if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+        filter_->propagate(*imu);
+        continue;
+      }
+      result_.propagate_cpu_s += to_seconds(thread_cpu_time() - imu_since);
+      image(std::get<CornerFrame>(sample), first);
+      imu_since = thread_cpu_time();
     }
-    set_.family = room_.family;
-    for (const RecordedTag& tag : tags_) set_.sizes_m[tag.tag_id] = tag.edge_m;
-
-    SampleMerger merger({setup_.has_imu, std::chrono::milliseconds(250), 8, 4096});
-    const Instant end = kStart + from_seconds(setup_.seconds);
-    for (;;) {
-      auto sample = (*source)->next({});
-      if (!sample) throw std::runtime_error(sample.error().text());
-      if (!sample->has_value() || time_of(**sample) > end) break;
-      merger.push(std::move(**sample));
-      while (auto merged = merger.pop()) take(*merged, **source);
-    }
+    result_.seconds = to_seconds(time_of(data_.samples.back()) - first);
     finish_map();
-    return result_;
+    return std::move(result_);
   }
 
  private:
-  void take(const SensorSample& sample, const simulation::SimulatedSource& source) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) return filter_->propagate(*imu);
-    const auto* corners = std::get_if<CornerFrame>(&sample);
-    if (corners == nullptr) return;
-    observe(*corners, true_camera().model, set_, {}, seen_);
+  [[nodiscard]] const RecordedTag& reference() const { return *data_.tag(data_.reference_tag); }
+
+  void image(const CornerFrame& corners, Instant first) {
+    observe(corners, data_.camera.model, data_.tag_set, {}, seen_);
+    const UpdateReport report = update();
+    count(report);
+    close_loop(corners);
+    if (!filter_->running()) return;
+    const BodyEstimate estimate = filter_->estimate();
+    if (!estimate.anchored || estimate.at != seen_.exposed_at) return;
+    result_.frames_with_pose += seen_.tags.empty() ? 0 : 1;
+    FilterRun::At at = compare(estimate);
+    at.t_s = to_seconds(seen_.exposed_at - first);
+    at.has_tags = !seen_.tags.empty();
+    at.nis = report.nis;
+    at.nis_dof = report.nis_dof;
+    result_.at.push_back(at);
+  }
+
+  UpdateReport update() {
+    Duration begin = thread_cpu_time();
+    if (choice_.split_cost) {
+      nothing_.exposed_at = seen_.exposed_at;
+      (void)filter_->update(nothing_, {});
+      const Duration moved = thread_cpu_time();
+      result_.propagate_cpu_s += to_seconds(moved - begin);
+      begin = moved;
+    }
     const UpdateReport report = filter_->update(seen_, known_);
+    result_.update_cpu_s += to_seconds(thread_cpu_time() - begin);
+    return report;
+  }
+
+  void count(const UpdateReport& report) {
     ++result_.frames;
+    result_.frames_with_tags += seen_.tags.empty() ? 0 : 1;
     result_.nis += report.nis;
     result_.nis_dof += report.nis_dof;
     result_.tags_rejected += report.tags_rejected;
     result_.tags_used += report.tags_used;
     result_.tags_dropped += report.tags_dropped;
-    const bool has_tags = !seen_.tags.empty();
-    result_.frames_with_tags += has_tags ? 1 : 0;
-    if (!filter_->running()) return;
-    const BodyEstimate estimate = filter_->estimate();
-    if (!estimate.anchored || estimate.at != seen_.exposed_at) return;
-    result_.frames_with_pose += has_tags ? 1 : 0;
-    if (!X_WR_) X_WR_ = setup_.known_map ? Pose{} : workspace_of(reference_pose(), setup_.has_imu);
-    FilterRun::At at = compare(estimate, source.truth(seen_.exposed_at), *X_WR_, setup_.has_imu);
-    at.t_s = to_seconds(seen_.exposed_at - kStart);
-    if (at.t_s >= setup_.scored_after_s) result_.scored.push_back(at);
   }
 
-  /// The tag that the filter chose: the one whose place it holds exact.
-  Pose reference_pose() {
-    std::vector<TagBelief> beliefs;
-    filter_->tag_beliefs(beliefs);
-    const TagBelief* best = nullptr;
-    for (const TagBelief& b : beliefs) {
-      if (best == nullptr || b.tag.covariance.topLeftCorner<3, 3>().trace() < best->tag.covariance.topLeftCorner<3, 3>().trace()) {
-        best = &b;
-      }
+  void close_loop(const CornerFrame& corners) {
+    const bool sees =
+        std::any_of(corners.tags.begin(), corners.tags.end(),
+                    [&](const TagSighting& t) { return t.tag_id == data_.reference_tag; });
+    if (!sees) return;
+    const bool returns =
+        reference_seen_ && to_seconds(corners.exposed_at - *reference_seen_) > kAway_s;
+    if (returns && result_.gap_path_m == 0 && !result_.at.empty()) {
+      result_.gap_m = result_.at.back().position_m;
+      result_.gap_rotation_rad = result_.at.back().rotation_rad;
+      result_.gap_path_m = data_.path_m(corners.exposed_at);
     }
-    return truth_of(best->tag.tag_id).value();
+    reference_seen_ = corners.exposed_at;
   }
 
-  /// nullopt: a wrong id, no such tag is in the room.
-  std::optional<Pose> truth_of(int tag_id) const {
-    for (const RecordedTag& tag : tags_) {
-      if (tag.tag_id == tag_id) return tag.X_WT;
+  FilterRun::At compare(const BodyEstimate& estimate) {
+    const TruthSample& truth = data_.truth_at(estimate.at);
+    const Pose X_WB = X_WR_ * truth.X_WB;
+    Eigen::Matrix<double, 15, 1> e;
+    e << pose_error(estimate.X_WB, X_WB), estimate.v_WB - X_WR_.q * truth.v_WB,
+        estimate.bias_f - truth.bias_f, estimate.bias_w - truth.bias_w;
+    FilterRun::At at;
+    at.level_position_m = e.head<3>().norm();
+    at.level_rotation_rad = e.segment<3>(3).norm();
+    at.velocity_m_s =
+        (estimate.X_WB.q.conjugate() * estimate.v_WB - truth.X_WB.q.conjugate() * truth.v_WB)
+            .norm();
+    at.rate_rad_s = (estimate.w_WB_B - data_.rate_at(estimate.at)).norm();
+    at.sigma_m = std::sqrt(estimate.covariance.topLeftCorner<3, 3>().trace());
+    const Matrix15d& P = estimate.covariance;
+    const int n = data_.imu ? 15 : 9;
+    at.nees.whole = normalised(e.head(n), P.topLeftCorner(n, n));
+    at.nees.pose = normalised(e.head<6>(), P.topLeftCorner<6, 6>());
+    at.nees.velocity = normalised(e.segment<3>(6), P.block<3, 3>(6, 6));
+    if (data_.imu) at.nees.biases = normalised(e.tail<6>(), P.bottomRightCorner<6, 6>());
+    if (!choice_.knowledge.extrinsics_known()) {
+      const ExtrinsicsEstimate found = filter_->extrinsics().front();
+      at.nees.extrinsics = normalised(pose_error(found.X_BV, data_.camera.X_BV), found.covariance);
     }
-    return std::nullopt;
+    compare_to_tags(estimate, X_WB, at);
+    return at;
+  }
+
+  /// What needs the tags of the filter's state.
+  void compare_to_tags(const BodyEstimate& estimate, const Pose& X_WB, FilterRun::At& at) {
+    at.position_m = at.level_position_m;
+    at.rotation_rad = at.level_rotation_rad;
+    if (choice_.knowledge.map_known()) return;
+    filter_->tag_beliefs(beliefs_);
+    const Pose X_WT = X_WR_ * reference().X_WT;
+    const Pose X_WT_seen = seen_reference(X_WT);
+    const auto e = pose_error(X_WT_seen.inverse() * estimate.X_WB, X_WT.inverse() * X_WB);
+    at.position_m = e.head<3>().norm();
+    at.rotation_rad = e.tail<3>().norm();
+    if (result_.frames % kImagesPerTagCheck != 0) return;
+    double sum = 0;
+    int tags = 0;
+    for (const TagBelief& belief : beliefs_) {
+      const RecordedTag* tag = data_.tag(belief.tag.tag_id);
+      if (tag == nullptr || tag->tag_id == data_.reference_tag) continue;
+      sum += normalised(pose_error(belief.tag.X_WT, X_WR_ * tag->X_WT), belief.tag.covariance);
+      ++tags;
+    }
+    if (tags > 0) at.nees.tags = sum / tags;
+  }
+
+  /// The reference tag as the filter holds it, or held it last.
+  Pose seen_reference(const Pose& X_WT_true) {
+    for (const TagBelief& belief : beliefs_) {
+      if (belief.tag.tag_id == data_.reference_tag) last_reference_ = belief.tag.X_WT;
+    }
+    return last_reference_.value_or(X_WT_true);
   }
 
   void finish_map() {
-    std::vector<TagBelief> beliefs;
-    filter_->tag_beliefs(beliefs);
-    double sum = 0;
-    for (const TagBelief& b : beliefs) {
-      if (const auto truth = truth_of(b.tag.tag_id)) sum += (b.tag.X_WT.p - (*X_WR_ * *truth).p).squaredNorm();
+    filter_->tag_beliefs(beliefs_);
+    result_.tags_mapped = static_cast<int>(beliefs_.size());
+    const Pose X_WT = X_WR_ * reference().X_WT;
+    const Pose X_WT_seen = seen_reference(X_WT);
+    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
+    int tags = 0;
+    int others = 0;
+    for (const TagBelief& belief : beliefs_) {
+      const RecordedTag* tag = data_.tag(belief.tag.tag_id);
+      if (tag == nullptr) continue;
+      const Pose truth = X_WR_ * tag->X_WT;
+      const auto level = pose_error(belief.tag.X_WT, truth);
+      const auto near = pose_error(X_WT_seen.inverse() * belief.tag.X_WT, X_WT.inverse() * truth);
+      sum += Eigen::Vector4d(level.head<3>().squaredNorm(), level.tail<3>().squaredNorm(),
+                             near.head<3>().squaredNorm(), near.tail<3>().squaredNorm());
+      ++tags;
+      others += tag->tag_id == data_.reference_tag ? 0 : 1;
     }
-    result_.tags_mapped = static_cast<int>(beliefs.size());
-    if (!beliefs.empty()) result_.map_position_m = std::sqrt(sum / static_cast<double>(beliefs.size()));
+    if (tags == 0) return;
+    result_.map_position_m = std::sqrt(sum(0) / tags);
+    result_.map_rotation_rad = std::sqrt(sum(1) / tags);
+    if (others == 0) return;
+    result_.near_map_position_m = std::sqrt(sum(2) / others);
+    result_.near_map_rotation_rad = std::sqrt(sum(3) / others);
   }
 
-  FilterRunSetup setup_;
-  simulation::RoomConfig room_;
-  simulation::SimulatedBodyConfig body_;
-  std::vector<RecordedTag> tags_;
+  const EstimationData& data_;
+  FilterChoice choice_;
+  Pose X_WR_;
   std::vector<KnownTag> known_;
-  TagSetConfig set_;
   TagObservations seen_;
+  TagObservations nothing_;
   std::unique_ptr<BodyFilter> filter_;
-  std::optional<Pose> X_WR_;
+  std::vector<TagBelief> beliefs_;
+  std::optional<Pose> last_reference_;
+  std::optional<Instant> reference_seen_;
   FilterRun result_;
 };
 
 }  // namespace
 
-double FilterRun::position_rmse_m() const { return rms(scored, [](const At& a) { return a.position_m; }); }
-double FilterRun::rotation_rmse_rad() const { return rms(scored, [](const At& a) { return a.rotation_rad; }); }
-double FilterRun::velocity_rmse_m_s() const { return rms(scored, [](const At& a) { return a.velocity_m_s; }); }
-double FilterRun::mean_nees() const {
-  double sum = 0;
-  for (const At& at : scored) sum += at.nees;
-  return sum / static_cast<double>(scored.size());
+FilterRun FilterRun::scored_after(double t_s) const {
+  FilterRun out = *this;
+  std::erase_if(out.at, [&](const At& a) { return a.t_s < t_s; });
+  return out;
 }
 
-FilterRun run_filter(const FilterRunSetup& setup) { return Run(setup).go(); }
+double FilterRun::rms(const std::function<double(const At&)>& of) const {
+  return std::sqrt(mean([&](const At& a) { return of(a) * of(a); }));
+}
+
+double FilterRun::mean(const std::function<double(const At&)>& of) const {
+  double sum = 0;
+  int count = 0;
+  for (const At& a : at) {
+    const double value = of(a);
+    if (std::isnan(value)) continue;
+    sum += value;
+    ++count;
+  }
+  return count == 0 ? Nees::kNone : sum / count;
+}
+
+FilterRun run_filter(const EstimationData& data, const FilterChoice& choice) {
+  return Run(data, choice).go();
+}
 
 }  // namespace fiducap

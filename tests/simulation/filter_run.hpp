@@ -1,56 +1,91 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "capture/simulation/simulation.hpp"
 #include "estimation/body_filter.hpp"
+#include "simulation/bound_run.hpp"
+#include "simulation/estimation_data.hpp"
 
 namespace fiducap {
 
-/// One simulated body followed by one filter, corners only, compared with the truth at every image.
-struct FilterRunSetup {
-  std::string world{"table"};      ///< Room preset and trajectory kind.
-  double seconds{30.0};
-  double scored_after_s{5.0};
-  std::uint64_t seed{1};
-  bool has_imu{true};
-  bool true_extrinsics{false};     ///< Given and frozen; else nominal ones, off by a draw of their sigma.
-  bool known_map{false};
-  simulation::FaultConfig faults{};
+/// How a filter is run over data.
+struct FilterChoice {
+  std::string filter{"robocentric"};
+  KnowledgeCase knowledge{'A'};
   EstimatorConfig estimator{};
+  /// A second, empty image goes first, so that moving the state and correcting it can be timed
+  /// apart.
+  bool split_cost{false};
 };
 
-/// Errors against the truth in the workspace that the filter defines (levelled at the reference tag) or is given.
+/// Normalised squared errors (expected value: their degrees of freedom). NaN: not known at this
+/// image.
+struct Nees {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  double whole{kNone};       ///< 15: pose, velocity, biases (9 without IMU).
+  double pose{kNone};        ///< 6
+  double velocity{kNone};    ///< 3
+  double biases{kNone};      ///< 6
+  double extrinsics{kNone};  ///< 6; only when they are estimated
+  double tags{kNone};  ///< 6: mean over the tags in the state but the reference; every half second
+};
+
+/// One filter over one set of data, compared with the truth at every image.
 struct FilterRun {
   struct At {
-    double t_s{};
-    double position_m{};
+    double t_s{};  ///< Since the first sample.
+    bool has_tags{};
+    double position_m{};  ///< In the reference tag's axes, as the filter sees that tag.
     double rotation_rad{};
-    double velocity_m_s{};
-    double nees{};   ///< 15 degrees of freedom with IMU, 9 (pose, velocity) without.
+    double level_position_m{};  ///< In the workspace: level, origin and heading by the reference
+                                ///< tag (or the known map).
+    double level_rotation_rad{};
+    double velocity_m_s{};  ///< Body axes.
+    double rate_rad_s{};    ///< Body axes.
+    double sigma_m{};       ///< What the filter says about level_position_m: root of the trace.
+    Nees nees;
+    double nis{};
+    int nis_dof{};
   };
-  std::vector<At> scored;
+  std::vector<At> at;  ///< Images with an anchored pose.
   int frames{};
   int frames_with_tags{};
-  int frames_with_pose{};     ///< … and tags
+  int frames_with_pose{};  ///< … and tags
   double nis{};
   long long nis_dof{};
   int tags_rejected{};
   int tags_used{};
   int tags_dropped{};
-  double map_position_m{};    ///< RMSE of the tags in the state, workspace axes.
   int tags_mapped{};
+  double map_position_m{};  ///< RMSE of the tags in the state at the end, workspace.
+  double map_rotation_rad{};
+  double near_map_position_m{};  ///< The same in the reference tag's axes, without that tag.
+  double near_map_rotation_rad{};
+  double gap_m{};  ///< position_m just before the reference tag is seen again after kAway_s; 0:
+                   ///< never was.
+  double gap_rotation_rad{};
+  double gap_path_m{};       ///< Travelled until then.
+  double seconds{};          ///< Of data.
+  double propagate_cpu_s{};  ///< IMU samples; with `split_cost` also moving the state to the image.
+  double update_cpu_s{};
 
-  [[nodiscard]] double position_rmse_m() const;
-  [[nodiscard]] double rotation_rmse_rad() const;
-  [[nodiscard]] double velocity_rmse_m_s() const;
-  [[nodiscard]] double mean_nees() const;
+  [[nodiscard]] FilterRun scored_after(double t_s) const;
+  /// Root of the mean square of one figure over the images.
+  [[nodiscard]] double rms(const std::function<double(const At&)>& of) const;
+  /// Mean over the images at which the figure is known; NaN when it never is.
+  [[nodiscard]] double mean(const std::function<double(const At&)>& of) const;
+  [[nodiscard]] double position_rmse_m() const {
+    return rms([](const At& a) { return a.level_position_m; });
+  }
+  [[nodiscard]] double mean_nees() const {
+    return mean([](const At& a) { return a.nees.whole; });
+  }
 };
 
-[[nodiscard]] FilterRun run_filter(const FilterRunSetup& setup);
+[[nodiscard]] FilterRun run_filter(const EstimationData& data, const FilterChoice& choice);
 
 }  // namespace fiducap

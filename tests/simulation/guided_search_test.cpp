@@ -46,7 +46,7 @@ Outcome run(const std::string& room_name, double seconds, DetectorConfig detecto
   const auto tags = simulation::tags_of(room);
   TagSetConfig print;
   for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
-  const auto filter = make_body_filter("robocentric", sensors, {}, {});
+  const auto filter = make_body_filter("world", sensors, {}, {});
   GuidedSearch search(sensors, print, detector, {});
   SampleMerger merger({});
   const TagMap map;

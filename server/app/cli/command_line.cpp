@@ -53,7 +53,7 @@ void add_replay(CLI::App& app, CommandLine& line) {
       "--config", a.config,
       "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
   verb->add_option("--map", a.map, "Tags whose places are known: .yaml, .csv");
-  verb->add_option("--filter", a.filter, "Which filter")->check(CLI::IsMember({"robocentric"}));
+  verb->add_option("--filter", a.filter, "Which filter")->check(CLI::IsMember({"robocentric", "world"}));
   verb->add_option("--set", a.sets,
                    "Override one key of the configuration; may be given several times")
       ->allow_extra_args(false);

@@ -20,7 +20,7 @@ struct OfflineSetup {
   DetectorConfig detector;
   EstimatorConfig estimator;
   WorkspaceGauge gauge;
-  std::string filter{"robocentric"};
+  std::string filter{"world"};
   std::vector<KnownTag> known;   ///< Inputs of the filter: never estimated.
   std::vector<KnownTag> priors;  ///< Estimated, with survey knowledge.
 };

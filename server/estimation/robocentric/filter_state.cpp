@@ -1,7 +1,5 @@
 #include "estimation/robocentric/filter_state.hpp"
 
-#include <algorithm>
-
 #include "base/so3.hpp"
 
 namespace fiducap::robocentric {
@@ -20,13 +18,8 @@ void left_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> er
 
 }  // namespace
 
-int FilterState::find(int tag_id) const {
-  const auto found = std::find_if(tags.begin(), tags.end(), [&](const LocalTag& t) { return t.tag_id == tag_id; });
-  return found == tags.end() ? -1 : static_cast<int>(found - tags.begin());
-}
-
 void FilterState::resize_covariance() {
-  covariance_ = Eigen::MatrixXd::Zero(size(), size());
+  covariance.reset(size());
 }
 
 void FilterState::copy_mean(const FilterState& other) {
@@ -37,30 +30,16 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_f = other.bias_f;
   bias_w = other.bias_w;
   X_BV = other.X_BV;
-  for (std::size_t i = 0; i < tags.size(); ++i) tags[i].X_VT = other.tags[i].X_VT;
+  tags = other.tags;
 }
 
-void FilterState::add_tag(const LocalTag& tag, const Matrix6d& covariance) {
-  const int at = size();
+void FilterState::add_tag(const LocalTag& tag, const Matrix6d& own) {
   tags.push_back(tag);
-  if (size() > covariance_.rows()) {
-    // Grows by half, so that a growing map does not copy itself for each tag.
-    const Eigen::Index room = std::max<Eigen::Index>(size(), covariance_.rows() * 3 / 2);
-    Eigen::MatrixXd larger = Eigen::MatrixXd::Zero(room, room);
-    larger.topLeftCorner(at, at) = covariance_.topLeftCorner(at, at);
-    covariance_.swap(larger);
-  }
-  covariance_.block(at, 0, layout::kPoseSize, size()).setZero();
-  covariance_.block(0, at, size(), layout::kPoseSize).setZero();
-  covariance_.block<6, 6>(at, at) = covariance;
+  covariance.append(own);
 }
 
 void FilterState::remove_tag(std::size_t i) {
-  const int at = tag_at(i);
-  const int behind = size() - at - layout::kPoseSize;
-  auto P = covariance_.topLeftCorner(size(), size());
-  for (int k = 0; k < behind; ++k) P.row(at + k) = P.row(at + layout::kPoseSize + k);
-  for (int k = 0; k < behind; ++k) P.col(at + k) = P.col(at + layout::kPoseSize + k);
+  covariance.erase(tag_at(i));
   tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
 }
 

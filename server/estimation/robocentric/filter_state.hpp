@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,20 +9,15 @@
 #include "base/pose.hpp"
 #include "base/time.hpp"
 #include "estimation/body_estimate.hpp"
-#include "estimation/known_tag.hpp"
+#include "estimation/growing_covariance.hpp"
+#include "estimation/tag_record.hpp"
 #include "estimation/robocentric/state_layout.hpp"
 
 namespace fiducap::robocentric {
 
 /// A tag in the state: `r_T`, `q_T` of the paper.
-struct LocalTag {
-  int tag_id{};
-  double edge_m{};
+struct LocalTag : TagRecord {
   Pose X_VT;  ///< In the axes of camera 0.
-  int sightings{};
-  Instant first_seen{};
-  Instant last_seen{};
-  int rejected_in_row{};
 };
 
 /// The state x of RCARS II-D3, for any number of tags and cameras, with its covariance.
@@ -36,29 +32,26 @@ struct FilterState {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;      ///< One per camera.
   std::vector<LocalTag> tags;  ///< Order of entry.
+  GrowingCovariance covariance;
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return layout::tag(cameras(), static_cast<int>(tags.size())); }
   [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
   [[nodiscard]] Pose X_WB() const { return {q_WB, q_WB * p_WB_B}; }
 
-  /// The live part of the covariance: size() × size(), symmetric.
-  [[nodiscard]] auto P() { return covariance_.topLeftCorner(size(), size()); }
-  [[nodiscard]] auto P() const { return covariance_.topLeftCorner(size(), size()); }
+  /// size() × size(), symmetric.
+  [[nodiscard]] auto P() { return covariance.live(); }
+  [[nodiscard]] auto P() const { return covariance.live(); }
 
-  /// Scratch of 6 × size(), content undefined; kept so that nothing is allocated per image.
-  [[nodiscard]] auto six_rows() {
-    if (six_rows_.cols() < size()) six_rows_.resize(6, covariance_.cols());
-    return six_rows_.leftCols(size());
-  }
-
+  /// Tags that are used but not corrected: none, the paper estimates all of its tags.
+  [[nodiscard]] std::span<const int> held_tags() const { return {}; }
   /// Index of a tag in `tags`, or -1.
-  [[nodiscard]] int find(int tag_id) const;
+  [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
   /// Appends a tag, uncorrelated with everything.
-  void add_tag(const LocalTag& tag, const Matrix6d& covariance);
+  void add_tag(const LocalTag& tag, const Matrix6d& own);
   /// Takes a tag out (marginalises it).
   void remove_tag(std::size_t i);
-  /// Takes over everything but the covariance; @pre same tags.
+  /// Takes over everything but the covariance.
   void copy_mean(const FilterState& other);
   /// Makes room for the body and the cameras, covariance zero.
   void resize_covariance();
@@ -67,10 +60,6 @@ struct FilterState {
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
   /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ δ, first order in rotation.
   [[nodiscard]] Eigen::VectorXd error_to(const FilterState& other) const;
-
- private:
-  Eigen::MatrixXd covariance_;
-  Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
 };
 
 /// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and `anchored` are left alone.

@@ -3,21 +3,10 @@
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
+#include "estimation/inertial_input.hpp"
 #include "estimation/robocentric/filter_state.hpp"
 
 namespace fiducap::robocentric {
-
-/// The inertial reading that holds during one step, biases still in, and its noise.
-struct InertialInput {
-  Eigen::Vector3d w_B{Eigen::Vector3d::Zero()};  ///< rad/s
-  Eigen::Vector3d f_B{Eigen::Vector3d::Zero()};  ///< m/s²
-  /// False: no accelerometer. The body's acceleration is white noise of density `accel_noise`, gravity plays no part.
-  bool has_accelerometer{true};
-  double gyro_noise{};   ///< rad/s/√Hz
-  double accel_noise{};  ///< m/s²/√Hz
-  double gyro_walk{};    ///< rad/s²/√Hz
-  double accel_walk{};   ///< m/s³/√Hz
-};
 
 /// What happened between two images, accumulated over the inertial steps, so that an inertial step costs the same
 /// whatever the number of tags: the tags and the map's covariance are moved once per image (frame_transition.hpp).

@@ -6,8 +6,8 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/chi_square.hpp"
+#include "estimation/place_search.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
-#include "estimation/robocentric/tag_score.hpp"
 
 namespace fiducap::robocentric {
 
@@ -210,15 +210,15 @@ bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
   const double dt = to_seconds(seen.exposed_at - state_.time);
   const double wander = config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
   const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
-  const StepGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
-  const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
+  const PlaceGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
+  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_), guess, config_.corner_noise_px);
   if (!found) return false;
   before_ = state_;
   // The velocity and rate that lead exactly there are where the motion model is linearised …
   const Eigen::Vector3d v_before = state_.v_WB_B;
   const Eigen::Vector3d bias_before = state_.bias_w;
-  state_.v_WB_B = found->X_B0B.p / dt;
-  state_.bias_w = -log_so3(found->X_B0B.q) / dt;
+  state_.v_WB_B = found->X_AB.p / dt;
+  state_.bias_w = -log_so3(found->X_AB.q) / dt;
   Eigen::Matrix<double, kBodySize, 1> offset = Eigen::Matrix<double, kBodySize, 1>::Zero();
   offset.segment<3>(kVelocity) = v_before - state_.v_WB_B;
   offset.segment<3>(kBiasW) = bias_before - state_.bias_w;
@@ -232,17 +232,17 @@ bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
 }
 
 bool RobocentricFilter::come_back(const TagObservations& seen) {
-  StepGuess guess{Pose{}, kUnknownStep_m, has_imu() ? kGyroTurn_rad : kUnknownTurn_rad};
+  PlaceGuess guess{Pose{}, kUnknownPosition_m, has_imu() ? kGyroTurn_rad : kUnknownAngle_rad};
   if (has_imu()) {
     if (!attitude_.ready()) return false;
-    guess.X_B0B.q = attitude_.q_LB(seen.exposed_at, state_.bias_w);
+    guess.X_AB.q = attitude_.q_LB(seen.exposed_at, state_.bias_w);
   }
-  const auto found = find_step(state_, seen.camera, model_of(seen.camera), usable_, guess, config_.corner_noise_px);
+  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_), guess, config_.corner_noise_px);
   ++return_attempts_;
   const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
   if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
 
-  jump(found->X_B0B, seen.exposed_at);
+  jump(found->X_AB, seen.exposed_at);
   return true;
 }
 
@@ -254,7 +254,7 @@ void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
 }
 
 void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
   const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
@@ -288,8 +288,9 @@ void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateRepor
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto X_VT = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, at_least, forced_after);
-    if (!X_VT || !admit(seen, tag, *X_VT, report)) ++report.tags_pending;
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude,
+                                           {.at_least = at_least, .forced_after = forced_after});
+    if (!verdict || !admit(seen, tag, verdict->X_VT, report)) ++report.tags_pending;
   }
 }
 

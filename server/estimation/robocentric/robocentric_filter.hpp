@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "estimation/body_filter.hpp"
-#include "estimation/robocentric/attitude_start.hpp"
-#include "estimation/robocentric/corner_update.hpp"
+#include "estimation/corner_update.hpp"
+#include "estimation/attitude_start.hpp"
+#include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
-#include "estimation/robocentric/imu_buffer.hpp"
+#include "estimation/imu_buffer.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/relink.hpp"
-#include "estimation/robocentric/tag_candidates.hpp"
+#include "estimation/tag_candidates.hpp"
 #include "estimation/robocentric/workspace_axes.hpp"
 
 namespace fiducap::robocentric {
@@ -84,7 +85,7 @@ class RobocentricFilter final : public BodyFilter {
   FilterState state_;  ///< Always whole: body, tags and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   FrameTransition transition_;
-  CornerUpdate corner_update_;
+  CornerUpdate<FilterState> corner_update_;
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImuBuffer imu_;

@@ -6,19 +6,13 @@
 
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
-#include "estimation/robocentric/redefine.hpp"
+#include "estimation/linear_term.hpp"
 
 namespace fiducap::robocentric {
 
 using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
-
-LinearTerm term(int at, const Eigen::Matrix3d& to_p, const Eigen::Matrix3d& to_q) {
-  LinearTerm out{at, {}};
-  out.J << to_p, to_q;
-  return out;
-}
 
 /// X_WT against position, attitude, extrinsics of camera 0 and the tag itself; position and rotation in W axes.
 std::array<LinearTerm, 6> workspace_terms(const FilterState& state, std::size_t tag) {
@@ -29,12 +23,12 @@ std::array<LinearTerm, 6> workspace_terms(const FilterState& state, std::size_t 
   const Eigen::Matrix3d R_WV = R_WB * X_BV.rotation();
   const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
   const Eigen::Vector3d arm_B = X_BV.q * X_VT.p;
-  return {term(kPosition, R_WB, zero),
-          term(kAttitude, -R_WB * skew(X_BT.p + state.p_WB_B), R_WB),
-          term(extrinsics(0), R_WB, zero),
-          term(extrinsics(0) + 3, -R_WB * skew(arm_B), R_WB),
-          term(state.tag_at(tag), R_WV, zero),
-          term(state.tag_at(tag) + 3, zero, R_WV)};
+  return {linear_term(kPosition, R_WB, zero),
+          linear_term(kAttitude, -R_WB * skew(X_BT.p + state.p_WB_B), R_WB),
+          linear_term(extrinsics(0), R_WB, zero),
+          linear_term(extrinsics(0) + 3, -R_WB * skew(arm_B), R_WB),
+          linear_term(state.tag_at(tag), R_WV, zero),
+          linear_term(state.tag_at(tag) + 3, zero, R_WV)};
 }
 
 }  // namespace
@@ -65,13 +59,13 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   const Eigen::Vector3d lever_B = X_BVc.p + arm_B - X_BV0.p;
   const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
   const std::array<LinearTerm, 4> terms{
-      term(extrinsics(camera), R_V0B, zero), term(extrinsics(camera) + 3, -R_V0B * skew(arm_B), R_V0B),
-      term(extrinsics(0), -R_V0B, zero), term(extrinsics(0) + 3, R_V0B * skew(lever_B), -R_V0B)};
+      linear_term(extrinsics(camera), R_V0B, zero), linear_term(extrinsics(camera) + 3, -R_V0B * skew(arm_B), R_V0B),
+      linear_term(extrinsics(0), -R_V0B, zero), linear_term(extrinsics(0) + 3, R_V0B * skew(lever_B), -R_V0B)};
   Matrix6d turn = Matrix6d::Zero();
   turn.topLeftCorner<3, 3>() = R_V0Vc;
   turn.bottomRightCorner<3, 3>() = R_V0Vc;
   const int at = state.tag_at(state.tags.size() - 1);
-  redefine(state, at, at + 3, terms, turn * own * turn.transpose());
+  redefine(state.covariance, at, at + 3, terms, turn * own * turn.transpose());
 }
 
 void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {

@@ -1,24 +1,15 @@
 #include "estimation/robocentric/workspace_axes.hpp"
 
 #include <array>
-#include <cmath>
 
 #include "base/so3.hpp"
-#include "estimation/robocentric/redefine.hpp"
+#include "estimation/linear_term.hpp"
 
 namespace fiducap::robocentric {
 
 using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
-
-// "Unknown" for a linear filter whose linearisation point is already right: far beyond any room, small enough for double.
-constexpr double kUnknownPosition_m = 30.0;
-constexpr double kUnknownAngle_rad = 2.0;
-// A tag axis steeper than this gives no heading.
-constexpr double kSteep = 0.9;
-
-Eigen::Quaterniond yaw(double angle) { return exp_so3({0, 0, angle}); }
 
 Pose finish(FilterState& state, const Eigen::Quaterniond& q_new, const Eigen::Vector3d& p_new_B) {
   const Pose before = state.X_WB();
@@ -28,17 +19,6 @@ Pose finish(FilterState& state, const Eigen::Quaterniond& q_new, const Eigen::Ve
 }
 
 }  // namespace
-
-HeadingRule make_heading_rule(const WorkspaceGauge& gauge, const Eigen::Quaterniond& q_WT) {
-  HeadingRule rule;
-  const Eigen::Matrix3d R = gauge.X_WT ? gauge.X_WT->rotation() : q_WT.toRotationMatrix();
-  while (rule.axis < 1 && std::abs(R(2, rule.axis)) > kSteep) ++rule.axis;
-  if (gauge.X_WT) {
-    rule.X_WT = *gauge.X_WT;
-    rule.yaw_rad = std::atan2(R(1, rule.axis), R(0, rule.axis));
-  }
-  return rule;
-}
 
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const Pose& X_BV = state.X_BV[0];
@@ -57,7 +37,7 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
     // … or only its heading: ψ shifts by what the tag's level axis h says.
     const Eigen::Matrix3d R_WB = state.q_WB.toRotationMatrix();
     const Eigen::Vector3d h = R_WB * (X_BT.q * Eigen::Vector3d::Unit(rule.axis));
-    q_new = yaw(rule.yaw_rad - std::atan2(h.y(), h.x())) * state.q_WB;
+    q_new = turn_to_heading(rule, state.q_WB * X_BT.q) * state.q_WB;
     const double level2 = h.x() * h.x() + h.y() * h.y();
     const Eigen::RowVector3d yaw_from_h(-h.y() / level2, h.x() / level2, 0);
     const Eigen::RowVector3d yaw_from_turn = -yaw_from_h * skew(h) * R_WB;  // h turns with the tag, in B axes
@@ -69,18 +49,13 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
   const Eigen::Matrix3d place_turn = skew(place_B);
 
   std::array<LinearTerm, 5> terms;
-  auto term = [](int at, const Eigen::Matrix3d& to_p, const Eigen::Matrix3d& to_q) {
-    LinearTerm out{at, {}};
-    out.J << to_p, to_q;
-    return out;
-  };
   const Eigen::Matrix3d tag_turn = from_turn * R_BV;
-  terms[0] = term(kAttitude, place_turn * from_tilt, from_tilt);
-  terms[1] = term(e, -Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
-  terms[2] = term(e + 3, skew(arm_B) + place_turn * from_turn, from_turn);
-  terms[3] = term(t, -R_BV, Eigen::Matrix3d::Zero());
-  terms[4] = term(t + 3, place_turn * tag_turn, tag_turn);
-  redefine(state, kPosition, kAttitude, terms, Matrix6d::Zero());
+  terms[0] = linear_term(kAttitude, place_turn * from_tilt, from_tilt);
+  terms[1] = linear_term(e, -Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Zero());
+  terms[2] = linear_term(e + 3, skew(arm_B) + place_turn * from_turn, from_turn);
+  terms[3] = linear_term(t, -R_BV, Eigen::Matrix3d::Zero());
+  terms[4] = linear_term(t + 3, place_turn * tag_turn, tag_turn);
+  redefine(state.covariance, kPosition, kAttitude, terms, Matrix6d::Zero());
   return finish(state, q_new, place_B - X_BT.p);
 }
 
@@ -93,15 +68,14 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   const double turn2 = kUnknownAngle_rad * kUnknownAngle_rad;
   if (level) {
     // The heading that comes closest to the tag's whole attitude.
-    const Eigen::Matrix3d M = (X_WT.q * (state.q_WB * X_BT.q).conjugate()).toRotationMatrix();
-    q_new = yaw(std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1))) * state.q_WB;
+    q_new = turn_closest(X_WT.q, state.q_WB * X_BT.q) * state.q_WB;
     const Eigen::Vector3d up_B = q_new.conjugate() * Eigen::Vector3d::UnitZ();
     tilt.J.bottomRows<3>() = Eigen::Matrix3d::Identity() - up_B * up_B.transpose();
     noise.bottomRightCorner<3, 3>() = turn2 * up_B * up_B.transpose();
   } else {
     noise.bottomRightCorner<3, 3>().diagonal().setConstant(turn2);
   }
-  redefine(state, kPosition, kAttitude, {&tilt, 1}, noise);
+  redefine(state.covariance, kPosition, kAttitude, {&tilt, 1}, noise);
   return finish(state, q_new, q_new.conjugate() * X_WT.p - X_BT.p);
 }
 

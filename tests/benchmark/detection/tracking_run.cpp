@@ -58,14 +58,14 @@ class TrackingRun final {
               {"  with adapted contrast"},
               {"libapriltag, decimate 2"},
               {"ours, truth of last image"},
-              {"ours, robocentric filter"}},
+              {"ours, world filter"}},
         detector_({}, as_it_comes()),
         search_({}, {}),
         random_(static_cast<unsigned>(setup.seed)) {
     sensors_.cameras = {mount_};
     sensors_.imu = simulation::ImuErrors{}.noise;
     for (const RecordedTag& tag : tags_) print_.sizes_m[tag.tag_id] = tag.edge_m;
-    filter_ = make_body_filter("robocentric", sensors_, {}, {});
+    filter_ = make_body_filter("world", sensors_, {}, {});
     guided_.emplace(sensors_, print_, DetectorConfig{}, EstimatorConfig{});
   }
 

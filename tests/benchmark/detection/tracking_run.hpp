@@ -39,7 +39,7 @@ struct TrackingRunSetup {
 ///  1 the same with the contrast threshold from the measured noise,
 ///  2 libapriltag over the whole image, decimate 2,
 ///  3 TagSearch with expectations from the truth of the image before: carried on at its velocity, 5
-///  mm and 0.3° off, 4 GuidedSearch behind the robocentric filter, which starts with nothing and
+///  mm and 0.3° off, 4 GuidedSearch behind the world filter, which starts with nothing and
 ///  learns the room.
 /// The first second is not counted: there is nothing to track yet.
 [[nodiscard]] std::vector<SearchArm> run_tracking(const TrackingRunSetup& setup);

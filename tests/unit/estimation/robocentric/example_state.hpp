@@ -4,23 +4,10 @@
 
 #include <Eigen/Core>
 
-#include "base/so3.hpp"
-#include "capture/camera_model.hpp"
-#include "detection/corner_projection.hpp"
 #include "estimation/robocentric/filter_state.hpp"
+#include "example_tags.hpp"
 
 namespace fiducap::robocentric {
-
-inline CameraModel example_camera() {
-  CameraModel camera;
-  camera.width = 752;
-  camera.height = 480;
-  camera.fu = 460;
-  camera.fv = 455;
-  camera.cu = 376;
-  camera.cv = 240;
-  return camera;
-}
 
 /// A body with two cameras and three tags in front of camera 0, nothing aligned with anything.
 inline FilterState example_state() {
@@ -48,19 +35,6 @@ inline FilterState example_state() {
   }
   state.P() = positive(state.size());
   return state;
-}
-
-/// What camera 0 (or another) would see of a tag standing at X_VT.
-inline TagObservation example_observation(int tag_id, double edge_m, const Pose& X_VT, const CameraModel& camera) {
-  TagObservation seen;
-  seen.tag_id = tag_id;
-  seen.edge_m = edge_m;
-  for (int i = 0; i < 4; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    seen.corners_px[k] = camera.pinhole(X_VT * tag_corner(i, edge_m));
-    seen.ideal_from_raw[k] << 1.1, 0.02, -0.03, 0.95;
-  }
-  return seen;
 }
 
 }  // namespace fiducap::robocentric

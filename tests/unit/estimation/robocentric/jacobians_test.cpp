@@ -2,7 +2,7 @@
 // against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
-#include "estimation/robocentric/corner_update.hpp"
+#include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"

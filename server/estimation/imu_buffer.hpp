@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "capture/imu_sample.hpp"
-#include "estimation/robocentric/propagation.hpp"
+#include "estimation/inertial_input.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 /// The readings since the last image, and what they say about any moment between them. Bounded; allocates nothing after
 /// construction.
@@ -44,4 +44,4 @@ class ImuBuffer final {
   std::vector<ImuSample> samples_;
 };
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,18 +1,18 @@
 #include <gtest/gtest.h>
 
-#include "estimation/robocentric/robocentric_filter.hpp"
-#include "robocentric/example_state.hpp"
+#include "estimation/body_filter.hpp"
+#include "example_tags.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 namespace {
 
 /// A body without IMU at rest before three tags.
-class Restart : public testing::Test {
+class Restart : public testing::TestWithParam<const char*> {
  protected:
   Restart() {
     CameraMount mount;
     mount.model = example_camera();
-    filter_ = std::make_unique<RobocentricFilter>(BodySensors{.cameras = {mount}}, WorkspaceGauge{}, EstimatorConfig{});
+    filter_ = make_body_filter(GetParam(), BodySensors{.cameras = {mount}, .imu = std::nullopt}, WorkspaceGauge{}, EstimatorConfig{});
     for (int i = 0; i < 3; ++i) {
       const Pose X_VT{exp_so3({2.6, 0.4, 0.3}), {-0.6 + 0.6 * i, 0.1, 2.0}};
       clean_.tags.push_back(example_observation(i, 0.2, X_VT, example_camera()));
@@ -32,12 +32,12 @@ class Restart : public testing::Test {
     return seen;
   }
 
-  std::unique_ptr<RobocentricFilter> filter_;
+  std::unique_ptr<BodyFilter> filter_;
   TagObservations clean_;
   Instant now_{};
 };
 
-TEST_F(Restart, ALongContradictionIsForgottenWhole) {
+TEST_P(Restart, ALongContradictionIsForgottenWhole) {
   for (int i = 0; i < 20; ++i) show(clean_);
   ASSERT_TRUE(filter_->running());
   for (int i = 0; i < 40; ++i) EXPECT_EQ(show(torn()).tags_used, 0) << "image " << i;
@@ -48,5 +48,8 @@ TEST_F(Restart, ALongContradictionIsForgottenWhole) {
   EXPECT_EQ(show(clean_).tags_used, 3);
 }
 
+INSTANTIATE_TEST_SUITE_P(BothFilters, Restart, testing::Values("robocentric", "world"),
+                         [](const auto& one) { return std::string(one.param); });
+
 }  // namespace
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

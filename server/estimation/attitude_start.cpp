@@ -1,10 +1,10 @@
-#include "estimation/robocentric/attitude_start.hpp"
+#include "estimation/attitude_start.hpp"
 
 #include <algorithm>
 
 #include "base/so3.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 void AttitudeStart::add(const ImuSample& imu, const Eigen::Vector3d& bias_w, const Eigen::Vector3d& bias_f) {
   double dt = 0;
@@ -29,4 +29,4 @@ Eigen::Quaterniond AttitudeStart::q_WB(Instant at, const Eigen::Vector3d& bias_w
   return Eigen::Quaterniond::FromTwoVectors(f_L_, Eigen::Vector3d::UnitZ()) * q_LB(at, bias_w);
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -8,11 +8,26 @@
 #include "detection/tag_pose.hpp"
 #include "estimation/estimator_config.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 /// What is known about the camera while a tag is being judged.
 struct CameraAttitude {
   Eigen::Quaterniond q_WV;  ///< In any axes that stand still over the views.
+};
+
+/// What the views of a tag say once its branch is certain.
+struct TagVerdict {
+  Pose X_VT;                                ///< The tag in the camera's axes, by the newest image alone.
+  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude …
+  double sigma_rad{};                       ///< … and how uncertain that is.
+};
+
+/// When a tag has been looked at long enough.
+struct Patience {
+  int at_least{1};        ///< Views before a tag is believed at all: a phantom id is rarely seen twice.
+  int forced_after{0};    ///< A branch is taken without enough evidence after so many views; 0: never.
+  double sharp_rad{10};   ///< The attitude by all views must be this certain …
+  int unsharp_after{0};   ///< … but after so many views it is taken as it is.
 };
 
 /// Tags that were seen but whose pose branch is not yet certain.
@@ -26,12 +41,9 @@ class TagCandidates final {
   explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
 
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
-  /// @param at_least      views before a tag is believed at all: a phantom id is rarely seen twice
-  /// @param forced_after  a branch is taken without enough evidence after so many views; 0: never
-  /// @return the tag in the camera's axes once its branch is certain, else nullopt
-  [[nodiscard]] std::optional<Pose> judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                          const std::optional<CameraAttitude>& attitude, int at_least,
-                                          int forced_after);
+  /// @return nullopt while its branch is not certain
+  [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen, const CameraModel& model,
+                                          const std::optional<CameraAttitude>& attitude, const Patience& patience);
   void forget(int tag_id);
   void forget_all() { candidates_.clear(); }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
@@ -44,7 +56,8 @@ class TagCandidates final {
   };
   struct Branch {
     Eigen::Quaterniond q_WT;
-    double cost{};  ///< chi-square over the views
+    double cost{};       ///< chi-square over the views
+    double sigma_rad{};  ///< of the attitude
   };
   struct Candidate {
     std::vector<View> views;        ///< With attitude: the newest `branch_views`.
@@ -54,13 +67,13 @@ class TagCandidates final {
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
   };
   [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;
-  [[nodiscard]] std::optional<Pose> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
+  [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
                                                   const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
                                                   bool forced);
-  [[nodiscard]] std::optional<Pose> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
+  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
 
   EstimatorConfig config_;
   std::map<std::pair<int, int>, Candidate> candidates_;  ///< By tag id and camera.
 };
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,10 +1,10 @@
-#include "estimation/robocentric/redefine.hpp"
+#include "estimation/linear_term.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
-void redefine(FilterState& state, int first, int second, std::span<const LinearTerm> terms, const Matrix6d& noise) {
-  auto P = state.P();
-  auto rows = state.six_rows();
+void redefine(GrowingCovariance& covariance, int first, int second, std::span<const LinearTerm> terms, const Matrix6d& noise) {
+  auto P = covariance.live();
+  auto rows = covariance.six_rows();
   rows.setZero();
   for (const LinearTerm& term : terms) rows.noalias() += term.J * P.middleRows<3>(term.at);
   Matrix6d self = noise;
@@ -17,4 +17,4 @@ void redefine(FilterState& state, int first, int second, std::span<const LinearT
   P.middleCols<3>(second) = rows.bottomRows<3>().transpose();
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,17 +1,17 @@
 #include <gtest/gtest.h>
 
 #include "capture/sample_merger.hpp"
-#include "estimation/robocentric/robocentric_filter.hpp"
-#include "robocentric/example_state.hpp"
+#include "estimation/body_filter.hpp"
+#include "example_tags.hpp"
 #include "support/allocation_counter.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 namespace {
 
 constexpr int kTags = 12;
 
 /// A body at rest that sees the same tags in every image.
-class SteadyLoop : public testing::Test {
+class SteadyLoop : public testing::TestWithParam<const char*> {
  protected:
   SteadyLoop() {
     BodySensors sensors;
@@ -19,7 +19,7 @@ class SteadyLoop : public testing::Test {
     mount.model = example_camera();
     sensors.cameras = {mount};
     sensors.imu = ImuNoise{};
-    filter_ = std::make_unique<RobocentricFilter>(sensors, WorkspaceGauge{}, EstimatorConfig{});
+    filter_ = make_body_filter(GetParam(), sensors, WorkspaceGauge{}, EstimatorConfig{});
     for (int i = 0; i < kTags; ++i) {
       const Pose X_VT{exp_so3({2.6, 0.4, 0.3}), {-0.6 + 0.3 * (i % 4), -0.4 + 0.4 * (i / 4), 2.0}};
       seen_.tags.push_back(example_observation(i, 0.2, X_VT, example_camera()));
@@ -36,14 +36,14 @@ class SteadyLoop : public testing::Test {
     if (filter_->running()) filter_->tag_beliefs(beliefs_);
   }
 
-  std::unique_ptr<RobocentricFilter> filter_;
+  std::unique_ptr<BodyFilter> filter_;
   TagObservations seen_;
   UpdateReport report_;
   std::vector<TagBelief> beliefs_;
   Instant now_{};
 };
 
-TEST_F(SteadyLoop, AllocatesNothingAfterWarmUp) {
+TEST_P(SteadyLoop, AllocatesNothingAfterWarmUp) {
   for (int i = 0; i < 60; ++i) run_image();
   ASSERT_EQ(report_.tags_used, kTags);
   const AllocationCounter allocations;
@@ -51,7 +51,7 @@ TEST_F(SteadyLoop, AllocatesNothingAfterWarmUp) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST_F(SteadyLoop, StandsStillWhenTheBodyDoes) {
+TEST_P(SteadyLoop, StandsStillWhenTheBodyDoes) {
   for (int i = 0; i < 60; ++i) run_image();
   const BodyEstimate before = filter_->estimate();
   for (int i = 0; i < 20; ++i) run_image();
@@ -60,7 +60,7 @@ TEST_F(SteadyLoop, StandsStillWhenTheBodyDoes) {
   EXPECT_LT(after.v_WB.norm(), 1e-5);
 }
 
-TEST_F(SteadyLoop, ReadingsThatNeverEndInAnImageDoNotGrowMemory) {
+TEST_P(SteadyLoop, ReadingsThatNeverEndInAnImageDoNotGrowMemory) {
   for (int i = 0; i < 60; ++i) run_image();
   for (int i = 0; i < 1000; ++i) filter_->propagate({now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
   const AllocationCounter allocations;
@@ -68,7 +68,7 @@ TEST_F(SteadyLoop, ReadingsThatNeverEndInAnImageDoNotGrowMemory) {
   EXPECT_EQ(allocations.count(), 0u);
 }
 
-TEST_F(SteadyLoop, BadReadingsAreLeftOut) {
+TEST_P(SteadyLoop, BadReadingsAreLeftOut) {
   for (int i = 0; i < 60; ++i) run_image();
   const BodyEstimate before = filter_->estimate();
   filter_->propagate({now_ - std::chrono::seconds(1), {1, 1, 1}, {0, 0, 0}});
@@ -77,5 +77,8 @@ TEST_F(SteadyLoop, BadReadingsAreLeftOut) {
   EXPECT_LT((filter_->estimate().X_WB.p - before.X_WB.p).norm(), 1e-5);
 }
 
+INSTANTIATE_TEST_SUITE_P(BothFilters, SteadyLoop, testing::Values("robocentric", "world"),
+                         [](const auto& one) { return std::string(one.param); });
+
 }  // namespace
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -7,7 +7,7 @@
 
 #include "capture/imu_sample.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 /// How the body turns while there is no pose: gyro for the turning, the accelerometer's slow part for up.
 ///
@@ -33,4 +33,4 @@ class AttitudeStart final {
   int samples_{0};
 };
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

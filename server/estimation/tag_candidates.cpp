@@ -1,4 +1,4 @@
-#include "estimation/robocentric/tag_candidates.hpp"
+#include "estimation/tag_candidates.hpp"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 #include "base/so3.hpp"
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 namespace {
 
@@ -20,35 +20,46 @@ constexpr double kHopelessCostPerNumber = 25.0;
 constexpr int kRatioViews = 3;
 constexpr double kClearRatio = 9.0;
 
+/// The other attitude that gives nearly the same picture: the face's normal mirrored at the line of sight. Exact for a tag
+/// that is far away compared with its size.
+Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3d& p_VT) {
+  const Eigen::Vector3d normal = q_VT * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d towards = -p_VT.normalized();
+  const Eigen::Vector3d axis = normal.cross(towards);
+  const double sine = axis.norm();
+  if (sine < 1e-9) return q_VT;
+  return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
+}
+
 }  // namespace
 
 void TagCandidates::forget(int tag_id) {
   std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
 }
 
-std::optional<Pose> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                         const std::optional<CameraAttitude>& attitude, int at_least,
-                                         int forced_after) {
+std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
+                                         const std::optional<CameraAttitude>& attitude, const Patience& patience) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
   ++candidate.seen_times;
-  const bool forced = forced_after > 0 && candidate.seen_times >= forced_after;
+  const bool forced = patience.forced_after > 0 && candidate.seen_times >= patience.forced_after;
   const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
                                 : judge_alone(candidate, poses, forced);
-  if (!decided || candidate.seen_times < at_least) return std::nullopt;
+  if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
+  if (decided->sigma_rad > patience.sharp_rad && candidate.seen_times < patience.unsharp_after) return std::nullopt;
   forget(seen.tag_id);
   return decided;
 }
 
-std::optional<Pose> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
+std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
                                                  const CameraModel& model, const std::array<TagPose, 2>& poses,
                                                  const Eigen::Quaterniond& q_WV, bool forced) {
   auto& views = candidate.views;
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
   views.push_back({seen, q_WV, poses[0].X_VT.p});
   Branch best = fit(views, model, q_WV * poses[0].X_VT.q);
-  Branch rival = fit(views, model, q_WV * poses[1].X_VT.q);
+  Branch rival = fit(views, model, q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p));
   if (rival.cost < best.cost) std::swap(best, rival);
 
   const double numbers = 8.0 * static_cast<double>(views.size());
@@ -61,13 +72,14 @@ std::optional<Pose> TagCandidates::judge_turning(Candidate& candidate, const Tag
   // The newest image alone fixes the pose; the views only said which of its two valleys is the right one.
   const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
   const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
-  return poses[first ? 0 : 1].X_VT;
+  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT, best.sigma_rad};
 }
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
                                          Eigen::Quaterniond q_WT) const {
   const double weight = 1.0 / (config_.corner_noise_px * config_.corner_noise_px);
   double cost = 0;
+  double variance = 0;
   for (int step = 0; step < kFitSteps; ++step) {
     // Normal equations of the shared attitude, each view's own position eliminated (Schur complement).
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -76,7 +88,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
     for (View& view : views) {
       const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
       const CornerResidual r = corner_residual(view.seen, X_VT, model);
-      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
+      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity(), 0};
       const auto H_p = r.H.leftCols<3>();
       const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
       const Eigen::LDLT<Eigen::Matrix3d> pp((H_p.transpose() * H_p).eval());
@@ -88,15 +100,17 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
       view.p_VT += own;
     }
     A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
-    Eigen::Vector3d d = A.ldlt().solve(b);
+    const Eigen::LDLT<Eigen::Matrix3d> information(A);
+    Eigen::Vector3d d = information.solve(b);
+    variance = information.solve(Eigen::Matrix3d::Identity()).trace() / weight;
     const double size = d.norm();
     if (size > 0.3) d *= 0.3 / size;  // stay in the valley
     q_WT = (exp_so3(d) * q_WT).normalized();
   }
-  return {q_WT, cost};
+  return {q_WT, cost, std::sqrt(variance)};
 }
 
-std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
   const double weight = 4.0 / (config_.corner_noise_px * config_.corner_noise_px);
   // Follow the branch that turned least since the last view; the first view follows its better one.
   bool follows_better = true;
@@ -114,7 +128,7 @@ std::optional<Pose> TagCandidates::judge_alone(Candidate& candidate, const std::
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their difference does.
   const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
   if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
-  return candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT;
+  return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT, std::nullopt, 0.0};
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

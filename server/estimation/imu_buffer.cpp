@@ -1,13 +1,13 @@
-#include "estimation/robocentric/imu_buffer.hpp"
+#include "estimation/imu_buffer.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-namespace fiducap::robocentric {
+namespace fiducap {
 
 namespace {
-// Two and a half seconds at 200 Hz: no camera is that slow.
-constexpr std::size_t kMostPending = 512;
+// Four seconds at 1 kHz: no camera is that slow, and no filter looks further back.
+constexpr std::size_t kMostPending = 4096;
 // A gap is bridged with this rate uncertainty.
 constexpr double kGapRate_rad_s_rtHz = 1.0;
 }  // namespace
@@ -41,8 +41,8 @@ void ImuBuffer::forget_before(Instant at) {
 }
 
 std::size_t ImuBuffer::first_after(Instant at) const {
-  const auto after =
-      std::find_if(samples_.begin(), samples_.end(), [&](const ImuSample& s) { return s.sampled_at > at; });
+  const auto after = std::upper_bound(samples_.begin(), samples_.end(), at,
+                                      [](Instant t, const ImuSample& s) { return t < s.sampled_at; });
   return static_cast<std::size_t>(after - samples_.begin());
 }
 
@@ -74,4 +74,4 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   return input;
 }
 
-}  // namespace fiducap::robocentric
+}  // namespace fiducap

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "capture/camera_model.hpp"
+#include "estimation/body_estimate.hpp"
+#include "estimation/stacked_update.hpp"
+
+namespace fiducap {
+
+/// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its memory between images.
+///
+/// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`, `held_tags()`, and next to it
+///                `TagMeasurement measure(const State&, int camera, const CameraModel&, const TagToUse&, double noise_px)`
+template <class State>
+class CornerUpdate final {
+ public:
+  struct Options {
+    double corner_noise_px{};
+    double gate{};        ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
+    int iterations{1};    ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
+    /// Where the first linearisation is done, when somebody knows better than the prior mean; nullptr: at the prior.
+    const State* start{nullptr};
+  };
+
+  /// @param accepted  out: per entry of `tags`, whether it was used
+  UpdateReport apply(State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
+                     const Options& options, std::vector<bool>& accepted) {
+    UpdateReport report;
+    const bool moves = options.iterations > 1 || options.start != nullptr;
+    if (moves) prior_.copy_mean(state);
+    if (options.start != nullptr) state.copy_mean(*options.start);
+    build(state, camera, model, tags, options.corner_noise_px);
+    if (moves) refer_to(prior_, state);
+    update_.gate(state.P(), measurements_, options.gate, accepted);
+    report.tags_used = static_cast<int>(update_.used().size());
+    report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
+    if (update_.empty()) {
+      if (moves) state.copy_mean(prior_);
+      return report;
+    }
+    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+      if (iteration > 0) {
+        build(state, camera, model, tags, options.corner_noise_px);
+        refer_to(prior_, state);
+      }
+      const double nis = update_.solve(state.P(), measurements_, state.held_tags());
+      if (iteration == 0) report.nis = nis;
+      if (moves) state.copy_mean(prior_);
+      state.add_error(update_.correction());
+    }
+    update_.shrink(state.P(), state.held_tags());
+    report.nis_dof = update_.rows();
+    build(state, camera, model, tags, options.corner_noise_px);
+    report.reprojection_px = update_.rms_px(measurements_);
+    return report;
+  }
+
+ private:
+  void build(const State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags, double noise_px) {
+    measurements_.clear();
+    for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, noise_px));
+  }
+
+  /// Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
+  void refer_to(const State& prior, const State& state) {
+    const Eigen::VectorXd back = state.error_to(prior);
+    for (TagMeasurement& m : measurements_) {
+      for (std::size_t b = 0; b < m.block_count; ++b) m.y -= m.blocks[b].H * back.segment<3>(m.blocks[b].at);
+    }
+  }
+
+  State prior_;  ///< mean only
+  std::vector<TagMeasurement> measurements_;
+  StackedUpdate update_;
+};
+
+}  // namespace fiducap

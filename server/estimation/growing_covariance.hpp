@@ -1,0 +1,62 @@
+#pragma once
+
+#include <algorithm>
+
+#include <Eigen/Core>
+
+#include "estimation/known_tag.hpp"
+
+namespace fiducap {
+
+/// The covariance of a state whose tail grows and shrinks by six numbers per tag. Memory stays, so that a steady state
+/// allocates nothing.
+class GrowingCovariance final {
+ public:
+  /// All zero, n × n.
+  void reset(int n) {
+    size_ = n;
+    memory_ = Eigen::MatrixXd::Zero(n, n);
+  }
+
+  [[nodiscard]] int size() const { return size_; }
+  /// The live part: symmetric.
+  [[nodiscard]] auto live() { return memory_.topLeftCorner(size_, size_); }
+  [[nodiscard]] auto live() const { return memory_.topLeftCorner(size_, size_); }
+
+  /// Six rows as wide as the state, content undefined.
+  [[nodiscard]] auto six_rows() {
+    if (six_rows_.cols() < size_) six_rows_.resize(6, memory_.cols());
+    return six_rows_.leftCols(size_);
+  }
+
+  /// Six more numbers at the end, uncorrelated with the rest.
+  void append(const Matrix6d& own) {
+    const int at = size_;
+    size_ += 6;
+    if (size_ > memory_.rows()) {
+      // Grows by half, so that a growing map does not copy itself for each tag.
+      const Eigen::Index room = std::max<Eigen::Index>(size_, memory_.rows() * 3 / 2);
+      Eigen::MatrixXd larger = Eigen::MatrixXd::Zero(room, room);
+      larger.topLeftCorner(at, at) = memory_.topLeftCorner(at, at);
+      memory_.swap(larger);
+    }
+    memory_.block(at, 0, 6, size_).setZero();
+    memory_.block(0, at, size_, 6).setZero();
+    memory_.block<6, 6>(at, at) = own;
+  }
+
+  /// Takes six numbers out (marginalises them).
+  void erase(int at) {
+    auto P = live();
+    for (int k = at; k + 6 < size_; ++k) P.row(k) = P.row(k + 6);
+    for (int k = at; k + 6 < size_; ++k) P.col(k) = P.col(k + 6);
+    size_ -= 6;
+  }
+
+ private:
+  int size_{0};
+  Eigen::MatrixXd memory_;
+  Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;
+};
+
+}  // namespace fiducap

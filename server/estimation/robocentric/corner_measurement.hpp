@@ -1,0 +1,18 @@
+#pragma once
+
+#include "base/pose.hpp"
+#include "capture/camera_model.hpp"
+#include "estimation/robocentric/filter_state.hpp"
+#include "estimation/tag_measurement.hpp"
+
+namespace fiducap::robocentric {
+
+/// Innovation and Jacobian of one tag, RCARS II-D4. A tag in the state depends on itself alone when camera 0 sees it
+/// (that is what robocentric is good for); another camera adds both extrinsics; a known tag depends on the body.
+[[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
+                                     double corner_noise_px);
+
+/// Where the tag stands in the axes of `camera`, by the state's mean.
+[[nodiscard]] Pose predicted_tag(const FilterState& state, int camera, const TagToUse& tag);
+
+}  // namespace fiducap::robocentric

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "base/time.hpp"
+#include "estimation/tag_measurement.hpp"
+
+namespace fiducap {
+
+/// A tag in a filter's state: who it is and how it fared.
+struct TagRecord {
+  int tag_id{};
+  double edge_m{};
+  int sightings{};
+  Instant first_seen{};
+  Instant last_seen{};
+  int rejected_in_row{};
+};
+
+/// Notes which tags an update accepted. A tag that keeps contradicting the others is gone from its place: it leaves the
+/// state, and may join again like a new one. An update that accepts none blames no tag.
+/// @param state  has `tags` (of TagRecord) and `remove_tag(i)`
+/// @return ids of the tags that left
+template <class State>
+[[nodiscard]] std::vector<int> keep_score(State& state, std::span<const TagToUse> used,
+                                          const std::vector<bool>& accepted, Instant at) {
+  constexpr int kRejectionsToDrop = 10;  // contradictions in a row before a tag is given up
+  const bool any = std::find(accepted.begin(), accepted.end(), true) != accepted.end();
+  for (std::size_t i = 0; any && i < used.size(); ++i) {
+    if (used[i].local < 0) continue;
+    TagRecord& tag = state.tags[static_cast<std::size_t>(used[i].local)];
+    if (accepted[i]) {
+      ++tag.sightings;
+      tag.last_seen = at;
+      tag.rejected_in_row = 0;
+    } else {
+      ++tag.rejected_in_row;
+    }
+  }
+  std::vector<int> left;
+  for (std::size_t i = state.tags.size(); i-- > 0;) {
+    if (state.tags[i].rejected_in_row < kRejectionsToDrop) continue;
+    left.push_back(state.tags[i].tag_id);
+    state.remove_tag(i);
+  }
+  return left;
+}
+
+/// Index of a tag in `tags`, or -1.
+template <class Tags>
+[[nodiscard]] int find_tag(const Tags& tags, int tag_id) {
+  const auto found = std::find_if(tags.begin(), tags.end(), [&](const TagRecord& t) { return t.tag_id == tag_id; });
+  return found == tags.end() ? -1 : static_cast<int>(found - tags.begin());
+}
+
+}  // namespace fiducap

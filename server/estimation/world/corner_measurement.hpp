@@ -1,0 +1,18 @@
+#pragma once
+
+#include "base/pose.hpp"
+#include "capture/camera_model.hpp"
+#include "estimation/tag_measurement.hpp"
+#include "estimation/world/filter_state.hpp"
+
+namespace fiducap::world {
+
+/// Innovation and Jacobian of one tag, RCARS II-D4: X_VT = X_WV⁻¹ X_WT. Camera and tag enter with opposite signs and the
+/// same lever arm, so a common shift of both cancels exactly, wherever this is linearised.
+[[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
+                                     double corner_noise_px);
+
+/// Where the tag stands in W: by the state, or as given.
+[[nodiscard]] const Pose& place_of(const FilterState& state, const TagToUse& tag);
+
+}  // namespace fiducap::world

@@ -1,0 +1,190 @@
+#include "estimation/world/filter_state.hpp"
+
+#include <Eigen/LU>
+
+#include "base/so3.hpp"
+
+namespace fiducap::world {
+
+namespace {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
+
+/// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the
+/// origin of W is and however large the turning.
+void add_world_error(Pose& X, const ErrorRef& error) {
+  const Eigen::Vector3d phi = error.tail<3>();
+  const Eigen::Quaterniond turn = exp_so3(phi);
+  X.q = (turn * X.q).normalized();
+  X.p = turn * X.p + left_jacobian_so3(phi) * error.head<3>();
+}
+
+/// Inverse of add_world_error. @return the left Jacobian of the turning
+Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> error) {
+  const Eigen::Quaterniond turn = to.q * from.q.conjugate();
+  error.tail<3>() = log_so3(turn);
+  const Eigen::Matrix3d J = left_jacobian_so3(error.tail<3>());
+  error.head<3>() = J.inverse() * (to.p - turn * from.p);
+  return J;
+}
+
+}  // namespace
+
+void FilterState::reset(std::vector<Pose> cameras) {
+  *this = FilterState{};
+  X_BV = std::move(cameras);
+  covariance.reset(size());
+}
+
+void FilterState::list_held() {
+  held_.clear();
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    if (tags[i].held) held_.push_back(tag_at(i));
+  }
+}
+
+void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
+  tags.push_back(tag);
+  covariance.append(own);
+  list_held();
+}
+
+void FilterState::remove_tag(std::size_t i) {
+  covariance.erase(tag_at(i));
+  tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
+  list_held();
+}
+
+void FilterState::copy_mean(const FilterState& other) {
+  time = other.time;
+  X_WB = other.X_WB;
+  v_WB = other.v_WB;
+  bias_f = other.bias_f;
+  bias_w = other.bias_w;
+  X_BV = other.X_BV;
+  tags = other.tags;
+  held_ = other.held_;
+}
+
+void FilterState::add_error(const ErrorRef& error) {
+  const Eigen::Vector3d phi = error.segment<3>(layout::kAttitude);
+  v_WB = exp_so3(phi) * v_WB + left_jacobian_so3(phi) * error.segment<3>(layout::kVelocity);
+  const Pose before = X_WB;
+  add_world_error(X_WB, error.segment<6>(layout::kPosition));
+  for (int c = 0; c < cameras(); ++c) {
+    Pose& X = X_BV[static_cast<std::size_t>(c)];
+    Pose X_WV = before * X;
+    add_world_error(X_WV, error.segment<6>(layout::camera(c)));
+    X = X_WB.inverse() * X_WV;
+  }
+  bias_f += error.segment<3>(layout::kBiasF);
+  bias_w += error.segment<3>(layout::kBiasW);
+  for (std::size_t i = 0; i < tags.size(); ++i) add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
+}
+
+Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
+  Eigen::VectorXd error(size());
+  const Eigen::Matrix3d J = world_error(X_WB, other.X_WB, error.segment<6>(layout::kPosition));
+  error.segment<3>(layout::kVelocity) = J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
+  error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
+  error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
+  for (int c = 0; c < cameras(); ++c) world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    world_error(tags[i].X_WT, other.tags[i].X_WT, error.segment<6>(tag_at(i)));
+  }
+  return error;
+}
+
+namespace {
+
+/// Ad(X): the world-side error that an error on the other side of X is.
+Matrix6d adjoint(const Pose& X) {
+  const Eigen::Matrix3d R = X.rotation();
+  Matrix6d Ad;
+  Ad << R, skew(X.p) * R, Eigen::Matrix3d::Zero(), R;
+  return Ad;
+}
+
+}  // namespace
+
+void camera_errors_to_extrinsics(FilterState& state) {
+  auto P = state.P();
+  const Matrix6d to_body = adjoint(state.X_WB.inverse());
+  for (int c = 0; c < state.cameras(); ++c) {
+    const int at = layout::camera(c);
+    // Column by column, then row by row: nothing is allocated.
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d apart = P.col(k).segment<6>(at) - P.col(k).segment<6>(layout::kPosition);
+      P.col(k).segment<6>(at) = to_body * apart;
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d apart = P.row(k).segment<6>(at) - P.row(k).segment<6>(layout::kPosition);
+      P.row(k).segment<6>(at) = (to_body * apart).transpose();
+    }
+  }
+}
+
+void extrinsics_to_camera_errors(FilterState& state) {
+  auto P = state.P();
+  const Matrix6d to_world = adjoint(state.X_WB);
+  for (int c = 0; c < state.cameras(); ++c) {
+    const int at = layout::camera(c);
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Vector6d turned = to_world * P.col(k).segment<6>(at);
+      P.col(k).segment<6>(at) = turned + P.col(k).segment<6>(layout::kPosition);
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Vector6d turned = to_world * P.row(k).segment<6>(at).transpose();
+      P.row(k).segment<6>(at) = turned.transpose() + P.row(k).segment<6>(layout::kPosition);
+    }
+  }
+}
+
+Matrix6d extrinsics_covariance(const FilterState& state, int camera) {
+  const int at = layout::camera(camera);
+  const auto P = state.P();
+  const Matrix6d apart = P.block<6, 6>(at, at) - P.block<6, 6>(at, layout::kPosition) - P.block<6, 6>(layout::kPosition, at) +
+                         P.block<6, 6>(layout::kPosition, layout::kPosition);
+  const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) * adjoint(state.X_WB.inverse());
+  return J * apart * J.transpose();
+}
+
+Matrix6d plain_from_world_error(const Eigen::Vector3d& p) {
+  Matrix6d J = Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = -skew(p);
+  return J;
+}
+
+Matrix6d world_from_plain_error(const Eigen::Vector3d& p) {
+  Matrix6d J = Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = skew(p);
+  return J;
+}
+
+BodyEstimate body_in_workspace(const FilterState& state) {
+  static_assert(layout::kPosition == estimate_block::kPosition && layout::kAttitude == estimate_block::kAttitude &&
+                layout::kVelocity == estimate_block::kVelocity && layout::kBiasF == estimate_block::kBiasF &&
+                layout::kBiasW == estimate_block::kBiasW);
+  BodyEstimate out;
+  out.at = state.time;
+  out.X_WB = state.X_WB;
+  out.v_WB = state.v_WB;
+  out.bias_f = state.bias_f;
+  out.bias_w = state.bias_w;
+  BodyMatrix J = BodyMatrix::Identity();
+  J.topLeftCorner<6, 6>() = plain_from_world_error(state.X_WB.p);
+  J.block<3, 3>(layout::kVelocity, layout::kAttitude) = -skew(state.v_WB);
+  const BodyMatrix P = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
+  out.covariance = J * P * J.transpose();
+  return out;
+}
+
+KnownTag tag_in_workspace(const FilterState& state, std::size_t tag) {
+  const WorldTag& t = state.tags[tag];
+  const Matrix6d J = plain_from_world_error(t.X_WT.p);
+  const Matrix6d own = state.P().block<6, 6>(state.tag_at(tag), state.tag_at(tag));
+  return {t.tag_id, t.edge_m, t.X_WT, J * own * J.transpose()};
+}
+
+}  // namespace fiducap::world

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "base/pose.hpp"
+#include "base/time.hpp"
+#include "estimation/body_estimate.hpp"
+#include "estimation/growing_covariance.hpp"
+#include "estimation/tag_record.hpp"
+#include "estimation/world/state_layout.hpp"
+
+namespace fiducap::world {
+
+/// A tag in the state. It stands still in W.
+struct WorldTag : TagRecord {
+  Pose X_WT;
+  /// Its place is the map's, with the map's covariance: used, correlated, but not corrected (consider state, Schmidt 1966).
+  bool held{false};
+};
+
+/// The state with its covariance: body, biases, extrinsics, tags, all in W. Gravity along −z when there is an IMU.
+struct FilterState {
+  Instant time{};
+  Pose X_WB;
+  Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
+  std::vector<Pose> X_BV;      ///< One per camera.
+  std::vector<WorldTag> tags;  ///< Order of entry.
+  GrowingCovariance covariance;
+
+  [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
+  [[nodiscard]] int size() const { return tag_at(tags.size()); }
+  [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
+  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
+  /// size() × size(), symmetric.
+  [[nodiscard]] auto P() { return covariance.live(); }
+  [[nodiscard]] auto P() const { return covariance.live(); }
+  /// Index of a tag in `tags`, or -1.
+  [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
+  /// First columns of the tags that are held.
+  [[nodiscard]] std::span<const int> held_tags() const { return held_; }
+
+  /// Body at the origin, biases and covariance zero, these cameras, no tags.
+  void reset(std::vector<Pose> X_BV);
+  /// Appends a tag, uncorrelated with everything.
+  void add_tag(const WorldTag& tag, const Matrix6d& own);
+  /// Takes a tag out (marginalises it).
+  void remove_tag(std::size_t i);
+  /// Takes over everything but the covariance.
+  void copy_mean(const FilterState& other);
+  /// x ⊞ ξ: adds an error vector of length size() in the coordinates of state_layout.hpp.
+  void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
+  /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ ξ.
+  [[nodiscard]] Eigen::VectorXd error_to(const FilterState& other) const;
+
+ private:
+  void list_held();
+
+  std::vector<int> held_;
+};
+
+/// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the error of X_WV, that of
+/// X_BV = Exp(e) X̂_BV, which does not change then. @pre the other form
+void camera_errors_to_extrinsics(FilterState& state);
+/// … and back, with the body where it is now.
+void extrinsics_to_camera_errors(FilterState& state);
+
+/// ∂ (position, rotation vector, both W axes) / ∂ ξ of a pose at p: position moves by ρ + φ × p.
+[[nodiscard]] Matrix6d plain_from_world_error(const Eigen::Vector3d& p);
+/// Its inverse.
+[[nodiscard]] Matrix6d world_from_plain_error(const Eigen::Vector3d& p);
+
+/// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left alone.
+[[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
+/// Position (additive) and rotation vector of X_BV, both in B axes.
+[[nodiscard]] Matrix6d extrinsics_covariance(const FilterState& state, int camera);
+/// A tag with its covariance.
+[[nodiscard]] KnownTag tag_in_workspace(const FilterState& state, std::size_t tag);
+
+}  // namespace fiducap::world

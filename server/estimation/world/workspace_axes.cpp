@@ -1,0 +1,149 @@
+#include "estimation/world/workspace_axes.hpp"
+
+#include <cmath>
+
+#include "base/so3.hpp"
+
+namespace fiducap::world {
+
+using namespace layout;  // NOLINT: the block names are the subject of this file
+
+namespace {
+
+/// A shift of the whole room, g = (translation, turning): four numbers with gravity (yaw only), six without. The
+/// columns say what it does to the error of any pose; only the first `size` are used.
+struct RoomShift {
+  int size{};
+  Matrix6d N{Matrix6d::Zero()};     ///< ξ ← ξ + N g, the same for the body and every tag
+  Matrix6d L{Matrix6d::Zero()};     ///< g = L ξ_T: the shift that takes the reference tag's own error back
+};
+
+RoomShift whole_shift() {
+  RoomShift shift{6, Matrix6d::Identity(), -Matrix6d::Identity()};
+  return shift;
+}
+
+/// @param h  the tag's heading axis in W
+RoomShift level_shift(const Eigen::Vector3d& p_WT, const Eigen::Vector3d& h) {
+  RoomShift shift;
+  shift.size = 4;
+  shift.N.topLeftCorner<3, 3>().setIdentity();
+  shift.N(5, 3) = 1;
+  const double level2 = h.x() * h.x() + h.y() * h.y();
+  const Eigen::RowVector3d heading = -Eigen::RowVector3d(-h.y() / level2, h.x() / level2, 0) * skew(h);  // ∂ yaw of h / ∂ φ
+  // ψ = −heading φ;  t = −ρ + p × (φ + ψ z): position ρ + φ × p and heading end at zero.
+  shift.L.block<1, 3>(3, 3) = -heading;
+  shift.L.topLeftCorner<3, 3>() = -Eigen::Matrix3d::Identity();
+  shift.L.topRightCorner<3, 3>() =
+      skew(p_WT) * (Eigen::Matrix3d::Identity() - Eigen::Vector3d::UnitZ() * heading);
+  return shift;
+}
+
+RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
+  return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
+}
+
+/// First columns of all poses in the state: the body, the cameras, the tags.
+int pose_at(const FilterState&, std::size_t k) { return k == 0 ? kPosition : layout::camera(static_cast<int>(k) - 1); }
+std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.tags.size(); }
+
+/// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
+void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
+  auto P = state.P();
+  auto g = state.covariance.six_rows();  // covariance of the shift with everything
+  g.noalias() = shift.L * P.middleRows<6>(tag_at);
+  const Matrix6d own = g.middleCols<6>(tag_at) * shift.L.transpose();
+  for (std::size_t k = 0; k < poses(state); ++k) P.middleRows<6>(pose_at(state, k)) += shift.N * g;
+  for (std::size_t k = 0; k < poses(state); ++k) {
+    for (Eigen::Index row = 0; row < P.rows(); ++row) {
+      P.row(row).segment<6>(pose_at(state, k)) += (shift.N * g.col(row)).transpose();
+    }
+  }
+  const Matrix6d both = shift.N * own * shift.N.transpose();
+  for (std::size_t a = 0; a < poses(state); ++a) {
+    for (std::size_t b = 0; b < poses(state); ++b) P.block<6, 6>(pose_at(state, a), pose_at(state, b)) += both;
+  }
+}
+
+}  // namespace
+
+void move_axes(FilterState& state, const Pose& G) {
+  state.X_WB = G * state.X_WB;
+  state.v_WB = G.q * state.v_WB;
+  for (WorldTag& tag : state.tags) tag.X_WT = G * tag.X_WT;
+  const Eigen::Matrix3d R = G.rotation();
+  Matrix6d Ad = Matrix6d::Zero();
+  Ad << R, skew(G.p) * R, Eigen::Matrix3d::Zero(), R;
+  auto P = state.P();
+  auto rows = state.covariance.six_rows();
+  for (std::size_t k = 0; k < poses(state); ++k) {
+    const int at = pose_at(state, k);
+    rows.noalias() = Ad * P.middleRows<6>(at);
+    P.middleRows<6>(at) = rows;
+  }
+  P.middleRows<3>(kVelocity) = (R * P.middleRows<3>(kVelocity)).eval();
+  for (std::size_t k = 0; k < poses(state); ++k) {
+    const int at = pose_at(state, k);
+    rows.noalias() = Ad * P.middleCols<6>(at).transpose();
+    P.middleCols<6>(at) = rows.transpose();
+  }
+  P.middleCols<3>(kVelocity) = (P.middleCols<3>(kVelocity) * R.transpose()).eval();
+}
+
+Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+  const Pose& X_WT = state.tags[tag].X_WT;
+  Pose G;
+  G.q = level ? turn_to_heading(rule, X_WT.q) : (rule.X_WT.q * X_WT.q.conjugate()).normalized();
+  G.p = rule.X_WT.p - G.q * X_WT.p;
+  move_axes(state, G);
+  take_back_shift(state, shift_for(state.tags[tag].X_WT, rule, level), state.tag_at(tag));
+  return G;
+}
+
+double slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+  const WorldTag& reference = state.tags[tag];
+  const RoomShift shift = shift_for(reference.X_WT, rule, level);
+  const Matrix6d own = state.P().block<6, 6>(state.tag_at(tag), state.tag_at(tag));
+  const double variance = (shift.L * own * shift.L.transpose()).trace();
+  const double turn = level ? log_so3(turn_to_heading(rule, reference.X_WT.q)).norm()
+                            : angle_between(rule.X_WT.q, reference.X_WT.q);
+  return std::sqrt(std::max(0.0, variance)) + turn + (reference.X_WT.p - rule.X_WT.p).norm();
+}
+
+Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level) {
+  const Pose seen = state.X_WV(camera) * X_VT;
+  Pose G;
+  G.q = level ? turn_closest(X_WT.q, seen.q) : (X_WT.q * seen.q.conjugate()).normalized();
+  G.p = X_WT.p - G.q * seen.p;
+  move_axes(state, G);
+  // The room may be anywhere: the same unknown shift for the body and for every tag that came along.
+  Eigen::Matrix<double, 6, 1> unknown;
+  unknown << Eigen::Vector3d::Constant(kUnknownPosition_m), 0, 0, kUnknownAngle_rad;
+  if (!level) unknown.tail<3>().setConstant(kUnknownAngle_rad);
+  const Matrix6d shift = unknown.cwiseAbs2().asDiagonal();
+  for (std::size_t a = 0; a < poses(state); ++a) {
+    for (std::size_t b = 0; b < poses(state); ++b) state.P().block<6, 6>(pose_at(state, a), pose_at(state, b)) += shift;
+  }
+  return G;
+}
+
+void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu) {
+  camera_errors_to_extrinsics(state);
+  state.X_WB = X_WB;
+  state.v_WB.setZero();
+  auto P = state.P();
+  P.topRows<kBiasF>().setZero();
+  P.leftCols<kBiasF>().setZero();
+  P.diagonal().segment<3>(kPosition).setConstant(kUnknownPosition_m * kUnknownPosition_m);
+  P.diagonal().segment<3>(kAttitude).setConstant(kUnknownAngle_rad * kUnknownAngle_rad);
+  P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (!has_imu) {
+    state.bias_w.setZero();
+    P.middleRows<3>(kBiasW).setZero();
+    P.middleCols<3>(kBiasW).setZero();
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  extrinsics_to_camera_errors(state);
+}
+
+}  // namespace fiducap::world

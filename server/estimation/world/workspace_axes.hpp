@@ -1,0 +1,27 @@
+#pragma once
+
+#include "estimation/heading_rule.hpp"
+#include "estimation/world/filter_state.hpp"
+
+namespace fiducap::world {
+
+/// The same state in axes that stand elsewhere: X_new = G X for every pose. Errors turn with the axes.
+void move_axes(FilterState& state, const Pose& G);
+
+/// Re-defines W by a tag in the state: its position and heading become exact by definition, up stays gravity's business
+/// (`level`), or, without gravity, its whole pose becomes exact. Nothing measurable changes.
+/// @return X_WnewWold
+Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
+
+/// How far, 1-sigma (m and rad together), the tag's place and heading are from exact: what linearisation let slip.
+[[nodiscard]] double slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
+
+/// Re-defines W by a tag with a place in the map that `camera` sees at X_VT: mean from this sighting; where the room is
+/// (position and heading; without gravity: the whole attitude) is unknown until the update that follows.
+/// @return X_WnewWold
+Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level);
+
+/// The body's pose and velocity are unknown from here on, linearised at X_WB; biases, extrinsics and tags stay.
+void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu);
+
+}  // namespace fiducap::world

@@ -1,0 +1,517 @@
+#include "estimation/world/world_filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "base/so3.hpp"
+#include "estimation/chi_square.hpp"
+#include "estimation/world/tag_entry.hpp"
+#include "estimation/world/workspace_axes.hpp"
+
+namespace fiducap::world {
+
+using namespace layout;  // NOLINT: the block names are the subject of this file
+
+namespace {
+
+// How little is known at the start, 1-sigma.
+constexpr double kStartTilt_rad = 0.1;
+constexpr double kStartBiasF_m_s2 = 0.2;
+constexpr double kStartBiasW_rad_s = 0.02;
+// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
+constexpr double kAdriftWithImu_s = 10.0;
+constexpr double kAdriftWithoutImu_s = 1.0;
+// Longest inertial steps: rotation and force change little within them.
+constexpr double kStepWithImu_s = 0.02;
+constexpr double kStepWithoutImu_s = 0.05;
+// An update far from the linearisation point is iterated.
+constexpr int kFirstIterations = 5;
+constexpr int kCornerStepIterations = 2;
+// Images in a row with usable tags and none accepted, before everything is given up.
+constexpr int kBarrenToRestart = 20;
+// A tag is believed to be there after so many views.
+constexpr int kViewsToBelieve = 3;
+// Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
+constexpr int kForceWithImu = 40;
+constexpr int kForceWithoutImu = 4;
+// A tag joins when its attitude is this certain, so that it is linearised near the truth, or after so many views.
+constexpr double kSharp_rad = 0.05;
+constexpr int kUnsharpViews = 30;
+// After being adrift the gyro still says how the body turned.
+constexpr double kGyroTurn_rad = 0.1;
+// A map tag that was not seen for so long is let go, with what its error shares with the body's.
+constexpr double kHold_s = 10.0;
+// The reference tag is tied again when linearisation has let it slip this far (m and rad together).
+constexpr double kSlack = 1e-7;
+// A map tag that moved more than this has got a new place from the map.
+constexpr double kSamePlace = 1e-9;
+
+bool is_exact(const KnownTag& tag) { return tag.covariance.isZero(0); }
+
+bool same_place(const Pose& a, const Pose& b) {
+  return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
+}
+
+}  // namespace
+
+WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
+    : sensors_(std::move(sensors)),
+      gauge_(gauge),
+      config_(config),
+      gate_(chi_square_quantile(8, config.gate_probability)),
+      gravity_W_(0, 0, -sensors_.gravity_m_s2),
+      candidates_(config),
+      imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
+  FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  restart();
+}
+
+const CameraModel& WorldFilter::model_of(int camera) const {
+  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(sensors_.cameras.size()));
+  return sensors_.cameras[static_cast<std::size_t>(camera)].model;
+}
+
+void WorldFilter::restart() {
+  std::vector<Pose> X_BV;
+  for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
+  state_.reset(std::move(X_BV));
+  auto P = state_.P();
+  for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
+    const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
+    Matrix6d plain = Matrix6d::Zero();
+    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
+    P.block<6, 6>(layout::camera(c), layout::camera(c)) = J * plain * J.transpose();  // the body is at the origin
+  }
+  mode_ = Mode::kStarting;
+  anchor_ = Anchor::kNone;
+  motion_.restart();
+  attitude_.restart();
+  candidates_.forget_all();
+  memory_.forget_all();
+  heading_rule_.reset();
+  gauge_tag_.reset();
+  last_used_at_.reset();
+  barren_updates_ = 0;
+}
+
+void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
+  priors_.clear();
+  for (const KnownTag& prior : priors) priors_[prior.tag_id] = prior;
+}
+
+bool WorldFilter::running() const {
+  return mode_ == Mode::kRunning && (anchor_ != Anchor::kNone || !state_.tags.empty());
+}
+
+void WorldFilter::lose_motion() {
+  if (mode_ != Mode::kRunning) return;
+  if (!running()) return restart();
+  mode_ = Mode::kAdrift;
+  motion_.restart();
+  attitude_.restart();
+  candidates_.forget_all();
+  memory_.forget_all();
+  return_attempts_ = 0;
+}
+
+void WorldFilter::start(Instant at) {
+  camera_errors_to_extrinsics(state_);
+  auto P = state_.P();
+  P.topRows<kBodySize>().setZero();
+  P.leftCols<kBodySize>().setZero();
+  state_.time = at;
+  state_.X_WB = Pose{};
+  state_.v_WB.setZero();
+  P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (has_imu()) {
+    state_.X_WB.q = attitude_.q_WB(at, state_.bias_w);
+    P.diagonal().segment<2>(kAttitude).setConstant(kStartTilt_rad * kStartTilt_rad);
+    P.diagonal().segment<3>(kBiasF).setConstant(kStartBiasF_m_s2 * kStartBiasF_m_s2);
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartBiasW_rad_s * kStartBiasW_rad_s);
+  } else {
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  extrinsics_to_camera_errors(state_);
+  motion_.restart();
+  mode_ = Mode::kRunning;
+  last_used_at_ = at;
+}
+
+void WorldFilter::propagate(const ImuSample& imu) {
+  if (!has_imu()) return;
+  const std::optional<ImuSample> before = imu_.newest();
+  if (!imu_.push(imu)) return;
+  if (before) attitude_.add(*before, state_.bias_w, state_.bias_f);
+  if (mode_ != Mode::kRunning) {
+    imu_.keep_newest_pair();
+  } else if (imu_.is_full()) {
+    // No image for long: move on without one. The newest sample may still close an image's interval.
+    integrate_to(imu_.before_newest().sampled_at);
+    apply(state_, motion_);
+  }
+}
+
+void WorldFilter::integrate_to(Instant to) {
+  if (!has_imu()) {
+    InertialInput input;
+    input.has_accelerometer = false;
+    input.accel_noise = config_.motion_accel_m_s2_rtHz;
+    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
+    return step_to(to, input, kStepWithoutImu_s);
+  }
+  while (state_.time < to) {
+    const Instant end = imu_.end_of_interval(state_.time, to);
+    step_to(end, imu_.input_between(state_.time, end), kStepWithImu_s);
+  }
+  imu_.forget_before(memory_.needed_since().value_or(to));
+}
+
+void WorldFilter::step_to(Instant to, const InertialInput& input, double longest_s) {
+  while (state_.time < to) {
+    const Instant end = std::min(to, state_.time + from_seconds(longest_s));
+    world::propagate(state_, motion_, input, gravity_W_, to_seconds(end - state_.time));
+    state_.time = end;
+  }
+}
+
+void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known) {
+  for (std::size_t i = state_.tags.size(); i-- > 0;) {
+    const WorldTag& tag = state_.tags[i];
+    if (!tag.held) continue;
+    const auto now = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    const bool changed = now != known.end() && (!same_place(now->X_WT, tag.X_WT) || is_exact(*now));
+    if (changed || to_seconds(seen.exposed_at - tag.last_seen) > kHold_s) state_.remove_tag(i);
+  }
+  if (anchor_ != Anchor::kWorkspace) return;
+  for (const KnownTag& tag : known) {
+    const bool in_view = std::any_of(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == tag.tag_id; });
+    if (in_view && !is_exact(tag) && state_.find(tag.tag_id) < 0) hold(state_, tag, seen.exposed_at);
+  }
+}
+
+void WorldFilter::sort_tags(const TagObservations& seen, std::span<const KnownTag> known) {
+  usable_.clear();
+  fresh_.clear();
+  hold_map_tags(seen, known);
+  for (const TagObservation& tag : seen.tags) {
+    const auto given = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
+    const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
+    (usable ? usable_ : fresh_).push_back(use);
+  }
+}
+
+std::vector<SightedTag> WorldFilter::sighted(int camera) const {
+  std::vector<SightedTag> out;
+  for (const TagToUse& tag : usable_) {
+    out.push_back({tag.seen, &model_of(camera), state_.X_BV[static_cast<std::size_t>(camera)], place_of(state_, tag)});
+  }
+  return out;
+}
+
+UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const KnownTag> known) {
+  UpdateReport report;
+  report.exposed_at = seen.exposed_at;
+  report.tags_seen = static_cast<int>(seen.tags.size());
+  report.running = running();
+  if (mode_ == Mode::kRunning && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
+
+  sort_tags(seen, known);
+  const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
+  if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
+
+  linearisation_.reset();
+  // With gravity and gyro the motion is followed from the first sight of a tag on, before any tag has joined.
+  if (mode_ == Mode::kStarting && attitude_.ready() && !fresh_.empty()) start(seen.exposed_at);
+  bool at_image = false;  // the state stands at this image
+  int iterations = 1;
+  if (mode_ == Mode::kRunning) {
+    at_image = move_to(seen);
+    if (linearisation_) iterations = kCornerStepIterations;
+  } else if (mode_ == Mode::kAdrift && !usable_.empty()) {
+    at_image = come_back(seen);
+    iterations = kFirstIterations;
+  }
+  if (at_image && !usable_.empty()) correct(seen, report, iterations);
+  if (linearisation_ && report.tags_used == 0) {
+    // The motion that the corners showed was no motion: forget this image.
+    state_ = before_;
+    at_image = false;
+  }
+  if (at_image) memory_.add(seen, known);
+  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (barren_updates_ >= kBarrenToRestart) restart();
+  if (mode_ == Mode::kRunning) tie_workspace(report);
+  report.running = running();
+  return report;
+}
+
+bool WorldFilter::move_to(const TagObservations& seen) {
+  if (seen.exposed_at == state_.time) return true;  // another camera of the same instant
+  if (!has_imu()) return !usable_.empty() && move_by_corners(seen);
+  integrate_to(seen.exposed_at);
+  apply(state_, motion_);
+  return true;
+}
+
+bool WorldFilter::move_by_corners(const TagObservations& seen) {
+  const double dt = to_seconds(seen.exposed_at - state_.time);
+  const double wander = config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
+  const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
+  const Pose expected{state_.X_WB.q * exp_so3(-state_.bias_w * dt), state_.X_WB.p + state_.v_WB * dt};
+  const auto found = find_place(sighted(seen.camera), {expected, wander, turning}, config_.corner_noise_px);
+  if (!found) return false;
+  before_ = state_;
+  // The velocity and rate that lead exactly there are where the motion model is linearised …
+  Eigen::Matrix<double, kBodySize, 1> offset = Eigen::Matrix<double, kBodySize, 1>::Zero();
+  const Eigen::Vector3d v_found = (found->X_AB.p - state_.X_WB.p) / dt;
+  const Eigen::Vector3d bias_found = -log_so3(state_.X_WB.q.conjugate() * found->X_AB.q) / dt;
+  offset.segment<3>(kVelocity) = state_.v_WB - v_found;
+  offset.segment<3>(kBiasW) = state_.bias_w - bias_found;
+  state_.v_WB = v_found;
+  state_.bias_w = bias_found;
+  integrate_to(seen.exposed_at);
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(state_.size());
+  moved.head<kBodySize>() = motion_.Phi * offset;
+  for (int c = 0; c < state_.cameras(); ++c) moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
+  apply(state_, motion_);
+  linearisation_ = state_;
+  // … and the prior mean is where the old velocity and rate would have led.
+  state_.add_error(moved);
+  return true;
+}
+
+bool WorldFilter::come_back(const TagObservations& seen) {
+  PlaceGuess guess{state_.X_WB, kUnknownPosition_m, kUnknownAngle_rad};
+  if (has_imu()) {
+    if (!attitude_.ready()) return false;
+    guess.X_AB.q = state_.X_WB.q * attitude_.q_LB(seen.exposed_at, state_.bias_w);
+    guess.rotation_sigma_rad = kGyroTurn_rad;
+  }
+  const auto found = find_place(sighted(seen.camera), guess, config_.corner_noise_px);
+  ++return_attempts_;
+  const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
+  jump(found->X_AB, seen.exposed_at);
+  return true;
+}
+
+void WorldFilter::jump(const Pose& X_WB, Instant at) {
+  forget_motion(state_, X_WB, has_imu());
+  motion_.restart();
+  state_.time = at;
+  mode_ = Mode::kRunning;
+}
+
+void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
+  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations,
+                                             linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  report.tags_used = done.tags_used;
+  report.tags_rejected = done.tags_rejected;
+  report.nis = done.nis;
+  report.nis_dof = done.nis_dof;
+  report.reprojection_px = done.reprojection_px;
+  count_rejections(report);
+}
+
+void WorldFilter::count_rejections(UpdateReport& report) {
+  const bool any = report.tags_used > 0;
+  barren_updates_ = any ? 0 : barren_updates_ + 1;
+  if (any) last_used_at_ = report.exposed_at;
+  for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
+    if (gauge_tag_ == tag_id) gauge_tag_.reset();
+    ++report.tags_dropped;
+  }
+}
+
+std::optional<CameraAttitude> WorldFilter::camera_attitude(int camera, Instant at) const {
+  const Eigen::Quaterniond& q_BV = state_.X_BV[static_cast<std::size_t>(camera)].q;
+  if (has_imu()) return CameraAttitude{attitude_.q_LB(at, state_.bias_w) * q_BV};
+  if (mode_ == Mode::kRunning) return CameraAttitude{state_.X_WB.q * q_BV};
+  return std::nullopt;
+}
+
+void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
+  if (has_imu() && !attitude_.ready()) return;
+  const bool alone = usable_.empty();  // nothing else gives a pose: a thin decision beats none
+  Patience patience;
+  patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
+  patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (has_imu()) {
+    patience.sharp_rad = kSharp_rad;
+    patience.unsharp_after = kUnsharpViews;
+  }
+  decided_.clear();
+  for (const TagToUse& tag : fresh_) {
+    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, patience);
+    if (verdict) {
+      decided_.emplace_back(tag, *verdict);
+    } else {
+      ++report.tags_pending;
+      if (mode_ == Mode::kRunning && has_imu() && tag.known == nullptr) memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
+    }
+  }
+  for (const auto& [tag, verdict] : decided_) {
+    if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report)) ++report.tags_pending;
+  }
+}
+
+Pose WorldFilter::near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const {
+  const auto poses = solve_tag_pose(seen, model_of(camera));
+  const bool second = angle_between(poses[1].X_VT.q, q_VT) < angle_between(poses[0].X_VT.q, q_VT);
+  return place_turned_tag(seen, model_of(camera), q_VT, poses[second ? 1 : 0].X_VT.p);
+}
+
+bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report) {
+  const int tag_id = tag.seen->tag_id;
+  const auto first = memory_.first_sight(tag_id);
+  if (!first || !verdict.q_WT || tag.known != nullptr || static_cast<int>(state_.tags.size()) >= config_.max_local_tags) {
+    return false;
+  }
+  ImageMemory::Image& image = memory_.image(first->number);
+  const auto seen = std::find_if(image.seen.tags.begin(), image.seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+  FIDUCAP_ASSERT(seen != image.seen.tags.end());
+  const Eigen::Quaterniond q_VT = first->q_LV.conjugate() * *verdict.q_WT;
+  image.admissions.push_back({tag_id, near_place(*seen, image.seen.camera, q_VT)});
+  live_again(first->number, report);
+  memory_.stop_waiting(tag_id);
+  ++report.tags_added;
+  return true;
+}
+
+void WorldFilter::live_again(long from, UpdateReport& report) {
+  state_ = *memory_.state_at(from);
+  for (long number = from; number <= memory_.newest(); ++number) {
+    ImageMemory::Image& image = memory_.image(number);
+    if (number > from) {
+      sort_tags(image.seen, image.known);
+      move_to(image.seen);
+      report.exposed_at = image.seen.exposed_at;
+      if (!usable_.empty()) correct(image.seen, report, 1);
+      memory_.renew(number, state_);
+    }
+    for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);
+  }
+}
+
+void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
+  const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == admission.tag_id; });
+  augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT, config_.corner_noise_px);
+  state_.tags.back().first_seen = seen.exposed_at;
+  state_.tags.back().last_seen = seen.exposed_at;
+  last_used_at_ = seen.exposed_at;
+}
+
+bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+  if (mode_ == Mode::kAdrift && !admit_adrift(seen, tag, X_VT)) return false;
+  if (mode_ == Mode::kStarting) start(seen.exposed_at);
+  if (tag.known != nullptr) {
+    admit_known(seen, tag, X_VT, report);
+    return true;
+  }
+  if (static_cast<int>(state_.tags.size()) >= config_.max_local_tags) return false;
+  const ImageMemory::Admission admission{tag.seen->tag_id, X_VT};
+  if (memory_.newest() >= 0) memory_.image(memory_.newest()).admissions.push_back(admission);
+  join(seen, admission);
+  ++report.tags_added;
+  const auto prior = priors_.find(tag.seen->tag_id);
+  if (prior != priors_.end()) {
+    anchor_at(seen.camera, X_VT, prior->second.X_WT, report);
+    fuse_prior(state_, state_.tags.size() - 1, prior->second);
+  }
+  return true;
+}
+
+bool WorldFilter::admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT) {
+  // Nothing links this tag to the old ones but a place in the workspace.
+  const auto prior = priors_.find(tag.seen->tag_id);
+  if (prior != priors_.end() && anchor_ == Anchor::kWorkspace) {
+    const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * X_VT;
+    jump(prior->second.X_WT * X_BT.inverse(), seen.exposed_at);
+    return true;
+  }
+  if (tag.known == nullptr && prior == priors_.end()) return false;
+  restart();  // the old tags never learned where the workspace is
+  return true;
+}
+
+void WorldFilter::admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+  anchor_at(seen.camera, X_VT, tag.known->X_WT, report);
+  usable_.assign(1, tag);
+  if (!is_exact(*tag.known) && state_.find(tag.known->tag_id) < 0) hold(state_, *tag.known, seen.exposed_at);
+  usable_.front().local = state_.find(tag.known->tag_id);
+  linearisation_.reset();
+  correct(seen, report, kFirstIterations);
+}
+
+void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, UpdateReport& report) {
+  if (anchor_ == Anchor::kWorkspace) return;
+  memory_.forget_all();  // its states do not know where the room is
+  shift_workspace(tie_to_known(state_, camera, X_VT, X_WT, has_imu()), report);
+  anchor_ = Anchor::kWorkspace;
+  gauge_tag_.reset();
+}
+
+void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
+  report.gauge_shift = report.gauge_shift ? X_new_old * *report.gauge_shift : X_new_old;
+  memory_.move_axes(X_new_old);
+  if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
+}
+
+void WorldFilter::tie_workspace(UpdateReport& report) {
+  if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
+    const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
+    if (wanted < 0) return;
+    const auto tag = static_cast<std::size_t>(wanted);
+    heading_rule_ = make_heading_rule(gauge_, state_.tags[tag].X_WT.q);
+    gauge_tag_ = state_.tags[tag].tag_id;
+    anchor_ = gauge_.reference_tag ? Anchor::kWorkspace : Anchor::kFirstTag;
+    shift_workspace(tie_to_reference(state_, tag, *heading_rule_, has_imu()), report);
+    return;
+  }
+  if (!gauge_tag_) return;
+  // Exact by definition, so this only takes back what linearisation let slip.
+  const int tag = state_.find(*gauge_tag_);
+  if (tag < 0) return;
+  const auto i = static_cast<std::size_t>(tag);
+  if (slack_of_reference(state_, i, *heading_rule_, has_imu()) > kSlack) {
+    tie_to_reference(state_, i, *heading_rule_, has_imu());
+  }
+}
+
+BodyEstimate WorldFilter::estimate() const {
+  FIDUCAP_ASSERT(running());
+  BodyEstimate out = body_in_workspace(state_);
+  out.anchored = anchor_ != Anchor::kNone;
+  out.w_WB_B = -state_.bias_w;
+  if (has_imu() && imu_.newest()) {
+    const InertialInput input = imu_.input_between(state_.time, state_.time);
+    out.w_WB_B = input.w_B - state_.bias_w;
+    out.a_WB = state_.X_WB.q * (input.f_B - state_.bias_f) + gravity_W_;
+  }
+  return out;
+}
+
+void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
+  out.clear();
+  if (anchor_ == Anchor::kNone) return;
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    const WorldTag& tag = state_.tags[i];
+    if (!tag.held) out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
+  }
+}
+
+std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
+  std::vector<ExtrinsicsEstimate> out;
+  for (int c = 0; c < state_.cameras(); ++c) {
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
+  }
+  return out;
+}
+
+}  // namespace fiducap::world

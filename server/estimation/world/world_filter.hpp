@@ -1,0 +1,113 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "estimation/attitude_start.hpp"
+#include "estimation/body_filter.hpp"
+#include "estimation/corner_update.hpp"
+#include "estimation/heading_rule.hpp"
+#include "estimation/imu_buffer.hpp"
+#include "estimation/place_search.hpp"
+#include "estimation/tag_candidates.hpp"
+#include "estimation/world/corner_measurement.hpp"
+#include "estimation/world/filter_state.hpp"
+#include "estimation/world/image_memory.hpp"
+#include "estimation/world/propagation.hpp"
+
+namespace fiducap::world {
+
+/// The production filter: the measurements of RCARS II-D4, the state in workspace axes W.
+///
+/// Errors stand on the world's side (state_layout.hpp), so that where the room is never becomes observable by mistake and
+/// the filter stays consistent over long loops. Tags of the map are held with the map's covariance (Schmidt), tags of its
+/// own are estimated. Without IMU the motion is a white noise acceleration and angular acceleration; the body rate is
+/// then −bias_w, and each image is linearised at the motion its own tags show.
+class WorldFilter final : public BodyFilter {
+ public:
+  WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
+
+  void propagate(const ImuSample& imu) override;
+  UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
+  void set_tag_priors(std::vector<KnownTag> priors) override;
+  void lose_motion() override;
+  [[nodiscard]] bool running() const override;
+  [[nodiscard]] BodyEstimate estimate() const override;
+  void tag_beliefs(std::vector<TagBelief>& out) const override;
+  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
+
+  [[nodiscard]] const FilterState& state() const { return state_; }
+
+ private:
+  enum class Mode {
+    kStarting,  ///< No tags yet, no pose.
+    kAdrift,    ///< Tags and workspace are known, the motion since then is not.
+    kRunning,
+  };
+  enum class Anchor {
+    kNone,       ///< W is where the filter started.
+    kFirstTag,   ///< No reference tag was named: the first tag makes the workspace.
+    kWorkspace,  ///< The reference tag, a known tag or a prior tied W down.
+  };
+
+  [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
+  [[nodiscard]] const CameraModel& model_of(int camera) const;
+  void restart();
+  void start(Instant at);
+  void integrate_to(Instant to);
+  void step_to(Instant to, const InertialInput& input, double longest_s);
+
+  void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known);
+  void sort_tags(const TagObservations& seen, std::span<const KnownTag> known);
+  [[nodiscard]] std::vector<SightedTag> sighted(int camera) const;
+  bool move_to(const TagObservations& seen);
+  bool move_by_corners(const TagObservations& seen);
+  bool come_back(const TagObservations& seen);
+  void jump(const Pose& X_WB, Instant at);
+  void correct(const TagObservations& seen, UpdateReport& report, int iterations);
+  void count_rejections(UpdateReport& report);
+  void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
+  [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
+  bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
+  void live_again(long from, UpdateReport& report);
+  void join(const TagObservations& seen, const ImageMemory::Admission& admission);
+  bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
+  bool admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT);
+  void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
+  void anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, UpdateReport& report);
+  void tie_workspace(UpdateReport& report);
+  void shift_workspace(const Pose& X_new_old, UpdateReport& report);
+  [[nodiscard]] std::optional<CameraAttitude> camera_attitude(int camera, Instant at) const;
+
+  BodySensors sensors_;
+  WorkspaceGauge gauge_;
+  EstimatorConfig config_;
+  double gate_;
+  Eigen::Vector3d gravity_W_;
+
+  Mode mode_{Mode::kStarting};
+  Anchor anchor_{Anchor::kNone};
+  FilterState state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
+  MotionSinceImage motion_;
+  CornerUpdate<FilterState> corner_update_;
+  AttitudeStart attitude_;
+  TagCandidates candidates_;
+  ImageMemory memory_;
+  ImuBuffer imu_;
+  std::optional<HeadingRule> heading_rule_;
+  std::optional<int> gauge_tag_;
+  std::map<int, KnownTag> priors_;
+
+  std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
+  std::vector<TagToUse> fresh_;   ///< … and those that may join it.
+  std::vector<std::pair<TagToUse, TagVerdict>> decided_;  ///< Those of them whose branch is certain now.
+  std::vector<bool> accepted_;
+  std::optional<FilterState> linearisation_;
+  FilterState before_;  ///< Without IMU: the state before the present image.
+  std::optional<Instant> last_used_at_;
+  int barren_updates_{0};   ///< In a row: tags to use, none accepted.
+  int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
+};
+
+}  // namespace fiducap::world

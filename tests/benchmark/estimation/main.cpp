@@ -1,0 +1,115 @@
+// fiducap_estimation_bench: what the filters are worth, against the causal bound, the authors' code
+// and each other. Without arguments: a little of everything.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <functional>
+
+#include "base/log.hpp"
+#include "estimation/options.hpp"
+#include "support/shared_data.hpp"
+
+namespace fiducap::bench {
+namespace {
+
+struct Verb {
+  const char* name;
+  const char* what;
+  std::vector<std::string> classes;
+  std::string cases;
+  int seeds;
+  std::vector<Table> (*run)(const EstimationOptions&);
+};
+
+const std::vector<Verb>& verbs() {
+  static const std::vector<Verb> all{
+      {"recordings",
+       "the open recordings against bound and authors' code",
+       {"table", "sparse", "loop", "big"},
+       "ABCD",
+       1,
+       bench_recordings},
+      {"seeds",
+       "simulated seeds: RMSE over bound, NEES, NIS, divergence",
+       {"table", "sparse", "loop"},
+       "A",
+       10,
+       bench_seeds},
+      {"cpu", "CPU per second of data by local and by mapped tags", {}, "A", 1, bench_cpu},
+      {"outages", "1, 2 and 5 s without tags", {"table", "hall"}, "A", 10, bench_outages},
+      {"faults",
+       "wrong ids, occlusion, moved tags, wrong stamps, lost samples, …",
+       {"table", "hall"},
+       "A",
+       10,
+       bench_faults}};
+  return all;
+}
+
+void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
+  options.classes = verb.classes;
+  options.cases = verb.cases;
+  options.seeds = verb.seeds;
+  app.add_option("--filter", options.filters, "filters, side by side")->delimiter(',');
+  app.add_option("--class", options.classes, "classes of motion: table sparse loop hall hover big")
+      ->delimiter(',');
+  app.add_option("--cases", options.cases,
+                 "of A B C D: unknown or true map, prior or true extrinsics");
+  app.add_option("--seeds", options.seeds, "seeds per class")->check(CLI::Range(1, 10'000));
+  app.add_option("--first-seed", options.first_seed, "the first of them");
+  app.add_option("--seconds", options.seconds, "of data per run");
+  app.add_option("--data", options.data, "folder with sim_table, sim_sparse, …");
+  app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
+}
+
+/// A little of everything, within a minute.
+std::vector<Table> run_quick(const EstimationOptions& base) {
+  std::vector<Table> tables;
+  for (const Verb& verb : verbs()) {
+    EstimationOptions options = base;
+    options.quick = true;
+    options.classes = verb.classes.empty() ? verb.classes : std::vector<std::string>{"table"};
+    options.cases = "A";
+    options.seeds = 2;
+    for (Table& table : verb.run(options)) tables.push_back(std::move(table));
+  }
+  return tables;
+}
+
+void print(const std::vector<Table>& tables, bool json) {
+  if (json) {
+    std::puts(to_json(tables).c_str());
+    return;
+  }
+  for (const Table& table : tables) std::fputs(to_text(table).c_str(), stdout);
+}
+
+int run(int argc, char** argv) {
+  CLI::App app{"What the filters are worth: accuracy against the bound, honesty, cost, faults"};
+  bool json = false;
+  app.add_flag("--json", json, "tables as JSON")->configurable(false);
+  app.fallthrough();
+  EstimationOptions base;
+  base.filters = {"robocentric"};
+  if (const auto folder = shared_data()) base.data = folder->string();
+  std::vector<EstimationOptions> options(verbs().size(), base);
+  std::vector<CLI::App*> commands;
+  for (std::size_t i = 0; i < verbs().size(); ++i) {
+    commands.push_back(app.add_subcommand(verbs()[i].name, verbs()[i].what));
+    add_options(*commands.back(), verbs()[i], options[i]);
+  }
+  app.require_subcommand(0, 1);
+  CLI11_PARSE(app, argc, argv);
+  log::set_level(log::Level::kError);
+  for (std::size_t i = 0; i < commands.size(); ++i) {
+    if (!commands[i]->parsed()) continue;
+    print(verbs()[i].run(options[i]), json);
+    return 0;
+  }
+  print(run_quick(base), json);
+  return 0;
+}
+
+}  // namespace
+}  // namespace fiducap::bench
+
+int main(int argc, char** argv) { return fiducap::bench::run(argc, argv); }

@@ -1,0 +1,62 @@
+#include "estimation/table.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace fiducap::bench {
+
+namespace {
+
+std::string text_of(const Cell& cell) {
+  if (const auto* text = std::get_if<std::string>(&cell)) return *text;
+  const auto& figure = std::get<Figure>(cell);
+  return std::isnan(figure.value) ? "-" : fmt::format("{:.{}f}", figure.value, figure.decimals);
+}
+
+nlohmann::json json_of(const Cell& cell) {
+  if (const auto* text = std::get_if<std::string>(&cell)) return *text;
+  const double value = std::get<Figure>(cell).value;
+  if (!std::isfinite(value)) return nullptr;
+  return value;
+}
+
+}  // namespace
+
+std::string to_text(const Table& table) {
+  std::vector<std::size_t> widths;
+  for (const std::string& column : table.columns) widths.push_back(column.size());
+  for (const auto& row : table.rows) {
+    for (std::size_t c = 0; c < row.size(); ++c)
+      widths[c] = std::max(widths[c], text_of(row[c]).size());
+  }
+  std::string out = table.title + "\n";
+  for (std::size_t c = 0; c < widths.size(); ++c)
+    out += fmt::format("{:>{}}  ", table.columns[c], widths[c]);
+  out += "\n";
+  for (const auto& row : table.rows) {
+    for (std::size_t c = 0; c < row.size(); ++c)
+      out += fmt::format("{:>{}}  ", text_of(row[c]), widths[c]);
+    out += "\n";
+  }
+  for (const std::string& remark : table.remarks) out += "  " + remark + "\n";
+  return out + "\n";
+}
+
+std::string to_json(const std::vector<Table>& tables) {
+  nlohmann::json out = nlohmann::json::array();
+  for (const Table& table : tables) {
+    nlohmann::json rows = nlohmann::json::array();
+    for (const auto& row : table.rows) {
+      nlohmann::json one;
+      for (std::size_t c = 0; c < row.size(); ++c) one[table.columns[c]] = json_of(row[c]);
+      rows.push_back(std::move(one));
+    }
+    out.push_back({{"title", table.title}, {"rows", rows}, {"remarks", table.remarks}});
+  }
+  return out.dump(1);
+}
+
+}  // namespace fiducap::bench

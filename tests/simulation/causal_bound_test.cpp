@@ -1,0 +1,195 @@
+// The recursive bound against one big information matrix of a toy problem: two tags, a few images.
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+
+#include "base/so3.hpp"
+#include "capture/simulation/simulation.hpp"
+#include "support/bound/causal_bound.hpp"
+
+namespace fiducap::bound {
+namespace {
+
+constexpr int kImages = 6;
+constexpr double kInterval_s = 0.05;
+
+/// A body that turns and accelerates in front of two tags.
+TruthSample truth(int k) {
+  const double t = k * kInterval_s;
+  TruthSample s;
+  s.at = instant_from_ns(0) + from_seconds(t);
+  s.X_WB = {exp_so3({0.2 * t, 0.5 * t, -0.6 * t}), {0.4 * t * t, -0.3 * t, 0.2 * t * t}};
+  s.v_WB = {0.8 * t, -0.3, 0.4 * t};
+  return s;
+}
+
+BoundProblem problem(char letter) {
+  BoundProblem p;
+  p.camera.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
+  p.camera.X_BV = simulation::forward_camera();
+  p.imu = ImuNoise{1e-3, 1e-4, 1e-2, 1e-3, 200};
+  Eigen::Matrix3d facing;  // tag z against x, tag y up
+  facing << 0, 0, -1, -1, 0, 0, 0, 1, 0;
+  const Eigen::Quaterniond q(facing);
+  p.tags = {{4, 0.2, {q * exp_so3({0.4, 0.2, 0}), {1.5, 0.2, 0.1}}, 0, 0},
+            {9, 0.2, {q * exp_so3({-0.3, 0.5, 0.4}), {1.7, -0.3, 0.2}}, 0, 0}};
+  p.reference_tag = 4;
+  p.map_known = letter == 'C' || letter == 'D';
+  p.extrinsics_known = letter == 'B' || letter == 'D';
+  return p;
+}
+
+/// Which tags image k shows: the second one joins later, and one image is empty.
+std::vector<int> seen(int k) {
+  if (k == 3) return {};
+  if (k < 2) return {4};
+  return {9, 4};
+}
+
+/// Everything at once: body states of all images, extrinsics, tags; information in, marginal of the
+/// last image out.
+class WholeProblem {
+ public:
+  explicit WholeProblem(const BoundProblem& p) : p_(p) {
+    const int tags = p.map_known ? 0 : 12;
+    information_.setZero(kBody * kImages + 6 + tags, kBody * kImages + 6 + tags);
+    start();
+    for (int k = 0; k < kImages; ++k) {
+      if (k > 0) motion(k);
+      for (const int id : seen(k)) corners(k, id);
+    }
+  }
+  /// Body (rotation, position) at the last image, then tag (position, rotation).
+  [[nodiscard]] Eigen::Matrix<double, 12, 12> body_and_tag(int id) const {
+    const Eigen::MatrixXd P = information_.ldlt().solve(
+        Eigen::MatrixXd::Identity(information_.rows(), information_.cols()));
+    const int body = kBody * (kImages - 1);
+    std::vector<int> index;
+    for (const int at : {body + kRotation, body + kPosition}) {
+      for (int i = 0; i < 3; ++i) index.push_back(at + i);
+    }
+    Eigen::Matrix<double, 12, 12> out = Eigen::Matrix<double, 12, 12>::Zero();
+    if (p_.map_known) {
+      out.topLeftCorner<6, 6>() = P(index, index);
+      return out;
+    }
+    for (int i = 0; i < 6; ++i) index.push_back(tag_at(id) + i);
+    out = P(index, index);
+    return out;
+  }
+
+ private:
+  [[nodiscard]] static int extrinsics_at() { return kBody * kImages; }
+  [[nodiscard]] static int tag_at(int id) { return extrinsics_at() + 6 + (id == 4 ? 0 : 6); }
+
+  void know(int at, int count, double sigma) {
+    information_.diagonal().segment(at, count).array() += 1 / (sigma * sigma);
+  }
+
+  /// The same knowledge as the recursion starts with; what is exact there is far below everything
+  /// else here.
+  void start() {
+    constexpr double kExact = 1e-6;
+    know(kRotation, 2, 0.5);
+    know(kRotation + 2, 1, p_.map_known ? 3.0 : kExact);
+    know(kVelocity, 3, 1.0);
+    know(kPosition, 3, p_.map_known ? 10.0 : kExact);
+    know(kBiasW, 3, 0.02);
+    know(kBiasF, 3, 0.2);
+    know(extrinsics_at(), 3, p_.extrinsics_known ? kExact : p_.camera.position_sigma_m);
+    know(extrinsics_at() + 3, 3, p_.extrinsics_known ? kExact : p_.camera.rotation_sigma_rad);
+  }
+
+  void motion(int k) {
+    const InertialStep step = inertial_step(truth(k - 1), truth(k), p_.imu, p_.gravity_m_s2);
+    Eigen::Matrix<double, 15, 30> J;
+    J << step.Phi, -Matrix15::Identity();
+    information_.block<30, 30>(kBody * (k - 1), kBody * (k - 1)) +=
+        J.transpose() * step.Q.ldlt().solve(J);
+  }
+
+  void corners(int k, int id) {
+    const RecordedTag& tag = p_.tags[id == 4 ? 0 : 1];
+    const CornerRows rows = corner_rows(truth(k).X_WB, p_.camera, tag, p_.corner_noise_px);
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(8, information_.cols());
+    J.middleCols<3>(kBody * k + kRotation) = rows.rotation;
+    J.middleCols<3>(kBody * k + kPosition) = rows.position;
+    J.middleCols<6>(extrinsics_at()) = rows.extrinsics;
+    if (!p_.map_known) J.middleCols<6>(tag_at(id)) = rows.tag;
+    information_ += J.transpose() * J;
+  }
+
+  BoundProblem p_;
+  Eigen::MatrixXd information_;
+};
+
+class TwoTags : public testing::TestWithParam<char> {};
+
+TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) {
+  const BoundProblem p = problem(GetParam());
+  CausalBound bound(p);
+  for (int k = 0; k < kImages; ++k) {
+    bound.move_to(truth(k));
+    const std::vector<int> ids = seen(k);
+    bound.see(ids);
+  }
+  const WholeProblem whole(p);
+  for (const RecordedTag& tag : p.tags) {
+    const auto recursive = bound.body_and_tag(tag.tag_id);
+    const auto at_once = whole.body_and_tag(tag.tag_id);
+    // Seen from the tag: what is gauge drops out, where "exact" of 1e-6 would still show.
+    const RelativeRows J = relative_to_tag(truth(kImages - 1).X_WB, tag.X_WT);
+    const Eigen::Matrix<double, 6, 6> a = J * recursive * J.transpose();
+    const Eigen::Matrix<double, 6, 6> b = J * at_once * J.transpose();
+    // The big matrix holds numbers from 1e-6² to 10²; half of the digits remain.
+    constexpr double kRounding = 1e-5;
+    EXPECT_LT((a - b).cwiseAbs().maxCoeff(), kRounding * b.cwiseAbs().maxCoeff()) << a << "\n\n"
+                                                                                  << b;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Cases, TwoTags, testing::Values('A', 'B', 'C', 'D'));
+
+TEST(CausalBound, SaysNothingBeforeTheReferenceTagIsSeen) {
+  CausalBound bound(problem('A'));
+  EXPECT_FALSE(bound.now().has_value());
+  bound.move_to(truth(0));
+  bound.see(std::vector<int>{9});
+  EXPECT_FALSE(bound.now().has_value());
+  bound.move_to(truth(1));
+  bound.see(std::vector<int>{4});
+  EXPECT_TRUE(bound.now().has_value());
+}
+
+TEST(CausalBound, GrowsWithoutTagsAndShrinksWithThem) {
+  CausalBound bound(problem('A'));
+  bound.move_to(truth(0));
+  bound.see(std::vector<int>{4, 9});
+  const double first = bound.now()->position_m;
+  bound.move_to(truth(1));
+  bound.see({});
+  const double coasted = bound.now()->position_m;
+  bound.move_to(truth(2));
+  bound.see(std::vector<int>{4, 9});
+  EXPECT_GT(coasted, first);
+  EXPECT_LT(bound.now()->position_m, first);
+}
+
+TEST(CausalBound, KnowingMoreNeverHurts) {
+  std::vector<double> position_m;
+  for (const char letter : {'A', 'B', 'C', 'D'}) {
+    CausalBound bound(problem(letter));
+    for (int k = 0; k < kImages; ++k) {
+      bound.move_to(truth(k));
+      bound.see(seen(k));
+    }
+    position_m.push_back(bound.now()->position_m);
+  }
+  EXPECT_LE(position_m[1], position_m[0]);
+  EXPECT_LE(position_m[2], position_m[0]);
+  EXPECT_LE(position_m[3], position_m[1]);
+  EXPECT_LE(position_m[3], position_m[2]);
+}
+
+}  // namespace
+}  // namespace fiducap::bound

@@ -1,0 +1,238 @@
+#include "simulation/estimation_data.hpp"
+
+#include <algorithm>
+#include <random>
+#include <stdexcept>
+
+#include "app/system_clock.hpp"
+#include "base/assert.hpp"
+#include "base/so3.hpp"
+#include "capture/sample_merger.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+
+CameraMount simulated_camera(const SimulatedDataSetup& setup) {
+  CameraMount mount;
+  mount.model.width = 752;
+  mount.model.height = 480;
+  mount.model.fu = mount.model.fv = 460;
+  mount.model.cu = 376;
+  mount.model.cv = 240;
+  mount.X_BV = simulation::forward_camera();
+  mount.position_sigma_m = setup.extrinsics_sigma_m;
+  mount.rotation_sigma_rad = setup.extrinsics_sigma_rad;
+  return mount;
+}
+
+Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
+  std::mt19937_64 random(seed * 77 + 5);
+  std::normal_distribution<double> gauss;
+  const auto draw = [&](double sigma) {
+    const double x = gauss(random);
+    const double y = gauss(random);
+    return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
+  };
+  Pose X_BV = mount.X_BV;
+  X_BV.p += draw(mount.position_sigma_m);
+  X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * X_BV.q;
+  return X_BV;
+}
+
+/// All samples of a source up to an instant, in the order of SampleMerger.
+std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end) {
+  std::vector<SensorSample> out;
+  SampleMerger merger({has_imu, std::chrono::milliseconds(250), 8, 4096});
+  const auto drain = [&] {
+    while (auto sample = merger.pop()) out.push_back(std::move(*sample));
+  };
+  for (;;) {
+    auto sample = source.next({});
+    if (!sample) throw std::runtime_error(sample.error().text());
+    if (!sample->has_value() || time_of(**sample) > end) break;
+    merger.push(std::move(**sample));
+    drain();
+  }
+  merger.finish();
+  drain();
+  return out;
+}
+
+/// Between two true states: cubic in position (by both velocities) and in attitude (by both rates,
+/// B axes).
+TruthSample between(const TruthSample& a, const TruthSample& b, const Eigen::Vector3d& w_a,
+                    const Eigen::Vector3d& w_b, Instant at) {
+  const double h = to_seconds(b.at - a.at);
+  const double s = to_seconds(at - a.at) / h;
+  // Hermite's cubic from zero: its end value and both slopes times h.
+  const double end = s * s * (3 - 2 * s);
+  const double slope_a = s * (1 - s) * (1 - s);
+  const double slope_b = -s * s * (1 - s);
+  const auto cubic = [&](const Eigen::Vector3d& to, const Eigen::Vector3d& da,
+                         const Eigen::Vector3d& db) {
+    return Eigen::Vector3d(end * to + slope_a * h * da + slope_b * h * db);
+  };
+  const auto mean = [&](const Eigen::Vector3d& x, const Eigen::Vector3d& y) {
+    return Eigen::Vector3d((1 - s) * x + s * y);
+  };
+  TruthSample out;
+  out.at = at;
+  out.X_WB.p = a.X_WB.p + cubic(b.X_WB.p - a.X_WB.p, a.v_WB, b.v_WB);
+  out.X_WB.q =
+      (a.X_WB.q * exp_so3(cubic(log_so3(a.X_WB.q.conjugate() * b.X_WB.q), w_a, w_b))).normalized();
+  out.v_WB = mean(a.v_WB, b.v_WB);
+  out.bias_w = mean(a.bias_w, b.bias_w);
+  out.bias_f = mean(a.bias_f, b.bias_f);
+  return out;
+}
+
+/// Adds the instants of the images to a truth that has only those of the IMU.
+void add_image_times(EstimationData& data) {
+  std::vector<TruthSample> added;
+  for (const SensorSample& sample : data.samples) {
+    const Instant at = time_of(sample);
+    const auto after = std::lower_bound(data.truth.begin(), data.truth.end(), at,
+                                        [](const TruthSample& t, Instant i) { return t.at < i; });
+    if (after == data.truth.begin() || after == data.truth.end() || after->at == at) continue;
+    const auto before = after - 1;
+    added.push_back(
+        between(*before, *after, data.rate_at(before->at), data.rate_at(after->at), at));
+  }
+  data.truth.insert(data.truth.end(), added.begin(), added.end());
+  std::sort(data.truth.begin(), data.truth.end(),
+            [](const TruthSample& a, const TruthSample& b) { return a.at < b.at; });
+}
+
+/// The lowest id of the first image that shows a tag.
+int first_tag(const EstimationData& data) {
+  for (const SensorSample& sample : data.samples) {
+    const auto* image = std::get_if<CornerFrame>(&sample);
+    if (image == nullptr) continue;
+    for (const TagSighting& seen : image->tags) {
+      if (data.tag(seen.tag_id) != nullptr) return seen.tag_id;
+    }
+  }
+  throw std::runtime_error(data.name + " shows no tag");
+}
+
+void set_sizes(EstimationData& data) {
+  for (const RecordedTag& tag : data.tags) data.tag_set.sizes_m[tag.tag_id] = tag.edge_m;
+}
+
+}  // namespace
+
+const TruthSample& EstimationData::truth_at(Instant at) const {
+  const auto found = std::lower_bound(truth.begin(), truth.end(), at,
+                                      [](const TruthSample& t, Instant i) { return t.at < i; });
+  FIDUCAP_ASSERT(found != truth.end() && found->at == at);
+  return *found;
+}
+
+Eigen::Vector3d EstimationData::rate_at(Instant at) const {
+  const TruthSample* here = &truth_at(at);
+  FIDUCAP_ASSERT(truth.size() >= 3);
+  here = std::clamp(here, truth.data() + 1, truth.data() + truth.size() - 2);
+  const TruthSample* before = here - 1;
+  const TruthSample* after = here + 1;
+  // Second order, although the steps differ: the mean rates of both steps belong to their middles.
+  const double h1 = to_seconds(here->at - before->at);
+  const double h2 = to_seconds(after->at - here->at);
+  const Eigen::Vector3d w1 = log_so3(before->X_WB.q.conjugate() * here->X_WB.q) / h1;
+  const Eigen::Vector3d w2 = log_so3(here->X_WB.q.conjugate() * after->X_WB.q) / h2;
+  return (h2 * w1 + h1 * w2) / (h1 + h2);
+}
+
+const RecordedTag* EstimationData::tag(int tag_id) const {
+  const auto found = std::find_if(tags.begin(), tags.end(),
+                                  [&](const RecordedTag& t) { return t.tag_id == tag_id; });
+  return found == tags.end() ? nullptr : &*found;
+}
+
+double EstimationData::path_m(Instant at) const {
+  double length = 0;
+  for (std::size_t i = 1; i < truth.size() && truth[i].at <= at; ++i) {
+    length += (truth[i].X_WB.p - truth[i - 1].X_WB.p).norm();
+  }
+  return length;
+}
+
+EstimationData simulate(const SimulatedDataSetup& setup) {
+  simulation::RoomConfig room;
+  room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
+  simulation::SimulatedBodyConfig body;
+  body.cameras = {simulated_camera(setup)};
+  body.has_imu = setup.has_imu;
+  body.camera.images = false;
+  body.trajectory.kind = setup.world == "hall" ? "survey" : setup.world == "hover" ? "hover" : room.preset;
+  body.trajectory.seed = setup.seed;
+  body.trajectory.duration_s = 0;
+  body.faults = setup.faults;
+  body.seed = setup.seed;
+  auto source = simulation::make_simulated_source(room, body, kStart, nullptr);
+  if (!source) throw std::runtime_error(source.error().text());
+
+  EstimationData data;
+  data.name = setup.world + " " + std::to_string(setup.seed);
+  data.samples = merged(**source, setup.has_imu, kStart + from_seconds(setup.seconds));
+  data.tags = simulation::tags_of(room);
+  data.tag_set.family = room.family;
+  set_sizes(data);
+  data.camera = body.cameras.front();
+  data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
+  if (setup.has_imu) data.imu = body.imu.noise;
+  data.gravity_m_s2 = room.gravity_m_s2;
+  data.corner_noise_px = body.camera.corner_noise_px;
+  data.reference_tag = first_tag(data);
+
+  std::vector<Instant> times;
+  for (const SensorSample& sample : data.samples) times.push_back(time_of(sample));
+  // Where samples are missing or have wrong stamps, and past the last image.
+  const double period_s = 1 / body.imu.noise.rate_hz;
+  for (double t_s = 0; t_s <= setup.seconds + period_s; t_s += period_s)
+    times.push_back(kStart + from_seconds(t_s));
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  for (const Instant at : times) data.truth.push_back((*source)->truth(at));
+  return data;
+}
+
+Expected<EstimationData> load_estimation_data(const std::string& folder) {
+  const auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
+  auto truth = read_truth(folder);
+  if (!truth) return tl::unexpected(truth.error());
+  auto tags = read_truth_tags(folder);
+  if (!tags) return tl::unexpected(tags.error());
+  const auto extrinsics = read_truth_extrinsics(folder);
+  if (!extrinsics) return tl::unexpected(extrinsics.error());
+  if (truth->empty() || tags->empty() || extrinsics->size() != 1 || info->cameras.size() != 1 ||
+      !info->imu) {
+    return fail(ErrorCode::kInvalid,
+                "needs one camera, an IMU and the truth of body, tags and extrinsics", folder);
+  }
+  const SystemClock clock;
+  auto source = open_recording(*info, {}, clock);
+  if (!source) return tl::unexpected(source.error());
+
+  EstimationData data;
+  data.name = info->name;
+  data.samples = merged(**source, true, Instant::max());
+  data.truth = std::move(*truth);
+  data.tags = std::move(*tags);
+  std::sort(data.tags.begin(), data.tags.end(),
+            [](const RecordedTag& a, const RecordedTag& b) { return a.tag_id < b.tag_id; });
+  data.tag_set.family = info->tag_family;
+  set_sizes(data);
+  data.camera = info->cameras.front();
+  data.nominal_X_BV = data.camera.X_BV;
+  data.camera.X_BV = extrinsics->front();
+  data.imu = info->imu;
+  add_image_times(data);
+  data.reference_tag = info->reference_tag ? *info->reference_tag : first_tag(data);
+  return data;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/recording/recording.hpp"
+#include "capture/sensor_source.hpp"
+#include "capture/simulation/simulation.hpp"
+#include "detection/detector_config.hpp"
+
+namespace fiducap {
+
+/// The sensors of one body with a camera, an IMU perhaps, and the truth: what a filter gets and
+/// what it is measured by.
+struct EstimationData {
+  std::string name;
+  std::vector<SensorSample> samples;  ///< IMU and corners, as SampleMerger gives them out.
+  std::vector<TruthSample>
+      truth;  ///< Times strictly increase; every IMU sample's and every image's is among them.
+  std::vector<RecordedTag> tags;  ///< True poses, sorted by id.
+  TagSetConfig tag_set;
+  CameraMount camera;  ///< True place, prior sigmas.
+  Pose nominal_X_BV;   ///< What the filter is told when it shall estimate it.
+  std::optional<ImuNoise> imu;
+  double gravity_m_s2{9.81};
+  double corner_noise_px{0.4};
+  int reference_tag{};
+
+  [[nodiscard]] const TruthSample& truth_at(Instant at) const;
+  /// Body rate (B axes, rad/s) at one of the truth's times, by differences of the truth (at both
+  /// ends: the neighbour's).
+  [[nodiscard]] Eigen::Vector3d rate_at(Instant at) const;
+  [[nodiscard]] const RecordedTag* tag(int tag_id) const;
+  /// Metres travelled from the beginning to `at`.
+  [[nodiscard]] double path_m(Instant at) const;
+};
+
+/// A body of the simulator, corners only.
+struct SimulatedDataSetup {
+  std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
+                               ///< `hover` is nearly at rest in it, `big` is `ceiling`.
+  double seconds{30.0};
+  std::uint64_t seed{1};
+  bool has_imu{true};
+  simulation::FaultConfig faults{};
+  /// How far the nominal extrinsics are off: drawn with these sigmas per axis, and told to the
+  /// filter as prior.
+  double extrinsics_sigma_m{0.005};
+  double extrinsics_sigma_rad{0.00873};
+};
+
+[[nodiscard]] EstimationData simulate(const SimulatedDataSetup& setup);
+
+/// A recording in the extended EuRoC layout with truth of everything. @return Error naming what is
+/// missing.
+[[nodiscard]] Expected<EstimationData> load_estimation_data(const std::string& folder);
+
+}  // namespace fiducap

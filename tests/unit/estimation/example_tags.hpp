@@ -1,0 +1,33 @@
+#pragma once
+
+#include "base/so3.hpp"
+#include "capture/camera_model.hpp"
+#include "detection/corner_projection.hpp"
+
+namespace fiducap {
+
+inline CameraModel example_camera() {
+  CameraModel camera;
+  camera.width = 752;
+  camera.height = 480;
+  camera.fu = 460;
+  camera.fv = 455;
+  camera.cu = 376;
+  camera.cv = 240;
+  return camera;
+}
+
+/// What a camera would see of a tag standing at X_VT.
+inline TagObservation example_observation(int tag_id, double edge_m, const Pose& X_VT, const CameraModel& camera) {
+  TagObservation seen;
+  seen.tag_id = tag_id;
+  seen.edge_m = edge_m;
+  for (int i = 0; i < 4; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    seen.corners_px[k] = camera.pinhole(X_VT * tag_corner(i, edge_m));
+    seen.ideal_from_raw[k] << 1.1, 0.02, -0.03, 0.95;
+  }
+  return seen;
+}
+
+}  // namespace fiducap

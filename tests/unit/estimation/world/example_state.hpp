@@ -1,0 +1,41 @@
+#pragma once
+
+#include <random>
+
+#include <Eigen/Core>
+
+#include "estimation/world/filter_state.hpp"
+#include "example_tags.hpp"
+
+namespace fiducap::world {
+
+/// A body with two cameras and three tags in front of camera 0, far from the origin, nothing aligned with anything.
+inline FilterState example_state() {
+  FilterState state;
+  state.reset({{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}, {exp_so3({0.15, -1.45, 0.1}), {0.06, 0.11, 0.02}}});
+  state.X_WB = {exp_so3({0.4, -0.6, 1.1}), {4.2, -3.7, 0.9}};
+  state.v_WB = {0.5, 0.3, -0.4};
+  state.bias_f = {0.05, -0.04, 0.06};
+  state.bias_w = {0.006, -0.004, 0.005};
+  for (int i = 0; i < 3; ++i) {
+    WorldTag tag;
+    tag.tag_id = 10 + i;
+    tag.edge_m = 0.2;
+    tag.X_WT = state.X_WB * state.X_BV[0] * Pose{exp_so3({3.0 + 0.1 * i, 0.2 - 0.3 * i, 0.4}), {-0.3 + 0.3 * i, 0.1 * i, 1.5 + 0.4 * i}};
+    state.add_tag(tag, Matrix6d::Identity());
+  }
+  std::mt19937 random(7);
+  std::normal_distribution<double> gauss;
+  Eigen::MatrixXd A(state.size(), state.size());
+  for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss(random);
+  state.P() = 0.01 * A * A.transpose();
+  return state;
+}
+
+inline FilterState moved(const FilterState& state, const Eigen::VectorXd& error) {
+  FilterState out = state;
+  out.add_error(error);
+  return out;
+}
+
+}  // namespace fiducap::world

@@ -1,0 +1,243 @@
+// Every analytic Jacobian of the world filter against central differences, and every change of the covariance against
+// the Jacobian of the change of the mean.
+#include <gtest/gtest.h>
+
+#include "estimation/world/corner_measurement.hpp"
+#include "estimation/world/propagation.hpp"
+#include "estimation/world/tag_entry.hpp"
+#include "estimation/world/workspace_axes.hpp"
+#include "support/jacobian_check.hpp"
+#include "world/example_state.hpp"
+
+namespace fiducap::world {
+namespace {
+
+using namespace layout;  // NOLINT
+
+const Eigen::Vector3d kGravity(0, 0, -9.81);
+// First order covariances against central differences of the means, relative to the largest entry.
+constexpr double kCovarianceTolerance = 1e-6;
+
+/// Jacobian of a change of the mean, in error coordinates before and after.
+template <typename Change>
+Eigen::MatrixXd jacobian_of(const Change& change) {
+  const FilterState before = example_state();
+  FilterState after = before;
+  change(after);
+  return central_differences(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        FilterState other = moved(before, d);
+        change(other);
+        return after.error_to(other);
+      },
+      before.size());
+}
+
+/// Checks that `change` transforms P as its own mean's Jacobian says.
+template <typename Change>
+void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd& added_noise = {}) {
+  FilterState after = example_state();
+  change(after);
+  const Eigen::MatrixXd J = jacobian_of(change);
+  Eigen::MatrixXd expected = J * example_state().P() * J.transpose();
+  if (added_noise.size() > 0) expected += added_noise;
+  const Eigen::MatrixXd got = after.P();
+  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
+      << "got\n" << got << "\nexpected\n" << expected;
+  EXPECT_LT((got - got.transpose()).cwiseAbs().maxCoeff(), 1e-12 * expected.cwiseAbs().maxCoeff());
+}
+
+InertialInput example_input(bool has_accelerometer) {
+  InertialInput input;
+  input.w_B = {0.8, -1.2, 0.5};
+  input.f_B = {1.0, -2.0, 9.0};
+  input.has_accelerometer = has_accelerometer;
+  return input;
+}
+
+TEST(WorldError, LeadsThereAndBack) {
+  const FilterState state = example_state();
+  const Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state.size(), -0.4, 0.5);
+  EXPECT_LT((state.error_to(moved(state, error)) - error).norm(), 1e-12);
+}
+
+class WorldStepJacobian : public testing::TestWithParam<bool> {};
+
+TEST_P(WorldStepJacobian, MatchesDifferences) {
+  const InertialInput input = example_input(GetParam());
+  for (const double dt : {1e-6, 0.005, 0.05}) {
+    FilterState mean = example_state();
+    const StepJacobians jacobians = step_mean(mean, input, kGravity, dt);
+    const auto f = [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+      Eigen::VectorXd error = Eigen::VectorXd::Zero(mean.size());
+      error.head<kBodySize>() = d;
+      FilterState state = moved(example_state(), error);
+      step_mean(state, input, kGravity, dt);
+      return mean.error_to(state).head<kBodySize>();
+    };
+    // The force is turned by half the rotation, whose Jacobian is taken to first order in w dt.
+    expect_jacobian(jacobians.F, f, dt < 0.01 ? 1e-6 : 2e-4);
+  }
+}
+
+TEST_P(WorldStepJacobian, MapsAShiftOfTheRoomOntoItself) {
+  FilterState state = example_state();
+  const StepJacobians jacobians = step_mean(state, example_input(GetParam()), kGravity, 0.02);
+  Eigen::Matrix<double, kBodySize, 4> room = Eigen::Matrix<double, kBodySize, 4>::Zero();
+  room.block<3, 3>(kPosition, 0).setIdentity();
+  room(kAttitude + 2, 3) = 1;
+  EXPECT_LT((jacobians.F * room - room).norm(), 1e-12);
+}
+
+INSTANTIATE_TEST_SUITE_P(WithAndWithoutAccelerometer, WorldStepJacobian, testing::Bool());
+
+TEST(WorldTransition, CovarianceFollowsTheMean) {
+  expect_covariance_follows_mean([](FilterState& state) {
+    MotionSinceImage motion;
+    for (int i = 0; i < 10; ++i) propagate(state, motion, example_input(true), kGravity, 0.005);
+    apply(state, motion);
+  });
+}
+
+class WorldMeasurement : public testing::TestWithParam<std::tuple<int, bool>> {
+ protected:
+  /// A tag in view of one of two cameras, in the state or known, and its Jacobian over the whole state.
+  Eigen::MatrixXd jacobian(const FilterState& state) {
+    const auto [camera, is_known] = GetParam();
+    use_ = {&seen_, is_known ? -1 : 1, is_known ? &known_ : nullptr};
+    const Pose X_VT = (state.X_WB * state.X_BV[static_cast<std::size_t>(camera)]).inverse() * state.tags[1].X_WT;
+    seen_ = example_observation(11, 0.2, X_VT, model_);
+    const TagMeasurement m = measure(state, camera, model_, use_, 0.4);
+    EXPECT_TRUE(m.in_front);
+    EXPECT_LT(m.y.norm(), 1e-9);
+    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(8, state.size());
+    for (std::size_t b = 0; b < m.block_count; ++b) H.middleCols<3>(m.blocks[b].at) += m.blocks[b].H;
+    return H;
+  }
+
+  CameraModel model_ = example_camera();
+  KnownTag known_{11, 0.2, example_state().tags[1].X_WT, Matrix6d::Zero()};
+  TagObservation seen_;
+  TagToUse use_;
+};
+
+TEST_P(WorldMeasurement, MatchesDifferences) {
+  const FilterState state = example_state();
+  const Eigen::MatrixXd H = jacobian(state);
+  const int camera = std::get<0>(GetParam());
+  expect_jacobian(-H, [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+    return measure(moved(state, d), camera, model_, use_, 0.4).y;
+  });
+}
+
+TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
+  if (std::get<1>(GetParam())) return;  // a known tag says where the room is: that is its purpose
+  const FilterState state = example_state();
+  const Eigen::MatrixXd H = jacobian(state);
+  Eigen::MatrixXd room = Eigen::MatrixXd::Zero(state.size(), 6);
+  room.middleRows<6>(kPosition).setIdentity();
+  for (int c = 0; c < state.cameras(); ++c) room.middleRows<6>(layout::camera(c)).setIdentity();
+  for (std::size_t i = 0; i < state.tags.size(); ++i) room.middleRows<6>(state.tag_at(i)).setIdentity();
+  EXPECT_LT((H * room).norm(), 1e-12 * H.norm());
+}
+
+INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, WorldMeasurement, testing::Combine(testing::Values(0, 1), testing::Bool()));
+
+TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
+  for (const bool level : {true, false}) {
+    HeadingRule rule;
+    rule.axis = 1;
+    rule.yaw_rad = 0.3;
+    rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
+    expect_covariance_follows_mean([&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
+  }
+}
+
+TEST(WorldExtrinsics, AreWhatTheCameraDoesNotShareWithTheBody) {
+  const FilterState state = example_state();
+  for (int c = 0; c < state.cameras(); ++c) {
+    const Pose& X_BV = state.X_BV[static_cast<std::size_t>(c)];
+    const Eigen::MatrixXd J = central_differences(
+        [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+          const Pose other = moved(state, d).X_BV[static_cast<std::size_t>(c)];
+          Eigen::VectorXd plain(6);
+          plain << other.p, log_so3(other.q * X_BV.q.conjugate());
+          return plain;
+        },
+        state.size());
+    const Eigen::MatrixXd expected = J * state.P() * J.transpose();
+    EXPECT_LT((extrinsics_covariance(state, c) - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+  }
+}
+
+TEST(WorldExtrinsics, TheTwoFormsOfTheCovarianceAreOne) {
+  FilterState state = example_state();
+  camera_errors_to_extrinsics(state);
+  extrinsics_to_camera_errors(state);
+  EXPECT_LT((state.P() - example_state().P()).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(WorldTagEntry, CarriesBodyAndExtrinsics) {
+  const CameraModel model = example_camera();
+  const FilterState before = example_state();
+  const Pose X_VT{exp_so3({3.0, 0.2, 0.1}), {0.1, 0.05, 1.2}};
+  const TagObservation seen = example_observation(42, 0.2, X_VT, model);
+  const auto change = [&](FilterState& state) { augment(state, 1, model, seen, X_VT, 0.4); };
+  FilterState after = before;
+  change(after);
+  const CornerResidual r = corner_residual(seen, X_VT, model);
+  const Matrix6d own = (r.H.transpose() * r.H / 0.16).inverse();
+  // A turning of the tag in camera axes, as an error on the world's side.
+  const Pose X_WV = before.X_WB * before.X_BV[1];
+  const Eigen::MatrixXd from_seen = central_differences(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        FilterState other = after;
+        other.tags.back().X_WT = X_WV * Pose{exp_so3(d.tail<3>()) * X_VT.q, X_VT.p + d.head<3>()};
+        return after.error_to(other).tail<6>();
+      },
+      6);
+  Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(after.size(), after.size());
+  noise.bottomRightCorner<6, 6>() = from_seen * own * from_seen.transpose();
+  expect_covariance_follows_mean(change, noise);
+}
+
+TEST(WorldTagEntry, APriorThatSaysNothingChangesNothing) {
+  FilterState state = example_state();
+  KnownTag prior = tag_in_workspace(state, 1);
+  prior.covariance = Matrix6d::Identity() * 1e12;
+  const FilterState before = state;
+  fuse_prior(state, 1, prior);
+  EXPECT_LT(before.error_to(state).norm(), 1e-9);
+  EXPECT_LT((before.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(WorldTagEntry, AnExactPriorPutsTheTagThere) {
+  FilterState state = example_state();
+  state.P() *= 1e-4;
+  KnownTag prior = tag_in_workspace(state, 1);
+  prior.X_WT.p += Eigen::Vector3d(0.01, -0.02, 0.005);
+  prior.covariance = Matrix6d::Identity() * 1e-14;
+  fuse_prior(state, 1, prior);
+  const KnownTag after = tag_in_workspace(state, 1);
+  EXPECT_LT((after.X_WT.p - prior.X_WT.p).norm(), 1e-6);
+  EXPECT_LT(angle_between(after.X_WT.q, prior.X_WT.q), 1e-6);
+  EXPECT_LT(after.covariance.cwiseAbs().maxCoeff(), 1e-9);
+}
+
+TEST(WorldOutput, CovariancesAreThoseOfThePlainErrors) {
+  const FilterState state = example_state();
+  const BodyEstimate body = body_in_workspace(state);
+  const Eigen::MatrixXd J = central_differences(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        const FilterState other = moved(state, d);
+        Eigen::VectorXd plain(15);
+        plain << other.X_WB.p, log_so3(other.X_WB.q * state.X_WB.q.conjugate()), other.v_WB, other.bias_f, other.bias_w;
+        return plain;
+      },
+      state.size());
+  const Eigen::MatrixXd expected = J * state.P() * J.transpose();
+  EXPECT_LT((body.covariance - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+}
+
+}  // namespace
+}  // namespace fiducap::world
