@@ -57,9 +57,13 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
   auto& views = candidate.views;
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
   views.push_back({seen, q_WV, poses[0].X_VT.p});
-  Branch best = fit(views, model, q_WV * poses[0].X_VT.q);
-  Branch rival = fit(views, model, q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p));
+  Branch best = fit(views, model, q_WV * poses[0].X_VT.q, true);
+  const auto mirror = [&] { return q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p); };
+  Branch rival = fit(views, model, mirror(), true);
   if (rival.cost < best.cost) std::swap(best, rival);
+  // Seen almost from the front both branches share one valley, which is flat: then the mirrored attitude itself is the
+  // rival, and must be as improbable as another valley's floor.
+  if (angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad) rival = fit(views, model, mirror(), false);
 
   const double numbers = 8.0 * static_cast<double>(views.size());
   if (best.cost > kHopelessCostPerNumber * numbers) {
@@ -75,7 +79,7 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
 }
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
-                                         Eigen::Quaterniond q_WT) const {
+                                         Eigen::Quaterniond q_WT, bool turns) const {
   const double weight = 1.0 / (config_.corner_noise_px * config_.corner_noise_px);
   double cost = 0;
   for (int step = 0; step < kFitSteps; ++step) {
@@ -97,6 +101,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
       cost += weight * (r.y - H_p * own).squaredNorm();
       view.p_VT += own;
     }
+    if (!turns) continue;
     A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
     Eigen::Vector3d d = A.ldlt().solve(b);
     const double size = d.norm();

@@ -62,7 +62,8 @@ class TagCandidates final {
     double rival_cost{0};           ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
   };
-  [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;
+  /// @param turns  false: the attitude is given, only the views' distances are fitted
+  [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT, bool turns) const;
   [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
                                                   const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
                                                   bool forced);
