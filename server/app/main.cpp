@@ -20,7 +20,7 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   const fiducap::SystemClock clock;
   fiducap::log::set_level(config.log_level);
-  auto server = fiducap::Server::build(config, {exit_at_end, true, {}}, clock);
+  auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);
   if (!server) {
     fiducap::log::error("app", server.error().text());
     return 1;

@@ -15,6 +15,8 @@ struct KnownTag {
   Pose X_WT;
   /// Position (m, W axes) then attitude (rotation vector in W axes, q_WT = exp(δ) q̂_WT). Zero: exact.
   Matrix6d covariance{Matrix6d::Zero()};
+
+  [[nodiscard]] bool is_exact() const { return covariance.isZero(0); }
 };
 
 }  // namespace fiducap

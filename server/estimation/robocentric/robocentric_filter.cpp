@@ -6,39 +6,14 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/chi_square.hpp"
+#include "estimation/filter_rules.hpp"
 #include "estimation/place_search.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
 
 namespace fiducap::robocentric {
 
-using namespace layout;  // NOLINT: the block names are the subject of this file
-
-namespace {
-
-// How little is known at the start, 1-sigma.
-constexpr double kStartTilt_rad = 0.1;
-constexpr double kStartBiasF_m_s2 = 0.2;
-constexpr double kStartBiasW_rad_s = 0.02;
-// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
-constexpr double kAdriftWithImu_s = 10.0;
-constexpr double kAdriftWithoutImu_s = 1.0;
-// Longest inertial steps: rotation and force change little within them.
-constexpr double kStepWithImu_s = 0.02;
-constexpr double kStepWithoutImu_s = 0.05;
-// An update far from the linearisation point is iterated.
-constexpr int kFirstIterations = 5;
-constexpr int kCornerStepIterations = 2;
-// Images in a row with usable tags and none accepted, before everything is given up.
-constexpr int kBarrenToRestart = 20;
-// A tag is believed to be there after so many views.
-constexpr int kViewsToBelieve = 3;
-// Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
-constexpr int kForceWithImu = 40;
-constexpr int kForceWithoutImu = 4;
-// After being adrift the gyro still says how the body turned.
-constexpr double kGyroTurn_rad = 0.1;
-
-}  // namespace
+using namespace layout;        // NOLINT: the block names are the subject of this file
+using namespace filter_rules;  // NOLINT: short names for what both filters go by
 
 RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
     : sensors_(std::move(sensors)),

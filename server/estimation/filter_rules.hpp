@@ -1,0 +1,32 @@
+#pragma once
+
+namespace fiducap {
+
+/// What both filters go by outside their mathematics.
+namespace filter_rules {
+
+// How little is known at the start, 1-sigma.
+inline constexpr double kStartTilt_rad = 0.1;
+inline constexpr double kStartBiasF_m_s2 = 0.2;
+inline constexpr double kStartBiasW_rad_s = 0.02;
+// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
+inline constexpr double kAdriftWithImu_s = 10.0;
+inline constexpr double kAdriftWithoutImu_s = 1.0;
+// Longest inertial steps: rotation and force change little within them.
+inline constexpr double kStepWithImu_s = 0.02;
+inline constexpr double kStepWithoutImu_s = 0.05;
+// An update far from the linearisation point is iterated.
+inline constexpr int kFirstIterations = 5;
+inline constexpr int kCornerStepIterations = 2;
+// Images in a row with usable tags and none accepted, before everything is given up.
+inline constexpr int kBarrenToRestart = 20;
+// A tag is believed to be there after so many views.
+inline constexpr int kViewsToBelieve = 3;
+// Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
+inline constexpr int kForceWithImu = 40;
+inline constexpr int kForceWithoutImu = 4;
+// After being adrift the gyro still says how the body turned.
+inline constexpr double kGyroTurn_rad = 0.1;
+
+}  // namespace filter_rules
+}  // namespace fiducap
