@@ -88,6 +88,7 @@ void BodyWorker::work_samples(std::stop_token stop) {
     if (const auto* imu = std::get_if<ImuSample>(&delivery->sample)) {
       const CpuMeter meter(statistics_.propagate_cpu);
       parts_.filter->propagate(*imu);
+      if (search_) search_->add_imu(*imu);
       shared_.recorder.take(parts_.index, delivery->sample);
       ++statistics_.imu_samples;
       continue;
@@ -102,7 +103,8 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   if (camera >= parts_.sensors.cameras.size())
     return;  // a source with more cameras than the body knows
   shared_.recorder.take(parts_.index, delivery.sample);
-  if (&corners == &detected_) shared_.recorder.take(parts_.index, detected_);
+  if (std::holds_alternative<CameraFrame>(delivery.sample))
+    shared_.recorder.take(parts_.index, corners);
   const CpuMeter meter(statistics_.update_cpu);
   auto& filter = *parts_.filter;
   observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
@@ -121,10 +123,12 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   }
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
+  if (search_) search_->corrected(filter, estimate);
   const std::uint64_t dropped = inbox_.statistics().images_dropped;
   shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived,
                        dropped);
   ++statistics_.frames;
+  statistics_.lateness.add(shared_.clock.now() - seen_.exposed_at);
   statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
   if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
   if (filter.running()) remember_extrinsics(seen_.exposed_at);
@@ -133,9 +137,9 @@ void BodyWorker::take_frame(const Delivery& delivery) {
 const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
   if (const auto* corners = std::get_if<CornerFrame>(&sample)) return *corners;
   const CpuMeter meter(statistics_.detect_cpu);
-  if (!detector_) detector_.emplace(shared_.tags, shared_.detector);
-  detected_ = detector_->detect(std::get<CameraFrame>(sample));
-  return detected_;
+  if (!search_)
+    search_.emplace(parts_.sensors, shared_.tags, shared_.detector, shared_.estimator);
+  return search_->search(std::get<CameraFrame>(sample), beliefs_, *shared_.map.snapshot());
 }
 
 void BodyWorker::remember_extrinsics(Instant now) {
@@ -146,7 +150,11 @@ void BodyWorker::remember_extrinsics(Instant now) {
   learned_ = std::move(newest);
 }
 
-BodyStatistics BodyWorker::statistics() const { return statistics_; }
+BodyStatistics BodyWorker::statistics() const {
+  BodyStatistics all = statistics_;
+  if (search_) all.search = search_->statistics();
+  return all;
+}
 
 std::vector<ExtrinsicsEstimate> BodyWorker::learned() const {
   const std::lock_guard lock(learned_mutex_);
@@ -165,6 +173,12 @@ std::string BodyStatistics::text() const {
        << per(propagate_cpu, frames) << " ms; dropped: " << merger.images_dropped
        << " images when busy, " << merger.late_dropped << " late, " << merger.backwards_dropped
        << " backwards, " << merger.bad_dropped << " bad; " << restarts << " restarts";
+  const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
+  line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
+  if (search.images > 0) {
+    line << "; " << search.whole_images << " images searched whole, " << search.found << " of "
+         << search.expected << " expected tags in their regions";
+  }
   return line.str();
 }
 

@@ -9,10 +9,11 @@
 #include <vector>
 
 #include "app/body_inbox.hpp"
+#include "app/guided_search.hpp"
 #include "app/session_recorder.hpp"
 #include "base/clock.hpp"
+#include "base/duration_histogram.hpp"
 #include "capture/sensor_source.hpp"
-#include "detection/tag_detector.hpp"
 #include "estimation/body_filter.hpp"
 #include "mapping/map_builder.hpp"
 #include "scene/scene.hpp"
@@ -37,6 +38,7 @@ struct SharedParts {
   Scene& scene;
   const Clock& clock;
   SessionRecorder& recorder;
+  EstimatorConfig estimator{};
 };
 
 /// What a body did and what it cost. CPU of its worker thread.
@@ -50,6 +52,8 @@ struct BodyStatistics {
   Duration update_cpu{};  ///< Correction with the corners and everything after it.
   Duration propagate_cpu{};
   MergerStatistics merger{};
+  DurationHistogram lateness{};  ///< Middle of exposure → corrected; for live sources.
+  SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
 
   [[nodiscard]] std::string text() const;  ///< One line for the log.
 };
@@ -85,9 +89,8 @@ class BodyWorker final {
   BodyParts parts_;
   SharedParts shared_;
   BodyInbox inbox_;
-  std::optional<TagDetector>
-      detector_;  // built with the first image: recordings of corners need none
-  CornerFrame detected_;
+  std::optional<GuidedSearch>
+      search_;  // built with the first image: recordings of corners need none
   TagObservations seen_;
   std::vector<KnownTag> known_;
   std::vector<TagBelief> beliefs_;

@@ -131,6 +131,7 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
     if (!source && config.source.type == SourceType::kRos) {
       return tl::unexpected(Error{source.error().code, config.name + ": " + source.error().text(), {}});
     }
+    if (source && options_.source) *source = options_.source(config.name, std::move(*source));
     if (source) {
       ++opened;
     } else {
@@ -165,7 +166,7 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
   const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
-  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_, recorder_};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_, recorder_, config_.estimator};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     BodySensors& sensors = bodies[i].setup.sensors;

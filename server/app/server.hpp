@@ -18,6 +18,8 @@ struct ServerOptions {
   /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as configured. For robots that
   /// answer to a controller.
   std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
+  /// Stands in for, or around, the source of a body that was opened as configured; nullptr: none.
+  std::function<std::unique_ptr<SensorSource>(const std::string& body, std::unique_ptr<SensorSource> configured)> source;
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.

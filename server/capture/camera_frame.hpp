@@ -26,6 +26,9 @@ struct TagSighting {
   /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
   /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
   std::array<Eigen::Vector2d, 4> corners_px{};
+  /// How much of the step from black to white at the blurriest side falls within two pixels: 1 is sharp, 0 when the
+  /// source does not say.
+  double sharpness{};
 };
 
 /// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot with a detector of
@@ -37,6 +40,7 @@ struct CornerFrame {
   /// The corners are where straight lines fitted to the tag's sides meet (libapriltag). A lens bends the sides, so such
   /// corners are off in a way that the lens model tells; `observe` takes it out.
   bool fitted_straight_sides{false};
+  double pixel_noise{};  ///< 1-sigma of the image's pixels, of 255; 0 when the source does not say.
 };
 
 }  // namespace fiducap

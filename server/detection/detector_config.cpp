@@ -20,6 +20,7 @@ std::vector<ConfigError> DetectorConfig::check() const {
       .within("max_hamming", max_hamming, 0, 2)
       .within("min_decision_margin", min_decision_margin, 0, 255)
       .within("min_white_black_diff", min_white_black_diff, 1, 100)
+      .within("search_period_s", search_period_s, 0.01, 60)
       .within("threads", threads, 1, 16)
       .errors;
 }

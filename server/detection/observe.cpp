@@ -2,13 +2,15 @@
 
 #include <algorithm>
 
+#include "detection/corner_sigma.hpp"
 #include "detection/side_bend.hpp"
 
 namespace fiducap {
 
 namespace {
 
-/// A printed tag seen from the front: its four corners run counter-clockwise on paper, and so in the image.
+/// A printed tag seen from the front: its four corners run counter-clockwise on paper, and so in
+/// the image.
 bool is_front_view(const std::array<Eigen::Vector2d, 4>& px) {
   for (std::size_t i = 0; i < 4; ++i) {
     const Eigen::Vector2d a = px[(i + 1) % 4] - px[i];
@@ -18,7 +20,8 @@ bool is_front_view(const std::array<Eigen::Vector2d, 4>& px) {
   return true;
 }
 
-bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const CameraModel& camera, TagObservation& out) {
+bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const CameraModel& camera,
+                       TagObservation& out) {
   for (std::size_t i = 0; i < 4; ++i) {
     const auto pixel = undistort(camera, raw_px[i]);
     if (!pixel) return false;
@@ -29,10 +32,12 @@ bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const Camer
 }
 
 void drop_doubled_ids(std::vector<TagObservation>& tags) {
-  std::sort(tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  std::sort(tags.begin(), tags.end(),
+            [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
   auto keep = tags.begin();
   for (auto run = tags.begin(); run != tags.end();) {
-    const auto end = std::find_if(run, tags.end(), [&](const auto& t) { return t.tag_id != run->tag_id; });
+    const auto end =
+        std::find_if(run, tags.end(), [&](const auto& t) { return t.tag_id != run->tag_id; });
     if (end - run == 1) *keep++ = *run;
     run = end;
   }
@@ -47,16 +52,20 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
   out.exposed_at = frame.exposed_at;
   out.tags.clear();
   for (const TagSighting& sighting : frame.tags) {
-    if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end()) continue;
+    if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end())
+      continue;
     if (sighting.hamming > tags.max_hamming) continue;
     // 0: the source has no margin to judge by.
-    if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin) continue;
+    if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin)
+      continue;
     TagObservation tag;
     tag.tag_id = sighting.tag_id;
     tag.hamming = sighting.hamming;
     tag.decision_margin = sighting.decision_margin;
     tag.edge_m = tags.edge_of(sighting.tag_id);
-    const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px) : sighting.corners_px;
+    const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px)
+                                                    : sighting.corners_px;
+    tag.corner_sigma_px = corner_sigma_px(sighting, frame.pixel_noise);
     if (undistort_corners(raw_px, camera, tag)) out.tags.push_back(tag);
   }
   drop_doubled_ids(out.tags);

@@ -7,8 +7,9 @@
 
 namespace fiducap {
 
-/// Takes the lens out of the corners of one image and drops what nobody should use: ignored ids, too many corrected
-/// bits, low margin, corners outside the lens model, corners that do not form a convex quadrangle seen from the front.
+/// Takes the lens out of the corners of one image and drops what nobody should use: ignored ids,
+/// too many corrected bits, low margin, corners outside the lens model, corners that do not form a
+/// convex quadrangle seen from the front.
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out);
 

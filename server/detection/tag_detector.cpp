@@ -14,6 +14,8 @@ extern "C" {
 #include <array>
 
 #include "base/assert.hpp"
+#include "detection/corner_sigma.hpp"
+#include "detection/side_fit.hpp"
 #include "detection/tag_family.hpp"
 
 namespace fiducap {
@@ -36,31 +38,38 @@ constexpr std::array kFamilies{
 };
 
 const Family* find_family(const std::string& name) {
-  const auto found = std::find_if(kFamilies.begin(), kFamilies.end(), [&](const Family& f) { return name == f.name; });
+  const auto found = std::find_if(kFamilies.begin(), kFamilies.end(),
+                                  [&](const Family& f) { return name == f.name; });
   return found == kFamilies.end() ? nullptr : &*found;
 }
 
-/// A tag cut by the image border is decoded all the same, with corners that are pixels off and a good margin.
+/// A tag cut by the image border is decoded all the same, with corners that are pixels off and a
+/// good margin.
 constexpr double kBorder_px = 5.0;
 
-bool is_whole(const TagSighting& tag, const GrayImage& image) {
+bool is_whole(const TagSighting& tag, const ImageRegion& region) {
   return std::all_of(tag.corners_px.begin(), tag.corners_px.end(), [&](const Eigen::Vector2d& px) {
-    return px.x() >= kBorder_px && px.y() >= kBorder_px && px.x() <= image.width - 1 - kBorder_px &&
-           px.y() <= image.height - 1 - kBorder_px;
+    return px.x() >= region.left + kBorder_px && px.y() >= region.top + kBorder_px &&
+           px.x() <= region.right - 1 - kBorder_px && px.y() <= region.bottom - 1 - kBorder_px;
   });
 }
+
+/// The library works on tiles of this size; it takes no image that is smaller than one.
+constexpr int kTile_px = 4;
 
 /// The library counts pixel *edges*, we count centres.
 constexpr double kEdgeToCentre_px = 0.5;
 
-TagSighting to_sighting(const apriltag_detection_t& d) {
+TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region) {
   TagSighting out;
   out.tag_id = d.id;
   out.hamming = d.hamming;
   out.decision_margin = static_cast<double>(d.decision_margin);
-  // The library's order is ours: lower-left, lower-right, upper-right, upper-left of the printed tag.
+  // The library's order is ours: lower-left, lower-right, upper-right, upper-left of the printed
+  // tag.
   for (std::size_t i = 0; i < 4; ++i) {
-    out.corners_px[i] = {d.p[i][0] - kEdgeToCentre_px, d.p[i][1] - kEdgeToCentre_px};
+    out.corners_px[i] = {d.p[i][0] - kEdgeToCentre_px + region.left,
+                         d.p[i][1] - kEdgeToCentre_px + region.top};
   }
   return out;
 }
@@ -81,13 +90,13 @@ class TagDetector::Impl {
       : family_(find_family(tags.family)), min_margin_(config.min_decision_margin) {
     FIDUCAP_ASSERT(family_ != nullptr);
     codes_ = family_->create();
+    // Families with a white border have bits around it instead of a quiet zone.
+    fits_sides_ = config.fit_sides && !codes_->reversed_border;
     detector_ = apriltag_detector_create();
     apriltag_detector_add_family_bits(detector_, codes_, config.max_hamming);
     detector_->nthreads = config.threads;
-    detector_->quad_decimate = static_cast<float>(config.decimate);
     detector_->quad_sigma = static_cast<float>(config.blur_sigma_px);
     detector_->refine_edges = config.refine_edges;
-    detector_->qtp.min_white_black_diff = config.min_white_black_diff;
   }
   ~Impl() {
     apriltag_detector_destroy(detector_);
@@ -96,29 +105,47 @@ class TagDetector::Impl {
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
-  void detect(const GrayImage& image, std::vector<TagSighting>& out) {
+  void detect(const GrayImage& image, const ImageRegion& region, const DetectionPass& pass,
+              std::vector<TagSighting>& out) {
+    if (std::min(region.width(), region.height()) < kTile_px * pass.decimate) return;
+    detector_->quad_decimate = static_cast<float>(pass.decimate);
+    detector_->qtp.min_white_black_diff = pass.contrast;
+    const std::uint8_t* first =
+        image.pixels.data() + std::size_t(region.top) * std::size_t(image.width) + region.left;
     // The library takes a non-const pointer but only reads the original image.
-    image_u8_t view{image.width, image.height, image.width, const_cast<std::uint8_t*>(image.pixels.data())};
+    image_u8_t view{region.width(), region.height(), image.width, const_cast<std::uint8_t*>(first)};
     zarray_t* found = apriltag_detector_detect(detector_, &view);
     for (int i = 0; i < zarray_size(found); ++i) {
       apriltag_detection_t* d = nullptr;
       zarray_get(found, i, &d);
       if (static_cast<double>(d->decision_margin) < min_margin_) continue;
-      const TagSighting sighting = to_sighting(*d);
-      if (is_whole(sighting, image)) out.push_back(sighting);
+      TagSighting sighting = to_sighting(*d, region);
+      if (!is_whole(sighting, region)) continue;
+      if (fits_sides_) {
+        if (const auto fitted = fit_sides(image, sighting.corners_px, codes_->width_at_border)) {
+          sighting.corners_px = *fitted;
+        }
+      }
+      sighting.sharpness = edge_sharpness(image, sighting.corners_px);
+      out.push_back(sighting);
     }
     apriltag_detections_destroy(found);
+  }
+
+  [[nodiscard]] double outer_ring() const {
+    return 0.5 * (codes_->total_width - codes_->width_at_border) / codes_->width_at_border;
   }
 
  private:
   const Family* family_;
   double min_margin_;
+  bool fits_sides_{false};
   apriltag_family_t* codes_{nullptr};
   apriltag_detector_t* detector_{nullptr};
 };
 
 TagDetector::TagDetector(const TagSetConfig& tags, const DetectorConfig& config)
-    : impl_(std::make_unique<Impl>(tags, config)) {}
+    : impl_(std::make_unique<Impl>(tags, config)), config_(config) {}
 TagDetector::~TagDetector() = default;
 TagDetector::TagDetector(TagDetector&&) noexcept = default;
 TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
@@ -126,9 +153,20 @@ TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
 CornerFrame TagDetector::detect(const CameraFrame& frame) {
   CornerFrame out{frame.camera, frame.exposed_at, {}, true};
   if (frame.image == nullptr || frame.image->pixels.empty()) return out;
-  impl_->detect(*frame.image, out.tags);
-  std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
+  detect(*frame.image, whole(*frame.image), {config_.decimate, config_.min_white_black_diff},
+         out.tags);
+  std::sort(out.tags.begin(), out.tags.end(),
+            [](const auto& a, const auto& b) { return a.tag_id < b.tag_id; });
   return out;
 }
+
+void TagDetector::detect(const GrayImage& image, const ImageRegion& region,
+                         const DetectionPass& pass, std::vector<TagSighting>& out) {
+  FIDUCAP_ASSERT(region.left >= 0 && region.top >= 0 && region.right <= image.width &&
+                 region.bottom <= image.height);
+  impl_->detect(image, region, pass, out);
+}
+
+double TagDetector::outer_ring() const { return impl_->outer_ring(); }
 
 }  // namespace fiducap

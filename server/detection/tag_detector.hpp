@@ -1,16 +1,39 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "capture/camera_frame.hpp"
 #include "detection/detector_config.hpp"
 
 namespace fiducap {
 
+/// Pixels [left, right) × [top, bottom) of an image.
+struct ImageRegion {
+  int left{}, top{}, right{}, bottom{};
+
+  [[nodiscard]] int width() const { return right - left; }
+  [[nodiscard]] int height() const { return bottom - top; }
+  bool operator==(const ImageRegion&) const = default;
+};
+
+[[nodiscard]] inline ImageRegion whole(const GrayImage& image) {
+  return {0, 0, image.width, image.height};
+}
+
+/// How one look at pixels is done.
+struct DetectionPass {
+  double decimate{
+      1.0};  ///< Quads are looked for in every n-th pixel; corners are refined in all of them.
+  int contrast{5};  ///< Pixel neighbourhoods of 12 × 12 with less between darkest and brightest are
+                    ///< passed over.
+};
+
 /// Finds AprilTags in gray images.
 ///
-/// Keeps nothing between images. One instance per thread: building it is slow (family tables), detecting is not.
-/// Method: E. Olson, "AprilTag: a robust and flexible visual fiducial system", ICRA 2011; library apriltag 3.
+/// Keeps nothing between images. One instance per thread: building it is slow (family tables),
+/// detecting is not. Method: E. Olson, "AprilTag: a robust and flexible visual fiducial system",
+/// ICRA 2011; library apriltag 3.
 class TagDetector final {
  public:
   /// @pre tags.check().empty() && config.check().empty()
@@ -19,13 +42,26 @@ class TagDetector final {
   TagDetector(TagDetector&&) noexcept;
   TagDetector& operator=(TagDetector&&) noexcept;
 
-  /// @return one sighting per decoded tag, sorted by id; an id printed twice comes twice (`observe` drops both).
+  /// @return one sighting per decoded tag, sorted by id; an id printed twice comes twice (`observe`
+  /// drops both).
   ///         Empty is a normal answer. Never throws for image content.
   [[nodiscard]] CornerFrame detect(const CameraFrame& frame);
+
+  /// Looks at a part of the image, in place, and appends what it finds to `out` in pixels of the
+  /// whole image. A tag that comes closer than 5 px to the border of the region is left out: it may
+  /// be cut, and its corners pixels off.
+  /// @pre the region lies in the image
+  void detect(const GrayImage& image, const ImageRegion& region, const DetectionPass& pass,
+              std::vector<TagSighting>& out);
+
+  /// How far bits and quiet zone of this family reach beyond the black border, as a share of the
+  /// border's edge.
+  [[nodiscard]] double outer_ring() const;
 
  private:
   class Impl;
   std::unique_ptr<Impl> impl_;
+  DetectorConfig config_;
 };
 
 }  // namespace fiducap

@@ -15,10 +15,14 @@ struct TagObservation {
   int hamming{};
   double decision_margin{};  ///< 0..255; higher is safer. 0 = the source did not say.
   double edge_m{};           ///< Edge of the printed black border of this id.
-  /// Ideal pinhole pixels (fu fv cu cv of the camera). Counter-clockwise, lower-left of the tag first.
+  /// Ideal pinhole pixels (fu fv cu cv of the camera). Counter-clockwise, lower-left of the tag
+  /// first.
   std::array<Eigen::Vector2d, 4> corners_px{};
   /// Per corner ∂ ideal / ∂ raw: noise is white in raw pixels, this carries it through the lens.
   std::array<Eigen::Matrix2d, 4> ideal_from_raw{};
+  /// 1-sigma of each coordinate of each corner in *raw* pixels, as far as the detector causes it
+  /// (see corner_sigma_px). 0: not known, take EstimatorConfig::corner_noise_px.
+  double corner_sigma_px{};
 };
 
 /// All usable tags of one image, sorted by id, ids unique. Empty is a normal answer.

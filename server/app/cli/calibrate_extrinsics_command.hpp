@@ -16,6 +16,7 @@ struct CalibrateExtrinsicsArguments {
 };
 
 /// `fiducap calibrate extrinsics`: writes camchain-imucam.yaml. @return exit code
-[[nodiscard]] int run_calibrate_extrinsics(const CalibrateExtrinsicsArguments& arguments, const Terminal& terminal);
+[[nodiscard]] int run_calibrate_extrinsics(const CalibrateExtrinsicsArguments& arguments,
+                                           const Terminal& terminal);
 
 }  // namespace fiducap

@@ -11,17 +11,17 @@
 namespace fiducap {
 
 struct CalibrationOptions {
-  double position_sigma_m{0.02};     ///< How far the recording's X_BV may be off, per axis.
+  double position_sigma_m{0.02};  ///< How far the recording's X_BV may be off, per axis.
   double rotation_sigma_rad{0.035};
-  double time_range_s{0.05};         ///< Searched on both sides of the recording's own time shift.
+  double time_range_s{0.05};  ///< Searched on both sides of the recording's own time shift.
   bool search_time{true};
 };
 
 /// One number of X_BV.
 struct AxisVerdict {
-  double sigma{};        ///< m or rad, B axes.
+  double sigma{};  ///< m or rad, B axes.
   double prior_sigma{};
-  bool observed{};       ///< Below half of what was known before, and below 3 mm or 1 mrad.
+  bool observed{};  ///< Below half of what was known before, and below 3 mm or 1 mrad.
 };
 
 struct CameraVerdict {
@@ -34,26 +34,28 @@ struct CameraVerdict {
 struct CameraImuCalibration {
   std::vector<CameraMount> cameras;     ///< The recording's, with new X_BV, sigmas and time shift.
   std::vector<CameraVerdict> verdicts;  ///< One per camera.
-  ShiftResult time;                     ///< On top of the recording's own time shifts; all cameras together.
-  OfflineStatistics statistics;         ///< Of the last run.
+  ShiftResult time;  ///< On top of the recording's own time shifts; all cameras together.
+  OfflineStatistics statistics;  ///< Of the last run.
   int runs{};
 };
 
 /// Called before each run of the filter.
 using CalibrationProgress = std::function<void(const std::string& what)>;
 
-/// Runs the filter over the samples: first with images shifted until its innovations are smallest, then twice for the
-/// extrinsics; the second run is linearised at the first's result and starts with the same sigmas as the first, so that nothing counts twice.
+/// Runs the filter over the samples: first with images shifted until its innovations are smallest,
+/// then twice for the extrinsics; the second run is linearised at the first's result and starts
+/// with the same sigmas as the first, so that nothing counts twice.
 /// @param setup  of the recording; its filter and noises are used
 /// @return Error without IMU, without tags, or when the filter never started
-[[nodiscard]] Expected<CameraImuCalibration> calibrate_camera_imu(OfflineSetup setup, const LoadedSamples& samples,
-                                                                  const CalibrationOptions& options,
-                                                                  const CalibrationProgress& progress = {});
+[[nodiscard]] Expected<CameraImuCalibration> calibrate_camera_imu(
+    OfflineSetup setup, const LoadedSamples& samples, const CalibrationOptions& options,
+    const CalibrationProgress& progress = {});
 
 /// Which motion would show an axis: `axis` as in CameraVerdict::axes.
 [[nodiscard]] std::string motion_that_shows(std::size_t axis);
 
 /// Kalibr's camchain-imucam, as read_kalibr_camchain reads it.
-[[nodiscard]] std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras, const std::string& heading);
+[[nodiscard]] std::string to_kalibr_camchain(const std::vector<CameraMount>& cameras,
+                                             const std::string& heading);
 
 }  // namespace fiducap

@@ -250,7 +250,7 @@ void add_calibrate_extrinsics(CLI::App& calibrate, CommandLine& line) {
       "Record: rest for 2 s, then wave the robot for 60 s in front of three or more tags, near enough to fill the image:\n"
       "turn to and fro about all three axes, quickly but without blur, and move it to all sides. Tags always in view.\n"
       "cam0/sensor.yaml needs intrinsics and a rough T_BS; imu0/sensor.yaml the IMU's noise (fiducap calibrate imu).\n"
-      "Then: bodies: camera: calibration: calibration/camchain-imucam.yaml\n"
+      "Then: bodies: cameras: calibration: calibration/camchain-imucam.yaml\n"
       "Example:\n  fiducap calibrate extrinsics recordings/waving --out calibration");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_extrinsics(a, t); }; });
 }

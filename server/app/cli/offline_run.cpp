@@ -9,8 +9,8 @@
 #include "app/cli/reprojection.hpp"
 #include "app/cli/settled_trajectory.hpp"
 #include "app/cli/stage_clock.hpp"
+#include "app/guided_search.hpp"
 #include "detection/observe.hpp"
-#include "detection/tag_detector.hpp"
 
 namespace fiducap {
 namespace {
@@ -39,6 +39,7 @@ class OfflineRun final {
         settled_(setup.estimator.corner_noise_px) {
     filter_->set_tag_priors(setup.priors);
     for (const KnownTag& tag : setup.known) known_.emplace(tag.tag_id, tag);
+    for (const auto& [id, tag] : known_) map_.tags.push_back({tag, TagState::kSurveyed, 0, 0, 0, 0});
   }
 
   Expected<OfflineResult> run(const OfflineProgress& progress) {
@@ -48,6 +49,8 @@ class OfflineRun final {
       if (!more) return tl::unexpected(more.error());
       clock_.enter(Stage::kPropagate);
       for (const ImuSample& imu : imu_batch_) filter_->propagate(imu);
+      clock_.enter(Stage::kDetect);
+      if (search_) for (const ImuSample& imu : imu_batch_) search_->add_imu(imu);
       if (image_) take_image();
       if (!*more) break;
       if (progress) progress(data_seconds());
@@ -97,8 +100,7 @@ class OfflineRun final {
   void take_image() {
     if (const auto* image = std::get_if<CameraFrame>(&*image_)) {
       clock_.enter(Stage::kDetect);
-      if (!detector_) detector_.emplace(setup_.tags, setup_.detector);
-      corners_ = detector_->detect(*image);
+      detect(*image);
     } else {
       corners_ = std::move(std::get<CornerFrame>(*image_));
     }
@@ -111,7 +113,19 @@ class OfflineRun final {
       if (const auto found = known_.find(tag.tag_id); found != known_.end())
         visible_known_.push_back(found->second);
     count(filter_->update(seen_, visible_known_));
+    if (search_) guide();
     if (!setup_.sensors.imu) remember_for_settling();
+  }
+
+  void detect(const CameraFrame& image) {
+    if (!search_) search_.emplace(setup_.sensors, setup_.tags, setup_.detector, setup_.estimator);
+    corners_ = search_->search(image, beliefs_, map_);
+  }
+
+  /// Tells the search what the filter made of the image.
+  void guide() {
+    search_->corrected(*filter_, filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
+    filter_->tag_beliefs(beliefs_);
   }
 
   void remember_for_settling() {
@@ -210,8 +224,9 @@ class OfflineRun final {
   std::unique_ptr<BodyFilter> filter_;
   SettledTrajectory settled_;
   std::vector<TagBelief> beliefs_;
-  std::optional<TagDetector> detector_;
+  std::optional<GuidedSearch> search_;
   std::map<int, KnownTag> known_;
+  TagMap map_;  ///< The same, for the search.
   StageClock<Stage, 5> clock_;
   std::vector<ImuSample> imu_batch_;
   std::optional<SensorSample> image_;

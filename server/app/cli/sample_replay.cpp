@@ -25,11 +25,16 @@ Expected<LoadedSamples> load_samples(const OfflineSetup& setup, SensorSource& so
       loaded.frames.push_back(std::move(std::get<CornerFrame>(**sample)));
     }
   }
-  // Recordings may hold samples out of order; what comes back in time again would be dropped anyway.
-  const auto by_time = [](const auto& a, const auto& b) { return time_of(a) < time_of(b); };
-  std::stable_sort(loaded.imu.begin(), loaded.imu.end(), by_time);
-  std::stable_sort(loaded.frames.begin(), loaded.frames.end(), by_time);
-  for (const CornerFrame& frame : loaded.frames) loaded.tags += static_cast<long>(frame.tags.size());
+  // Recordings may hold samples out of order; what comes back in time again would be dropped
+  // anyway.
+  std::stable_sort(
+      loaded.imu.begin(), loaded.imu.end(),
+      [](const ImuSample& a, const ImuSample& b) { return a.sampled_at < b.sampled_at; });
+  std::stable_sort(
+      loaded.frames.begin(), loaded.frames.end(),
+      [](const CornerFrame& a, const CornerFrame& b) { return a.exposed_at < b.exposed_at; });
+  for (const CornerFrame& frame : loaded.frames)
+    loaded.tags += static_cast<long>(frame.tags.size());
   return loaded;
 }
 
@@ -37,9 +42,9 @@ Expected<std::optional<SensorSample>> SampleReplay::next(std::stop_token stop) {
   const bool imu_left = imu_ < samples_.imu.size();
   if (stop.stop_requested()) return std::nullopt;
   if (frame_ == samples_.frames.size() && !imu_left) return std::nullopt;
-  const bool image = frame_ < samples_.frames.size() &&
-                     (!imu_left || samples_.frames[frame_].exposed_at + shift_ <
-                                       samples_.imu[imu_].sampled_at);
+  const bool image =
+      frame_ < samples_.frames.size() &&
+      (!imu_left || samples_.frames[frame_].exposed_at + shift_ < samples_.imu[imu_].sampled_at);
   if (!image) return std::optional<SensorSample>(samples_.imu[imu_++]);
   CornerFrame frame = samples_.frames[frame_++];
   frame.exposed_at += shift_;

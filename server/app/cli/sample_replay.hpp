@@ -9,7 +9,8 @@
 
 namespace fiducap {
 
-/// A recording in memory, its tags already found: it can be run again and again without reading or detecting.
+/// A recording in memory, its tags already found: it can be run again and again without reading or
+/// detecting.
 struct LoadedSamples {
   std::vector<ImuSample> imu;
   std::vector<CornerFrame> frames;  ///< By time; images were detected.

@@ -65,13 +65,16 @@ std::optional<double> moved_at(std::span<const double> values, std::size_t lengt
 }
 
 /// Length, rate, holes.
-Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples, const std::string& context) {
+Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples,
+                                        const std::string& context) {
   StaticImuNoise result;
   result.samples = static_cast<long>(samples.size());
-  if (samples.size() > 1) result.seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
+  if (samples.size() > 1)
+    result.seconds = to_seconds(samples.back().sampled_at - samples.front().sampled_at);
   if (result.seconds < kShortest_s)
     return fail(ErrorCode::kInvalid,
-                "has " + fixed(result.seconds, 1) + " s of IMU samples; at least 60 s are needed, 10 minutes or more are good",
+                "has " + fixed(result.seconds, 1) +
+                    " s of IMU samples; at least 60 s are needed, 10 minutes or more are good",
                 context);
   std::vector<double> steps;
   for (std::size_t i = 1; i < samples.size(); ++i)
@@ -82,7 +85,8 @@ Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples, cons
   result.rate_hz = static_cast<double>(result.samples - 1 + result.lost) / result.seconds;
   if (static_cast<double>(result.lost) > kMostLost * static_cast<double>(result.samples))
     return fail(ErrorCode::kInvalid,
-                std::to_string(result.lost) + " of " + std::to_string(result.samples + result.lost) +
+                std::to_string(result.lost) + " of " +
+                    std::to_string(result.samples + result.lost) +
                     " IMU samples are missing; Allan deviations need an even rate",
                 context);
   return result;
@@ -109,22 +113,26 @@ double white_of(std::span<const AxisNoise> axes) {
 
 }  // namespace
 
-Expected<StaticImuNoise> identify_static_imu(std::span<const ImuSample> samples, const std::string& context) {
+Expected<StaticImuNoise> identify_static_imu(std::span<const ImuSample> samples,
+                                             const std::string& context) {
   auto result = look_at_stamps(samples, context);
   if (!result) return result;
-  const auto window = static_cast<std::size_t>(std::max(1L, std::lround(kWindow_s * result->rate_hz)));
+  const auto window =
+      static_cast<std::size_t>(std::max(1L, std::lround(kWindow_s * result->rate_hz)));
   std::vector<double> values(samples.size());
   for (std::size_t axis = 0; axis < kImuAxes; ++axis) {
     for (std::size_t i = 0; i < samples.size(); ++i) values[i] = component(samples[i], axis);
     if (const auto moved = moved_at(values, window, axis < 3 ? kStillRate_rad_s : kStillForce_m_s2))
       return fail(ErrorCode::kInvalid,
-                  "the IMU did not lie still: " + std::string(axis < 3 ? "gyro" : "accelerometer") + " " +
-                      "xyz"[axis % 3] + " moved " + fixed(*moved, 0) + " s after the start; record it on a table that nobody touches",
+                  "the IMU did not lie still: " + std::string(axis < 3 ? "gyro" : "accelerometer") +
+                      " " + "xyz"[axis % 3] + " moved " + fixed(*moved, 0) +
+                      " s after the start; record it on a table that nobody touches",
                   context);
     result->plot[axis] = allan_deviation(values, result->rate_hz);
     result->axes[axis] = fit_noise(result->plot[axis]);
     if (!(result->axes[axis].white > 0))
-      return fail(ErrorCode::kInvalid, "shows no white noise: are the samples filtered or constant?", context);
+      return fail(ErrorCode::kInvalid,
+                  "shows no white noise: are the samples filtered or constant?", context);
   }
   const std::span<const AxisNoise> axes(result->axes);
   result->noise.rate_hz = result->rate_hz;

@@ -23,13 +23,15 @@ struct StaticImuNoise {
   long lost{};  ///< Samples that their neighbours' stamps say are missing.
   std::array<std::vector<AllanPoint>, kImuAxes> plot;
   std::array<AxisNoise, kImuAxes> axes;
-  /// One number per sensor, as filters take it: root mean square over the axes. A walk that no axis shows is its bound.
+  /// One number per sensor, as filters take it: root mean square over the axes. A walk that no axis
+  /// shows is its bound.
   ImuNoise noise;
-  bool gyro_walk_seen{};   ///< On at least one axis; else noise.gyro_walk… is an upper bound.
+  bool gyro_walk_seen{};  ///< On at least one axis; else noise.gyro_walk… is an upper bound.
   bool accel_walk_seen{};
 };
 
-/// @return Error when the recording is too short for any statement, has holes, or the IMU moved; it says when.
+/// @return Error when the recording is too short for any statement, has holes, or the IMU moved; it
+/// says when.
 [[nodiscard]] Expected<StaticImuNoise> identify_static_imu(std::span<const ImuSample> samples,
                                                            const std::string& context);
 

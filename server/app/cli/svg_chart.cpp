@@ -16,11 +16,16 @@ constexpr const char* kGrid = "#d8dce2";
 std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
-    if (c == '&') out += "&amp;";
-    else if (c == '<') out += "&lt;";
-    else if (c == '>') out += "&gt;";
-    else if (c == '"') out += "&quot;";
-    else out += c;
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else
+      out += c;
   }
   return out;
 }
@@ -106,13 +111,15 @@ class Panel final {
     const double bottom = kTop + inner_height();
     for (int e = x_.first; e <= x_.last; ++e) {
       const double decade = std::pow(10.0, e);
-      out += line(px(decade), kTop, px(decade), bottom, strong) + power(px(decade), bottom + 17, "middle", e);
+      out += line(px(decade), kTop, px(decade), bottom, strong) +
+             power(px(decade), bottom + 17, "middle", e);
       for (int k = 2; k < 10 && e < x_.last; ++k)
         out += line(px(k * decade), kTop, px(k * decade), bottom, faint);
     }
     for (int e = y_.first; e <= y_.last; ++e) {
       const double decade = std::pow(10.0, e);
-      out += line(left_, py(decade), left_ + inner_width(), py(decade), strong) + power(left_ - 7, py(decade) + 4, "end", e);
+      out += line(left_, py(decade), left_ + inner_width(), py(decade), strong) +
+             power(left_ - 7, py(decade) + 4, "end", e);
       for (int k = 2; k < 10 && e < y_.last; ++k)
         out += line(left_, py(k * decade), left_ + inner_width(), py(k * decade), faint);
     }
@@ -139,7 +146,8 @@ class Panel final {
                       fixed(16.0 * static_cast<double>(chart_.series.size()) + 8, 1) +
                       "\" rx=\"4\" fill=\"#fff\" fill-opacity=\"0.85\"/>\n";
     for (const ChartSeries& series : chart_.series) {
-      out += line(x, y - 4, x + 24, y - 4, stroke(series)) + text(x + 32, y, "start", series.name, 11);
+      out +=
+          line(x, y - 4, x + 24, y - 4, stroke(series)) + text(x + 32, y, "start", series.name, 11);
       y += 16;
     }
     return out;
@@ -155,8 +163,9 @@ class Panel final {
 
 std::string to_svg(const std::vector<LogLogChart>& charts) {
   const double width = kWidth * static_cast<double>(charts.size());
-  std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + fixed(width, 0) + " " +
-                    fixed(kHeight, 0) + "\" font-family=\"sans-serif\">\n<rect width=\"100%\" "
+  std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " + fixed(width, 0) +
+                    " " + fixed(kHeight, 0) +
+                    "\" font-family=\"sans-serif\">\n<rect width=\"100%\" "
                     "height=\"100%\" fill=\"#fff\"/>\n";
   double left = 0;
   for (const LogLogChart& chart : charts) {

@@ -9,8 +9,8 @@ namespace fiducap {
 /// A line of a chart.
 struct ChartSeries {
   std::string name;
-  std::string color;        ///< SVG colour.
-  bool dashed{false};       ///< A model, not a measurement.
+  std::string color;                              ///< SVG colour.
+  bool dashed{false};                             ///< A model, not a measurement.
   std::vector<std::pair<double, double>> points;  ///< Positive; others are left out.
 };
 

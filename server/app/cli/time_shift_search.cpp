@@ -9,9 +9,9 @@
 namespace fiducap {
 namespace {
 
-constexpr double kCell_s = 0.0125;     // finer than half a period of any hand motion
-constexpr double kEnough_s = 0.0005;   // where the golden section stops
-constexpr double kParabola_s = 0.0015; // spacing of the five points of the parabola
+constexpr double kCell_s = 0.0125;      // finer than half a period of any hand motion
+constexpr double kEnough_s = 0.0005;    // where the golden section stops
+constexpr double kParabola_s = 0.0015;  // spacing of the five points of the parabola
 constexpr double kGolden = 0.6180339887498949;
 /// A chi-square that falls by less than this is no evidence.
 constexpr double kEvidence = 16;

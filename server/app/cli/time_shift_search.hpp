@@ -18,8 +18,9 @@ struct ShiftResult {
 /// Chi-square of the recording when its images are this many seconds later.
 using ShiftCost = std::function<Expected<double>(double shift_s)>;
 
-/// Minimum in ±range_s: a coarse grid, a golden section in its best cell, a parabola through the neighbourhood (a filter's cost is
-/// a little jagged, a section alone would end in one of its teeth).
+/// Minimum in ±range_s: a coarse grid, a golden section in its best cell, a parabola through the
+/// neighbourhood (a filter's cost is a little jagged, a section alone would end in one of its
+/// teeth).
 /// @return Error of the first cost that fails
 [[nodiscard]] Expected<ShiftResult> search_time_shift(const ShiftCost& cost, double range_s);
 

@@ -28,9 +28,13 @@ void describe(V& v, DetectorConfig& c) {
   v.value("decimate", c.decimate);
   v.value("blur_sigma_px", c.blur_sigma_px);
   v.value("refine_edges", c.refine_edges);
+  v.value("fit_sides", c.fit_sides);
   v.value("max_hamming", c.max_hamming);
   v.value("min_decision_margin", c.min_decision_margin);
   v.value("min_white_black_diff", c.min_white_black_diff);
+  v.value("adapt_contrast", c.adapt_contrast);
+  v.value("regions", c.regions);
+  v.value("search_period_s", c.search_period_s);
   v.value("threads", c.threads);
 }
 

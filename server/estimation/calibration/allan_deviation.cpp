@@ -30,7 +30,8 @@ struct PartsFit {
   double cost{std::numeric_limits<double>::infinity()};
 };
 
-/// Weighted least squares with some of the three parts; `cost` infinite when one comes out negative.
+/// Weighted least squares with some of the three parts; `cost` infinite when one comes out
+/// negative.
 PartsFit fit_subset(std::span<const AllanPoint> points, std::span<const double> weights,
                     unsigned subset) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -49,15 +50,16 @@ PartsFit fit_subset(std::span<const AllanPoint> points, std::span<const double> 
   }
   // The parts differ by many powers of ten.
   const Eigen::Vector3d scale = A.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::Matrix3d inverse = scale.asDiagonal() *
-                                  Eigen::Matrix3d(scale.asDiagonal() * A * scale.asDiagonal()).inverse() *
-                                  scale.asDiagonal();
+  const Eigen::Matrix3d inverse =
+      scale.asDiagonal() * Eigen::Matrix3d(scale.asDiagonal() * A * scale.asDiagonal()).inverse() *
+      scale.asDiagonal();
   PartsFit fit{inverse * b, inverse, 0};
   for (int k = 0; k < 3; ++k)
     if ((subset >> k & 1U) == 0) fit.parts(k) = 0;
   if (fit.parts.minCoeff() < 0) return {};
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const double off = points[i].deviation * points[i].deviation - shape(points[i].tau_s).dot(fit.parts);
+    const double off =
+        points[i].deviation * points[i].deviation - shape(points[i].tau_s).dot(fit.parts);
     fit.cost += weights[i] * off * off;
   }
   return fit;
@@ -72,7 +74,8 @@ PartsFit fit_parts(std::span<const AllanPoint> points, std::span<const double> w
   return best;
 }
 
-/// var(σ̂²) = 2 σ⁴ / freedom. Neighbours on the plot share their data: the weights are spread over them.
+/// var(σ̂²) = 2 σ⁴ / freedom. Neighbours on the plot share their data: the weights are spread over
+/// them.
 double weight_of(const AllanPoint& point, double variance) {
   constexpr double kShared = 1 / kPointsPerOctave;
   return kShared * point.freedom / (2 * variance * variance);
@@ -83,8 +86,8 @@ double root(double square) { return std::sqrt(std::max(0.0, square)); }
 /// A walk that is not seen cannot be larger than the plot's end allows.
 double upper_bound(const AllanPoint& last) {
   const int freedom = std::max(1, static_cast<int>(last.freedom));
-  const double most = last.deviation * last.deviation * last.freedom /
-                      chi_square_quantile(freedom, kBoundQuantile);
+  const double most =
+      last.deviation * last.deviation * last.freedom / chi_square_quantile(freedom, kBoundQuantile);
   return std::sqrt(3 * most / last.tau_s);
 }
 
@@ -114,7 +117,8 @@ std::vector<AllanPoint> allan_deviation(std::span<const double> values, double r
     const double variance = squares / (2 * averages * averages * static_cast<double>(terms));
     // White noise: 1.5 per independent pair of averages, all of them at m = 1 (IEEE 1139, annex).
     const double pairs = static_cast<double>(n) / averages;
-    points.push_back({averages / rate_hz, std::sqrt(variance), std::max(1.0, 1.5 * (pairs - 2) * (m > 1 ? 1.0 : 4.0 / 9))});
+    points.push_back({averages / rate_hz, std::sqrt(variance),
+                      std::max(1.0, 1.5 * (pairs - 2) * (m > 1 ? 1.0 : 4.0 / 9))});
   }
   return points;
 }
@@ -122,7 +126,8 @@ std::vector<AllanPoint> allan_deviation(std::span<const double> values, double r
 AxisNoise fit_noise(std::span<const AllanPoint> points) {
   FIDUCAP_ASSERT(points.size() >= 4);
   std::vector<double> weights;
-  for (const AllanPoint& p : points) weights.push_back(weight_of(p, p.deviation * p.deviation + 1e-300));
+  for (const AllanPoint& p : points)
+    weights.push_back(weight_of(p, p.deviation * p.deviation + 1e-300));
   PartsFit fit = fit_parts(points, weights);
   // Weights by the fitted curve: by the points themselves, low ones would pull it down.
   for (int round = 0; round < 5; ++round) {
@@ -146,7 +151,8 @@ double AxisNoise::deviation(double tau_s) const {
 }
 
 double AxisNoise::seconds_to_see(double walk_density) const {
-  // At τ = 3 N/K the walk has three times the variance of the white noise; the plot ends at a ninth of the recording.
+  // At τ = 3 N/K the walk has three times the variance of the white noise; the plot ends at a ninth
+  // of the recording.
   return static_cast<double>(kFewestAverages) * 3 * white / walk_density;
 }
 

@@ -12,8 +12,8 @@ struct AllanPoint {
   double freedom{};    ///< Equivalent degrees of freedom of deviation², about.
 };
 
-/// Overlapping Allan deviation of an evenly sampled rate (IEEE Std 952-1997, annex C), at averaging times
-/// spaced evenly on a logarithmic axis, from one sample to a ninth of the recording.
+/// Overlapping Allan deviation of an evenly sampled rate (IEEE Std 952-1997, annex C), at averaging
+/// times spaced evenly on a logarithmic axis, from one sample to a ninth of the recording.
 /// @param values  one axis of gyro (rad/s) or accelerometer (m/s²)
 /// @return empty when there are fewer than 18 values
 [[nodiscard]] std::vector<AllanPoint> allan_deviation(std::span<const double> values,
@@ -26,8 +26,8 @@ struct AxisNoise {
   double flicker{};      ///< B: level of the flat part (bias instability is B · 0.664), unit.
   double walk{};         ///< K: the line of slope +1/2 at τ = 3 s; unit / s / √Hz.
   double walk_sigma{};
-  bool walk_seen{};      ///< The plot rises at its end: `walk` is a measurement …
-  double walk_bound{};   ///< … otherwise the walk is below this (95 %).
+  bool walk_seen{};     ///< The plot rises at its end: `walk` is a measurement …
+  double walk_bound{};  ///< … otherwise the walk is below this (95 %).
 
   /// σ(τ) of the three parts together.
   [[nodiscard]] double deviation(double tau_s) const;
@@ -35,8 +35,8 @@ struct AxisNoise {
   [[nodiscard]] double seconds_to_see(double walk_density) const;
 };
 
-/// Fits σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3 by weighted least squares, no part negative. Fitting all
-/// three together keeps the middle of the plot from bending the two lines.
+/// Fits σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3 by weighted least squares, no part negative. Fitting
+/// all three together keeps the middle of the plot from bending the two lines.
 /// @pre at least 4 points
 [[nodiscard]] AxisNoise fit_noise(std::span<const AllanPoint> points);
 

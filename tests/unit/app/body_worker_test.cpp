@@ -196,6 +196,22 @@ TEST_F(BodyWorkerTest, CountsWhatItDid) {
   EXPECT_EQ(worker_->learned().size(), 1u);
 }
 
+TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
+  constexpr int kImages = 20;
+  std::vector<SensorSample> samples;
+  for (int k = 0; k < kImages; ++k) {
+    for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));
+    samples.push_back(frame_at(ms(1000 + 50 * k + 42)));
+  }
+  build(std::move(samples));
+  run();  // everything has been read before the worker looks for the first time
+  EXPECT_EQ(log_.propagated.size(), 10u * kImages);
+  ASSERT_FALSE(log_.updated.empty());
+  EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42)) << "the newest is not the one to go";
+  EXPECT_EQ(log_.updated.size() + worker_->statistics().merger.images_dropped, static_cast<std::size_t>(kImages));
+  EXPECT_LE(log_.updated.size(), 4u);
+}
+
 TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   std::stop_source stop;

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "detection/tracking/tag_search.hpp"
+#include "estimation/tag_belief.hpp"
+#include "estimation/tag_forecast.hpp"
+#include "mapping/tag_map.hpp"
+
+namespace fiducap {
+
+/// Finds the tags of one body's images where the body's own estimate says that they are:
+/// TagForecast and TagSearch together. Live and offline runs use the same one, so that a recording
+/// gives the same corners again.
+class GuidedSearch final {
+ public:
+  GuidedSearch(const BodySensors& sensors, const TagSetConfig& tags, const DetectorConfig& detector,
+               const EstimatorConfig& estimator);
+
+  void add_imu(const ImuSample& imu);
+  /// @param local  the tags in the body's own state: they go before the map's
+  /// @return see TagSearch
+  const CornerFrame& search(const CameraFrame& frame, std::span<const TagBelief> local,
+                            const TagMap& map);
+  /// What the filter made of the image. @param estimate  its newest one; nullopt: it does not run
+  void corrected(const BodyFilter& filter, const std::optional<BodyEstimate>& estimate);
+
+  [[nodiscard]] const SearchStatistics& statistics() const { return search_.statistics(); }
+
+ private:
+  void expect(std::span<const TagBelief> local, const TagMap& map);
+
+  bool regions_;
+  TagSearch search_;
+  TagForecast forecast_;
+  std::vector<ExpectedTag> expected_;
+  std::vector<int> local_ids_;
+  std::optional<Instant> extrinsics_at_;
+};
+
+}  // namespace fiducap

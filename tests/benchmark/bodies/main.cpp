@@ -1,0 +1,157 @@
+// fiducap_bodies_bench [--bodies N] [--seconds S] [--cores a,b] [key=value]...: a real server with
+// N bodies, each with a camera of 752 × 480 at 20 Hz and an IMU at 200 Hz, held to some cores, and
+// a client in a process of its own on the others. Images are rendered before the clock starts;
+// reading and rendering them is not in the figures. Bodies start with an empty map and learn the
+// room.
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <thread>
+
+#include "app/server.hpp"
+#include "app/system_clock.hpp"
+#include "base/log.hpp"
+#include "bodies/prerendered.hpp"
+#include "fiducap/client.hpp"
+
+namespace fiducap::bench {
+namespace {
+
+constexpr std::uint16_t kPort =
+    42619;  // uncommon, so that a server that runs on this machine is left alone
+constexpr std::size_t kFlights = 2;  // rendered ones; bodies share them, some milliseconds apart
+
+struct Options {
+  int bodies{8};
+  int seconds{20};
+  std::vector<int> cores{0, 1};
+  std::vector<std::string> overrides;
+};
+
+std::string config_text(const Options& options) {
+  std::string text = R"(
+simulation: {preset: hall}
+map: {mode: mapping}
+streaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: {port: 42619}}
+bodies:
+)";
+  for (int i = 0; i < options.bodies; ++i) {
+    text += "  - {name: body" + std::to_string(i + 1) +
+            ", source: {type: simulator, camera: {images: false}, trajectory: {kind: survey}}, "
+            "cameras: [{model: "
+            "{width: 752, height: 480, fu: 460, fv: 460, cu: 376, cv: 240, distortion: radial-tangential, "
+            "coefficients: [-0.28, "
+            "0.07, 0.0002, 0.00002, 0]}, X_BV: {p: [0.1, 0, 0], q_wxyz: [0.5, -0.5, 0.5, -0.5]}, "
+            "rate_hz: 20}]}\n";
+  }
+  return text;
+}
+
+void hold_to(const std::vector<int>& cores, bool others) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  const int count = static_cast<int>(std::thread::hardware_concurrency());
+  for (int core = 0; core < count; ++core) {
+    const bool named = std::find(cores.begin(), cores.end(), core) != cores.end();
+    if (named != others) CPU_SET(static_cast<std::size_t>(core), &set);
+  }
+  if (CPU_COUNT(&set) == 0 || sched_setaffinity(0, sizeof set, &set) != 0)
+    std::fprintf(stderr, "could not choose cores; the figures are those of all of them\n");
+}
+
+/// The client's own process.
+int watch(const Options& options) {
+  hold_to(options.cores, true);
+  ClientOptions to_server;
+  to_server.port = kPort;
+  Client client(to_server);
+  std::this_thread::sleep_for(std::chrono::seconds(options.seconds));
+  const ClientStatistics s = client.statistics();
+  std::printf(
+      "client: %llu frames, %llu lost, %.1f Hz; instant of pose to datagram read p50 %.0f us, p99 "
+      "%.0f us\n",
+      static_cast<unsigned long long>(s.frames), static_cast<unsigned long long>(s.lost), s.rate_hz,
+      1e6 * s.latency_p50_s, 1e6 * s.latency_p99_s);
+  std::fflush(stdout);
+  return 0;
+}
+
+double cpu_seconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto s = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return s(usage.ru_utime) + s(usage.ru_stime);
+}
+
+std::vector<std::shared_ptr<const Prerendered>> render_flights(const ServerConfig& config,
+                                                               const Options& options) {
+  std::vector<std::shared_ptr<const Prerendered>> flights;
+  for (std::size_t k = 0; k < kFlights; ++k) {
+    auto body = config.bodies.front().source.simulator;
+    body.cameras = {config.bodies.front().cameras.front().mount};
+    body.camera.images = true;
+    body.trajectory.seed = body.seed = k + 1;
+    body.trajectory.duration_s = options.seconds;
+    flights.push_back(std::make_shared<const Prerendered>(prerender(config.simulation, body)));
+  }
+  return flights;
+}
+
+int serve(const Options& options) {
+  const auto config = parse_config(config_text(options), "bench", options.overrides);
+  if (!config) {
+    std::fprintf(stderr, "%s\n", config.error().front().text().c_str());
+    return 1;
+  }
+  const auto flights = render_flights(*config, options);
+  const pid_t client = fork();  // before there is any thread
+  if (client == 0) _exit(watch(options));
+  hold_to(options.cores, false);
+  const SystemClock clock;
+  const Instant start = clock.now() + std::chrono::milliseconds(300);
+  std::size_t made = 0;
+  ServerOptions server_options;
+  server_options.exit_at_end = true;
+  server_options.source = [&](const std::string&, std::unique_ptr<SensorSource>) {
+    const Duration apart = std::chrono::milliseconds(6) * made;
+    return std::make_unique<PrerenderedSource>(flights[made++ % kFlights], start + apart, clock);
+  };
+  const double before = cpu_seconds();
+  auto server = Server::build(*config, server_options, clock);
+  if (!server) {
+    std::fprintf(stderr, "%s\n", server.error().text().c_str());
+    return 1;
+  }
+  (void)(*server)->run();
+  const double used = cpu_seconds() - before;
+  (void)waitpid(client, nullptr, 0);
+  std::printf(
+      "server: %d bodies on %zu cores: %.2f s CPU in %d s (%.1f %% of one core), all threads\n",
+      options.bodies, options.cores.size(), used, options.seconds, 100 * used / options.seconds);
+  return 0;
+}
+
+}  // namespace
+}  // namespace fiducap::bench
+
+int main(int argc, char** argv) {
+  fiducap::bench::Options options;
+  CLI::App app{"Many bodies with images on few cores"};
+  app.add_option("--bodies", options.bodies, "How many")->check(CLI::Range(1, 64));
+  app.add_option("--seconds", options.seconds, "How long")->check(CLI::Range(2, 120));
+  app.add_option("--cores", options.cores, "Cores of the server")->delimiter(',');
+  app.add_option("overrides", options.overrides, "Configuration, key=value");
+  bool quick = false;
+  app.add_flag("--quick", quick, "Enough to see that it runs");
+  CLI11_PARSE(app, argc, argv);
+  if (quick) options.seconds = 3;
+  fiducap::log::set_level(fiducap::log::Level::kInfo);
+  return fiducap::bench::serve(options);
+}

@@ -1,0 +1,292 @@
+#include "detection/tracking_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "app/guided_search.hpp"
+#include "app/system_clock.hpp"
+#include "base/so3.hpp"
+#include "capture/sample_merger.hpp"
+#include "capture/simulation/room_shape.hpp"
+#include "capture/simulation/simulation.hpp"
+#include "detection/observe.hpp"
+#include "detection/pixel_noise.hpp"
+#include "detection/side_bend.hpp"
+
+namespace fiducap::bench {
+
+double SearchArm::mean_us() const {
+  double sum = 0;
+  for (const double us : cpu_us) sum += us;
+  return cpu_us.empty() ? 0 : sum / static_cast<double>(cpu_us.size());
+}
+
+double SearchArm::rms_px() const {
+  return coordinates == 0 ? 0 : std::sqrt(squares_px2 / coordinates);
+}
+
+namespace {
+
+constexpr Duration kStart = std::chrono::seconds(1);
+constexpr double kGross_px = 1.0;
+constexpr double kPredictedOff_m = 0.005;
+constexpr double kPredictedOff_rad = 0.0052;
+
+CameraMount camera_of(const TrackingRunSetup& setup) {
+  const double f = 460.0 * setup.width / 752;
+  CameraMount mount;
+  mount.model = {setup.width,
+                 setup.height,
+                 f,
+                 f,
+                 0.5 * (setup.width - 1),
+                 0.5 * (setup.height - 1),
+                 Distortion::kRadialTangential,
+                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.X_BV = simulation::forward_camera();
+  return mount;
+}
+
+class TrackingRun final {
+ public:
+  explicit TrackingRun(const TrackingRunSetup& setup)
+      : setup_(setup),
+        mount_(camera_of(setup)),
+        tags_(simulation::tags_of(room())),
+        arms_{{"libapriltag, decimate 1"},
+              {"  with adapted contrast"},
+              {"libapriltag, decimate 2"},
+              {"ours, truth of last image"},
+              {"ours, world filter"}},
+        detector_({}, as_it_comes()),
+        search_({}, {}),
+        random_(static_cast<unsigned>(setup.seed)) {
+    sensors_.cameras = {mount_};
+    sensors_.imu = simulation::ImuErrors{}.noise;
+    for (const RecordedTag& tag : tags_) print_.sizes_m[tag.tag_id] = tag.edge_m;
+    filter_ = make_body_filter("world", sensors_, {}, {});
+    guided_.emplace(sensors_, print_, DetectorConfig{}, EstimatorConfig{});
+  }
+
+  std::vector<SearchArm> run() {
+    simulation::SimulatedBodyConfig body;
+    body.cameras = {mount_};
+    body.trajectory.kind = setup_.room == "hall" ? "survey" : setup_.room;
+    body.trajectory.duration_s = to_seconds(kStart) + setup_.images / mount_.rate_hz;
+    body.trajectory.seed = body.seed = setup_.seed;
+    const auto source =
+        simulation::make_simulated_source(room(), body, instant_from_ns(0), nullptr);
+    if (!source) return {};
+    SampleMerger merger({});
+    for (bool more = true; more;) {
+      auto next = (*source)->next({});
+      more = next && next->has_value();
+      if (more) {
+        (void)merger.push(std::move(**next));
+      } else {
+        merger.finish();
+      }
+      while (auto sample = merger.pop()) take(*sample, **source);
+    }
+    finish();
+    return arms_;
+  }
+
+ private:
+  static DetectorConfig as_it_comes() {
+    DetectorConfig config;
+    config.fit_sides = false;
+    return config;
+  }
+  simulation::RoomConfig room() const {
+    simulation::RoomConfig room;
+    room.preset = setup_.room;
+    return room;
+  }
+
+  void take(const SensorSample& sample, const simulation::SimulatedSource& source) {
+    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+      filter_->propagate(*imu);
+      guided_->add_imu(*imu);
+      return;
+    }
+    const auto& image = std::get<CameraFrame>(sample);
+    if (!counting_ && image.exposed_at - instant_from_ns(0) >= kStart) {
+      counting_ = true;
+      search_before_ = search_.statistics();
+      guided_before_ = guided_->statistics();
+    }
+    look_for_truth(source.truth(image.exposed_at).X_WB, in_view_);
+    look_everywhere(image);
+    look_where_truth_says(image, source);
+    look_where_the_filter_says(image);
+  }
+
+  template <typename Look>
+  void measure(std::size_t arm, Look&& look) {
+    const Duration begin = thread_cpu_time();
+    const CornerFrame& found = look();
+    const double us = 1e6 * to_seconds(thread_cpu_time() - begin);
+    if (counting_) score(arms_[arm], us, found);
+    if (arm == 0) reference_ = found;
+  }
+
+  void look_everywhere(const CameraFrame& image) {
+    const auto pass = [&](double decimate, bool adapt) -> const CornerFrame& {
+      found_.tags.clear();
+      const int contrast = adapt ? contrast_above(pixel_noise(*image.image).value_or(0), {}) : 5;
+      detector_.detect(*image.image, whole(*image.image), {decimate, contrast}, found_.tags);
+      return found_;
+    };
+    measure(0, [&]() -> const CornerFrame& { return pass(1, false); });
+    measure(1, [&]() -> const CornerFrame& { return pass(1, true); });
+    measure(2, [&]() -> const CornerFrame& { return pass(2, false); });
+  }
+
+  void look_where_truth_says(const CameraFrame& image, const simulation::SimulatedSource& source) {
+    std::vector<ExpectedTag> expected;
+    if (last_at_) {
+      constexpr Duration kStep = std::chrono::milliseconds(1);
+      const TruthSample now = source.truth(*last_at_);
+      const Eigen::Vector3d rate =
+          log_so3(source.truth(*last_at_ - kStep).X_WB.q.conjugate() * now.X_WB.q) /
+          to_seconds(kStep);
+      const double dt = to_seconds(image.exposed_at - *last_at_);
+      Pose X_WB{(now.X_WB.q * exp_so3(rate * dt + off(kPredictedOff_rad))).normalized(),
+                now.X_WB.p + now.v_WB * dt + off(kPredictedOff_m)};
+      look_for_truth(X_WB, expected);
+    }
+    last_at_ = image.exposed_at;
+    measure(3, [&]() -> const CornerFrame& { return search_.search(image, expected); });
+  }
+
+  void look_where_the_filter_says(const CameraFrame& image) {
+    filter_->tag_beliefs(beliefs_);
+    const CornerFrame* found = nullptr;
+    measure(4, [&]() -> const CornerFrame& {
+      return *(found = &guided_->search(image, beliefs_, map_));
+    });
+    observe(*found, mount_.model, print_, {}, seen_);
+    (void)filter_->update(seen_, {});
+    guided_->corrected(*filter_,
+                       filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
+  }
+
+  /// The tags whose bits are at least a pixel, well inside and not seen from more than 80°; as
+  /// ExpectedTag with the uncertainty of the prediction.
+  void look_for_truth(const Pose& X_WB, std::vector<ExpectedTag>& out) const {
+    out.clear();
+    const Pose X_VW = (X_WB * mount_.X_BV).inverse();
+    for (const RecordedTag& tag : tags_) {
+      const Eigen::Vector3d p = X_VW * tag.X_WT.p;
+      const Eigen::Vector3d normal = X_VW.q * (tag.X_WT.q * Eigen::Vector3d::UnitZ());
+      if (p.z() < 0.05 || -normal.dot(p) < 0.17 * p.norm()) continue;
+      const double sigma =
+          1 + mount_.model.fu * std::hypot(kPredictedOff_m / p.z(), kPredictedOff_rad);
+      ExpectedTag expected{tag.tag_id, {}, sigma};
+      const auto corners = simulation::corners_of(tag);
+      bool inside = true;
+      double doubled_area = 0;
+      double longest = 0;
+      for (std::size_t i = 0; i < 4 && inside; ++i) {
+        const auto px = mount_.model.project(X_VW * corners[i]);
+        constexpr double kBorder_px = 8;
+        inside = px && px->x() > kBorder_px && px->y() > kBorder_px &&
+                 px->x() < mount_.model.width - 1 - kBorder_px &&
+                 px->y() < mount_.model.height - 1 - kBorder_px;
+        if (inside) expected.corners_px[i] = *px;
+      }
+      for (std::size_t i = 0; i < 4; ++i) {
+        const Eigen::Vector2d& a = expected.corners_px[i];
+        const Eigen::Vector2d& b = expected.corners_px[(i + 1) % 4];
+        doubled_area += a.x() * b.y() - b.x() * a.y();
+        longest = std::max(longest, (b - a).norm());
+      }
+      if (inside && 0.5 * std::abs(doubled_area) > 10 * longest) out.push_back(expected);
+    }
+  }
+
+  void score(SearchArm& arm, double us, const CornerFrame& frame) {
+    arm.cpu_us.push_back(us);
+    const auto has = [](const CornerFrame& in, int id) {
+      return std::any_of(in.tags.begin(), in.tags.end(),
+                         [&](const TagSighting& t) { return t.tag_id == id; });
+    };
+    const CornerFrame& reference = &arm == arms_.data() ? frame : reference_;
+    for (const TagSighting& tag : reference.tags) {
+      ++arm.reference;
+      arm.found_of_reference += has(frame, tag.tag_id) ? 1 : 0;
+    }
+    for (const ExpectedTag& truth : in_view_) {
+      ++arm.in_view;
+      const auto tag = std::find_if(frame.tags.begin(), frame.tags.end(),
+                                    [&](const TagSighting& t) { return t.tag_id == truth.tag_id; });
+      if (tag == frame.tags.end()) continue;
+      ++arm.found;
+      add_errors(arm, unbend_corners(mount_.model, tag->corners_px), truth.corners_px);
+    }
+  }
+
+  static void add_errors(SearchArm& arm, const std::array<Eigen::Vector2d, 4>& found,
+                         const std::array<Eigen::Vector2d, 4>& truth) {
+    double squares = 0;
+    double worst = 0;
+    for (std::size_t i = 0; i < 4; ++i) {
+      squares += (found[i] - truth[i]).squaredNorm();
+      worst = std::max(worst, (found[i] - truth[i]).cwiseAbs().maxCoeff());
+    }
+    if (worst > kGross_px) {
+      ++arm.gross;
+      return;
+    }
+    arm.squares_px2 += squares;
+    arm.coordinates += 8;
+  }
+
+  void finish() {
+    const auto share = [](const SearchStatistics& now, const SearchStatistics& before) {
+      return static_cast<double>(now.whole_images - before.whole_images) /
+             static_cast<double>(std::max<std::uint64_t>(1, now.images - before.images));
+    };
+    arms_[3].whole_share = share(search_.statistics(), search_before_);
+    arms_[4].whole_share = share(guided_->statistics(), guided_before_);
+  }
+
+  Eigen::Vector3d off(double sigma) {
+    const double x = normal_(random_);
+    const double y = normal_(random_);
+    return sigma * Eigen::Vector3d(x, y, normal_(random_));
+  }
+
+  TrackingRunSetup setup_;
+  CameraMount mount_;
+  std::vector<RecordedTag> tags_;
+  std::vector<SearchArm> arms_;
+  TagDetector detector_;
+  TagSearch search_;
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+  BodySensors sensors_;
+  TagSetConfig print_;
+  std::unique_ptr<BodyFilter> filter_;
+  std::optional<GuidedSearch> guided_;
+  TagMap map_;
+  std::vector<TagBelief> beliefs_;
+  TagObservations seen_;
+  std::vector<ExpectedTag> in_view_;
+  CornerFrame found_;
+  CornerFrame reference_;
+  SearchStatistics search_before_;
+  SearchStatistics guided_before_;
+  std::optional<Instant> last_at_;
+  bool counting_{false};
+};
+
+}  // namespace
+
+std::vector<SearchArm> run_tracking(const TrackingRunSetup& setup) {
+  return TrackingRun(setup).run();
+}
+
+}  // namespace fiducap::bench

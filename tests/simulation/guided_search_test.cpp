@@ -1,0 +1,127 @@
+// Regions, forecast and filter together, on rendered images: the loop of a body's worker without
+// threads.
+#include "app/guided_search.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "capture/sample_merger.hpp"
+#include "capture/simulation/room_shape.hpp"
+#include "capture/simulation/simulation.hpp"
+#include "detection/observe.hpp"
+#include "detection/side_bend.hpp"
+
+namespace fiducap {
+namespace {
+
+struct Outcome {
+  SearchStatistics settled;  ///< After the start.
+  int images{};
+  int found{};
+  double squares_px2{};
+};
+
+Outcome run(const std::string& room_name, double seconds, DetectorConfig detector) {
+  CameraMount mount;
+  mount.model = {376,
+                 240,
+                 230,
+                 230,
+                 187.5,
+                 119.5,
+                 Distortion::kRadialTangential,
+                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.X_BV = simulation::forward_camera();
+  BodySensors sensors{{mount}, simulation::ImuErrors{}.noise};
+  simulation::RoomConfig room;
+  room.preset = room_name;
+  simulation::SimulatedBodyConfig body;
+  body.cameras = {mount};
+  body.trajectory.kind = room_name == "hall" ? "survey" : room_name;
+  body.trajectory.duration_s = seconds;
+  const auto source = simulation::make_simulated_source(room, body, instant_from_ns(0), nullptr);
+  const auto tags = simulation::tags_of(room);
+  TagSetConfig print;
+  for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
+  const auto filter = make_body_filter("world", sensors, {}, {});
+  GuidedSearch search(sensors, print, detector, {});
+  SampleMerger merger({});
+  const TagMap map;
+  std::vector<TagBelief> beliefs;
+  TagObservations seen;
+  Outcome outcome;
+  SearchStatistics start;
+  const auto take = [&](const SensorSample& sample) {
+    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+      filter->propagate(*imu);
+      search.add_imu(*imu);
+      return;
+    }
+    const auto& image = std::get<CameraFrame>(sample);
+    const CornerFrame& found = search.search(image, beliefs, map);
+    observe(found, mount.model, print, detector, seen);
+    (void)filter->update(seen, {});
+    search.corrected(*filter, filter->running() ? std::optional(filter->estimate()) : std::nullopt);
+    filter->tag_beliefs(beliefs);
+    if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
+      start = search.statistics();
+      return;
+    }
+    ++outcome.images;
+    const Pose X_VW = ((*source)->truth(image.exposed_at).X_WB * mount.X_BV).inverse();
+    for (const TagSighting& tag : found.tags) {
+      const auto truth = std::find_if(tags.begin(), tags.end(),
+                                      [&](const auto& t) { return t.tag_id == tag.tag_id; });
+      ASSERT_NE(truth, tags.end());
+      const auto corners = unbend_corners(mount.model, tag.corners_px);
+      const auto corners_W = simulation::corners_of(*truth);
+      ++outcome.found;
+      for (std::size_t i = 0; i < 4; ++i) {
+        outcome.squares_px2 +=
+            (corners[i] - *mount.model.project(X_VW * corners_W[i])).squaredNorm() / 8;
+      }
+    }
+  };
+  for (bool more = true; more;) {
+    auto next = (*source)->next({});
+    more = next && next->has_value();
+    if (more) {
+      (void)merger.push(std::move(**next));
+    } else {
+      merger.finish();
+    }
+    while (auto sample = merger.pop()) take(*sample);
+  }
+  outcome.settled = search.statistics();
+  outcome.settled.whole_images -= start.whole_images;
+  outcome.settled.images -= start.images;
+  outcome.settled.expected -= start.expected;
+  outcome.settled.found -= start.found;
+  return outcome;
+}
+
+TEST(GuidedSearch, FindsWhatWholeImagesShowAndLooksAtFewOfThem) {
+  DetectorConfig whole;
+  whole.regions = false;
+  for (const char* room : {"hall", "table"}) {
+    const Outcome ours = run(room, 8, {});
+    const Outcome theirs = run(room, 8, whole);
+    ASSERT_GT(theirs.found, 100) << room;
+    ASSERT_EQ(ours.images, theirs.images);
+    EXPECT_GE(ours.found, theirs.found * 98 / 100) << room;
+    EXPECT_GE(ours.settled.found, ours.settled.expected * 97 / 100) << room;
+    // One in ten by schedule; tags that leave the image call for a few more.
+    EXPECT_LE(ours.settled.whole_images, ours.settled.images / 5) << room;
+    EXPECT_EQ(theirs.settled.whole_images, theirs.settled.images) << room;
+    constexpr double kNoWorse = 1.1;
+    EXPECT_LT(std::sqrt(ours.squares_px2 / ours.found),
+              kNoWorse * std::sqrt(theirs.squares_px2 / theirs.found))
+        << room;
+  }
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "base/so3.hpp"
+#include "capture/simulation/room_shape.hpp"
+#include "detection/tracking/expected_tag.hpp"
+#include "unit/capture/simulation/robot.hpp"
+#include "unit/capture/simulation/still_camera.hpp"
+
+namespace fiducap {
+
+/// A rendered image and where the corners in it truly are.
+struct CornerScene {
+  CameraModel model;
+  std::shared_ptr<const GrayImage> image;
+  std::vector<ExpectedTag> tags;  ///< Exact; those that are well inside of the image.
+  std::vector<double> cos_tilt;   ///< Of each, between its normal and the way to the camera.
+  double blur_px{};               ///< How far the image moves within the exposure.
+  double pixel_noise{};
+};
+
+/// Six tags of any size, tilt, blur and noise; another number is another scene. 752 × 480, every
+/// second one with a lens.
+inline CornerScene make_corner_scene(unsigned number) {
+  using namespace simulation;
+  std::mt19937 random(number);
+  const auto within = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const auto scaled = [&](double low, double high) {
+    return std::exp(within(std::log(low), std::log(high)));
+  };
+  CornerScene scene;
+  scene.model = number % 2 == 1 ? lens_camera() : plain_camera();
+  CameraSimulation settings;
+  settings.exposure_s = 0.01;
+  settings.pixel_noise = scene.pixel_noise = scaled(0.8, 20);
+  settings.vignetting = within(0, 0.8);
+  const double distance = scaled(0.55, 7);
+  std::vector<RecordedTag> tags;
+  for (int i = 0; i < 6; ++i) {
+    RecordedTag tag;
+    tag.tag_id = static_cast<int>((number * 6 + static_cast<unsigned>(i)) % 587);
+    tag.edge_m = 0.2;
+    const double apart = std::max(0.34, 0.22 * distance * within(0.8, 1.2));
+    const double x = apart * (i % 3 - 1) * within(1.08, 1.32);
+    const double y = apart * (i / 3 - 0.5) * within(1.0, 1.2);
+    tag.X_WT.p = {x, y, 0};
+    const double tilt = std::acos(within(0.2, 1));
+    const double towards = within(0, 2 * M_PI);
+    tag.X_WT.q = exp_so3(tilt * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
+                 exp_so3({0, 0, within(-M_PI, M_PI)});
+    tags.push_back(tag);
+  }
+  Pose X_WV = facing_camera(distance);
+  const double yaw = within(-0.03, 0.03);
+  const double pitch = within(-0.03, 0.03);
+  X_WV.q = X_WV.q * exp_so3({yaw, pitch, within(-0.03, 0.03)});
+  const double rate = within(0, 1) < 0.4 ? 0.0 : scaled(0.05, 2);
+  const double about = within(0, 2 * M_PI);
+  scene.blur_px = rate * settings.exposure_s * scene.model.fu;
+  const EvenMotion motion(X_WV, Eigen::Vector3d::Zero(),
+                          {rate * std::cos(about), rate * std::sin(about), 0});
+  scene.image = StillCamera(scene.model, settings).photograph(motion, tags, number);
+  constexpr double kBorder_px = 12;
+  for (const RecordedTag& tag : tags) {
+    ExpectedTag expected{tag.tag_id, {}, 1.5};
+    const auto corners = corners_of(tag);
+    bool inside = true;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto px = scene.model.project(X_WV.inverse() * corners[i]);
+      inside = inside && px && px->x() > kBorder_px && px->y() > kBorder_px &&
+               px->x() < scene.model.width - 1 - kBorder_px &&
+               px->y() < scene.model.height - 1 - kBorder_px;
+      if (px) expected.corners_px[i] = *px;
+    }
+    if (!inside) continue;
+    const Eigen::Vector3d to_camera = (X_WV.p - tag.X_WT.p).normalized();
+    scene.tags.push_back(expected);
+    scene.cos_tilt.push_back((tag.X_WT.q * Eigen::Vector3d::UnitZ()).dot(to_camera));
+  }
+  return scene;
+}
+
+}  // namespace fiducap
