@@ -13,8 +13,10 @@ constexpr double kCell_s = 0.0125;      // finer than half a period of any hand 
 constexpr double kEnough_s = 0.0005;    // where the golden section stops
 constexpr double kParabola_s = 0.0015;  // spacing of the five points of the parabola
 constexpr double kGolden = 0.6180339887498949;
-/// A chi-square that falls by less than this is no evidence.
-constexpr double kEvidence = 16;
+/// A chi-square that falls by less than this over the range is no evidence: images at the ends of
+/// the recording come and go with the shift, and what it would tell is of no use (10 sigma over 50
+/// ms are 5 ms).
+constexpr double kEvidence = 100;
 
 class Search final {
  public:
@@ -39,6 +41,8 @@ class Search final {
     if (!failure_) fit_parabola(narrowed);
     if (worst - best < kEvidence) result_.determined = false;
     if (failure_) return tl::unexpected(*failure_);
+    if (!result_.determined)
+      return ShiftResult{.determined = false, .evaluations = result_.evaluations};
     return result_;
   }
 

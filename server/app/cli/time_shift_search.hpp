@@ -11,7 +11,7 @@ struct ShiftResult {
   double shift_s{};
   double sigma_s{};       ///< From the curvature: the cost is a chi-square.
   bool at_border{false};  ///< The true minimum lies outside the range.
-  bool determined{true};  ///< False: the cost does not depend on the shift; `shift_s` says nothing.
+  bool determined{true};  ///< False: the cost hardly depends on the shift; `shift_s` is 0 then.
   int evaluations{};
 };
 

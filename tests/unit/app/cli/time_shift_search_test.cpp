@@ -29,9 +29,12 @@ TEST(TimeShiftSearch, FindsTheMinimumOfAJaggedCostWithItsSigma) {
 }
 
 TEST(TimeShiftSearch, SaysThatAFlatCostTellsNothing) {
-  const auto found = search_time_shift([](double) -> Expected<double> { return 5; }, 0.05);
+  const auto found =
+      search_time_shift([](double s) -> Expected<double> { return 5 - 1000 * s; }, 0.05);
   ASSERT_TRUE(found);
   EXPECT_FALSE(found->determined);
+  EXPECT_FALSE(found->at_border);
+  EXPECT_EQ(found->shift_s, 0);
 }
 
 TEST(TimeShiftSearch, SaysThatTheMinimumLiesOutside) {

@@ -79,10 +79,10 @@ TEST(AllanDeviation, AWalkTooSmallForTheRecordingIsNotClaimedAndBounded) {
   int claimed = 0;
   int above = 0;
   for (unsigned seed = 1; seed <= 40; ++seed) {
-    const AxisNoise found = identified(kTrue, 2'000, 20, seed);  // 100 s; 2700 s are needed
+    const AxisNoise found = identified(kTrue, 2'000, 20, seed);  // 100 s; 15 000 s are needed
     claimed += found.walk_seen ? 1 : 0;
     above += kTrue.walk > found.walk_bound ? 1 : 0;
-    EXPECT_GT(found.seconds_to_see(kTrue.walk), 1000) << "seed " << seed;
+    EXPECT_GT(found.seconds_to_see(kTrue.walk), 10000) << "seed " << seed;
   }
   EXPECT_LE(claimed, 2);  // of 40, at three sigma
   EXPECT_LE(above, 6);    // of 40, at 95 %: 2 ± 1.4, three sigma
@@ -92,10 +92,9 @@ TEST(AllanDeviation, ARecordingAsLongAsItAsksForShowsTheWalk) {
   constexpr Density kTrue{1e-2, 1e-3};
   const double seconds = identified(kTrue, 20'000, 20, 99).seconds_to_see(kTrue.walk);
   int seen = 0;
-  for (unsigned seed = 1; seed <= 20; ++seed)
-    seen +=
-        identified(kTrue, static_cast<std::size_t>(4 * seconds * 20), 20, seed).walk_seen ? 1 : 0;
-  EXPECT_EQ(seen, 20);
+  for (unsigned seed = 1; seed <= 60; ++seed)
+    seen += identified(kTrue, static_cast<std::size_t>(seconds * 20), 20, seed).walk_seen ? 1 : 0;
+  EXPECT_GE(seen, 52);  // of 60, at 95 %: 57 ± 1.7, three sigma
 }
 
 }  // namespace
