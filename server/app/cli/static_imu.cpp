@@ -92,17 +92,19 @@ Expected<StaticImuNoise> look_at_stamps(std::span<const ImuSample> samples,
   return result;
 }
 
-/// RMS of the three axes; a walk that none of them shows is the largest of their bounds.
+/// RMS of the axes that show a walk; when none does, the largest of their bounds.
 double walk_of(std::span<const AxisNoise> axes, bool& seen) {
   double squares = 0;
   double bound = 0;
-  seen = false;
+  int shown = 0;
   for (const AxisNoise& axis : axes) {
-    seen = seen || axis.walk_seen;
-    squares += axis.walk * axis.walk / 3;
     bound = std::max(bound, axis.walk_bound);
+    if (!axis.walk_seen) continue;
+    ++shown;
+    squares += axis.walk * axis.walk;
   }
-  return seen ? std::sqrt(squares) : bound;
+  seen = shown > 0;
+  return seen ? std::sqrt(squares / shown) : bound;
 }
 
 double white_of(std::span<const AxisNoise> axes) {
