@@ -6,6 +6,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "app/cli/calibrate_extrinsics_command.hpp"
+#include "app/cli/calibrate_imu_command.hpp"
 #include "app/cli/control_command.hpp"
 #include "app/cli/doctor_command.hpp"
 #include "app/cli/evaluate_command.hpp"
@@ -27,6 +29,8 @@ struct CommandLine {
   ControlArguments control;
   MapArguments map;
   TagSheetArguments tag_sheet;
+  CalibrateImuArguments calibrate_imu;
+  CalibrateExtrinsicsArguments calibrate_extrinsics;
   SimulateArguments simulate;
   std::function<int(const Terminal&)> chosen;
 };
@@ -219,6 +223,46 @@ void add_tags(CLI::App& app, CommandLine& line) {
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_tag_sheet(a, t); }; });
 }
 
+void add_calibrate_imu(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand("imu", "IMU noise from a recording at rest: Allan deviation, white noise, bias walk");
+  auto& a = line.calibrate_imu;
+  verb->add_option("RECORDING", a.recording, "Folder in the EuRoC/ASL layout; mav0/imu0/data.csv is enough")->required();
+  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg")->capture_default_str();
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the table for 10 minutes\n"
+      "at least; an hour shows the bias walk of a good gyro. A recording in which it moved is refused.\n"
+      "Then: bodies: kalibr_imu: calibration/imu.yaml\n"
+      "Example:\n  fiducap calibrate imu recordings/still --out calibration");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_imu(a, t); }; });
+}
+
+void add_calibrate_extrinsics(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand("extrinsics", "Where the camera sits on the IMU, and how far their clocks are apart, from a waving recording");
+  auto& a = line.calibrate_extrinsics;
+  verb->add_option("RECORDING", a.recording, "Folder in the EuRoC/ASL layout with camera, IMU and tags")->required();
+  verb->add_option("--out", a.out, "Folder for camchain-imucam.yaml")->capture_default_str();
+  verb->add_option("--prior-mm", a.prior_mm, "How far the recording's T_BS may be off, per axis")->check(kPositive)->capture_default_str();
+  verb->add_option("--prior-deg", a.prior_deg, "The same for its rotation")->check(kPositive)->capture_default_str();
+  verb->add_flag("--keep-time", a.keep_time, "Do not search the time offset");
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: rest for 2 s, then wave the robot for 60 s in front of three or more tags, near enough to fill the image:\n"
+      "turn to and fro about all three axes, quickly but without blur, and move it to all sides. Tags always in view.\n"
+      "cam0/sensor.yaml needs intrinsics and a rough T_BS; imu0/sensor.yaml the IMU's noise (fiducap calibrate imu).\n"
+      "Then: bodies: cameras: calibration: calibration/camchain-imucam.yaml\n"
+      "Example:\n  fiducap calibrate extrinsics recordings/waving --out calibration");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_extrinsics(a, t); }; });
+}
+
+void add_calibrate(CLI::App& app, CommandLine& line) {
+  auto* calibrate = app.add_subcommand("calibrate", "IMU noise, and camera to IMU, from recordings");
+  calibrate->require_subcommand(1);
+  calibrate->footer("Example:\n  fiducap calibrate imu recordings/still\n  fiducap calibrate extrinsics recordings/waving");
+  add_calibrate_imu(*calibrate, line);
+  add_calibrate_extrinsics(*calibrate, line);
+}
+
 void add_simulate(CLI::App& app, CommandLine& line) {
   auto* verb = app.add_subcommand("simulate", "Write a recording of a simulated robot, with truth");
   auto& a = line.simulate;
@@ -266,6 +310,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_evaluate(app, line);
   add_map(app, line);
   add_tags(app, line);
+  add_calibrate(app, line);
   add_simulate(app, line);
   try {
     app.parse(argc, argv);

@@ -40,7 +40,8 @@ const std::vector<std::vector<std::string>> kVerbs{
     {"watch"},         {"replay"},        {"evaluate"},      {"map"},
     {"map", "export"}, {"map", "import"}, {"map", "log"},    {"map", "diff"},
     {"map", "show"},   {"tags"},          {"tags", "sheet"}, {"simulate"},
-    {"doctor"},        {"control"},       {"control", "list"}, {"control", "rename"}};
+    {"doctor"},        {"control"},       {"control", "list"}, {"control", "rename"},
+    {"calibrate"},     {"calibrate", "imu"}, {"calibrate", "extrinsics"}};
 
 TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
   for (auto words : kVerbs) {
