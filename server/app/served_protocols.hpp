@@ -7,6 +7,7 @@
 
 #include "app/config_file.hpp"
 #include "streaming/conventions/axes.hpp"
+#include "streaming/conventions/validity.hpp"
 
 namespace fiducap {
 
@@ -23,6 +24,7 @@ struct ServedProtocol {
   std::string address;
   std::vector<PortUse> ports;  ///< 0: any free one.
   OutputAxes axes;
+  WhenInvalid when_invalid{WhenInvalid::kFlag};
 };
 
 [[nodiscard]] std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming);

@@ -47,7 +47,6 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation&
   const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
                                 : judge_alone(candidate, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
-  if (decided->sigma_rad > patience.sharp_rad && candidate.seen_times < patience.unsharp_after) return std::nullopt;
   forget(seen.tag_id);
   return decided;
 }
@@ -58,9 +57,13 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
   auto& views = candidate.views;
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
   views.push_back({seen, q_WV, poses[0].X_VT.p});
-  Branch best = fit(views, model, q_WV * poses[0].X_VT.q);
-  Branch rival = fit(views, model, q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p));
+  Branch best = fit(views, model, q_WV * poses[0].X_VT.q, true);
+  const auto mirror = [&] { return q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p); };
+  Branch rival = fit(views, model, mirror(), true);
   if (rival.cost < best.cost) std::swap(best, rival);
+  // Seen almost from the front both branches share one valley, which is flat: then the mirrored attitude itself is the
+  // rival, and must be as improbable as another valley's floor.
+  if (angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad) rival = fit(views, model, mirror(), false);
 
   const double numbers = 8.0 * static_cast<double>(views.size());
   if (best.cost > kHopelessCostPerNumber * numbers) {
@@ -72,14 +75,13 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
   // The newest image alone fixes the pose; the views only said which of its two valleys is the right one.
   const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
   const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
-  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT, best.sigma_rad};
+  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT};
 }
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
-                                         Eigen::Quaterniond q_WT) const {
+                                         Eigen::Quaterniond q_WT, bool turns) const {
   const double weight = 1.0 / (config_.corner_noise_px * config_.corner_noise_px);
   double cost = 0;
-  double variance = 0;
   for (int step = 0; step < kFitSteps; ++step) {
     // Normal equations of the shared attitude, each view's own position eliminated (Schur complement).
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -88,7 +90,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
     for (View& view : views) {
       const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
       const CornerResidual r = corner_residual(view.seen, X_VT, model);
-      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity(), 0};
+      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
       const auto H_p = r.H.leftCols<3>();
       const Eigen::Matrix<double, 8, 3> H_q = r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
       const Eigen::LDLT<Eigen::Matrix3d> pp((H_p.transpose() * H_p).eval());
@@ -99,15 +101,14 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
       cost += weight * (r.y - H_p * own).squaredNorm();
       view.p_VT += own;
     }
+    if (!turns) continue;
     A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
-    const Eigen::LDLT<Eigen::Matrix3d> information(A);
-    Eigen::Vector3d d = information.solve(b);
-    variance = information.solve(Eigen::Matrix3d::Identity()).trace() / weight;
+    Eigen::Vector3d d = A.ldlt().solve(b);
     const double size = d.norm();
     if (size > 0.3) d *= 0.3 / size;  // stay in the valley
     q_WT = (exp_so3(d) * q_WT).normalized();
   }
-  return {q_WT, cost, std::sqrt(variance)};
+  return {q_WT, cost};
 }
 
 std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
@@ -128,7 +129,7 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their difference does.
   const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
   if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
-  return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT, std::nullopt, 0.0};
+  return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT, std::nullopt};
 }
 
 }  // namespace fiducap

@@ -18,16 +18,13 @@ struct CameraAttitude {
 /// What the views of a tag say once its branch is certain.
 struct TagVerdict {
   Pose X_VT;                                ///< The tag in the camera's axes, by the newest image alone.
-  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude …
-  double sigma_rad{};                       ///< … and how uncertain that is.
+  std::optional<Eigen::Quaterniond> q_WT;   ///< Its attitude by all views, in the axes of CameraAttitude.
 };
 
 /// When a tag has been looked at long enough.
 struct Patience {
   int at_least{1};        ///< Views before a tag is believed at all: a phantom id is rarely seen twice.
   int forced_after{0};    ///< A branch is taken without enough evidence after so many views; 0: never.
-  double sharp_rad{10};   ///< The attitude by all views must be this certain …
-  int unsharp_after{0};   ///< … but after so many views it is taken as it is.
 };
 
 /// Tags that were seen but whose pose branch is not yet certain.
@@ -56,8 +53,7 @@ class TagCandidates final {
   };
   struct Branch {
     Eigen::Quaterniond q_WT;
-    double cost{};       ///< chi-square over the views
-    double sigma_rad{};  ///< of the attitude
+    double cost{};  ///< chi-square over the views
   };
   struct Candidate {
     std::vector<View> views;        ///< With attitude: the newest `branch_views`.
@@ -66,7 +62,8 @@ class TagCandidates final {
     double rival_cost{0};           ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
   };
-  [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT) const;
+  /// @param turns  false: the attitude is given, only the views' distances are fitted
+  [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT, bool turns) const;
   [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
                                                   const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
                                                   bool forced);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,6 +10,12 @@
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {
+
+/// How the server's clock stands to a client's.
+struct ClockOffset {
+  double offset_s{};  ///< Server's clock minus the client's.
+  double sigma_s{};   ///< As far as whoever measured it knows: 1-sigma, or half of a round trip.
+};
 
 /// One client as the page lists it.
 struct ClientStatus {
@@ -18,6 +25,7 @@ struct ClientStatus {
   std::uint64_t frames_sent{};
   std::uint64_t frames_dropped{};
   double connected_s{};
+  std::optional<ClockOffset> clock{};  ///< Nothing: not measured in this protocol, or not yet.
 };
 
 /// One protocol server. All of them live on the one I/O thread; nothing here blocks.

@@ -1,12 +1,7 @@
 // The vendor's own client against our server, on loopback. Set FIDUCAP_VICON_CLIENT to a
 // `ViconDataStreamSDK_CPPTest` built from the public source of the Vicon DataStream SDK; nothing of
 // it is part of this project.
-#include <fcntl.h>
 #include <gmock/gmock.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
 #include <chrono>
@@ -16,10 +11,9 @@
 
 #include "base/so3.hpp"
 #include "streaming/vicon/vicon_server.hpp"
+#include "support/client_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
-
-extern char** environ;
 
 namespace fiducap::vicon {
 namespace {
@@ -29,51 +23,6 @@ using testing::Not;
 
 constexpr auto kPatience = std::chrono::seconds(10);
 constexpr auto kFramePeriod = std::chrono::milliseconds(10);
-
-/// A child process whose output is read without waiting.
-class ClientProcess final {
- public:
-  explicit ClientProcess(std::vector<std::string> arguments) {
-    int ends[2];
-    EXPECT_EQ(::pipe2(ends, O_CLOEXEC | O_NONBLOCK), 0);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-    posix_spawn_file_actions_addclosefrom_np(&actions,
-                                             3);  // or the client would keep our port open
-    std::vector<char*> argv;
-    for (auto& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    EXPECT_EQ(::posix_spawnp(&pid_, argv[0], &actions, nullptr, argv.data(), environ), 0);
-    posix_spawn_file_actions_destroy(&actions);
-    ::close(ends[1]);
-    out_ = ends[0];
-  }
-  ~ClientProcess() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGKILL);  // it takes no other sign while it waits for a frame
-      ::waitpid(pid_, nullptr, 0);
-    }
-    ::close(out_);
-  }
-  ClientProcess(const ClientProcess&) = delete;
-  ClientProcess& operator=(const ClientProcess&) = delete;
-
-  /// All it has printed so far; the end of a long output is left out.
-  const std::string& output() {
-    char buffer[65536];
-    for (ssize_t n = 0; (n = ::read(out_, buffer, sizeof(buffer))) > 0;) {
-      if (text_.size() < 4'000'000) text_.append(buffer, static_cast<std::size_t>(n));
-    }
-    return text_;
-  }
-
- private:
-  pid_t pid_{-1};
-  int out_{-1};
-  std::string text_;
-};
 
 class ViconSdkClient : public testing::Test {
  protected:

@@ -1,11 +1,6 @@
 // A real VRPN client against our server, on loopback. Set FIDUCAP_VRPN_CLIENT to a `vrpn_print_devices` built from
 // github.com/vrpn/vrpn; nothing of it is part of this project.
-#include <fcntl.h>
 #include <gmock/gmock.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
 #include <chrono>
@@ -14,10 +9,9 @@
 
 #include "base/so3.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
+#include "support/client_process.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
-
-extern char** environ;
 
 namespace fiducap::vrpn {
 namespace {
@@ -28,50 +22,6 @@ using testing::Not;
 // Long enough for three of the client's two-second retries and its warning after 3 s without an answer.
 constexpr auto kPatience = std::chrono::seconds(8);
 constexpr auto kFramePeriod = std::chrono::milliseconds(10);
-
-/// A child process whose output is read without waiting.
-class ClientProcess final {
- public:
-  ClientProcess(const std::string& program, const std::string& device) {
-    int ends[2];
-    EXPECT_EQ(::pipe2(ends, O_CLOEXEC | O_NONBLOCK), 0);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-    posix_spawn_file_actions_addclosefrom_np(&actions, 3);  // or the client would keep our port open
-    // Line by line: the client's own buffer is lost when it is ended.
-    std::string arguments[] = {"stdbuf", "-oL", program, device};
-    char* argv[] = {arguments[0].data(), arguments[1].data(), arguments[2].data(), arguments[3].data(), nullptr};
-    EXPECT_EQ(::posix_spawnp(&pid_, "stdbuf", &actions, nullptr, argv, environ), 0);
-    posix_spawn_file_actions_destroy(&actions);
-    ::close(ends[1]);
-    out_ = ends[0];
-  }
-  ~ClientProcess() {
-    if (pid_ > 0) {
-      ::kill(pid_, SIGTERM);
-      ::waitpid(pid_, nullptr, 0);
-    }
-    ::close(out_);
-  }
-  ClientProcess(const ClientProcess&) = delete;
-  ClientProcess& operator=(const ClientProcess&) = delete;
-
-  /// All it has printed so far; the middle of a long output is left out.
-  const std::string& output() {
-    char buffer[65536];
-    for (ssize_t n = 0; (n = ::read(out_, buffer, sizeof(buffer))) > 0;) {
-      if (text_.size() < 1'000'000) text_.append(buffer, static_cast<std::size_t>(n));
-    }
-    return text_;
-  }
-
- private:
-  pid_t pid_{-1};
-  int out_{-1};
-  std::string text_;
-};
 
 class VrpnPrintDevices : public testing::Test {
  protected:
@@ -99,6 +49,10 @@ class VrpnPrintDevices : public testing::Test {
   [[nodiscard]] std::string direct(const std::string& body) const {
     return body + "@tcp://127.0.0.1:" + std::to_string(config_.port);
   }
+  /// Line by line: the client's own buffer is lost when it is ended.
+  [[nodiscard]] std::vector<std::string> watch(const std::string& device) const {
+    return {"stdbuf", "-oL", program_, device};
+  }
   /// Frames at 100 Hz until the client has printed `wanted`. @return false when it never did.
   bool serve_until(ClientProcess& client, const std::string& wanted) {
     const auto end = std::chrono::steady_clock::now() + kPatience;
@@ -125,29 +79,29 @@ class VrpnPrintDevices : public testing::Test {
 constexpr const char* kPose = "pos ( 1.25, -2.50,  0.75); quat ( 0.50,  0.50,  0.50,  0.50)";
 
 TEST_F(VrpnPrintDevices, ShowsThePoseByRequest) {
-  ClientProcess client(program_, by_request("drone"));
+  ClientProcess client(watch(by_request("drone")));
   EXPECT_TRUE(serve_until(client, kPose)) << client.output();
 }
 
 TEST_F(VrpnPrintDevices, ShowsThePoseByTcp) {
-  ClientProcess client(program_, direct("drone"));
+  ClientProcess client(watch(direct("drone")));
   EXPECT_TRUE(serve_until(client, kPose)) << client.output();
 }
 
 TEST_F(VrpnPrintDevices, IsAnsweredAndNeverComplains) {
-  ClientProcess client(program_, by_request("drone"));
+  ClientProcess client(watch(by_request("drone")));
   EXPECT_FALSE(serve_until(client, "No response")) << client.output();
   EXPECT_THAT(client.output(), HasSubstr(kPose));
   EXPECT_THAT(client.output(), Not(HasSubstr("VRPN Warning")));
 }
 
 TEST_F(VrpnPrintDevices, LearnsWhichBodiesThereAre) {
-  ClientProcess client(program_, direct("ghost"));
+  ClientProcess client(watch(direct("ghost")));
   EXPECT_TRUE(serve_until(client, "no body of this name here; there are: arm, drone")) << client.output();
 }
 
 TEST_F(VrpnPrintDevices, ComesBackAfterARestart) {
-  ClientProcess client(program_, by_request("drone"));
+  ClientProcess client(watch(by_request("drone")));
   ASSERT_TRUE(serve_until(client, kPose)) << client.output();
   server_->stop();
   server_.reset();

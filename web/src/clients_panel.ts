@@ -1,5 +1,5 @@
 import { element, setText } from './dom';
-import { count, duration, fixed, plural, UNKNOWN } from './format';
+import { clockOffset, count, duration, fixed, plural, UNKNOWN } from './format';
 import type { Client } from './protocol';
 
 const HEADINGS: [string, string][] = [
@@ -7,12 +7,13 @@ const HEADINGS: [string, string][] = [
   ['Client', ''],
   ['Frames/s', 'number'],
   ['Dropped', 'number'],
+  ['Clock', 'number clock'],
   ['For', 'number'],
 ];
 
 /** Who listens, by protocol, and what each lost. */
 export class ClientsPanel {
-  private before = new Map<string, { sent: number; at: number }>();
+  private before = new Map<string, Client>();
   private readonly rows: HTMLTableSectionElement;
   private readonly table: HTMLTableElement;
   private readonly nobody = element('p', 'empty', 'Nobody is connected.');
@@ -36,15 +37,14 @@ export class ClientsPanel {
     host.append(this.table, this.nobody);
   }
 
-  /** @param now milliseconds of any steady clock, for the rates */
-  update(clients: Client[], now: number): void {
+  update(clients: Client[]): void {
     const sorted = [...clients].sort((a, b) => a.protocol.localeCompare(b.protocol) || a.peer.localeCompare(b.peer));
-    const seen = new Map<string, { sent: number; at: number }>();
+    const seen = new Map<string, Client>();
     this.rows.replaceChildren(
       ...sorted.map((client) => {
         const key = `${client.protocol} ${client.peer}`;
-        seen.set(key, { sent: client.sent, at: now });
-        return this.row(client, rate(this.before.get(key), client.sent, now));
+        seen.set(key, client);
+        return this.row(client, framesPerSecond(this.before.get(key), client));
       }),
     );
     this.before = seen;
@@ -53,7 +53,7 @@ export class ClientsPanel {
     setText(this.summary, summaryOf(clients));
   }
 
-  private row(client: Client, framesPerSecond: number | null): HTMLTableRowElement {
+  private row(client: Client, rate: number | null): HTMLTableRowElement {
     const row = element('tr');
     const protocol = element('th', 'protocol', client.protocol);
     protocol.scope = 'row';
@@ -64,17 +64,34 @@ export class ClientsPanel {
     row.append(
       protocol,
       who,
-      element('td', 'number', framesPerSecond === null ? UNKNOWN : fixed(framesPerSecond, 0)),
+      element('td', 'number', rate === null ? UNKNOWN : fixed(rate, 0)),
       element('td', client.dropped > 0 ? 'number dropped' : 'number', count(client.dropped)),
+      clockCell(client.clock),
       element('td', 'number', `${value} ${unit}`),
     );
     return row;
   }
 }
 
-function rate(before: { sent: number; at: number } | undefined, sent: number, now: number): number | null {
-  if (!before || now <= before.at || sent < before.sent) return null;
-  return ((sent - before.sent) * 1e3) / (now - before.at);
+/** By the server's own clock: messages bunch up on their way to a slow page. */
+export function framesPerSecond(before: Client | undefined, client: Client): number | null {
+  if (!before || client.connectedS <= before.connectedS || client.sent < before.sent) return null;
+  return (client.sent - before.sent) / (client.connectedS - before.connectedS);
+}
+
+/** Offset above, its doubt below, as address and detail stand. */
+function clockCell(clock: Client['clock']): HTMLTableCellElement {
+  if (clock === null) {
+    const cell = element('td', 'number clock', UNKNOWN);
+    cell.title = 'not measured in this protocol, or not yet';
+    return cell;
+  }
+  const offset = clockOffset(clock.offsetS);
+  const doubt = clock.sigmaS < 1e-6 ? { value: '<1', unit: 'µs' } : clockOffset(clock.sigmaS);
+  const cell = element('td', 'number clock');
+  cell.append(element('span', '', `${offset.value} ${offset.unit}`), element('span', 'detail', `± ${doubt.value} ${doubt.unit}`));
+  cell.title = `server's clock minus the client's: ${offset.value} ${offset.unit} ± ${doubt.value} ${doubt.unit}`;
+  return cell;
 }
 
 /** `vrpn 2 · web 1 · 214 dropped` */

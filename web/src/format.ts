@@ -38,6 +38,13 @@ export function latency(ms: number | null): Quantity {
   return ms !== null && Math.abs(ms) < 9.95 ? { value: fixed(ms, 1), unit: 'ms' } : duration(ms);
 }
 
+/** −12 µs, 0.31 ms, 23 ms, 30.0 h: clocks of two machines count from their starts. */
+export function clockOffset(seconds: number): Quantity {
+  const ms = seconds * 1e3;
+  if (Math.abs(ms) < 0.0995) return { value: fixed(ms * 1e3, 0), unit: 'µs' };
+  return Math.abs(ms) < 9.95 ? { value: fixed(ms, 2), unit: 'ms' } : duration(ms);
+}
+
 /** 2.1 mm, 48 mm, 1.25 m: uncertainty grows over three decades when a body coasts. */
 export function length(mm: number | null): Quantity {
   if (mm === null || !Number.isFinite(mm)) return { value: UNKNOWN, unit: 'mm' };

@@ -41,7 +41,7 @@ class Page {
       case 'frame':
         return this.onFrame(message);
       case 'clients':
-        return this.clients.update(message.clients, performance.now());
+        return this.clients.update(message.clients);
       case 'log':
         return this.log.add(message.lines);
     }

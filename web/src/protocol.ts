@@ -82,6 +82,8 @@ export interface Client {
   sent: number;
   dropped: number;
   connectedS: number;
+  /** Server's clock minus the client's, null: not measured. */
+  clock: { offsetS: number; sigmaS: number } | null;
 }
 
 export interface Clients {
@@ -200,7 +202,15 @@ function parseClient(value: unknown): Client {
     sent: number(client.sent, 'client.sent'),
     dropped: number(client.dropped, 'client.dropped'),
     connectedS: number(client.connected_s, 'client.connected_s'),
+    clock: parseClock(client),
   };
+}
+
+/** Half a measurement is none. */
+function parseClock(client: Fields): Client['clock'] {
+  const offsetS = numberOrNull(client.clock_offset_s);
+  const sigmaS = numberOrNull(client.clock_sigma_s);
+  return offsetS === null || sigmaS === null ? null : { offsetS, sigmaS };
 }
 
 function parseLine(value: unknown): LogLine {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { compact, count, duration, fixed, latency, length, plural, UNKNOWN } from '../src/format';
+import { clockOffset, compact, count, duration, fixed, latency, length, plural, UNKNOWN } from '../src/format';
 
 describe('fixed', () => {
   it('writes a real minus sign and all digits', () => expect(fixed(-1.5, 3)).toBe('−1.500'));
@@ -12,6 +12,12 @@ describe('compact', () => {
   it('loses decimals as the number grows', () => {
     expect([2.134, 21.34, 213.4].map((value) => compact(value, 2))).toEqual(['2.13', '21.3', '213']);
   });
+});
+
+describe('clockOffset', () => {
+  it.each([
+    [0, '0', 'µs'], [-12e-6, '−12', 'µs'], [0.0003121, '0.31', 'ms'], [-0.0234, '−23', 'ms'], [108_000, '30.0', 'h'],
+  ])('writes %s s as %s %s', (seconds, value, unit) => expect(clockOffset(seconds)).toEqual({ value, unit }));
 });
 
 describe('duration', () => {

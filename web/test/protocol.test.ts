@@ -58,14 +58,20 @@ describe('parseMessage', () => {
   });
 
   it('reads clients and log lines', () => {
-    const clients = { type: 'clients', clients: [{ protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connected_s: 2 }] };
+    const clients = { type: 'clients', clients: [{ protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connected_s: 2, clock_offset_s: -0.5, clock_sigma_s: 0.001 }] };
     expect(parseMessage(JSON.stringify(clients))).toEqual({
-      type: 'clients', clients: [{ protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connectedS: 2 }],
+      type: 'clients', clients: [{ protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connectedS: 2, clock: { offsetS: -0.5, sigmaS: 0.001 } }],
     });
     const log = { type: 'log', lines: [{ n: 1, utc_ms: 5, level: 'warning', room: 'vrpn', text: 't' }] };
     expect(parseMessage(JSON.stringify(log))).toEqual({
       type: 'log', lines: [{ n: 1, utcMs: 5, level: 'warning', room: 'vrpn', text: 't' }],
     });
+  });
+
+  it('takes half a clock for none', () => {
+    const client = { protocol: 'vrpn', peer: 'p', detail: 'd', sent: 5, dropped: 1, connected_s: 2, clock_offset_s: 1, clock_sigma_s: null };
+    const message = parseMessage(JSON.stringify({ type: 'clients', clients: [client] }));
+    expect(message?.type === 'clients' && message.clients[0]?.clock).toBeNull();
   });
 
   it('passes over messages of a newer server', () => {

@@ -1,5 +1,5 @@
 import { describe, expect, it } from 'vitest';
-import { summaryOf } from '../src/clients_panel';
+import { framesPerSecond, summaryOf } from '../src/clients_panel';
 import { liveUrl, retryDelay } from '../src/connection';
 import { ellipsoid } from '../src/covariance';
 import { mapLine } from '../src/map_line';
@@ -42,11 +42,17 @@ describe('connection', () => {
 });
 
 describe('summaries', () => {
-  const client = { protocol: 'vrpn', peer: '', detail: '', sent: 1, dropped: 0, connectedS: 1 };
+  const client = { protocol: 'vrpn', peer: '', detail: '', sent: 1, dropped: 0, connectedS: 1, clock: null };
   it('counts clients per protocol and their drops', () => {
     expect(summaryOf([client, { ...client, protocol: 'web' }, client])).toBe('vrpn 2 · web 1 · nothing dropped');
     expect(summaryOf([{ ...client, dropped: 214 }])).toBe('vrpn 1 · 214 frames dropped');
     expect(summaryOf([])).toBe('');
+  });
+  it('takes the rate of frames by the server\'s clock', () => {
+    expect(framesPerSecond(undefined, client)).toBeNull();
+    expect(framesPerSecond(client, { ...client, sent: 201, connectedS: 3 })).toBe(100);
+    expect(framesPerSecond(client, { ...client, sent: 0, connectedS: 2 })).toBeNull();
+    expect(framesPerSecond(client, client)).toBeNull();
   });
   it('says that a map was never stored', () => {
     expect(mapLine({ type: 'map', version: 0, family: 'tag36h11', referenceTag: null, tags: [] }, 'mapping')).toBe(

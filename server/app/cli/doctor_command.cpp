@@ -70,10 +70,23 @@ std::string ports_text(const ServedProtocol& protocol) {
 
 std::string units_text(double units_per_m) { return units_per_m == 1000.0 ? "mm" : "m"; }
 
+std::string looks_of_lost(const ProtocolConventions& conventions, WhenInvalid policy) {
+  if (policy == conventions.when_invalid) return std::string(conventions.invalid_looks);
+  return policy == WhenInvalid::kHold ? "its last valid pose, as if it were live (when_invalid: hold)"
+                                      : "absent (when_invalid: stop)";
+}
+
+void note_conventions(Findings& findings, std::string_view protocol, const OutputAxes& axes, WhenInvalid policy) {
+  const ProtocolConventions& conventions = conventions_of(protocol);
+  findings.note(std::string(name_of(axes.up)) + ", " + units_text(axes.units_per_m) + ", attitude " +
+                std::string(conventions.attitude) + "; a body that is lost: " + looks_of_lost(conventions, policy) +
+                "; stamped with " + std::string(conventions.stamp));
+}
+
 void look_at_protocols(Findings& findings, const StreamingConfig& streaming,
+                       const std::vector<ListeningPort>& listening,
                        const std::vector<NetworkInterface>& interfaces) {
   findings.title("Protocols: where they listen, what their clients receive");
-  const auto listening = listening_ports();
   for (const ServedProtocol& protocol : served_protocols(streaming)) {
     const std::string name(protocol.name);
     if (!protocol.enabled) {
@@ -84,13 +97,33 @@ void look_at_protocols(Findings& findings, const StreamingConfig& streaming,
     const std::string place = name + " on " + protocol.address + ", " + ports_text(protocol);
     if (faults.empty()) findings.good(place);
     for (const std::string& fault : faults) findings.bad(place + ": " + fault);
-    const ProtocolConventions& conventions = conventions_of(protocol.name);
-    findings.note(std::string(name_of(protocol.axes.up)) + ", " + units_text(protocol.axes.units_per_m) +
-                  ", attitude " + std::string(conventions.attitude) + "; a body that is lost: " +
-                  std::string(conventions.invalid_looks) + "; stamped with " + std::string(conventions.stamp));
+    note_conventions(findings, protocol.name, protocol.axes, protocol.when_invalid);
     if (is_loopback(protocol.address))
       findings.note("reached from this machine only; streaming." + name +
                     ".address: 0.0.0.0 lets other machines in");
+  }
+}
+
+void look_at_dds(Findings& findings, const ServerConfig& config, const std::vector<ListeningPort>& listening,
+                 const std::vector<NetworkInterface>& interfaces) {
+  if (!config.streaming.dds.enabled) {
+    findings.note("dds: switched off (streaming.dds.enabled)");
+    return;
+  }
+  const dds::NetworkConfig& network = config.dds;
+  const std::string place = "dds on " + (network.interface.empty() ? "the interface it likes best" : network.interface) +
+                            ", ROS_DOMAIN_ID " + std::to_string(network.domain);
+  const auto faults = faults_of(network, listening, interfaces);
+  if (faults.empty()) findings.good(place);
+  for (const std::string& fault : faults) findings.bad(place + ": " + fault);
+  for (const char* profile : {"ros2", "px4"}) {
+    if (profile == std::string_view("px4") && config.streaming.dds.px4 == dds::Px4Profile::kOff) continue;
+    note_conventions(findings, profile, conventions_of(profile).axes, conventions_of(profile).when_invalid);
+  }
+  if (network.interface == "lo" || is_loopback(network.interface)) {
+    findings.note("reached from this machine only; dds.interface: NAME of a card above lets other machines in");
+  } else if (!network.uses_multicast()) {
+    findings.note("asks dds.peers only: others must name this machine as their peer, too");
   }
 }
 
@@ -160,6 +193,30 @@ std::vector<std::string> faults_of(const ServedProtocol& protocol, const std::ve
   return faults;
 }
 
+std::vector<std::string> faults_of(const dds::NetworkConfig& network, const std::vector<ListeningPort>& listening,
+                                   const std::vector<NetworkInterface>& interfaces) {
+  std::vector<std::string> faults;
+  const bool known =
+      network.interface.empty() || std::any_of(interfaces.begin(), interfaces.end(), [&](const auto& one) {
+        return one.name == network.interface || one.address == network.interface;
+      });
+  if (!known) {
+    faults.push_back("no interface of this machine has that name or address; set dds.interface to one of those above");
+  }
+  // RTPS 2.2, 9.6.1.1: participant i of a domain is asked who is there at this port.
+  const int first = 7400 + 250 * network.domain + 10;
+  const bool heard = std::any_of(listening.begin(), listening.end(), [&](const ListeningPort& one) {
+    const int index = (one.port - first) / 2;
+    return one.transport == Transport::kUdp && one.port >= first && (one.port - first) % 2 == 0 &&
+           index < network.max_participants;
+  });
+  if (!heard) {
+    faults.push_back("nobody listens on " + std::to_string(first) + " udp or the ports after it: is fiducapd running "
+                     "with this configuration? Its log says why it could not join");
+  }
+  return faults;
+}
+
 int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
   const auto config = load_config(arguments.config, arguments.sets);
   if (!config) {
@@ -174,7 +231,9 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
   Findings findings(terminal.out);
   const auto interfaces = network_interfaces();
   look_at_network(findings, interfaces);
-  look_at_protocols(findings, config->streaming, interfaces);
+  const auto listening = listening_ports();
+  look_at_protocols(findings, config->streaming, listening, interfaces);
+  look_at_dds(findings, *config, listening, interfaces);
   look_at_server(findings, *address);
   terminal.out << (findings.bad_count() == 0 ? "All is well.\n"
                                              : std::to_string(findings.bad_count()) + " findings need a remedy (!!).\n");

@@ -6,6 +6,7 @@
 #include "app/cli/network_check.hpp"
 #include "app/cli/terminal.hpp"
 #include "app/served_protocols.hpp"
+#include "base/dds/network.hpp"
 
 namespace fiducap {
 
@@ -22,6 +23,10 @@ struct DoctorArguments {
 
 /// What is wrong with how a protocol can be reached, one sentence each with its remedy; empty: nothing.
 [[nodiscard]] std::vector<std::string> faults_of(const ServedProtocol& protocol,
+                                                 const std::vector<ListeningPort>& listening,
+                                                 const std::vector<NetworkInterface>& interfaces);
+/// The same for a process's membership in DDS: is the interface there, and is anybody in the domain on this machine?
+[[nodiscard]] std::vector<std::string> faults_of(const dds::NetworkConfig& network,
                                                  const std::vector<ListeningPort>& listening,
                                                  const std::vector<NetworkInterface>& interfaces);
 

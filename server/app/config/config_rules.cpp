@@ -145,6 +145,29 @@ void check_vehicles(Errors& all, const ServerConfig& config) {
   }
 }
 
+/// An alias of nobody is a typing error.
+void check_aliases(Errors& all, const ServerConfig& config) {
+  const StreamingConfig& streaming = config.streaming;
+  const auto check = [&](const std::string& protocol, const NameAliases& aliases) {
+    Checker rules{"streaming." + protocol + ".aliases."};
+    for (const auto& entry : aliases) {
+      const bool known =
+          std::any_of(config.bodies.begin(), config.bodies.end(),
+                      [&](const BodyConfig& body) { return body.name == entry.first; });
+      rules
+          .require(known, entry.first, '"' + entry.second + '"',
+                   "must stand for the name of one of the bodies")
+          .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
+    }
+    append(all, rules.errors, rules.prefix);
+  };
+  check("vrpn", streaming.vrpn.aliases);
+  check("natnet", streaming.natnet.aliases);
+  check("vicon", streaming.vicon.aliases);
+  check("qualisys", streaming.qualisys.aliases);
+  check("dds", streaming.dds.aliases);
+}
+
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
   std::set<std::string> names;
   std::set<int> ids;
@@ -184,6 +207,7 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
   check_vehicles(all, config);
+  check_aliases(all, config);
   append(all, config.dds.check(), "dds.");
   append(all, config.operators.check(), "operator.");
   return all;

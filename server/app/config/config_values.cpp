@@ -36,6 +36,27 @@ std::string joined(const Range& range, ToText to_text) {
   return text;
 }
 
+template <typename Key, typename Value>
+Broken read_map(const YAML::Node& node, const char* rule, std::map<Key, Value>& out) {
+  if (!node.IsMap()) return rule;
+  std::map<Key, Value> values;
+  for (const auto& entry : node) {
+    Key key{};
+    Value value{};
+    if (read_value(entry.first, key) || read_value(entry.second, value)) return rule;
+    values[key] = value;
+  }
+  out = std::move(values);
+  return std::nullopt;
+}
+
+template <typename Key, typename Value>
+std::string text_of_map(const std::map<Key, Value>& value) {
+  return "{" +
+         joined(value, [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); }) +
+         "}";
+}
+
 }  // namespace
 
 Broken read_value(const YAML::Node& node, bool& out) {
@@ -127,17 +148,11 @@ Broken read_value(const YAML::Node& node, std::vector<std::string>& out) {
 }
 
 Broken read_value(const YAML::Node& node, std::map<int, double>& out) {
-  const char* rule = "must be a section of `id: number`";
-  if (!node.IsMap()) return rule;
-  std::map<int, double> values;
-  for (const auto& entry : node) {
-    int id{};
-    double value{};
-    if (read_value(entry.first, id) || read_value(entry.second, value)) return rule;
-    values[id] = value;
-  }
-  out = std::move(values);
-  return std::nullopt;
+  return read_map(node, "must be a section of `id: number`", out);
+}
+
+Broken read_value(const YAML::Node& node, std::map<std::string, std::string>& out) {
+  return read_map(node, "must be a section of `name: other name`", out);
 }
 
 std::string text_of(bool value) { return value ? "true" : "false"; }
@@ -171,10 +186,7 @@ std::string text_of(const std::vector<std::string>& value) {
   return "[" + joined(value, [](const std::string& v) { return text_of(v); }) + "]";
 }
 
-std::string text_of(const std::map<int, double>& value) {
-  return "{" +
-         joined(value, [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); }) +
-         "}";
-}
+std::string text_of(const std::map<int, double>& value) { return text_of_map(value); }
+std::string text_of(const std::map<std::string, std::string>& value) { return text_of_map(value); }
 
 }  // namespace fiducap

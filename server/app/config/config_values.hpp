@@ -32,6 +32,7 @@ using Broken = std::optional<std::string>;
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::vector<int>& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::vector<std::string>& out);
 [[nodiscard]] Broken read_value(const YAML::Node& node, std::map<int, double>& out);
+[[nodiscard]] Broken read_value(const YAML::Node& node, std::map<std::string, std::string>& out);
 [[nodiscard]] Broken read_numbers(const YAML::Node& node, std::span<double> out);
 
 [[nodiscard]] std::string text_of(bool value);
@@ -46,6 +47,7 @@ using Broken = std::optional<std::string>;
 [[nodiscard]] std::string text_of(const std::vector<int>& value);
 [[nodiscard]] std::string text_of(const std::vector<std::string>& value);
 [[nodiscard]] std::string text_of(const std::map<int, double>& value);
+[[nodiscard]] std::string text_of(const std::map<std::string, std::string>& value);
 [[nodiscard]] std::string text_of_numbers(std::span<const double> values);
 
 template <std::size_t N>

@@ -66,6 +66,7 @@ void describe(V& v, vrpn::VrpnConfig& c) {
   v.value("acceleration", c.acceleration);
   v.word("up", c.up, words::kUpAxis);
   v.word("scope", c.scope, words::kAxesScope);
+  v.value("aliases", c.aliases);
   v.value("minor_version", c.minor_version);
   v.value("workspace_box_m", c.workspace_box_m);
   v.list("sensors", c.sensors);
@@ -103,6 +104,7 @@ void describe(V& v, natnet::NatNetConfig& c) {
   v.word("up", c.up, words::kUpAxis);
   v.word("scope", c.scope, words::kAxesScope);
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
   v.value("targets", c.targets);
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
@@ -118,6 +120,7 @@ void describe(V& v, vicon::ViconConfig& c) {
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
 }
 
 template <class V>
@@ -131,6 +134,7 @@ void describe(V& v, qualisys::QualisysConfig& c) {
   v.word("up", c.up, words::kUpAxis);
   v.word("scope", c.scope, words::kAxesScope);
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
   v.value("qtm_version", c.qtm_version);
 }
 
@@ -149,6 +153,7 @@ void describe(V& v, dds::DdsConfig& c) {
   v.value("enabled", c.enabled);
   v.value("prefix", c.prefix);
   v.value("world_frame", c.world_frame);
+  v.value("aliases", c.aliases);
   v.value("pose", c.pose);
   v.value("twist", c.twist);
   v.value("odometry", c.odometry);

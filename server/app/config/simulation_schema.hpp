@@ -63,12 +63,19 @@ void describe(V& v, simulation::FaultConfig& c) {
   v.value("delay_image_s", c.delay_image_s);
   v.value("jitter_s", c.jitter_s);
   v.value("occlude", c.occlude);
+  v.value("occlude_corner", c.occlude_corner);
   v.value("wrong_id", c.wrong_id);
   v.value("blackout_every_s", c.blackout_every_s);
   v.value("blackout_s", c.blackout_s);
   v.value("moved_tag", c.moved_tag);
   v.value("moved_at_s", c.moved_at_s);
   v.value("moved_by_m", c.moved_by_m);
+  v.value("image_stamp_error_s", c.image_stamp_error_s);
+  v.value("imu_stamp_jitter_s", c.imu_stamp_jitter_s);
+  v.value("saturation_at_s", c.saturation_at_s);
+  v.value("saturation_s", c.saturation_s);
+  v.value("saturated_gyro_rad_s", c.saturated_gyro_rad_s);
+  v.value("saturated_accel_m_s2", c.saturated_accel_m_s2);
 }
 
 /// `has_imu` is not here: the body's `use_imu` says it. `paced` neither: the server lives in real

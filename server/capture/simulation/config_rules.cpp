@@ -69,6 +69,7 @@ std::vector<ConfigError> check(const FaultConfig& faults, const std::string& pre
       .within("delay_image_s", faults.delay_image_s, 0, 60)
       .within("jitter_s", faults.jitter_s, 0, 10)
       .within("occlude", faults.occlude, 0, 1)
+      .within("occlude_corner", faults.occlude_corner, 0, 1)
       .within("wrong_id", faults.wrong_id, 0, 1)
       .not_negative("blackout_every_s", faults.blackout_every_s)
       .not_negative("blackout_s", faults.blackout_s)
@@ -77,6 +78,12 @@ std::vector<ConfigError> check(const FaultConfig& faults, const std::string& pre
       .not_negative("moved_at_s", faults.moved_at_s)
       .require(faults.moved_by_m.allFinite(), "moved_by_m", faults.moved_by_m.transpose(),
                "must be finite")
+      .within("image_stamp_error_s", faults.image_stamp_error_s, -1, 1)
+      .within("imu_stamp_jitter_s", faults.imu_stamp_jitter_s, 0, 1)
+      .not_negative("saturation_at_s", faults.saturation_at_s)
+      .not_negative("saturation_s", faults.saturation_s)
+      .positive("saturated_gyro_rad_s", faults.saturated_gyro_rad_s)
+      .positive("saturated_accel_m_s2", faults.saturated_accel_m_s2)
       .errors;
 }
 

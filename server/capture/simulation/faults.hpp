@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "capture/camera_frame.hpp"
 #include "capture/simulation/simulation.hpp"
 
 namespace fiducap::simulation {
@@ -23,6 +24,12 @@ class Faults final {
   /// Takes hidden tags out, moves the moved one, writes wrong ids over the true ones. Order is
   /// kept.
   void touch(int camera, std::uint64_t k, double t_s, std::vector<RecordedTag>& tags) const;
+  /// Puts covered corners where a detector would find them. Same order as the tags.
+  void cover(int camera, std::uint64_t k, std::vector<TagSighting>& sightings) const;
+  /// How much later than the truth the stamps say.
+  [[nodiscard]] Duration image_stamp_error() const;
+  [[nodiscard]] Duration imu_stamp_error(std::uint64_t k, double rate_hz) const;
+  void saturate(double t_s, ImuSample& imu) const;
 
  private:
   FaultConfig config_;

@@ -22,7 +22,9 @@ enum class Purpose : std::uint64_t {
   kBackdrop,
   kImuFaults,
   kImageFaults,
-  kTagFaults
+  kTagFaults,
+  kCornerFaults,
+  kStampFaults
 };
 
 /// Random numbers that depend on nothing but their key: the same on every machine, in any order of

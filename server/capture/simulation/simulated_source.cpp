@@ -106,20 +106,23 @@ class Simulation final : public SimulatedSource {
     const double t_s = to_seconds(sample.taken);
     if (sample.sensor == kImu) {
       ImuSample imu = imu_.measure(sample.k, trajectory_->at(t_s));
-      imu.sampled_at = start_ + sample.taken;
+      faults_.saturate(t_s, imu);
+      imu.sampled_at = start_ + sample.taken + faults_.imu_stamp_error(sample.k, sample.rate_hz);
       return imu;
     }
     const auto camera = static_cast<std::size_t>(sample.sensor);
+    const Instant stamp = start_ + sample.taken + faults_.image_stamp_error();
     if (!images_.empty()) {
       begin_image(sample);
       images_[camera].renderer->draw(body_.cameras[camera].model.height);
-      return CameraFrame{sample.sensor, start_ + sample.taken, images_[camera].renderer->take()};
+      return CameraFrame{sample.sensor, stamp, images_[camera].renderer->take()};
     }
     const CameraMount& mount = body_.cameras[camera];
     hang_tags(sample);
-    CornerFrame frame{sample.sensor, start_ + sample.taken, {}};
+    CornerFrame frame{sample.sensor, stamp, {}};
     sight_corners(mount.model, trajectory_->at(t_s).X_WB * mount.X_BV, frame_tags_, body_.camera,
                   key_of(sample), frame.tags);
+    faults_.cover(sample.sensor, sample.k, frame.tags);
     return frame;
   }
 

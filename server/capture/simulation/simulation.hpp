@@ -66,12 +66,19 @@ struct FaultConfig {
   double delay_image_s{0};          ///< Additional constant delay of images.
   double jitter_s{0};               ///< 1-sigma of stamp-preserving arrival jitter.
   double occlude{0};                ///< Share of tags hidden completely, per image.
+  double occlude_corner{0};         ///< Corners only: share of tags with one corner covered, per image; it is reported further in, by at most a border width (edge / 8) along each side.
   double wrong_id{0};               ///< Share of tags reported (or printed) with another id, per image.
   double blackout_every_s{0};       ///< No image for `blackout_s` each time.
   double blackout_s{0};
   int moved_tag{-1};                ///< This tag jumps …
   double moved_at_s{0};             ///< … at this time …
   Eigen::Vector3d moved_by_m{Eigen::Vector3d::Zero()};  ///< … by this (W axes).
+  double image_stamp_error_s{0};    ///< Images say that they were exposed so much later than they were (camera–IMU time offset).
+  double imu_stamp_jitter_s{0};     ///< 1-sigma by which IMU stamps are wrong; cut off before neighbours could change order.
+  double saturation_at_s{0};        ///< From here …
+  double saturation_s{0};           ///< … for so long the IMU measures no more than …
+  double saturated_gyro_rad_s{0.4};      ///< … this per axis …
+  double saturated_accel_m_s2{9.5};     ///< … and this.
 };
 
 /// One simulated robot in a room.

@@ -35,13 +35,11 @@ constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
 constexpr int kForceWithImu = 40;
 constexpr int kForceWithoutImu = 4;
-// A tag joins when its attitude is this certain, so that it is linearised near the truth, or after so many views.
-constexpr double kSharp_rad = 0.05;
-constexpr int kUnsharpViews = 30;
 // After being adrift the gyro still says how the body turned.
 constexpr double kGyroTurn_rad = 0.1;
-// A map tag that was not seen for so long is let go, with what its error shares with the body's.
-constexpr double kHold_s = 10.0;
+// Map tags are held while in view, and so many more of those seen last: what their errors share with the body's is worth
+// keeping for a while, and a hall of a thousand tags costs what a room of ten does.
+constexpr std::size_t kHeldOutOfView = 12;
 // The reference tag is tied again when linearisation has let it slip this far (m and rad together).
 constexpr double kSlack = 1e-7;
 // A map tag that moved more than this has got a new place from the map.
@@ -178,17 +176,30 @@ void WorldFilter::step_to(Instant to, const InertialInput& input, double longest
 }
 
 void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known) {
+  const auto in_view = [&](int tag_id) {
+    return std::any_of(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+  };
   for (std::size_t i = state_.tags.size(); i-- > 0;) {
     const WorldTag& tag = state_.tags[i];
     if (!tag.held) continue;
     const auto now = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
-    const bool changed = now != known.end() && (!same_place(now->X_WT, tag.X_WT) || is_exact(*now));
-    if (changed || to_seconds(seen.exposed_at - tag.last_seen) > kHold_s) state_.remove_tag(i);
+    if (now != known.end() && (!same_place(now->X_WT, tag.X_WT) || is_exact(*now))) state_.remove_tag(i);
   }
-  if (anchor_ != Anchor::kWorkspace) return;
-  for (const KnownTag& tag : known) {
-    const bool in_view = std::any_of(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == tag.tag_id; });
-    if (in_view && !is_exact(tag) && state_.find(tag.tag_id) < 0) hold(state_, tag, seen.exposed_at);
+  if (anchor_ == Anchor::kWorkspace) {
+    for (const KnownTag& tag : known) {
+      if (in_view(tag.tag_id) && !is_exact(tag) && state_.find(tag.tag_id) < 0) hold(state_, tag, seen.exposed_at);
+    }
+  }
+  for (;;) {
+    std::size_t out_of_view = 0;
+    std::size_t oldest = state_.tags.size();
+    for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+      if (!state_.tags[i].held || in_view(state_.tags[i].tag_id)) continue;
+      ++out_of_view;
+      if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen) oldest = i;
+    }
+    if (out_of_view <= kHeldOutOfView) return;
+    state_.remove_tag(oldest);
   }
 }
 
@@ -341,10 +352,6 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   Patience patience;
   patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
-  if (has_imu()) {
-    patience.sharp_rad = kSharp_rad;
-    patience.unsharp_after = kUnsharpViews;
-  }
   decided_.clear();
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);

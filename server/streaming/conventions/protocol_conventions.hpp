@@ -15,7 +15,7 @@ struct ProtocolConventions {
   OutputAxes axes;
   std::string_view attitude;  ///< `xyzw`, `wxyz` or `matrix`, as on the wire.
   WhenInvalid when_invalid{WhenInvalid::kFlag};
-  std::string_view invalid_looks;  ///< How a client tells, e.g. `tracking-valid bit clear`.
+  std::string_view invalid_looks;  ///< How a client tells under `when_invalid`.
   NameRule names;
   std::string_view stamp;  ///< Which instant the wire's time stamp is.
 };
@@ -28,7 +28,7 @@ inline constexpr OutputAxes kAutopilot{UpAxis::kDown, AxesScope::kWorldAndBody, 
 
 inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
     {"vrpn", kMetres, "xyzw", WhenInvalid::kStop, "no reports", {95, "@", false, true}, "UTC of the pose"},
-    {"natnet", kMetresYUp, "xyzw", WhenInvalid::kFlag, "tracking-valid bit clear", {255, ",", false, true},
+    {"natnet", kMetresYUp, "xyzw", WhenInvalid::kFlag, "tracking-valid bit clear, mean error 0, last pose kept", {255, ",", false, true},
      "server seconds of the pose; exposure and transmit in ticks"},
     {"vicon", kMillimetres, "matrix", WhenInvalid::kFlag, "occluded",
      {127, "!\"#$%&'()*+,-./:;<=>?@[\\]^`{|}~", true, false},

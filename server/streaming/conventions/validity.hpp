@@ -6,9 +6,15 @@ namespace fiducap {
 
 /// What a client sees of a body whose pose may not be used.
 enum class WhenInvalid {
-  kFlag,  ///< The body is there, marked invalid by the means of its protocol; its numbers are never stale poses.
+  /// The body is there, marked invalid by the means of its protocol
+  /// (ProtocolConventions::invalid_looks). Its numbers are
+  /// what the original server sends beside the mark: none, NaN, or as NatNet the last valid pose. A
+  /// client that does not
+  /// look at the mark wants kStop.
+  kFlag,
   kStop,  ///< The body is absent until it is valid again.
-  kHold,  ///< The last valid pose goes on. For clients that cannot bear a gap; not honest, never a default.
+  kHold,  ///< The last valid pose goes on. For clients that cannot bear a gap; not honest, never a
+          ///< default.
 };
 
 [[nodiscard]] constexpr std::string_view name_of(WhenInvalid policy) {

@@ -14,7 +14,7 @@ namespace fiducap::dds {
 /// types.
 class BodyTopics final {
  public:
-  /// @param name  as a ROS name   @param alone  the scene has no other body
+  /// @param name  as a ROS name   @param alone  the server has no other body
   BodyTopics(TopicMaker& make, std::string name, bool alone);
 
   /// @param body  usable

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "streaming/conventions/client_names.hpp"
 
 namespace fiducap::dds {
 
@@ -15,7 +16,8 @@ struct DdsConfig {
   bool enabled{false};
   std::string prefix;  ///< Before the topics of a body: `/fiducap` gives `/fiducap/<body>/pose`.
   std::string world_frame{"world"};  ///< frame_id of the workspace; a body's own is its name.
-  bool pose{true};                   ///< `/<body>/pose`, geometry_msgs/PoseStamped.
+  NameAliases aliases;
+  bool pose{true};   ///< `/<body>/pose`, geometry_msgs/PoseStamped.
   bool twist{true};  ///< `/<body>/twist`, geometry_msgs/TwistStamped, in the world's axes.
   bool odometry{
       true};      ///< `/<body>/odom`, nav_msgs/Odometry with covariances, twist in the body's axes.

@@ -21,14 +21,18 @@ namespace {
 class Offer final {
  public:
   Offer(const Participant& in, const DdsConfig& config)
-      : make_(in, config), scene_(make_), map_(make_), health_(make_) {}
+      : aliases_(config.aliases), make_(in, config), scene_(make_), map_(make_), health_(make_) {}
 
-  /// @return the first topic that could not be made
+  /// @return the topics that every model has could all be made
+  [[nodiscard]] Expected<void> made() const { return make_.result(); }
+  /// @return the first topic of these bodies that could not be made
   Expected<void> use(const SceneModel& model) {
-    const auto names = ros_names(model);
+    const auto names = ros_names(model, aliases_);
+    if (!alone_) alone_ = names.size() == 1;
+    make_.begin();
     bodies_.clear();
     bodies_.reserve(names.size());
-    for (const auto& name : names) bodies_.emplace_back(make_, name, names.size() == 1);
+    for (const auto& name : names) bodies_.emplace_back(make_, name, *alone_);
     scene_.use(model, names);
     health_.use(model);
     return make_.result();
@@ -57,10 +61,13 @@ class Offer final {
   }
 
  private:
+  NameAliases aliases_;
   TopicMaker make_;
   SceneTopics scene_;
   MapTopics map_;
   HealthTopic health_;
+  /// As of the start: a vehicle keeps its topic when another body is switched off.
+  std::optional<bool> alone_;
   std::vector<BodyTopics> bodies_;
   PoseJumps jumps_;
   std::vector<bool> usable_;
@@ -74,6 +81,7 @@ class DdsServer final : public Streamer {
     offer_.emplace(*participant_, config_);
   }
 
+  [[nodiscard]] Expected<void> made() const { return offer_->made(); }
   Expected<void> use(std::shared_ptr<const SceneModel> model) {
     model_ = std::move(model);
     return offer_->use(*model_);
@@ -116,8 +124,11 @@ Expected<std::unique_ptr<Streamer>> start_dds_server(std::shared_ptr<Participant
                                                      const DdsConfig& config,
                                                      std::shared_ptr<const SceneModel> model,
                                                      const Clock& clock) {
+  const int domain = participant->domain();
   auto server = std::make_unique<DdsServer>(std::move(participant), config, clock);
+  if (const auto made = server->made(); !made) return tl::unexpected(made.error());
   if (const auto made = server->use(std::move(model)); !made) return tl::unexpected(made.error());
+  log::info("dds", "serves ROS 2 topics in domain " + std::to_string(domain));
   return server;
 }
 

@@ -3,17 +3,16 @@
 namespace fiducap::dds {
 
 namespace {
+
 // As ROS users know it.
 std::string shown(const std::string& topic) {
   return topic.starts_with("rt/") ? topic.substr(2) : topic;
 }
+
 }  // namespace
 
 void Listeners::begin() {
-  for (auto& [participant, listener] : by_participant_) {
-    listener.topics.clear();
-    listener.sent = listener.refused = 0;
-  }
+  for (auto& [participant, listener] : by_participant_) listener.topics.clear();
 }
 
 void Listeners::look_at(const Writer& writer) {
@@ -22,12 +21,13 @@ void Listeners::look_at(const Writer& writer) {
     auto [place, is_new] = by_participant_.try_emplace(participant);
     Listener& listener = place->second;
     if (is_new) listener.since = clock_.now();
-    const auto before =
-        listener.before.try_emplace(writer.topic(), writer.written(), writer.refused())
-            .first->second;
     listener.topics.insert(shown(writer.topic()));
-    listener.sent += writer.written() - before.first;
-    listener.refused += writer.refused() - before.second;
+    const Count now{writer.handle(), writer.written(), writer.refused()};
+    Count& before = listener.before.try_emplace(writer.topic(), now).first->second;
+    if (before.writer != now.writer) before = {now.writer, 0, 0};
+    listener.sent += now.written - before.written;
+    listener.refused += now.refused - before.refused;
+    before = now;
   }
 }
 

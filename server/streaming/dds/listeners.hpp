@@ -26,12 +26,18 @@ class Listeners final {
   void append_to(std::vector<ClientStatus>& out);
 
  private:
+  /// A topic's writer at the last look. One that was made anew, for another model, counts from
+  /// zero.
+  struct Count {
+    std::int32_t writer{};
+    std::uint64_t written{};
+    std::uint64_t refused{};
+  };
   struct Listener {
     Instant since{};
     std::set<std::string> topics;
-    /// Per topic: what the writer had written and refused when this one came.
-    std::map<std::string, std::pair<std::uint64_t, std::uint64_t>> before;
-    std::uint64_t sent{};
+    std::map<std::string, Count> before;
+    std::uint64_t sent{};  ///< Messages since it came, of all topics.
     std::uint64_t refused{};
   };
 

@@ -53,10 +53,10 @@ bool is_ros_frame(std::string_view name) {
          std::all_of(name.begin(), name.end(), good);
 }
 
-std::vector<std::string> ros_names(const SceneModel& model) {
+std::vector<std::string> ros_names(const SceneModel& model, const NameAliases& aliases) {
   std::vector<std::string> names;
   names.reserve(model.bodies.size());
-  for (const auto& known : client_names(model, conventions_of("ros2").names)) {
+  for (const auto& known : client_names(model, conventions_of("ros2").names, aliases)) {
     const std::string plain = as_ros_name(known);
     std::string name = plain;
     for (int again = 2; std::find(names.begin(), names.end(), name) != names.end(); ++again) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "scene/scene_frame.hpp"
+#include "streaming/conventions/client_names.hpp"
 
 namespace fiducap::dds {
 
@@ -18,6 +19,7 @@ namespace fiducap::dds {
 
 /// The bodies' names in ROS, in their order: what the conventions allow, and a letter first.
 /// Distinct.
-[[nodiscard]] std::vector<std::string> ros_names(const SceneModel& model);
+[[nodiscard]] std::vector<std::string> ros_names(const SceneModel& model,
+                                                 const NameAliases& aliases = {});
 
 }  // namespace fiducap::dds

@@ -13,6 +13,8 @@ class TopicMaker final {
  public:
   TopicMaker(const Participant& in, const DdsConfig& config) : in_(in), config_(config) {}
 
+  /// Forgets an earlier failure: a new model has a new chance.
+  void begin() { failure_.reset(); }
   /// @return the writer; empty when not wanted or when one has failed before
   std::optional<Writer> make(bool wanted, const TopicName& topic, const Qos& qos) {
     if (!wanted || failure_) return std::nullopt;

@@ -11,6 +11,7 @@
 #include "streaming/mavlink/vehicle_link.hpp"
 #include "streaming/net/bind.hpp"
 #include "streaming/net/datagram_batch.hpp"
+#include "streaming/server_handle.hpp"
 
 namespace fiducap::mavlink {
 
@@ -55,8 +56,9 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
     });
   }
 
-  void publish(const SceneFrame& frame) {
+  void publish(const std::shared_ptr<const SceneFrame>& newest) {
     if (!socket_.is_open()) return;
+    const SceneFrame& frame = *newest;
     jumps_.observe(frame);
     const Instant now = clock_.now();
     batch_.clear();
@@ -84,7 +86,8 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
     const Instant now = clock_.now();
     for (const auto& vehicle : vehicles_) {
       out.push_back({"mavlink", net::peer_text(vehicle.peer), vehicle.link.status(now),
-                     vehicle.link.poses(), vehicle.refused, to_seconds(now - started_)});
+                     vehicle.link.poses(), vehicle.refused, to_seconds(now - started_),
+                     clock_of(vehicle.link, now)});
     }
   }
 
@@ -99,6 +102,12 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
   }
 
  private:
+  /// By TIMESYNC; nothing: no answer of late.
+  static std::optional<ClockOffset> clock_of(const VehicleLink& link, Instant now) {
+    const auto offset = link.clock_offset(now);
+    if (!offset) return std::nullopt;
+    return ClockOffset{-to_seconds(offset->to_autopilot), to_seconds(offset->doubt)};
+  }
   /// By name once, then by id: a renamed body is still the same vehicle.
   static std::optional<int> body_called(const SceneModel& model, const std::string& name) {
     for (const auto& body : model.bodies) {
@@ -134,26 +143,10 @@ class MavlinkServer final : public std::enable_shared_from_this<MavlinkServer> {
   std::array<std::byte, kLongestDatagram> request_{};
 };
 
-/// What the hub owns.
-class Owner final : public MavlinkStreamer {
+class Owner final : public ServerHandle<MavlinkStreamer, MavlinkServer> {
  public:
-  explicit Owner(std::shared_ptr<MavlinkServer> server) : server_(std::move(server)) {}
-  ~Owner() override { server_->stop(); }
-  Owner(const Owner&) = delete;
-  Owner& operator=(const Owner&) = delete;
-
-  [[nodiscard]] std::string_view protocol() const override { return "mavlink"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override {
-    server_->publish(*frame);
-  }
-  void append_clients(std::vector<ClientStatus>& out) const override {
-    server_->append_clients(out);
-  }
-  void stop() override { server_->stop(); }
-  [[nodiscard]] std::uint16_t port() const override { return server_->port(); }
-
- private:
-  std::shared_ptr<MavlinkServer> server_;
+  using ServerHandle::ServerHandle;
+  [[nodiscard]] std::uint16_t port() const override { return server().port(); }
 };
 
 }  // namespace
@@ -165,7 +158,9 @@ Expected<std::unique_ptr<MavlinkStreamer>> start_mavlink_server(
   if (!socket) return tl::unexpected(socket.error());
   auto server = std::make_shared<MavlinkServer>(std::move(*socket), config, *model, clock);
   server->listen();
-  return std::make_unique<Owner>(std::move(server));
+  log::info("mavlink", "serves " + std::to_string(config.vehicles.size()) + " autopilot(s) from " +
+                           config.address + ":" + std::to_string(server->port()) + " (UDP)");
+  return std::make_unique<Owner>("mavlink", std::move(server));
 }
 
 }  // namespace fiducap::mavlink

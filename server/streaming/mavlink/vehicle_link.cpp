@@ -83,10 +83,6 @@ std::string VehicleLink::status(Instant now) const {
                   config_.world == AutopilotWorld::kNed ? "ned" : "frd", config_.rate_hz);
   if (!heard_at_ || now - *heard_at_ > kSilence) return text + ", no heartbeat of an autopilot";
   text += fmt::format(", system {}", heard_system_);
-  if (const auto offset = sync_.offset(now)) {
-    text += fmt::format(", its clock − ours {:.3f} ms ± {:.3f} ms",
-                        to_seconds(offset->to_autopilot) * 1e3, to_seconds(offset->doubt) * 1e3);
-  }
   return text;
 }
 

@@ -31,7 +31,7 @@ class VehicleLink final {
   void publish(const SceneFrame& frame, const BodyPose* body, std::uint32_t jumps, Instant now,
                std::vector<std::byte>& out);
 
-  /// For the page, e.g. `drone, 12.3 ms ahead of us ± 0.2 ms`. Allocates.
+  /// For the page, e.g. `drone, frd 40 Hz, system 1`. Allocates.
   [[nodiscard]] std::string status(Instant now) const;
   [[nodiscard]] std::uint64_t poses() const { return poses_; }
   [[nodiscard]] const VehicleConfig& config() const { return config_; }

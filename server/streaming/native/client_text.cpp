@@ -7,10 +7,6 @@ namespace fiducap::native {
 std::string text_of(const Subscriber& subscriber, const Profile& profile) {
   std::string text = (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
   if (subscriber.multicast) text += ", multicast";
-  if (subscriber.clock_sigma > Duration{0}) {
-    text += fmt::format(", clock offset {:.3f} ms ± {:.3f}", 1e3 * to_seconds(subscriber.clock_offset),
-                        1e3 * to_seconds(subscriber.clock_sigma));
-  }
   if (subscriber.latency_p99 > Duration{0}) {
     text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));
   }
@@ -18,6 +14,11 @@ std::string text_of(const Subscriber& subscriber, const Profile& profile) {
     text += fmt::format(", reports {} frames lost on the way", subscriber.lost_on_the_way);
   }
   return text;
+}
+
+std::optional<ClockOffset> clock_of(const Subscriber& subscriber) {
+  if (subscriber.clock_sigma <= Duration{0}) return std::nullopt;
+  return ClockOffset{to_seconds(subscriber.clock_offset), to_seconds(subscriber.clock_sigma)};
 }
 
 }  // namespace fiducap::native

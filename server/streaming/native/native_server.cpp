@@ -19,6 +19,7 @@
 #include "streaming/native/registry.hpp"
 #include "streaming/net/bind.hpp"
 #include "streaming/net/datagram_batch.hpp"
+#include "streaming/server_handle.hpp"
 
 namespace fiducap::native {
 
@@ -127,7 +128,7 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     for (const auto& subscriber : registry_.subscribers()) {
       out.push_back({"native", net::peer_text(to_endpoint(subscriber.peer, ipv4_)),
                      text_of(subscriber, profile_of(subscriber.profile)), subscriber.frames_sent,
-                     subscriber.frames_dropped, to_seconds(now - subscriber.since)});
+                     subscriber.frames_dropped, to_seconds(now - subscriber.since), clock_of(subscriber)});
     }
   }
 
@@ -286,22 +287,10 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
   std::array<std::byte, kMaxDatagram + 1> request_{};  // one more: a longer datagram is seen as too long
 };
 
-/// What the hub owns.
-class NativeStreamer final : public Streamer {
+class NativeStreamer final : public ServerHandle<Streamer, NativeServer> {
  public:
-  explicit NativeStreamer(std::shared_ptr<NativeServer> server) : server_(std::move(server)) {}
-  ~NativeStreamer() override { server_->stop(); }
-  NativeStreamer(const NativeStreamer&) = delete;
-  NativeStreamer& operator=(const NativeStreamer&) = delete;
-
-  [[nodiscard]] std::string_view protocol() const override { return "native"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override { server_->publish(frame); }
-  void append_clients(std::vector<ClientStatus>& out) const override { server_->append_clients(out); }
-  void stop() override { server_->stop(); }
-  [[nodiscard]] std::uint16_t port() const { return server_->port(); }
-
- private:
-  std::shared_ptr<NativeServer> server_;
+  using ServerHandle::ServerHandle;
+  [[nodiscard]] std::uint16_t port() const { return server().port(); }
 };
 
 }  // namespace
@@ -340,7 +329,9 @@ Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io, co
   if (!server) return tl::unexpected(server.error());
   (*server)->listen();
   if (config.discovery) (*server)->be_discovered(io);
-  return std::make_unique<NativeStreamer>(std::move(*server));
+  log::info("native", "serves Fiducap clients on " + config.address + ":" + std::to_string((*server)->port()) +
+                          (config.control ? " (UDP; control by TCP)" : " (UDP)"));
+  return std::make_unique<NativeStreamer>("native", std::move(*server));
 }
 
 std::uint16_t bound_port(const Streamer& native_server) {

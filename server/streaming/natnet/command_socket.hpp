@@ -36,14 +36,15 @@ class CommandSocket final {
   void send(std::span<const std::byte> datagram, const Peer& to, std::uint32_t from);
 
   [[nodiscard]] boost::asio::ip::udp::socket& socket() { return socket_; }
-  [[nodiscard]] std::uint16_t port() const { return socket_.local_endpoint().port(); }
+  [[nodiscard]] std::uint16_t port() const { return port_; }  ///< Also when it is closed.
   [[nodiscard]] Channel channel() const { return channel_; }
 
  private:
   CommandSocket(boost::asio::ip::udp::socket socket, Channel channel)
-      : socket_(std::move(socket)), channel_(channel) {}
+      : socket_(std::move(socket)), port_(socket_.local_endpoint().port()), channel_(channel) {}
 
   boost::asio::ip::udp::socket socket_;
+  std::uint16_t port_;
   Channel channel_;
 };
 

@@ -11,6 +11,7 @@
 #include "streaming/natnet/frame_sender.hpp"
 #include "streaming/natnet/interfaces.hpp"
 #include "streaming/natnet/wire.hpp"
+#include "streaming/server_handle.hpp"
 
 namespace fiducap::natnet {
 
@@ -171,29 +172,25 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
                  group_since_ ? to_seconds(now - *group_since_) : 0.0});
 }
 
-class Handle final : public NatNetStreamer {
+class Handle final : public ServerHandle<NatNetStreamer, NatNetServer> {
  public:
-  explicit Handle(std::shared_ptr<NatNetServer> server) : server_(std::move(server)) {}
-  ~Handle() override { server_->stop(); }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-
-  [[nodiscard]] std::string_view protocol() const override { return "natnet"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override { server_->publish(frame); }
-  void append_clients(std::vector<ClientStatus>& out) const override {
-    server_->append_clients(out);
-  }
-  void stop() override { server_->stop(); }
-  [[nodiscard]] std::uint16_t port() const override { return port_; }
+  using ServerHandle::ServerHandle;
+  [[nodiscard]] std::uint16_t port() const override { return server().port(Channel::kUnicast); }
   [[nodiscard]] std::uint16_t multicast_command_port() const override {
-    return multicast_command_port_;
+    return server().port(Channel::kMulticast);
   }
-
- private:
-  std::shared_ptr<NatNetServer> server_;
-  std::uint16_t port_{server_->port(Channel::kUnicast)};
-  std::uint16_t multicast_command_port_{server_->port(Channel::kMulticast)};
 };
+
+std::string where_text(const NatNetConfig& config, const NatNetServer& server) {
+  const auto command_port = [&](Channel channel) {
+    return config.address + ":" + std::to_string(server.port(channel)) + " (UDP, ";
+  };
+  std::string text;
+  if (config.unicast) text = command_port(Channel::kUnicast) + "unicast)";
+  if (!config.multicast) return text;
+  return text + (config.unicast ? " and on " : "") + command_port(Channel::kMulticast) +
+         "multicast to " + config.multicast_group + ":" + std::to_string(config.data_port) + ")";
+}
 
 /// The command sockets of both channels, and those that only hear broadcasts.
 Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io,
@@ -244,7 +241,9 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
   auto server = std::make_shared<NatNetServer>(std::move(*sockets), std::move(*sender),
                                                std::move(conversation), config, clock);
   server->listen();
-  return std::make_unique<Handle>(std::move(server));
+  log::info("natnet", "serves NatNet " + fiducap::natnet::text_of(kOldest) + " to " +
+                          fiducap::natnet::text_of(kNewest) + " on " + where_text(config, *server));
+  return std::make_unique<Handle>("natnet", std::move(server));
 }
 
 }  // namespace fiducap::natnet

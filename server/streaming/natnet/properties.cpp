@@ -47,9 +47,16 @@ bool is_tracked(int id, const ServerView& server) {
                      [&](const BodyPose& body) { return body.body_id == id && body.valid; });
 }
 
+std::string name_for_clients(const OperatorDesk::Body& body, const ServerView& server) {
+  for (const auto& shown : server.announced) {
+    if (shown.id == body.id) return shown.name;
+  }
+  return client_name(body.name, server.config.name_rule(), server.config.aliases);  // switched off
+}
+
 std::optional<std::string> body_property(const OperatorDesk::Body& body, const std::string& name,
                                          const ServerView& server) {
-  if (name == "name") return body.name;
+  if (name == "name") return name_for_clients(body, server);
   if (is_active(name)) return text_of(body.enabled);
   if (is_one_of(name, {"streamingid", "assetid", "id", "userdata"})) return std::to_string(body.id);
   if (is_one_of(name, {"trackingvalid", "tracked"})) return text_of(is_tracked(body.id, server));

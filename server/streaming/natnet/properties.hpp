@@ -11,7 +11,7 @@ namespace fiducap::natnet {
 
 /// `GetProperty,<node>,<name>`, `GetProperty,,<name>` or `GetProperty,<name>`. Names in any case,
 /// blanks do not count. Of a body: Name, Active (Enabled), StreamingID (AssetID, ID),
-/// TrackingValid. Of the server: FrameRate (Master Rate), UpAxis, Units, Bitstream, Name, Version,
+/// TrackingValid. Of the server: FrameRate (Master Rate), UpAxis, Units, Bitstream, Name,
 /// DataPort, MulticastAddress, CommandPort, TransmissionType.
 /// @return nullopt: no such node or property
 [[nodiscard]] std::optional<std::string> get_property(const Command& command,

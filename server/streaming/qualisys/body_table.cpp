@@ -9,7 +9,7 @@ namespace fiducap::qualisys {
 bool BodyTable::update(const SceneModel& model) {
   if (generation_ == model.generation) return false;
   generation_ = model.generation;
-  const auto names = client_names(model, conventions_of("qualisys").names);
+  const auto names = client_names(model, conventions_of("qualisys").names, aliases_);
   for (Entry& entry : entries_) entry.enabled = false;
   index_of_body_.clear();
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {

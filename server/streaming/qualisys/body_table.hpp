@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "scene/scene_frame.hpp"
@@ -23,6 +24,9 @@ class BodyTable final {
     bool enabled{true};
   };
 
+  BodyTable() = default;
+  explicit BodyTable(NameAliases aliases) : aliases_(std::move(aliases)) {}
+
   /// Takes over a model. @return false when it is the same generation as before
   bool update(const SceneModel& model);
 
@@ -31,6 +35,7 @@ class BodyTable final {
   [[nodiscard]] std::span<const std::size_t> index_of_body() const { return index_of_body_; }
 
  private:
+  NameAliases aliases_;
   std::optional<std::uint64_t> generation_;
   std::vector<Entry> entries_;
   std::vector<std::size_t> index_of_body_;

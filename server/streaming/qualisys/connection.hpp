@@ -23,7 +23,8 @@ namespace fiducap::qualisys {
 
 /// What all connections of one server know.
 struct Room {
-  Room(const QualisysConfig& c, OperatorDesk* desk) : config(c), control(desk), frames(c) {}
+  Room(const QualisysConfig& c, OperatorDesk* desk)
+      : config(c), control(desk), bodies(c.aliases), frames(c) {}
 
   const QualisysConfig config;
   Control control;

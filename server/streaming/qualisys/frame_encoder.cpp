@@ -55,6 +55,12 @@ void overwrite_u32(std::vector<std::byte>& bytes, std::size_t at, std::uint32_t 
 }
 
 template <class Writer>
+void end_packet(std::vector<std::byte>& bytes, std::size_t begin, std::uint32_t count) {
+  overwrite_u32<Writer>(bytes, begin, static_cast<std::uint32_t>(bytes.size() - begin));
+  overwrite_u32<Writer>(bytes, begin + kFrameHeader - 4, count);
+}
+
+template <class Writer>
 void put(Writer& writer, bool wide, double value) {
   if (wide) {
     writer.f64(value);
@@ -98,41 +104,44 @@ void FrameEncoder::encode(const Profile& profile, EncodedFrame& out) const {
 }
 
 template <class Writer>
+std::size_t FrameEncoder::begin_packet(std::vector<std::byte>& bytes) const {
+  const std::size_t begin = bytes.size();
+  Writer(bytes)
+      .u32(0)
+      .u32(static_cast<std::uint32_t>(PacketType::kData))
+      .u64(time_us_)
+      .u32(number_)
+      .u32(0);
+  return begin;
+}
+
+template <class Writer>
 void FrameEncoder::encode_as(const Profile& profile, EncodedFrame& out) const {
-  const auto begin_packet = [&](std::vector<std::byte>& bytes) {
-    Writer(bytes)
-        .u32(0)
-        .u32(static_cast<std::uint32_t>(PacketType::kData))
-        .u64(time_us_)
-        .u32(number_)
-        .u32(0);
-  };
-  const auto end_packet = [](std::vector<std::byte>& bytes, std::size_t begin,
-                             std::uint32_t count) {
-    overwrite_u32<Writer>(bytes, begin, static_cast<std::uint32_t>(bytes.size() - begin));
-    overwrite_u32<Writer>(bytes, begin + kFrameHeader - 4, count);
-  };
   out.packet.clear();
   out.split.clear();
   out.datagram_ends.clear();
   out.packet.reserve(kFrameHeader + kMostPerBody * (kAscending.size() + 4 * rows_.size()));
   std::uint32_t count = 0;
-  begin_packet(out.packet);
+  begin_packet<Writer>(out.packet);
   for (const Component c : kAscending) {
     if (!profile.components.has(c)) continue;
     write_component<Writer>(c, profile.wide, out.packet);
     ++count;
   }
-  end_packet(out.packet, 0, count);
+  end_packet<Writer>(out.packet, 0, count);
   if (out.packet.size() <= kMaxDatagram) return out.datagram_ends.push_back(out.packet.size());
-  // A frame too long for one datagram goes as several of the same number, whole components each. A
-  // component that is too long on its own cannot go by UDP.
+  split_as<Writer>(profile, out);
+}
+
+// A frame too long for one datagram goes as several of the same number, whole components each. A
+// component that is too long on its own cannot go by UDP.
+template <class Writer>
+void FrameEncoder::split_as(const Profile& profile, EncodedFrame& out) const {
   for (const Component c : kAscending) {
     if (!profile.components.has(c)) continue;
-    const std::size_t begin = out.split.size();
-    begin_packet(out.split);
+    const std::size_t begin = begin_packet<Writer>(out.split);
     write_component<Writer>(c, profile.wide, out.split);
-    end_packet(out.split, begin, 1);
+    end_packet<Writer>(out.split, begin, 1);
     if (out.split.size() - begin <= kMaxDatagram) {
       out.datagram_ends.push_back(out.split.size());
     } else {

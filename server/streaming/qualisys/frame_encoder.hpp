@@ -66,7 +66,11 @@ class FrameEncoder final {
     double sigma_mm{0};
   };
   template <class Writer>
+  std::size_t begin_packet(std::vector<std::byte>& bytes) const;
+  template <class Writer>
   void encode_as(const Profile& profile, EncodedFrame& out) const;
+  template <class Writer>
+  void split_as(const Profile& profile, EncodedFrame& out) const;
   template <class Writer>
   void write_component(Component component, bool wide, std::vector<std::byte>& out) const;
   template <class Writer>

@@ -6,6 +6,7 @@
 
 #include "base/config_check.hpp"
 #include "streaming/conventions/axes.hpp"
+#include "streaming/conventions/client_names.hpp"
 #include "streaming/conventions/validity.hpp"
 
 namespace fiducap::qualisys {
@@ -22,6 +23,7 @@ struct QualisysConfig {
   AxesScope scope{AxesScope::kWorld};
   /// `hold`: the last valid pose instead of NaN. Bodies are known by index: `stop` is `flag`.
   WhenInvalid when_invalid{WhenInvalid::kFlag};
+  NameAliases aliases;
   std::string qtm_version{"2.17 (build 4050)"};  ///< What QTMVersion and discovery say.
 
   [[nodiscard]] OutputAxes axes() const { return {up, scope, 1000.0}; }

@@ -87,7 +87,7 @@ void Server::accepted(tcp::socket socket, Door door) {
   sessions_.back()->greet();
 }
 
-bool Server::has_room_for(const tcp::endpoint& client) const {
+bool Server::has_room_for(const tcp::endpoint& client) {
   const auto open = [](const auto& session) { return !session->closed(); };
   const auto all = std::count_if(sessions_.begin(), sessions_.end(), open);
   const auto from_there = std::count_if(sessions_.begin(), sessions_.end(), [&](const auto& s) {
@@ -95,6 +95,7 @@ bool Server::has_room_for(const tcp::endpoint& client) const {
   });
   const QualisysConfig& config = room_->config;
   if (all < config.max_clients && from_there < config.max_clients_per_address) return true;
+  if (!std::exchange(may_complain_, false)) return false;
   log::warning("qualisys", "no room for client " + net::peer_text(client) + ": " +
                                std::to_string(all) + " places are taken, " +
                                std::to_string(from_there) + " by its address (" +
@@ -172,6 +173,7 @@ void Server::tick() {
   for (const Event event : events_) tell_all(event);
   for (auto& door : doors_) door.tick();
   if (discovery_) discovery_->tick();
+  may_complain_ = true;
   timer_.expires_after(kTick);
   timer_.async_wait([self = shared_from_this()](const error_code& error) {
     if (!error && !self->stopped_) self->tick();

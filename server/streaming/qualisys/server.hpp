@@ -41,7 +41,7 @@ class Server final : public std::enable_shared_from_this<Server> {
   Expected<net::TcpListener> open_door(Door door, std::uint16_t port);
   void open_discovery();
   void accepted(tcp::socket socket, Door door);
-  [[nodiscard]] bool has_room_for(const tcp::endpoint& client) const;
+  [[nodiscard]] bool has_room_for(const tcp::endpoint& client);
   void tell_all(Event event);
   void send_frame(Session& session, const SceneFrame& frame);
   void send_datagrams();
@@ -59,6 +59,7 @@ class Server final : public std::enable_shared_from_this<Server> {
   std::uint16_t base_port_{0};
   std::uint64_t next_client_{1};
   bool stopped_{false};
+  bool may_complain_{true};  ///< About a lack of room, once per tick: clients cannot flood the log.
   std::vector<std::shared_ptr<Session>> sessions_;
   net::DatagramBatch batch_;
   std::vector<Event> events_;

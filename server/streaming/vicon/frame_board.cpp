@@ -28,8 +28,8 @@ Duration not_negative(Duration d) { return std::max(d, Duration::zero()); }
 
 }  // namespace
 
-FrameBoard::FrameBoard(WhenInvalid when_invalid)
-    : poses_(conventions_of("vicon").axes, when_invalid) {}
+FrameBoard::FrameBoard(WhenInvalid when_invalid, NameAliases aliases)
+    : poses_(conventions_of("vicon").axes, when_invalid), aliases_(std::move(aliases)) {}
 
 void FrameBoard::put_up(const SceneFrame& frame, Instant now) {
   poses_.take_over(frame);
@@ -62,7 +62,8 @@ void FrameBoard::refresh_statics(const SceneFrame& frame) {
 }
 
 void FrameBoard::list_subjects(const SceneFrame& frame) {
-  const std::vector<std::string> names = client_names(*frame.model, conventions_of("vicon").names);
+  const std::vector<std::string> names =
+      client_names(*frame.model, conventions_of("vicon").names, aliases_);
   subjects_.clear();
   const std::size_t count = std::min(names.size(), listed_.size());
   for (std::size_t i = 0; i < count; ++i) {
@@ -91,60 +92,66 @@ const ObjectRun& FrameBoard::run_of(Type type) {
 }
 
 void FrameBoard::encode(Type type, ObjectRun& run) const {
+  if (is_per_subject(type)) return encode_per_subject(type, run);
+  encode_once(type, run.bytes);
+  if (!run.bytes.empty()) run.finish();
+}
+
+void FrameBoard::encode_once(Type type, std::vector<std::byte>& out) const {
+  switch (type) {
+    case Type::kApplicationInfo:
+      return encode_application_info(out);
+    case Type::kStreamInfo:
+      return encode_stream_info(rate_hz_, out);
+    case Type::kFrameInfo:
+      return encode_frame_info(id_, out);
+    case Type::kHardwareFrameInfo:
+      return encode_hardware_frame_info(hardware_number_, out);
+    case Type::kTimecode:
+      return encode_timecode(timecode_, out);
+    case Type::kFrameRateInfo: {
+      const std::array<NamedValue, 2> rates{{{"Camera", camera_hz_}, {"Stream", rate_hz_}}};
+      return encode_frame_rate_info(rates, out);
+    }
+    default:
+      return;  // the contents and the latency are written per packet; a ping is no part of a frame
+  }
+}
+
+void FrameBoard::encode_per_subject(Type type, ObjectRun& run) const {
   const auto each_subject = [&](auto&& one) {
     for (const Subject& subject : subjects_) {
       one(subject);
       run.finish(subject.id);
     }
   };
-  const auto each_visible = [&](auto&& one) {
+  const auto each_pose = [&](auto&& shown, auto&& one) {
     for (const SubjectPose& pose : poses_.all()) {
-      if (!pose.visible) continue;
-      one(pose.segment);
+      if (!shown(pose)) continue;
+      one(pose);
       run.finish(pose.segment.subject);
     }
   };
+  const auto listed = [](const SubjectPose& p) { return p.listed; };
+  const auto visible = [](const SubjectPose& p) { return p.visible; };
+  auto& out = run.bytes;
   switch (type) {
-    case Type::kApplicationInfo:
-      encode_application_info(run.bytes);
-      return run.finish();
-    case Type::kStreamInfo:
-      encode_stream_info(rate_hz_, run.bytes);
-      return run.finish();
     case Type::kSubjectInfo:
-      return each_subject([&](const Subject& s) { encode_subject_info(s.id, s.name, run.bytes); });
+      return each_subject([&](const Subject& s) { encode_subject_info(s.id, s.name, out); });
     case Type::kSubjectTopology:
-      return each_subject([&](const Subject& s) { encode_subject_topology(s.id, run.bytes); });
+      return each_subject([&](const Subject& s) { encode_subject_topology(s.id, out); });
     case Type::kSubjectScale:
-      return each_subject([&](const Subject& s) { encode_subject_scale(s.id, run.bytes); });
-    case Type::kFrameInfo:
-      encode_frame_info(id_, run.bytes);
-      return run.finish();
-    case Type::kHardwareFrameInfo:
-      encode_hardware_frame_info(hardware_number_, run.bytes);
-      return run.finish();
-    case Type::kTimecode:
-      encode_timecode(timecode_, run.bytes);
-      return run.finish();
-    case Type::kFrameRateInfo: {
-      const std::array<NamedValue, 2> rates{{{"Camera", camera_hz_}, {"Stream", rate_hz_}}};
-      encode_frame_rate_info(rates, run.bytes);
-      return run.finish();
-    }
-    case Type::kGlobalSegments:
-    case Type::kLocalSegments:
-      return each_visible([&](const SegmentPose& p) { encode_segments(type, p, run.bytes); });
+      return each_subject([&](const Subject& s) { encode_subject_scale(s.id, out); });
     case Type::kLightweightSegments:
-      return each_visible([&](const SegmentPose& p) { encode_lightweight_segments(p, run.bytes); });
+      return each_pose(visible,
+                       [&](const SubjectPose& p) { encode_lightweight_segments(p.segment, out); });
     case Type::kObjectQuality:
-      for (const SubjectPose& pose : poses_.all()) {
-        if (!pose.listed) continue;
-        encode_object_quality(pose.segment.subject, pose.quality, run.bytes);
-        run.finish(pose.segment.subject);
-      }
-      return;
+      return each_pose(listed, [&](const SubjectPose& p) {
+        encode_object_quality(p.segment.subject, p.quality, out);
+      });
     default:
-      return;  // the contents and the latency are written per packet; a ping is no part of a frame
+      return each_pose(visible,
+                       [&](const SubjectPose& p) { encode_segments(type, p.segment, out); });
   }
 }
 

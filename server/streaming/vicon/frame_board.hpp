@@ -8,6 +8,7 @@
 
 #include "base/object_pool.hpp"
 #include "scene/scene_frame.hpp"
+#include "streaming/conventions/client_names.hpp"
 #include "streaming/net/tcp_outbox.hpp"
 #include "streaming/vicon/frame_numbers.hpp"
 #include "streaming/vicon/object_run.hpp"
@@ -24,7 +25,7 @@ namespace fiducap::vicon {
 /// warm-up.
 class FrameBoard final {
  public:
-  explicit FrameBoard(WhenInvalid when_invalid);
+  explicit FrameBoard(WhenInvalid when_invalid, NameAliases aliases = {});
 
   /// Replaces what was there. @param now  when it is offered to the clients
   void put_up(const SceneFrame& frame, Instant now);
@@ -58,10 +59,13 @@ class FrameBoard final {
   void encode_statics();
   const ObjectRun& run_of(Type type);
   void encode(Type type, ObjectRun& run) const;
+  void encode_once(Type type, std::vector<std::byte>& out) const;
+  void encode_per_subject(Type type, ObjectRun& run) const;
   void compose(const Profile& profile, bool statics, Duration waited, std::vector<std::byte>& out);
   void append_contents(const Profile& profile, bool statics, std::vector<std::byte>& out);
 
   SubjectPoses poses_;
+  NameAliases aliases_;
   FrameNumbers numbers_;
   std::uint32_t id_{0};
   std::uint32_t hardware_number_{0};

@@ -17,8 +17,8 @@ constexpr auto kTick = std::chrono::milliseconds(100);
 Server::Server(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock)
     : io_(io),
       config_(config),
-      context_(
-          std::make_shared<SessionContext>(SessionContext{clock, FrameBoard(config.when_invalid)})),
+      context_(std::make_shared<SessionContext>(
+          SessionContext{clock, FrameBoard(config.when_invalid, config.aliases)})),
       timer_(io) {}
 
 Expected<void> Server::listen() {
@@ -72,9 +72,9 @@ void Server::tick() {
   });
 }
 
-void Server::publish(const SceneFrame& frame) {
-  if (stopped_ || frame.model == nullptr) return;
-  context_->board.put_up(frame, context_->clock.now());
+void Server::publish(const std::shared_ptr<const SceneFrame>& frame) {
+  if (stopped_ || frame->model == nullptr) return;
+  context_->board.put_up(*frame, context_->clock.now());
   for (const auto& session : sessions_) session->publish();
 }
 

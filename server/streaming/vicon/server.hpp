@@ -23,7 +23,7 @@ class Server final : public std::enable_shared_from_this<Server> {
 
   /// @return Error naming port and remedy
   Expected<void> listen();
-  void publish(const SceneFrame& frame);
+  void publish(const std::shared_ptr<const SceneFrame>& frame);
   void append_clients(std::vector<ClientStatus>& out) const;
   void stop();
   [[nodiscard]] std::uint16_t port() const { return port_; }

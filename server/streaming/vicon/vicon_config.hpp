@@ -16,6 +16,7 @@ struct ViconConfig {
   int max_clients{64};
   int max_clients_per_address{32};
   WhenInvalid when_invalid{conventions_of("vicon").when_invalid};
+  NameAliases aliases;
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };

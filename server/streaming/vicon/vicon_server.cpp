@@ -4,32 +4,17 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "streaming/server_handle.hpp"
 #include "streaming/vicon/server.hpp"
 
 namespace fiducap::vicon {
 
 namespace {
 
-/// The server outlives this handle until its last handler has run.
-class Handle final : public ViconStreamer {
+class Handle final : public ServerHandle<ViconStreamer, Server> {
  public:
-  explicit Handle(std::shared_ptr<Server> server) : server_(std::move(server)) {}
-  ~Handle() override { server_->stop(); }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-
-  [[nodiscard]] std::string_view protocol() const override { return "vicon"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override {
-    server_->publish(*frame);
-  }
-  void append_clients(std::vector<ClientStatus>& out) const override {
-    server_->append_clients(out);
-  }
-  void stop() override { server_->stop(); }
-  [[nodiscard]] std::uint16_t port() const override { return server_->port(); }
-
- private:
-  std::shared_ptr<Server> server_;
+  using ServerHandle::ServerHandle;
+  [[nodiscard]] std::uint16_t port() const override { return server().port(); }
 };
 
 }  // namespace
@@ -41,7 +26,7 @@ Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(boost::asio::io_cont
   if (auto listening = server->listen(); !listening) return tl::unexpected(listening.error());
   log::info("vicon", "serves the Vicon DataStream on " + config.address + ":" +
                          std::to_string(server->port()) + " (TCP)");
-  return std::make_unique<Handle>(std::move(server));
+  return std::make_unique<Handle>("vicon", std::move(server));
 }
 
 }  // namespace fiducap::vicon

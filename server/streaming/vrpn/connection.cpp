@@ -133,7 +133,7 @@ void Connection::answer(Type type, const Message& message, std::int64_t utc_ns, 
     case Type::kPing: return encode_empty(header_of(utc_ns, *body, Type::kPong), out);
     case Type::kRequestToRoom: return encode_to_room(header_of(utc_ns, *body, Type::kToRoom), Pose{}, out);
     case Type::kRequestUnitToSensor: {
-      const auto sensors = static_cast<int>(config_.sensors_of(name->second).size()) + 1;
+      const auto sensors = static_cast<int>(config_.sensors_of(senders_.own_name_of(*body)).size()) + 1;
       for (int i = 0; i < sensors; ++i) {  // reports are of the sensors already
         encode_unit_to_sensor(header_of(utc_ns, *body, Type::kUnitToSensor), i, Pose{}, out);
       }

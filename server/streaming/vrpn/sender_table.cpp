@@ -1,7 +1,9 @@
 #include "streaming/vrpn/sender_table.hpp"
 
 #include <algorithm>
+#include <utility>
 
+#include "base/assert.hpp"
 #include "streaming/vrpn/protocol.hpp"
 
 namespace fiducap::vrpn {
@@ -21,18 +23,23 @@ std::vector<ConfigError> check_body_name(const std::string& path, std::string_vi
       .errors;
 }
 
-SenderTable::SenderTable() : names_{std::string(kControlName)} {}
+SenderTable::SenderTable(NameAliases aliases)
+    : aliases_(std::move(aliases)), names_{std::string(kControlName)} {}
 
 std::vector<std::string> SenderTable::update(const SceneModel& model) {
   std::vector<std::string> refused;
   if (generation_ == model.generation) return refused;
   generation_ = model.generation;
   of_bodies_.clear();
+  own_names_.clear();
   for (const auto& body : model.bodies) {
-    const std::int32_t id = check_body_name("", body.name).empty() ? id_for(body.name) : kNone;
+    const auto alias = aliases_.find(body.name);
+    const std::string& name = alias == aliases_.end() ? body.name : alias->second;
+    const std::int32_t id = check_body_name("", name).empty() ? id_for(name) : kNone;
     const bool doubled = std::find(of_bodies_.begin(), of_bodies_.end(), id) != of_bodies_.end();
     of_bodies_.push_back(doubled ? kNone : id);
-    if (of_bodies_.back() == kNone) refused.push_back(body.name);
+    own_names_.push_back(body.name);
+    if (of_bodies_.back() == kNone) refused.push_back(name);
   }
   return refused;
 }
@@ -51,6 +58,12 @@ std::optional<std::int32_t> SenderTable::find_body(std::string_view name) const 
     if (id != kNone && names_[static_cast<std::size_t>(id)] == name) return id;
   }
   return std::nullopt;
+}
+
+const std::string& SenderTable::own_name_of(std::int32_t id) const {
+  const auto at = std::find(of_bodies_.begin(), of_bodies_.end(), id);
+  FIDUCAP_ASSERT(at != of_bodies_.end());
+  return own_names_[static_cast<std::size_t>(at - of_bodies_.begin())];
 }
 
 std::string SenderTable::list_bodies() const {

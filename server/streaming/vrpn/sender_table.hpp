@@ -9,6 +9,7 @@
 
 #include "base/config_check.hpp"
 #include "scene/scene_frame.hpp"
+#include "streaming/conventions/client_names.hpp"
 
 namespace fiducap::vrpn {
 
@@ -23,7 +24,7 @@ class SenderTable final {
  public:
   static constexpr std::int32_t kNone = -1;
 
-  SenderTable();
+  explicit SenderTable(NameAliases aliases = {});
 
   /// Takes over the bodies of a new generation; the same generation again does nothing.
   /// @return names that cannot be served (rule broken, doubled, ids used up), for the log.
@@ -35,15 +36,19 @@ class SenderTable final {
   [[nodiscard]] std::span<const std::int32_t> of_bodies() const { return of_bodies_; }
   /// @return the id of a body of the current generation.
   [[nodiscard]] std::optional<std::int32_t> find_body(std::string_view name) const;
+  /// What the body of a sender is called in the configuration. @pre of_bodies() has the id
+  [[nodiscard]] const std::string& own_name_of(std::int32_t id) const;
   /// `a, b, c`, for people.
   [[nodiscard]] std::string list_bodies() const;
 
  private:
   [[nodiscard]] std::int32_t id_for(const std::string& name);
 
+  NameAliases aliases_;
   std::optional<std::uint64_t> generation_;
   std::vector<std::string> names_;
   std::vector<std::int32_t> of_bodies_;
+  std::vector<std::string> own_names_;  ///< As of_bodies_.
 };
 
 }  // namespace fiducap::vrpn

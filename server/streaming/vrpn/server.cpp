@@ -139,8 +139,9 @@ void Server::say_changes(const SceneFrame& frame) {
   }
 }
 
-void Server::publish(const SceneFrame& frame) {
+void Server::publish(const std::shared_ptr<const SceneFrame>& newest) {
   if (stopped_) return;
+  const SceneFrame& frame = *newest;
   context_->utc_offset = frame.utc_offset;
   say_changes(frame);
   if (std::none_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->open(); })) return;

@@ -30,7 +30,7 @@ class Server final : public std::enable_shared_from_this<Server> {
 
   /// Binds the sockets and starts listening. @return Error naming port and remedy.
   Expected<void> listen(const SceneModel& model);
-  void publish(const SceneFrame& frame);
+  void publish(const std::shared_ptr<const SceneFrame>& frame);
   void append_clients(std::vector<ClientStatus>& out) const;
   void stop();
   [[nodiscard]] std::uint16_t port() const { return port_; }

@@ -20,7 +20,7 @@ namespace fiducap::vrpn {
 struct SessionContext {
   VrpnConfig config;
   const Clock& clock;
-  SenderTable senders{};
+  SenderTable senders{config.aliases};
   Duration utc_offset{};  ///< Of the newest frame; zero before the first.
   /// Of the next message. One count for all clients: they look at it, if at all, for jumps in a log.
   std::uint32_t sequence{0};

@@ -9,6 +9,7 @@
 #include "base/config_check.hpp"
 #include "base/pose.hpp"
 #include "streaming/conventions/axes.hpp"
+#include "streaming/conventions/client_names.hpp"
 
 namespace fiducap::vrpn {
 
@@ -21,7 +22,6 @@ struct ExtraSensor {
 struct VrpnConfig {
   static constexpr int kMaxSensors = 5;  ///< Per body: their reports share a datagram.
 
-
   bool enabled{true};
   std::string address{"127.0.0.1"};  ///< IPv4; VRPN knows no other. 0.0.0.0: all interfaces.
   std::uint16_t port{3883};          ///< TCP and UDP. 0: any free one, see VrpnStreamer::port.
@@ -31,6 +31,7 @@ struct VrpnConfig {
   bool acceleration{false};
   UpAxis up{UpAxis::kZ};
   AxesScope scope{AxesScope::kWorld};
+  NameAliases aliases{};             ///< An alias must obey the rules of a body's name here.
   int minor_version{35};             ///< In the cookie `vrpn: ver. 07.<minor>`.
   std::array<double, 6> workspace_box_m{-10, -10, 0, 10, 10, 5};  ///< min x y z, max x y z, W axes.
 

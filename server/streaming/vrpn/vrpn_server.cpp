@@ -3,28 +3,17 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "streaming/server_handle.hpp"
 #include "streaming/vrpn/server.hpp"
 
 namespace fiducap::vrpn {
 
 namespace {
 
-/// The server outlives this handle until its last handler has run.
-class Handle final : public VrpnStreamer {
+class Handle final : public ServerHandle<VrpnStreamer, Server> {
  public:
-  explicit Handle(std::shared_ptr<Server> server) : server_(std::move(server)) {}
-  ~Handle() override { server_->stop(); }
-  Handle(const Handle&) = delete;
-  Handle& operator=(const Handle&) = delete;
-
-  [[nodiscard]] std::string_view protocol() const override { return "vrpn"; }
-  void publish(const std::shared_ptr<const SceneFrame>& frame) override { server_->publish(*frame); }
-  void append_clients(std::vector<ClientStatus>& out) const override { server_->append_clients(out); }
-  void stop() override { server_->stop(); }
-  [[nodiscard]] std::uint16_t port() const override { return server_->port(); }
-
- private:
-  std::shared_ptr<Server> server_;
+  using ServerHandle::ServerHandle;
+  [[nodiscard]] std::uint16_t port() const override { return server().port(); }
 };
 
 }  // namespace
@@ -36,7 +25,7 @@ Expected<std::unique_ptr<VrpnStreamer>> start_vrpn_server(boost::asio::io_contex
   if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
   log::info("vrpn", "serves VRPN 07." + std::to_string(config.minor_version) + " on " + config.address + ":" +
                         std::to_string(server->port()) + " (TCP and UDP)");
-  return std::make_unique<Handle>(std::move(server));
+  return std::make_unique<Handle>("vrpn", std::move(server));
 }
 
 }  // namespace fiducap::vrpn

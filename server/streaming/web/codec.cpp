@@ -139,12 +139,15 @@ std::string encode_frame(const SceneFrame& frame) {
 std::string encode_clients(std::span<const ClientStatus> clients) {
   Json out{{"type", "clients"}, {"clients", Json::array()}};
   for (const auto& client : clients) {
+    const auto& clock = client.clock;
     out["clients"].push_back({{"protocol", client.protocol},
                               {"peer", client.peer},
                               {"detail", client.detail},
                               {"sent", client.frames_sent},
                               {"dropped", client.frames_dropped},
-                              {"connected_s", milli(client.connected_s)}});
+                              {"connected_s", milli(client.connected_s)},
+                              {"clock_offset_s", clock ? Json(clock->offset_s) : Json(nullptr)},
+                              {"clock_sigma_s", clock ? Json(clock->sigma_s) : Json(nullptr)}});
   }
   return text_of(out);
 }

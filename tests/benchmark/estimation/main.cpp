@@ -22,6 +22,12 @@ struct Verb {
 
 const std::vector<Verb>& verbs() {
   static const std::vector<Verb> all{
+      {"classes",
+       "whether the simulator's classes are like the open recordings",
+       {"table", "sparse", "loop"},
+       "ABCD",
+       5,
+       bench_classes},
       {"recordings",
        "the open recordings against bound and authors' code",
        {"table", "sparse", "loop", "big"},
@@ -49,7 +55,9 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   options.classes = verb.classes;
   options.cases = verb.cases;
   options.seeds = verb.seeds;
-  app.add_option("--filter", options.filters, "filters, side by side")->delimiter(',');
+  app.add_option("--filter", options.filters, "filters, side by side")
+      ->check(CLI::IsMember({"robocentric", "world"}))
+      ->delimiter(',');
   app.add_option("--class", options.classes, "classes of motion: table sparse loop hall hover big")
       ->delimiter(',');
   app.add_option("--cases", options.cases,
@@ -58,6 +66,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_option("--first-seed", options.first_seed, "the first of them");
   app.add_option("--seconds", options.seconds, "of data per run");
   app.add_option("--data", options.data, "folder with sim_table, sim_sparse, …");
+  app.add_flag("--each", options.each, "a line for every seed");
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
 }
 
@@ -89,7 +98,7 @@ int run(int argc, char** argv) {
   app.add_flag("--json", json, "tables as JSON")->configurable(false);
   app.fallthrough();
   EstimationOptions base;
-  base.filters = {"robocentric"};
+  base.filters = {"robocentric", "world"};
   if (const auto folder = shared_data()) base.data = folder->string();
   std::vector<EstimationOptions> options(verbs().size(), base);
   std::vector<CLI::App*> commands;

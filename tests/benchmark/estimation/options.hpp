@@ -23,6 +23,7 @@ struct EstimationOptions {
   std::string data;   ///< Folder with the recordings.
   int threads{2};
   bool quick{false};
+  bool each{false};  ///< A line for every seed.
   EstimatorConfig estimator{};
 };
 
@@ -60,6 +61,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 }
 
 // One file each.
+[[nodiscard]] std::vector<Table> bench_classes(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_recordings(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_seeds(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_cpu(const EstimationOptions& options);

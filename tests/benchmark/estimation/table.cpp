@@ -23,6 +23,13 @@ nlohmann::json json_of(const Cell& cell) {
   return value;
 }
 
+/// "/bound" after "pos" is "pos/bound": keys are unique where columns are not.
+std::string key_of(const Table& table, std::size_t column) {
+  std::size_t named = column;
+  while (named > 0 && table.columns[named].starts_with('/')) --named;
+  return named == column ? table.columns[column] : table.columns[named] + table.columns[column];
+}
+
 }  // namespace
 
 std::string to_text(const Table& table) {
@@ -51,7 +58,7 @@ std::string to_json(const std::vector<Table>& tables) {
     nlohmann::json rows = nlohmann::json::array();
     for (const auto& row : table.rows) {
       nlohmann::json one;
-      for (std::size_t c = 0; c < row.size(); ++c) one[table.columns[c]] = json_of(row[c]);
+      for (std::size_t c = 0; c < row.size(); ++c) one[key_of(table, c)] = json_of(row[c]);
       rows.push_back(std::move(one));
     }
     out.push_back({{"title", table.title}, {"rows", rows}, {"remarks", table.remarks}});

@@ -23,7 +23,8 @@ struct Table {
 
 /// @return aligned text, a blank line after it
 [[nodiscard]] std::string to_text(const Table& table);
-/// @return one JSON array: {title, rows: [{column: value}], remarks}
+/// @return one JSON array: {title, rows: [{column: value}], remarks}; a column "/x" is named after
+/// the one it belongs to
 [[nodiscard]] std::string to_json(const std::vector<Table>& tables);
 
 }  // namespace fiducap::bench

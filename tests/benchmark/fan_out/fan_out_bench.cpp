@@ -1,19 +1,24 @@
-// fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S]: one scene to twenty clients of mixed protocols,
-// server and clients in two processes; then the same with one more client per TCP protocol that stops reading.
+// fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S] [--repeat N]: one scene to
+// twenty clients of mixed protocols, server and clients in two processes; then the same with one
+// more client of every protocol and transport, once reading and once not: what somebody who stopped
+// reading costs the others. Medians of the repetitions, taken in turn.
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <map>
+#include <optional>
 #include <thread>
 
 #include "base/log.hpp"
+#include "fan_out/bystander.hpp"
 #include "fan_out/sink.hpp"
 #include "fan_out/stage.hpp"
 #include "fiducap/client.hpp"
@@ -29,7 +34,8 @@ constexpr int kRawClients = 4;  // of each of the other four protocols
 /// The SDK, as a control stack links it.
 class SdkClient final {
  public:
-  SdkClient(const Load& load, const Shared& shared) : load_(load), shared_(shared), client_(options(shared)) {
+  SdkClient(const Load& load, const Shared& shared)
+      : load_(load), shared_(shared), client_(options(shared)) {
     tally.protocol = "native";
     tally.mode = "SDK";
     tally.latency_us.reserve(static_cast<std::size_t>(load.seconds * load.rate_hz));
@@ -81,12 +87,14 @@ std::map<std::string, Sample> by_protocol(const std::vector<const Tally*>& talli
   return all;
 }
 
-void poll_all(std::vector<std::unique_ptr<Sink>>& sinks, const Shared& shared, std::uint64_t frames) {
+void poll_all(std::vector<std::unique_ptr<Sink>>& sinks, const Shared& shared,
+              std::uint64_t frames) {
   std::vector<pollfd> waiting;
   for (const auto& sink : sinks) waiting.push_back({sink->fd(), POLLIN, 0});
   std::int64_t spoke = steady_ns();
   while (shared.frames < frames && !shared.failed) {
-    for (std::size_t i = 0; i < sinks.size(); ++i) waiting[i].events = sinks[i]->reading() ? POLLIN : 0;
+    for (std::size_t i = 0; i < sinks.size(); ++i)
+      waiting[i].events = sinks[i]->reading() ? POLLIN : 0;
     ::poll(waiting.data(), waiting.size(), 20);
     for (std::size_t i = 0; i < sinks.size(); ++i)
       if ((waiting[i].revents & POLLIN) != 0) sinks[i]->pump(steady_ns());
@@ -94,57 +102,147 @@ void poll_all(std::vector<std::unique_ptr<Sink>>& sinks, const Shared& shared, s
     spoke = steady_ns();
     for (const auto& sink : sinks) sink->keep_alive();
   }
-  std::this_thread::sleep_for(50ms);  // what is still under way
-  for (const auto& sink : sinks) sink->pump(steady_ns());
+  // What is still under way: at its own time, or the last frame would be as late as we look.
+  for (const std::int64_t end = steady_ns() + 100'000'000; steady_ns() < end;) {
+    ::poll(waiting.data(), waiting.size(), 5);
+    for (const auto& sink : sinks) sink->pump(steady_ns());
+  }
 }
 
-/// @param stalled  one more client of each TCP protocol that never reads
-bool run(const Load& load, bool stalled) {
-  void* memory = ::mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  if (memory == MAP_FAILED) return false;
+enum class Bystanders { kNone, kReading, kStalled };
+
+const char* title_of(Bystanders bystanders) {
+  switch (bystanders) {
+    case Bystanders::kNone:
+      return "twenty clients";
+    case Bystanders::kReading:
+      return "and one more of each kind, reading";
+    case Bystanders::kStalled:
+      return "and one more of each kind that never reads";
+  }
+  return "";
+}
+
+struct Outcome {
+  std::map<std::string, Sample> by_client;
+  double cpu_share{};
+  double memory_kB{};
+};
+
+/// The clients of one run.
+struct Audience {
+  std::vector<std::unique_ptr<Sink>> sinks;  ///< The measured ones first.
+  std::size_t measured{};
+  std::vector<std::unique_ptr<SdkClient>> sdk;
+
+  Audience(const Load& load, const Shared& shared, Bystanders bystanders) {
+    for (int i = 0; i < kRawClients; ++i) {
+      for (const auto make :
+           {make_vrpn_sink, make_natnet_sink, make_vicon_sink, make_qualisys_sink})
+        sinks.push_back(make(load, shared));
+    }
+    measured = sinks.size();
+    for (int i = 0; i < kSdkClients; ++i) sdk.push_back(std::make_unique<SdkClient>(load, shared));
+    if (bystanders == Bystanders::kNone) return;
+    for (auto& one : make_bystanders(load, shared)) sinks.push_back(std::move(one));
+  }
+  /// Handshakes are over.
+  void settle(Bystanders bystanders) {
+    for (int i = 0; i < 30; ++i) {
+      std::this_thread::sleep_for(10ms);
+      for (const auto& sink : sinks) sink->pump(steady_ns());
+    }
+    if (bystanders != Bystanders::kStalled) return;
+    for (std::size_t i = measured; i < sinks.size(); ++i) sinks[i]->stop_reading();
+  }
+  [[nodiscard]] std::vector<const Tally*> tallies() const {
+    std::vector<const Tally*> all;
+    for (const auto& one : sdk) all.push_back(&one->tally);
+    for (std::size_t i = 0; i < measured; ++i) all.push_back(&sinks[i]->tally);
+    return all;
+  }
+};
+
+std::optional<Outcome> run(const Load& load, Bystanders bystanders) {
+  void* memory =
+      ::mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) return std::nullopt;
   auto& shared = *new (memory) Shared();
   const pid_t server = ::fork();
   if (server == 0) std::_Exit(run_stage(load, shared));
   while (!shared.ready && !shared.failed) {
-    if (::waitpid(server, nullptr, WNOHANG) == server) return false;
+    if (::waitpid(server, nullptr, WNOHANG) == server) return std::nullopt;
     std::this_thread::sleep_for(1ms);
   }
-  std::vector<std::unique_ptr<Sink>> sinks;
-  std::vector<std::unique_ptr<SdkClient>> sdk;
-  for (int i = 0; i < kRawClients; ++i) {
-    for (const auto make : {make_vrpn_sink, make_natnet_sink, make_vicon_sink, make_qualisys_sink})
-      sinks.push_back(make(load, shared));
+  std::optional<Outcome> outcome;
+  int status = 0;
+  {
+    Audience audience(load, shared, bystanders);
+    audience.settle(bystanders);
+    shared.go = true;
+    poll_all(audience.sinks, shared, static_cast<std::uint64_t>(load.seconds * load.rate_hz));
+    ::waitpid(server, &status, 0);
+    for (const auto& one : audience.sdk) one->stop();
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
+      outcome = Outcome{by_protocol(audience.tallies()), shared.cpu_share,
+                        static_cast<double>(shared.memory_grown_kB)};
   }
-  for (int i = 0; i < kSdkClients; ++i) sdk.push_back(std::make_unique<SdkClient>(load, shared));
-  if (stalled) {
-    for (const auto make : {make_vrpn_sink, make_vicon_sink, make_qualisys_sink}) {
-      sinks.push_back(make(load, shared));
-      sinks.back()->tally.mode = "never reads";
-      sinks.back()->stop_reading();
+  ::munmap(memory, sizeof(Shared));
+  return outcome;
+}
+
+template <typename Get>
+double median(const std::vector<Outcome>& runs, Get get) {
+  std::vector<double> values;
+  for (const Outcome& one : runs) values.push_back(static_cast<double>(get(one)));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
+void print(const std::vector<Outcome>& runs, Bystanders bystanders) {
+  std::printf("%s: server %.1f %% of a core, resident memory %+.0f kB\n", title_of(bystanders),
+              100 * median(runs, [](const Outcome& o) { return o.cpu_share; }),
+              median(runs, [](const Outcome& o) { return o.memory_kB; }));
+  std::printf("  %-24s %8s %10s %8s %10s %10s %10s\n", "client", "clients", "frames", "missing",
+              "p50 [us]", "p99 [us]", "max [us]");
+  for (const auto& [name, first] : runs.front().by_client) {
+    const auto of = [&, key = name](auto member) {
+      return median(runs, [&](const Outcome& o) { return o.by_client.at(key).*member; });
+    };
+    std::printf("  %-24s %8.0f %10.0f %8.0f %10.0f %10.0f %10.0f\n", name.c_str(),
+                of(&Sample::clients), of(&Sample::frames), of(&Sample::missing), of(&Sample::p50),
+                of(&Sample::p99), of(&Sample::max));
+  }
+}
+
+void print_change(const std::vector<Outcome>& reading, const std::vector<Outcome>& stalled) {
+  std::printf("what those that never read cost the others: p99, median of %zu\n", reading.size());
+  for (const auto& [name, first] : reading.front().by_client) {
+    const auto p99 = [key = name](const Outcome& o) { return o.by_client.at(key).p99; };
+    const double before = median(reading, p99);
+    const double after = median(stalled, p99);
+    std::printf("  %-24s %10.0f -> %6.0f us %+7.1f %%\n", name.c_str(), before, after,
+                100 * (after / before - 1));
+  }
+}
+
+/// @return exit code
+int run_all(const Load& load, int repetitions) {
+  constexpr std::array kCases{Bystanders::kNone, Bystanders::kReading, Bystanders::kStalled};
+  std::array<std::vector<Outcome>, kCases.size()> outcomes;
+  for (int i = 0; i < repetitions; ++i) {
+    for (std::size_t k = 0; k < kCases.size(); ++k) {
+      auto outcome = run(load, kCases[k]);
+      if (!outcome) return 1;
+      outcomes[k].push_back(std::move(*outcome));
     }
   }
-  std::this_thread::sleep_for(300ms);  // handshakes
-  for (const auto& sink : sinks) sink->pump(steady_ns());
-  shared.go = true;
-  poll_all(sinks, shared, static_cast<std::uint64_t>(load.seconds * load.rate_hz));
-  int status = 0;
-  ::waitpid(server, &status, 0);
-  std::vector<const Tally*> tallies;
-  for (const auto& one : sdk) one->stop();
-  for (const auto& one : sdk) tallies.push_back(&one->tally);
-  for (const auto& one : sinks) tallies.push_back(&one->tally);
-  std::printf("%s: %d bodies, %.0f Hz, %zu clients: server %.1f %% of a core, resident memory %+lld kB\n",
-              stalled ? "with clients that never read" : "all read", load.bodies, load.rate_hz, tallies.size(),
-              100 * shared.cpu_share.load(), static_cast<long long>(shared.memory_grown_kB.load()));
-  std::printf("  %-24s %8s %10s %8s %10s %10s %10s\n", "client", "clients", "frames", "missing", "p50 [us]", "p99 [us]", "max [us]");
-  for (const auto& [name, sample] : by_protocol(tallies))
-    std::printf("  %-24s %8llu %10llu %8llu %10.0f %10.0f %10.0f\n", name.c_str(),
-                static_cast<unsigned long long>(sample.clients), static_cast<unsigned long long>(sample.frames),
-                static_cast<unsigned long long>(sample.missing), static_cast<double>(sample.p50),
-                static_cast<double>(sample.p99), static_cast<double>(sample.max));
-  sdk.clear();
-  ::munmap(memory, sizeof(Shared));
-  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  std::printf("%d bodies, %.0f Hz, %.0f s; medians of %d\n", load.bodies, load.rate_hz,
+              load.seconds, repetitions);
+  for (std::size_t k = 0; k < kCases.size(); ++k) print(outcomes[k], kCases[k]);
+  print_change(outcomes[1], outcomes[2]);
+  return 0;
 }
 
 }  // namespace
@@ -154,19 +252,23 @@ int main(int argc, char** argv) {
   using namespace fiducap::fan_out;
   fiducap::log::set_level(fiducap::log::Level::kError);
   Load load;
+  int repetitions = 1;
   const std::map<std::string, std::function<void(const char*)>> keys{
       {"--bodies", [&](const char* v) { load.bodies = std::atoi(v); }},
       {"--rate", [&](const char* v) { load.rate_hz = std::atof(v); }},
-      {"--seconds", [&](const char* v) { load.seconds = std::atof(v); }}};
+      {"--seconds", [&](const char* v) { load.seconds = std::atof(v); }},
+      {"--repeat", [&](const char* v) { repetitions = std::max(1, std::atoi(v)); }}};
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--quick") == 0) {
       load.seconds = 3;
     } else if (const auto key = keys.find(argv[i]); key != keys.end() && i + 1 < argc) {
       key->second(argv[++i]);
     } else {
-      std::fprintf(stderr, "usage: fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S]\n");
+      std::fprintf(stderr,
+                   "usage: fiducap_fanout_bench [--quick] [--bodies N] [--rate HZ] [--seconds S] "
+                   "[--repeat N]\n");
       return 2;
     }
   }
-  return run(load, false) && run(load, true) ? 0 : 1;
+  return run_all(load, repetitions);
 }

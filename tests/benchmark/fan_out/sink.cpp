@@ -1,9 +1,6 @@
 #include "fan_out/sink.hpp"
 
 #include <arpa/inet.h>
-#include <fcntl.h>
-#include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -11,31 +8,12 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
-#include <stdexcept>
+
+#include "fan_out/raw_socket.hpp"
 
 namespace fiducap::fan_out {
 
 namespace {
-
-constexpr int kReceiveBuffer = 8 << 20;
-
-sockaddr_in loopback(std::uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  address.sin_port = htons(port);
-  return address;
-}
-
-int open_socket(int type, std::uint16_t port) {
-  const int fd = ::socket(AF_INET, type | SOCK_CLOEXEC, 0);
-  const sockaddr_in to = loopback(port);
-  if (fd < 0 || (type == SOCK_STREAM && ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0))
-    throw std::runtime_error("cannot connect to port " + std::to_string(port));
-  ::setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
-  ::fcntl(fd, F_SETFL, ::fcntl(fd, F_GETFL) | O_NONBLOCK);
-  return fd;
-}
 
 template <typename T>
 T little(std::span<const std::byte> bytes, std::size_t at) {
@@ -43,20 +21,8 @@ T little(std::span<const std::byte> bytes, std::size_t at) {
   std::memcpy(&value, bytes.data() + at, sizeof value);  // this machine's own order
   return value;
 }
-std::uint32_t big(std::span<const std::byte> bytes, std::size_t at) { return ntohl(little<std::uint32_t>(bytes, at)); }
-
-void put(std::vector<std::byte>& out, std::uint32_t v) {
-  for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(v >> (8 * i)));
-}
-void put16(std::vector<std::byte>& out, std::uint16_t v) {
-  out.push_back(static_cast<std::byte>(v));
-  out.push_back(static_cast<std::byte>(v >> 8));
-}
-std::span<const std::byte> bytes_of(const std::string& text) { return std::as_bytes(std::span(text.data(), text.size())); }
-
-void send_all(int fd, std::span<const std::byte> bytes) {
-  if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(bytes.size()))
-    throw std::runtime_error("the server does not read");
+std::uint32_t big(std::span<const std::byte> bytes, std::size_t at) {
+  return ntohl(little<std::uint32_t>(bytes, at));
 }
 
 /// Counts pose reports of `body1`; names and types are learned from the descriptions.
@@ -101,7 +67,8 @@ class VrpnSink final : public Sink {
       return;
     }
     if (type != pose_ || sender != body_) return;
-    const std::int64_t utc_ns = std::int64_t{big(message, 4)} * 1'000'000'000 + std::int64_t{big(message, 8)} * 1000;
+    const std::int64_t utc_ns =
+        std::int64_t{big(message, 4)} * 1'000'000'000 + std::int64_t{big(message, 8)} * 1000;
     saw_instant(utc_ns - shared().utc_offset_ns, now_ns);
   }
 
@@ -113,13 +80,15 @@ class VrpnSink final : public Sink {
 class NatNetSink final : public Sink {
  public:
   NatNetSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "natnet", "4.1 unicast"), server_(loopback(shared.ports[Shared::kNatNet])) {
+      : Sink(open_socket(SOCK_DGRAM, 0), load, shared, "natnet", "4.1 unicast"),
+        server_(loopback(shared.ports[Shared::kNatNet])) {
     std::vector<std::byte> request;
     put16(request, 0);
     put16(request, 269);
     request.resize(4 + 11 + 245 + 4);
     std::memcpy(request.data() + 4, "fan_out", 7);
-    for (const int byte : {4, 1, 0, 0, 0, 4, 1, 0, 0}) request.push_back(static_cast<std::byte>(byte));
+    for (const int byte : {4, 1, 0, 0, 0, 4, 1, 0, 0})
+      request.push_back(static_cast<std::byte>(byte));
     request.resize(4 + 269);
     say(request);
     keep_alive();
@@ -134,12 +103,11 @@ class NatNetSink final : public Sink {
  private:
   std::size_t parse(std::span<const std::byte> bytes, std::int64_t now_ns) override {
     constexpr std::uint16_t kFrame = 7;
-    if (bytes.size() >= 8 && little<std::uint16_t>(bytes, 0) == kFrame) saw_number(little<std::uint32_t>(bytes, 4), now_ns);
+    if (bytes.size() >= 8 && little<std::uint16_t>(bytes, 0) == kFrame)
+      saw_number(little<std::uint32_t>(bytes, 4), now_ns);
     return bytes.size();
   }
-  void say(std::span<const std::byte> bytes) const {
-    ::sendto(fd(), bytes.data(), bytes.size(), 0, reinterpret_cast<const sockaddr*>(&server_), sizeof server_);
-  }
+  void say(std::span<const std::byte> bytes) const { send_to(fd(), server_, bytes); }
 
   sockaddr_in server_;
 };
@@ -148,10 +116,11 @@ class NatNetSink final : public Sink {
 class ViconSink final : public Sink {
  public:
   ViconSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVicon]), load, shared, "vicon", "server push") {
+      : Sink(open_socket(SOCK_STREAM, shared.ports[Shared::kVicon]), load, shared, "vicon",
+             "server push") {
     std::vector<std::byte> types;
-    put(types, static_cast<std::uint32_t>(kWanted.size()));
-    for (const std::uint32_t type : kWanted) put(types, type);
+    put32(types, static_cast<std::uint32_t>(kWanted.size()));
+    for (const std::uint32_t type : kWanted) put32(types, type);
     say(100001, types);
     say(100002, {std::byte{1}});
   }
@@ -159,14 +128,15 @@ class ViconSink final : public Sink {
  private:
   static constexpr std::uint32_t kTag = 0x1A2B0001;
   static constexpr std::uint32_t kFrameNumber = 5;
-  static constexpr std::array<std::uint32_t, 14> kWanted{1, 2, 5, 8, 9, 23, 26, 28, 36, 37, 39, 40, 28001, 100004};
+  static constexpr std::array<std::uint32_t, 14> kWanted{1,  2,  5,  8,  9,  23,    26,
+                                                         28, 36, 37, 39, 40, 28001, 100004};
 
   void say(std::uint32_t type, const std::vector<std::byte>& payload) const {
     std::vector<std::byte> packet;
-    put(packet, kTag);
-    put(packet, static_cast<std::uint32_t>(8 + payload.size()));
-    put(packet, type);
-    put(packet, static_cast<std::uint32_t>(payload.size()));
+    put32(packet, kTag);
+    put32(packet, static_cast<std::uint32_t>(8 + payload.size()));
+    put32(packet, type);
+    put32(packet, static_cast<std::uint32_t>(payload.size()));
     packet.insert(packet.end(), payload.begin(), payload.end());
     send_all(fd(), packet);
   }
@@ -197,8 +167,9 @@ class ViconSink final : public Sink {
 class QualisysSink final : public Sink {
  public:
   QualisysSink(const Load& load, const Shared& shared)
-      : Sink(open_socket(SOCK_STREAM, static_cast<std::uint16_t>(shared.ports[Shared::kQualisys] + 1)), load, shared,
-             "qualisys", "6D tcp") {
+      : Sink(open_socket(SOCK_STREAM,
+                         static_cast<std::uint16_t>(shared.ports[Shared::kQualisys] + 1)),
+             load, shared, "qualisys", "6D tcp") {
     say("Version 1.23");
     say("StreamFrames AllFrames 6D");
   }
@@ -206,8 +177,8 @@ class QualisysSink final : public Sink {
  private:
   void say(const std::string& command) const {
     std::vector<std::byte> packet;
-    put(packet, static_cast<std::uint32_t>(8 + command.size() + 1));
-    put(packet, 1);
+    put32(packet, static_cast<std::uint32_t>(8 + command.size() + 1));
+    put32(packet, 1);
     const auto text = bytes_of(command);
     packet.insert(packet.end(), text.begin(), text.end());
     packet.push_back({});
@@ -220,7 +191,8 @@ class QualisysSink final : public Sink {
     while (bytes.size() - used >= 8) {
       const std::size_t size = little<std::uint32_t>(bytes, used);
       if (bytes.size() - used < size) break;
-      if (little<std::uint32_t>(bytes, used + 4) == kData) saw_count(little<std::uint32_t>(bytes, used + 16), now_ns);
+      if (little<std::uint32_t>(bytes, used + 4) == kData)
+        saw_count(little<std::uint32_t>(bytes, used + 16), now_ns);
       used += size;
     }
     return used;
@@ -229,7 +201,9 @@ class QualisysSink final : public Sink {
 
 }  // namespace
 
-std::int64_t steady_ns() { return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+std::int64_t steady_ns() {
+  return std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 void Tally::take(std::uint64_t number, double latency) {
   if (frames > 0 && number <= last_) return;
@@ -248,6 +222,12 @@ Sink::Sink(int fd, const Load& load, const Shared& shared, std::string protocol,
 
 Sink::~Sink() { ::close(fd_); }
 
+void Sink::stop_reading() {
+  constexpr int kLeastBuffer = 4096;  // full at once
+  ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kLeastBuffer, sizeof kLeastBuffer);
+  reading_ = false;
+}
+
 void Sink::pump(std::int64_t now_ns) {
   if (!reading_) return;
   std::array<std::byte, 65536> chunk{};
@@ -262,24 +242,37 @@ void Sink::pump(std::int64_t now_ns) {
 
 void Sink::saw_number(std::uint64_t number, std::int64_t now_ns) {
   const double period_ns = 1e9 / load_.rate_hz;
-  const double at_ns = static_cast<double>(shared_.first_at_ns) + static_cast<double>(number - 1) * period_ns;
+  const double at_ns =
+      static_cast<double>(shared_.first_at_ns) + static_cast<double>(number - 1) * period_ns;
   tally.take(number, 1e-3 * (static_cast<double>(now_ns) - at_ns));
 }
 
 void Sink::saw_instant(std::int64_t at_ns, std::int64_t now_ns) {
   const double period_ns = 1e9 / load_.rate_hz;
-  saw_number(1 + static_cast<std::uint64_t>(std::llround(static_cast<double>(at_ns - shared_.first_at_ns) / period_ns)), now_ns);
+  saw_number(1 + static_cast<std::uint64_t>(
+                     std::llround(static_cast<double>(at_ns - shared_.first_at_ns) / period_ns)),
+             now_ns);
 }
 
 void Sink::saw_count(std::uint64_t count, std::int64_t now_ns) {
   // The first frame is less than a period old: that is where counting starts.
-  if (!count_start_) count_start_ = static_cast<std::int64_t>(count) - static_cast<std::int64_t>(shared_.frames.load());
+  if (!count_start_)
+    count_start_ =
+        static_cast<std::int64_t>(count) - static_cast<std::int64_t>(shared_.frames.load());
   saw_number(static_cast<std::uint64_t>(static_cast<std::int64_t>(count) - *count_start_), now_ns);
 }
 
-std::unique_ptr<Sink> make_vrpn_sink(const Load& load, const Shared& shared) { return std::make_unique<VrpnSink>(load, shared); }
-std::unique_ptr<Sink> make_natnet_sink(const Load& load, const Shared& shared) { return std::make_unique<NatNetSink>(load, shared); }
-std::unique_ptr<Sink> make_vicon_sink(const Load& load, const Shared& shared) { return std::make_unique<ViconSink>(load, shared); }
-std::unique_ptr<Sink> make_qualisys_sink(const Load& load, const Shared& shared) { return std::make_unique<QualisysSink>(load, shared); }
+std::unique_ptr<Sink> make_vrpn_sink(const Load& load, const Shared& shared) {
+  return std::make_unique<VrpnSink>(load, shared);
+}
+std::unique_ptr<Sink> make_natnet_sink(const Load& load, const Shared& shared) {
+  return std::make_unique<NatNetSink>(load, shared);
+}
+std::unique_ptr<Sink> make_vicon_sink(const Load& load, const Shared& shared) {
+  return std::make_unique<ViconSink>(load, shared);
+}
+std::unique_ptr<Sink> make_qualisys_sink(const Load& load, const Shared& shared) {
+  return std::make_unique<QualisysSink>(load, shared);
+}
 
 }  // namespace fiducap::fan_out

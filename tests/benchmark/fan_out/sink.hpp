@@ -13,7 +13,8 @@ namespace fiducap::fan_out {
 
 /// What one client saw.
 struct Tally {
-  static constexpr std::uint64_t kWarmUp = 50;  ///< First frames whose latency is not counted: pages, caches, buffers.
+  static constexpr std::uint64_t kWarmUp =
+      50;  ///< First frames whose latency is not counted: pages, caches, buffers.
 
   std::string protocol;
   std::string mode;
@@ -38,7 +39,8 @@ class Sink {
   void pump(std::int64_t now_ns);
   /// Once a second, for protocols whose clients must speak.
   virtual void keep_alive() {}
-  void stop_reading() { reading_ = false; }
+  /// From now on nothing is taken out of the socket, which holds as little as it can.
+  virtual void stop_reading();
   [[nodiscard]] bool reading() const { return reading_; }
 
   Tally tally;

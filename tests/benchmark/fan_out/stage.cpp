@@ -19,6 +19,7 @@
 #include "streaming/stream_hub.hpp"
 #include "streaming/vicon/vicon_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
+#include "streaming/web/web_server.hpp"
 
 namespace fiducap::fan_out {
 namespace {
@@ -26,7 +27,9 @@ namespace {
 std::int64_t cpu_ns() {
   rusage use{};
   ::getrusage(RUSAGE_SELF, &use);
-  const auto ns = [](const timeval& t) { return std::int64_t{t.tv_sec} * 1'000'000'000 + std::int64_t{t.tv_usec} * 1000; };
+  const auto ns = [](const timeval& t) {
+    return std::int64_t{t.tv_sec} * 1'000'000'000 + std::int64_t{t.tv_usec} * 1000;
+  };
   return ns(use.ru_utime) + ns(use.ru_stime);
 }
 
@@ -46,7 +49,8 @@ std::shared_ptr<SceneModel> model_of(int bodies) {
 
 class Stage final {
  public:
-  Stage(const Load& load, Shared& shared) : load_(load), shared_(shared), model_(model_of(load.bodies)), timer_(io_) {}
+  Stage(const Load& load, Shared& shared)
+      : load_(load), shared_(shared), model_(model_of(load.bodies)), timer_(io_) {}
 
   int run() {
     if (!open()) return 1;
@@ -60,8 +64,8 @@ class Stage final {
     wait();
     io_.restart();
     io_.run();
-    shared_.cpu_share = static_cast<double>(cpu_ns() - cpu) /
-                        static_cast<double>(to_ns(clock_.now()) - wall);
+    shared_.cpu_share =
+        static_cast<double>(cpu_ns() - cpu) / static_cast<double>(to_ns(clock_.now()) - wall);
     return 0;
   }
 
@@ -81,16 +85,25 @@ class Stage final {
     qualisys::QualisysConfig qualisys;
     qualisys.base_port = 0;
     qualisys.discovery_port = 0;
+    web::WebConfig web;
+    web.port = 0;
+    web::WebSources sources;
+    sources.clients = [this] { return hub_.clients(); };
     shared_.utc_offset_ns = utc_offset().count();
     return serve(Shared::kVrpn, vrpn::start_vrpn_server(io_, vrpn, model_, clock_),
                  [](const auto& s) { return s.port(); }) &&
            serve(Shared::kNative, native::start_native_server(io_, native, model_, clock_, nullptr),
                  [](const auto& s) { return native::bound_port(s); }) &&
-           serve(Shared::kNatNet, natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr, load_.rate_hz),
+           serve(Shared::kNatNet,
+                 natnet::start_natnet_server(io_, natnet, model_, clock_, nullptr, load_.rate_hz),
                  [](const auto& s) { return s.port(); }) &&
-           serve(Shared::kVicon, vicon::start_vicon_server(io_, vicon, clock_), [](const auto& s) { return s.port(); }) &&
-           serve(Shared::kQualisys, qualisys::start_qualisys_server(io_, qualisys, nullptr, model_, clock_),
-                 [](const auto& s) { return s.base_port(); });
+           serve(Shared::kVicon, vicon::start_vicon_server(io_, vicon, clock_),
+                 [](const auto& s) { return s.port(); }) &&
+           serve(Shared::kQualisys,
+                 qualisys::start_qualisys_server(io_, qualisys, nullptr, model_, clock_),
+                 [](const auto& s) { return s.base_port(); }) &&
+           serve(Shared::kWeb, web::start_web_server(io_, web, std::move(sources), model_, clock_),
+                 [](const auto& s) { return s.port(); });
   }
 
   template <typename Server, typename PortOf>
@@ -135,7 +148,8 @@ class Stage final {
     frame->map = map_;
     frame->bodies.resize(model_->bodies.size());
     const double t_s = static_cast<double>(number_) / load_.rate_hz;
-    for (std::size_t i = 0; i < frame->bodies.size(); ++i) place(static_cast<int>(i) + 1, t_s, frame->at, frame->bodies[i]);
+    for (std::size_t i = 0; i < frame->bodies.size(); ++i)
+      place(static_cast<int>(i) + 1, t_s, frame->at, frame->bodies[i]);
     hub_.publish(frame);
   }
 

@@ -6,6 +6,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
+#include "estimation/heading_rule.hpp"
 
 namespace fiducap::bound {
 
@@ -112,11 +113,6 @@ RelativeRows relative_to_level(const Pose& X_WB, const Pose& X_WT, int axis) {
   return J;
 }
 
-int heading_axis(const Eigen::Quaterniond& q_WT) {
-  constexpr double kSteep = 0.9;
-  int axis = 0;
-  while (axis < 1 && std::abs((q_WT * Vector3d::Unit(axis)).z()) > kSteep) ++axis;
-  return axis;
-}
+int heading_axis(const Eigen::Quaterniond& q_WT) { return make_heading_rule({}, q_WT).axis; }
 
 }  // namespace fiducap::bound

@@ -134,6 +134,14 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"streaming: {web: {rate_hz: 0}}", "streaming.web.rate_hz = 0: must be"},
         BadValue{"streaming: {optional: [telnet]}",
                  "streaming.optional = telnet: must be some of vrpn"},
+        BadValue{"streaming: {natnet: {aliases: [drone]}}",
+                 "must be a section of `name: other name`"},
+        BadValue{"streaming: {natnet: {aliases: {ghost: RigidBody 1}}}",
+                 "streaming.natnet.aliases.ghost = \"RigidBody 1\": must stand for the name of one "
+                 "of the bodies"},
+        BadValue{"{streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
+                 "recording, folder: x}}]}",
+                 "streaming.dds.aliases.a = \"\": must not be empty"},
         BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]",
                  "bodies.0.name = \"a b\": must have"},
         BadValue{"bodies: [{name: a, source: {type: recording}}]",
@@ -172,6 +180,17 @@ TEST(ConfigOverride, GoesBeforeTheFile) {
   EXPECT_EQ(config->tags.edge_of(7), 0.4);
   EXPECT_EQ(config->map.builder.mode, MapMode::kFrozen);
   EXPECT_EQ(config->bodies[0].pivot.p.z(), 1);
+}
+
+TEST(ConfigFile, GivesABodyAnotherNameForTheClientsOfOneProtocol) {
+  const auto config = parse_config(
+      "bodies: [{name: drone, source: {type: recording, folder: x}}]", "test.yaml",
+      {"streaming.natnet.aliases={drone: Rigid Body 1}", "streaming.vicon.aliases.drone=cf7"});
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->streaming.natnet.aliases, (NameAliases{{"drone", "Rigid Body 1"}}));
+  EXPECT_EQ(config->streaming.vicon.aliases, (NameAliases{{"drone", "cf7"}}));
+  EXPECT_TRUE(config->streaming.qualisys.aliases.empty());
+  EXPECT_THAT(print_config(*config), HasSubstr("aliases: {\"drone\": \"Rigid Body 1\"}"));
 }
 
 TEST(ConfigOverride, IsCheckedLikeTheFile) {

@@ -65,9 +65,10 @@ TEST_F(ClockTest, GivesFramesTheTimeOfThisMachine) {
 }
 
 TEST_F(ClockTest, TellsTheOperator) {
-  ASSERT_TRUE(publish([&] {
-    return server_.clients()[0].detail.find("clock offset -107999") != std::string::npos;  // s; then ms
-  })) << server_.clients()[0].detail;
+  ASSERT_TRUE(publish([&] { return server_.clients()[0].clock.has_value(); })) << server_.clients()[0].detail;
+  const ClockOffset clock = *server_.clients()[0].clock;
+  EXPECT_NEAR(clock.offset_s, 1e-9 * static_cast<double>(kOffset.count()), kLoopback_s);
+  EXPECT_GT(clock.sigma_s, 0);
 }
 
 TEST_F(ClockTest, PredictsToNow) {

@@ -34,6 +34,33 @@ TEST(Doctor, NamesAnAddressOfAnotherMachine) {
   EXPECT_THAT(faults_of(vrpn_on("0.0.0.0"), listening, kInterfaces), IsEmpty());
 }
 
+TEST(Doctor, FindsAParticipantOfTheDomainAtItsPort) {
+  dds::NetworkConfig network;
+  network.domain = 2;  // ports from 7400 + 2 · 250 + 10 = 7910 on
+  network.max_participants = 3;
+  const auto faults_at = [&](std::uint16_t port, Transport transport = Transport::kUdp) {
+    return faults_of(network, {{transport, "0.0.0.0", port}}, kInterfaces);
+  };
+  EXPECT_THAT(faults_at(7910), IsEmpty());
+  EXPECT_THAT(faults_at(7914), IsEmpty());
+  const auto nobody = ElementsAre(HasSubstr("nobody listens on 7910 udp"));
+  EXPECT_THAT(faults_at(7908), nobody);
+  EXPECT_THAT(faults_at(7911), nobody) << "a data port";
+  EXPECT_THAT(faults_at(7916), nobody) << "of a fourth participant";
+  EXPECT_THAT(faults_at(7910, Transport::kTcp), nobody);
+}
+
+TEST(Doctor, NamesADdsInterfaceThatIsNotThere) {
+  dds::NetworkConfig network;
+  network.interface = "wlan7";
+  const std::vector<ListeningPort> listening{{Transport::kUdp, "0.0.0.0", 7410}};
+  EXPECT_THAT(faults_of(network, listening, kInterfaces), ElementsAre(HasSubstr("set dds.interface")));
+  for (const char* good : {"eth0", "10.0.0.5", ""}) {
+    network.interface = good;
+    EXPECT_THAT(faults_of(network, listening, kInterfaces), IsEmpty()) << good;
+  }
+}
+
 TEST(Doctor, ReadsTheKernelsListOfSockets) {
   const auto tcp = listening_port_of(
       "   0: 0100007F:0F2B 00000000:0000 0A 00000000:00000000 00:00000000 00000000     0        0 1 1", Transport::kTcp);
@@ -54,10 +81,14 @@ TEST(Doctor, EndsWithOneWhenNoServerAnswersAndSaysSo) {
   std::ostringstream out;
   std::ostringstream err;
   const Terminal terminal{out, err};
-  EXPECT_EQ(run_doctor({"", {"streaming.vrpn.enabled=false"}, "127.0.0.1:9"}, terminal), kExitFailed);
+  EXPECT_EQ(run_doctor({"", {"streaming.vrpn.enabled=false", "streaming.natnet.enabled=true", "streaming.natnet.when_invalid=stop",
+                              "streaming.vicon.enabled=true"}, "127.0.0.1:9"}, terminal), kExitFailed);
   EXPECT_THAT(out.str(), HasSubstr("no answer"));
   EXPECT_THAT(out.str(), HasSubstr("vrpn: switched off"));
   EXPECT_THAT(out.str(), HasSubstr("attitude wxyz"));
+  EXPECT_THAT(out.str(), HasSubstr("dds: switched off"));
+  EXPECT_THAT(out.str(), HasSubstr("a body that is lost: absent (when_invalid: stop)"));
+  EXPECT_THAT(out.str(), HasSubstr("a body that is lost: occluded"));
 }
 
 }  // namespace

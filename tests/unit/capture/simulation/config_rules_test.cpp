@@ -57,6 +57,13 @@ TEST(SimulationConfig, EveryBrokenBodyRuleIsNamed) {
       {"body.trajectory.file", [](auto& b) { b.trajectory.kind = "file"; }},
       {"body.trajectory.speed", [](auto& b) { b.trajectory.speed = 0; }},
       {"body.faults.drop_image", [](auto& b) { b.faults.drop_image = 1.5; }},
+      {"body.faults.occlude_corner", [](auto& b) { b.faults.occlude_corner = -0.1; }},
+      {"body.faults.image_stamp_error_s", [](auto& b) { b.faults.image_stamp_error_s = 2; }},
+      {"body.faults.imu_stamp_jitter_s", [](auto& b) { b.faults.imu_stamp_jitter_s = -0.001; }},
+      {"body.faults.saturation_at_s", [](auto& b) { b.faults.saturation_at_s = -1; }},
+      {"body.faults.saturation_s", [](auto& b) { b.faults.saturation_s = -1; }},
+      {"body.faults.saturated_gyro_rad_s", [](auto& b) { b.faults.saturated_gyro_rad_s = 0; }},
+      {"body.faults.saturated_accel_m_s2", [](auto& b) { b.faults.saturated_accel_m_s2 = 0; }},
       {"body.faults.blackout_s", [](auto& b) { b.faults.blackout_s = 2; }}};
   for (const auto& [path, break_it] : faults) {
     SimulatedBodyConfig body = corner_robot("survey");

@@ -61,6 +61,15 @@ class DdsServerTest : public testing::Test {
     server_->publish(frame_);
   }
 
+  /// A later frame of another model: the rover, with id 7.
+  void only_rover_is_left() {
+    frame_ = make_scene_frame({"rover"}, 500);
+    auto model = std::make_shared<SceneModel>(*frame_->model);
+    model->generation = 2;
+    model->bodies[0].id = frame_->bodies[0].body_id = 7;
+    frame_->model = model;
+  }
+
   std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"big-drone", "rover"});
   FakeClock clock_;
   std::shared_ptr<Participant> participant_;
@@ -185,7 +194,7 @@ TEST_F(DdsServerTest, StaticFramesAreToldWhenTheyChangeNotWhenTheRestOfTheMapDoe
   EXPECT_TRUE(tf.take());
 }
 
-TEST_F(DdsServerTest, Px4HasANamespacePerVehicleOnlyWhenThereAreSeveral) {
+TEST_F(DdsServerTest, Px4HasANamespacePerVehicleWhenThereAreSeveralAndKeepsIt) {
   DdsConfig config;
   config.px4 = Px4Profile::kNed;
   start(config);
@@ -194,11 +203,18 @@ TEST_F(DdsServerTest, Px4HasANamespacePerVehicleOnlyWhenThereAreSeveral) {
   auto one = read("rt/fmu/in/vehicle_visual_odometry", px4_msgs_msg_dds__VehicleOdometry__desc);
   publish();
   EXPECT_TRUE(several.take());
+  only_rover_is_left();
+  publish();
+  EXPECT_TRUE(several.take()) << "the other one was switched off: no reason to lose this one";
   EXPECT_FALSE(one.take());
-  frame_ = make_scene_frame({"rover"}, 500);
-  auto model = std::make_shared<SceneModel>(*frame_->model);
-  model->generation = 2;
-  frame_->model = model;
+}
+
+TEST_F(DdsServerTest, Px4HasNoNamespaceForASingleVehicle) {
+  frame_ = make_scene_frame({"rover"});
+  DdsConfig config;
+  config.px4 = Px4Profile::kNed;
+  start(config);
+  auto one = read("rt/fmu/in/vehicle_visual_odometry", px4_msgs_msg_dds__VehicleOdometry__desc);
   publish();
   EXPECT_TRUE(one.take());
 }
@@ -209,11 +225,7 @@ TEST_F(DdsServerTest, ABodyThatLeavesIsDisposedOfAndANewOneIsServed) {
   publish();
   while (native.take()) {
   }
-  frame_ = make_scene_frame({"rover"}, 500);
-  auto model = std::make_shared<SceneModel>(*frame_->model);
-  model->generation = 2;
-  model->bodies[0].id = frame_->bodies[0].body_id = 7;
-  frame_->model = model;
+  only_rover_is_left();
   auto pose = read("rt/rover/pose", geometry_msgs_msg_dds__PoseStamped__desc);
   publish();
   EXPECT_TRUE(pose.take());
@@ -257,6 +269,12 @@ TEST_F(DdsServerTest, ListsWhoListensToWhat) {
     EXPECT_EQ(clients[0].protocol, "dds");
     EXPECT_EQ(clients[0].detail, "/rover/pose /tf");
     EXPECT_EQ(clients[0].frames_sent, 2u);
+    only_rover_is_left();  // writers of bodies are made anew and count from zero
+    publish();
+    clients.clear();
+    server_->append_clients(clients);
+    ASSERT_THAT(clients, SizeIs(1));
+    EXPECT_EQ(clients[0].frames_sent, 4u);
   }
   clients.clear();
   server_->append_clients(clients);

@@ -20,6 +20,11 @@ TEST(RosNames, GoodNamesStay) {
   EXPECT_THAT(ros_names(model_of({"drone", "cf_7"})), ElementsAre("drone", "cf_7"));
 }
 
+TEST(RosNames, AnAliasStandsForTheName) {
+  EXPECT_THAT(ros_names(model_of({"drone", "arm"}), {{"drone", "cf 7"}}),
+              ElementsAre("cf_7", "arm"));
+}
+
 TEST(RosNames, WhatRosForbidsBecomesAnUnderscore) {
   EXPECT_THAT(ros_names(model_of({"big-drone.v2", "7up", "_x__y_", "ä"})),
               ElementsAre("big_drone_v2", "body_7up", "body_x_y", "body"));

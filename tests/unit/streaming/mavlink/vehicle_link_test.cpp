@@ -152,7 +152,10 @@ TEST_F(VehicleLinkTest, ShowsTheAutopilotAndItsClockOnceHeard) {
   link.receive(from_autopilot, frame_->at + 1ms, answers);
   EXPECT_THAT(answers, IsEmpty());
   EXPECT_THAT(link.status(frame_->at + 1ms), HasSubstr("system 9"));
-  EXPECT_THAT(link.status(frame_->at + 1ms), HasSubstr("5.000 ms ± 0.500 ms"));
+  const auto clock = link.clock_offset(frame_->at + 1ms);
+  ASSERT_TRUE(clock);
+  EXPECT_EQ(clock->to_autopilot, Duration(5ms));
+  EXPECT_EQ(clock->doubt, Duration(500us));
 }
 
 TEST_F(VehicleLinkTest, AnotherCompanionIsNotTakenForTheAutopilot) {

@@ -50,6 +50,14 @@ TEST_F(PropertiesTest, OfABody) {
   EXPECT_EQ(get("GetProperty,nobody,Name"), "none");
 }
 
+TEST_F(PropertiesTest, TheNameIsTheOneThatClientsSee) {
+  server_.config.aliases = {{"drone", "Rigid Body 1"}, {"spare", "Rigid Body 2"}};
+  server_.announced[1].name = "Rigid Body 1";
+  EXPECT_EQ(get("GetProperty,Rigid Body 1,Name"), "Rigid Body 1");
+  EXPECT_EQ(get("GetProperty,drone,Name"), "Rigid Body 1");
+  EXPECT_EQ(get("GetProperty,Rigid Body 2,Name"), "Rigid Body 2") << "one that is switched off";
+}
+
 TEST_F(PropertiesTest, NameAndActiveCanBeSet) {
   EXPECT_TRUE(set("SetProperty,drone,Active,False"));
   EXPECT_FALSE(desk_.find(2)->enabled);

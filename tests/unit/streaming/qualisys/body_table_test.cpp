@@ -23,6 +23,13 @@ TEST(QualisysBodyTable, TakesTheBodiesInTheirOrder) {
   EXPECT_THAT(table.index_of_body(), ElementsAre(0, 1));
 }
 
+TEST(QualisysBodyTable, ShowsAnAlias) {
+  BodyTable table(NameAliases{{"drone", "cf <7>"}});
+  table.update(model_of(1, {{1, "arm"}, {2, "drone"}}));
+  EXPECT_EQ(table.entries()[0].name, "arm");
+  EXPECT_EQ(table.entries()[1].name, "cf _7_");
+}
+
 TEST(QualisysBodyTable, TheSameGenerationChangesNothing) {
   BodyTable table;
   table.update(model_of(1, {{1, "arm"}}));

@@ -106,6 +106,13 @@ TEST_F(ViconFrameBoardTest, AnInvalidBodyIsOccluded) {
   EXPECT_EQ(view_.qualities[1], 0.0);
 }
 
+TEST_F(ViconFrameBoardTest, ShowsAnAliasUnderTheSameId) {
+  board_ = FrameBoard(WhenInvalid::kFlag, {{"drone", "cf 7"}});
+  see_as(client::kSegments);
+  next(*make_scene_frame({"arm", "drone"}), true);
+  EXPECT_THAT(view_.names, ElementsAre(Pair(1, "arm"), Pair(2, "cf_7")));
+}
+
 TEST_F(ViconFrameBoardTest, AFilterLetsOnlyItsSubjectsThrough) {
   see_as(client::kSegments, {{Type::kGlobalSegments, {2, 7}}, {Type::kObjectQuality, {1}}});
   next(*make_scene_frame({"a", "b", "c"}), true);

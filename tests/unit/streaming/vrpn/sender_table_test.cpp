@@ -48,6 +48,14 @@ TEST(VrpnSenderTable, ServesNeitherBrokenNorDoubledNames) {
   EXPECT_FALSE(table.find_body("VRPN Control"));
 }
 
+TEST(VrpnSenderTable, ShowsAnAliasAndKnowsWhoseItIs) {
+  SenderTable table(NameAliases{{"drone", "cf7"}, {"arm", "a@b"}});
+  EXPECT_THAT(table.update(model(1, {"arm", "drone"})), ElementsAre("a@b")) << "an alias obeys the rules, too";
+  EXPECT_FALSE(table.find_body("drone"));
+  ASSERT_TRUE(table.find_body("cf7"));
+  EXPECT_EQ(table.own_name_of(*table.find_body("cf7")), "drone");
+}
+
 TEST(VrpnSenderTable, MatchesNamesByteByByte) {
   SenderTable table;
   table.update(model(1, {"Arm"}));

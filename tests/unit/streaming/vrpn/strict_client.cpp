@@ -257,8 +257,9 @@ void StrictClient::learn(std::map<std::int32_t, std::string>& table, std::int32_
 
 void StrictClient::take_report(const std::string& sender, const std::string& type, double utc_s,
                                const unsigned char* payload, std::size_t n, bool udp) {
-  if (get_i32(payload) != 0 || get_i32(payload + 4) != 0) violated("sensor");
-  Report report{sender, type, utc_s, {}, udp};
+  const int sensor = get_i32(payload);
+  if (sensor < 0 || sensor >= sensors_ || get_i32(payload + 4) != sensor) violated("sensor");
+  Report report{sender, type, sensor, utc_s, {}, udp};
   for (std::size_t at = 8; at < n; at += 8) report.values.push_back(get_f64(payload + at));
   reports.push_back(report);
 }

@@ -20,6 +20,7 @@ class StrictClient final {
   struct Report {
     std::string sender;
     std::string type;
+    int sensor{};
     double utc_s{};
     std::vector<double> values;  ///< The doubles behind the two sensor words.
     bool udp{};
@@ -44,6 +45,9 @@ class StrictClient final {
   void send_raw(const std::vector<std::byte>& bytes);
   void stop_reading() { reading_ = false; }
   void resume_reading() { reading_ = true; }
+
+  /// Sensors that a body may have; a report of another is a violation.
+  void expect_sensors(int n) { sensors_ = n; }
 
   [[nodiscard]] bool connected() const { return tcp_ >= 0; }
   [[nodiscard]] bool closed_by_server() const { return closed_; }
@@ -81,6 +85,7 @@ class StrictClient final {
   int listener_{-1};
   bool offer_udp_{false};
   bool reading_{true};
+  int sensors_{1};
   bool closed_{false};
   bool said_hello_{false};
   bool cookie_seen_{false};

@@ -11,6 +11,8 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
+constexpr double kRounding = 1e-12;
+
 TEST_F(VrpnServerTest, ServesADirectClientByTcp) {
   start();
   StrictClient client;
@@ -44,6 +46,39 @@ TEST_F(VrpnServerTest, ServesARequestingClientByUdp) {
   for (const auto& report : client.reports) EXPECT_TRUE(report.udp);
   EXPECT_THAT(client.violations, IsEmpty());
   EXPECT_EQ(status().at(0).frames_sent, 2u);
+}
+
+TEST_F(VrpnServerTest, SensorsMoveWithTheirBodyWhateverItIsCalled) {
+  config_.velocity = false;
+  config_.aliases = {{"drone", "cf7"}};
+  const Pose X_PS{Eigen::Quaterniond(0, 1, 0, 0), {0.1, 0.2, -0.3}};
+  config_.sensors = {{"drone", X_PS}};
+  start();
+  StrictClient by_tcp;
+  StrictClient by_udp;
+  by_tcp.connect(port_);
+  by_udp.request(port_);
+  clients_ = {&by_tcp, &by_udp};
+  for (auto* client : clients_) client->expect_sensors(2);
+  ASSERT_TRUE(until([&] { return by_tcp.ready() && by_udp.ready(); }));
+  EXPECT_THAT(by_tcp.bodies(), ElementsAre("arm", "cf7"));
+  const auto sent = frame();
+  server_->publish(sent);
+  ASSERT_TRUE(until([&] { return by_tcp.reports.size() == 3 && by_udp.reports.size() == 3; }));
+  const Pose X_WS = sent->bodies[1].X_WP * X_PS;
+  for (const auto* client : clients_) {
+    EXPECT_EQ(client->reports[1].sensor, 0);
+    const auto& extra = client->reports[2];
+    EXPECT_EQ(extra.sender, "cf7");
+    EXPECT_EQ(extra.sensor, 1);
+    ASSERT_EQ(extra.values.size(), 7u);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(extra.values[static_cast<std::size_t>(i)], X_WS.p[i], kRounding);
+    const Eigen::Quaterniond q(extra.values[6], extra.values[3], extra.values[4], extra.values[5]);
+    EXPECT_NEAR(std::abs(q.dot(X_WS.q)), 1.0, kRounding);
+    EXPECT_THAT(client->violations, IsEmpty());
+  }
+  by_tcp.ask("cf7", "vrpn_Tracker Request_Unit_To_Sensor");
+  ASSERT_TRUE(until([&] { return by_tcp.answers["vrpn_Tracker Unit_To_Sensor"] == 2; })) << "one per sensor";
 }
 
 TEST_F(VrpnServerTest, EverythingByTcpWhenUdpIsOffOrNotOffered) {

@@ -131,12 +131,16 @@ TEST(WebCodec, MapWithoutReferenceSaysNull) {
   EXPECT_TRUE(Json::parse(encode_map({}))["reference_tag"].is_null());
 }
 
-TEST(WebCodec, ClientsCarryTheirDrops) {
-  const std::vector<ClientStatus> clients{{"vrpn", "10.0.0.2:4 udp", "z-up m", 100, 3, 1.5}};
+TEST(WebCodec, ClientsCarryTheirDropsAndTheirClocks) {
+  const std::vector<ClientStatus> clients{{"vrpn", "10.0.0.2:4 udp", "z-up m", 100, 3, 1.5},
+                                          {"native", "p", "d", 0, 0, 0, ClockOffset{-0.25, 0.001}}};
   const auto sent = Json::parse(encode_clients(clients));
   EXPECT_EQ(sent["clients"][0],
             Json::parse(R"({"protocol":"vrpn","peer":"10.0.0.2:4 udp","detail":"z-up m",
-                                                "sent":100,"dropped":3,"connected_s":1.5})"));
+                                                "sent":100,"dropped":3,"connected_s":1.5,
+                                                "clock_offset_s":null,"clock_sigma_s":null})"));
+  EXPECT_EQ(sent["clients"][1]["clock_offset_s"], -0.25);
+  EXPECT_EQ(sent["clients"][1]["clock_sigma_s"], 0.001);
 }
 
 TEST(WebCodec, LongLogTextIsCut) {
