@@ -19,7 +19,7 @@ struct ServerOptions {
   /// answer to a controller.
   std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
   /// Stands in for, or around, the source of a body that was opened as configured; nullptr: none.
-  std::function<std::unique_ptr<SensorSource>(const std::string& body, std::unique_ptr<SensorSource> configured)> source;
+  std::function<std::unique_ptr<SensorSource>(const std::string& body, std::unique_ptr<SensorSource> configured)> source{};
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
