@@ -1,5 +1,6 @@
 #include "app/body_worker.hpp"
 
+#include <algorithm>
 #include <exception>
 #include <sstream>
 #include <utility>
@@ -13,6 +14,8 @@ namespace fiducap {
 namespace {
 
 constexpr Duration kRememberPeriod = std::chrono::seconds(2);
+// A tag unseen for so long has left the view.
+constexpr Duration kOutOfView = std::chrono::seconds(2);
 
 MergerConfig merger_config(const BodySensors& sensors) {
   MergerConfig config;
@@ -37,7 +40,10 @@ class CpuMeter final {
 }  // namespace
 
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
-    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {}
+    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {
+  for (int camera = 0; camera < static_cast<int>(parts_.sensors.cameras.size()); ++camera)
+    inbox_.set_clock_shift(camera, from_seconds(parts_.filter->clock(camera).shift_s));
+}
 
 void BodyWorker::read(std::stop_token stop) {
   try {
@@ -122,6 +128,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
         event.kind == MapEvent::Kind::kTagAdded;  // versions are announced by the map keeper
     log::write(news ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
   }
+  hand_over_tags(seen_.exposed_at);
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
   if (search_) search_->corrected(filter, estimate);
@@ -133,6 +140,17 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
   if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
   if (filter.running()) remember_extrinsics(seen_.exposed_at);
+}
+
+void BodyWorker::hand_over_tags(Instant now) {
+  if (static_cast<int>(beliefs_.size()) <= shared_.estimator.hand_over_above) return;
+  const auto oldest = std::min_element(beliefs_.begin(), beliefs_.end(),
+                                       [](const auto& a, const auto& b) { return a.last_seen < b.last_seen; });
+  if (now - oldest->last_seen < kOutOfView) return;
+  const auto map = shared_.map.snapshot();
+  const MapTag* kept = map->find(oldest->tag.tag_id);
+  if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) return;
+  parts_.filter->release_tag(oldest->tag.tag_id);
 }
 
 const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {

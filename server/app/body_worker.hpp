@@ -85,6 +85,7 @@ class BodyWorker final {
   void take_frame(const Delivery& delivery);
   const CornerFrame& corners_of(const SensorSample& sample);
   void remember_extrinsics(Instant now);
+  void hand_over_tags(Instant now);
 
   BodyParts parts_;
   SharedParts shared_;

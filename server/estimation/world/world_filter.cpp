@@ -38,6 +38,7 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       candidates_(config),
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, true));
   restart();
 }
 
@@ -73,11 +74,19 @@ void WorldFilter::restart_camera(int camera) {
     const Matrix6d J = world_from_plain_error(mount.X_BV.p);
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
   }
-  state_.clocks[static_cast<std::size_t>(camera)] = {.readout_s = mount.readout_s};
+  const auto k = static_cast<std::size_t>(camera);
+  state_.clocks[k] = {.shift_s = k < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[k] : 0.0, .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
   P(layout::clock(camera), layout::clock(camera)) = mount.time_shift_sigma_s * mount.time_shift_sigma_s;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+}
+
+void WorldFilter::release_tag(int tag_id) {
+  const int tag = state_.find(tag_id);
+  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace) return;
+  state_.remove_tag(static_cast<std::size_t>(tag));
+  memory_.forget_all();  // its states still hold the tag
 }
 
 void WorldFilter::look_at(const TagObservations& seen) {
@@ -308,9 +317,10 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
 }
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations,
-                                             linearisation_ ? &*linearisation_ : nullptr};
-  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  const auto camera = static_cast<std::size_t>(seen.camera);
+  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done =
+      corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_[camera], accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -354,7 +364,7 @@ void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
 std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
-    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
   }
   return out;
 }

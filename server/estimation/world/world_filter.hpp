@@ -32,6 +32,7 @@ class WorldFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
+  void release_tag(int tag_id) override;
   [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
@@ -94,6 +95,7 @@ class WorldFilter final : public BodyFilter {
   FilterState state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
+  std::vector<CornerNoise> corner_noise_;  ///< One per camera.
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImageMemory memory_;
