@@ -178,6 +178,21 @@ TEST(WorldFilterClock, FindsImagesThatAreStampedFiftyMillisecondsOff) {
   }
 }
 
+TEST(WorldFilterClock, FollowsAClockThatJumps) {
+  for (const double jump_s : {0.03, -0.03}) {
+    EstimationData data = simulate({.world = "table"});
+    const Instant middle = time_of(data.samples.front()) + std::chrono::seconds(15);
+    for (SensorSample& sample : data.samples) {
+      auto* image = std::get_if<CornerFrame>(&sample);
+      if (image != nullptr && image->exposed_at > middle) image->exposed_at += from_seconds(jump_s);
+    }
+    const FilterRun one = run_filter(data, {.filter = "world"});
+    EXPECT_EQ(one.tags_dropped, 0);
+    EXPECT_NEAR(one.clock.shift_s, -jump_s, 5 * one.clock.shift_sigma_s);
+    EXPECT_LT(one.scored_after(20).position_rmse_m(), 0.006);
+  }
+}
+
 TEST(WorldFilterClock, FindsHowLongARollingShutterReads) {
   SimulatedDataSetup data{.world = "table", .readout_s = 0.02, .readout_told_s = 0.012, .readout_sigma_s = 0.01};
   const double cost = cost_of(data, [&](const ClockEstimate& clock) {

@@ -62,6 +62,7 @@ void WorldFilter::restart() {
   gauge_tag_.reset();
   last_used_at_.reset();
   barren_updates_ = 0;
+  strained_updates_ = 0;
 }
 
 void WorldFilter::restart_camera(int camera) {
@@ -78,8 +79,19 @@ void WorldFilter::restart_camera(int camera) {
   state_.clocks[k] = {.shift_s = k < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[k] : 0.0, .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
-  P(layout::clock(camera), layout::clock(camera)) = mount.time_shift_sigma_s * mount.time_shift_sigma_s;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+  reopen_clock(camera);
+}
+
+void WorldFilter::reopen_clock(int camera) {
+  if (!config_.estimate_clocks || !has_imu()) return;
+  const int at = layout::clock(camera);
+  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
+  auto P = state_.P();
+  P.row(at).setZero();
+  P.col(at).setZero();
+  P(at, at) = sigma * sigma;
+  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
 }
 
 void WorldFilter::release_tag(int tag_id) {
@@ -253,6 +265,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   }
   if (at_image) memory_.add(seen, known);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (strained_updates_ == kStrainedToReopenClock) reopen_clock(seen.camera);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
@@ -332,6 +345,7 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
 void WorldFilter::count_rejections(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
+  strained_updates_ = report.tags_used > report.tags_rejected ? 0 : strained_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
   for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
     if (gauge_tag_ == tag_id) gauge_tag_.reset();

@@ -57,6 +57,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   void restart();
   void restart_camera(int camera);
+  void reopen_clock(int camera);
   void look_at(const TagObservations& seen);
   void start(Instant at);
   void integrate_to(Instant to);
@@ -111,7 +112,8 @@ class WorldFilter final : public BodyFilter {
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
-  int barren_updates_{0};   ///< In a row: tags to use, none accepted.
+  int barren_updates_{0};    ///< In a row: tags to use, none accepted.
+  int strained_updates_{0};  ///< In a row: at least half of the tags not accepted.
   int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
 };
 
