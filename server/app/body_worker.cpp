@@ -1,10 +1,12 @@
 #include "app/body_worker.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <sstream>
 #include <utility>
 
+#include "app/calibration_report.hpp"
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "detection/observe.hpp"
@@ -14,6 +16,9 @@ namespace fiducap {
 namespace {
 
 constexpr Duration kRememberPeriod = std::chrono::seconds(2);
+// A clock known this well is said once, when it is off by so much that somebody should look.
+constexpr double kKnownShift_s = 1e-3;
+constexpr double kWorthSaying_s = 5e-3;
 // A tag unseen for so long has left the view.
 constexpr Duration kOutOfView = std::chrono::seconds(2);
 
@@ -165,8 +170,28 @@ void BodyWorker::remember_extrinsics(Instant now) {
   if (learned_at_ && now - *learned_at_ < kRememberPeriod) return;
   learned_at_ = now;
   auto newest = parts_.filter->extrinsics();
+  if (!clocks_announced_) announce_clocks(newest);
   const std::lock_guard lock(learned_mutex_);
   learned_ = std::move(newest);
+}
+
+void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras) {
+  const auto is_known = [](const ExtrinsicsEstimate& camera) { return camera.clock.shift_sigma_s < kKnownShift_s; };
+  clocks_announced_ = std::all_of(cameras.begin(), cameras.end(), is_known);
+  if (!clocks_announced_) return;
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
+    log::info("estimation", parts_.name + ": " + calibration_text(k, cameras[k], parts_.sensors.cameras[k]) +
+                                "; its stamps are corrected by that");
+  }
+}
+
+std::vector<std::string> BodyWorker::learned_text() const {
+  std::vector<std::string> lines;
+  const auto cameras = learned();
+  for (std::size_t k = 0; k < cameras.size() && k < parts_.sensors.cameras.size(); ++k)
+    lines.push_back(calibration_text(k, cameras[k], parts_.sensors.cameras[k]));
+  return lines;
 }
 
 BodyStatistics BodyWorker::statistics() const {
