@@ -149,13 +149,14 @@ void BodyWorker::take_frame(const Delivery& delivery) {
 
 void BodyWorker::hand_over_tags(Instant now) {
   if (static_cast<int>(beliefs_.size()) <= shared_.estimator.hand_over_above) return;
-  const auto oldest = std::min_element(beliefs_.begin(), beliefs_.end(),
-                                       [](const auto& a, const auto& b) { return a.last_seen < b.last_seen; });
-  if (now - oldest->last_seen < kOutOfView) return;
   const auto map = shared_.map.snapshot();
-  const MapTag* kept = map->find(oldest->tag.tag_id);
-  if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) return;
-  parts_.filter->release_tag(oldest->tag.tag_id);
+  const TagBelief* oldest = nullptr;
+  for (const TagBelief& belief : beliefs_) {
+    const MapTag* kept = map->find(belief.tag.tag_id);
+    if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
+    if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
+  }
+  if (oldest != nullptr && now - oldest->last_seen > kOutOfView) parts_.filter->release_tag(oldest->tag.tag_id);
 }
 
 const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
