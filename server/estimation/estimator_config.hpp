@@ -13,6 +13,7 @@ namespace fiducap {
 /// The IMU's own densities come with the body (ImuNoise).
 struct EstimatorConfig {
   double corner_noise_px{0.4};        ///< n_p: each coordinate of each corner, raw pixels (RCARS II-D2).
+  bool learn_corner_noise{true};      ///< False: corner_noise_px holds for every corner.
   bool estimate_extrinsics{true};     ///< False: X_BV is taken as exact.
   bool estimate_clocks{true};         ///< False: each camera's time_shift_s and readout_s are taken as exact.
   double gate_probability{0.999};     ///< A tag is used when its joint chi-square is below this quantile.
