@@ -171,7 +171,7 @@ std::string json_report(const Outcome& o) {
       {"images", {{"looked_at", o.images}, {"with_target", o.with_target}, {"used", v.images}}},
       {"sightings", {{"used", v.sightings}, {"rejected", c.rejected}}},
       {"targets_stood_still", c.targets_stood_still},
-      {"targets_moved", c.targets_moved},
+      {"targets_disagree", c.targets_disagree},
       {"noise_if_they_stood_still_px", c.joined_sigma_px},
       {"covered", v.covered},
       {"seen_angle_deg", v.seen_angle_rad / kDegree},
@@ -181,8 +181,7 @@ std::string json_report(const Outcome& o) {
       {"noise_px", c.sigma_px},
       {"noise_correlation", c.uncertainty.correlation},
       {"misfit_px", v.misfit_px},
-      {"uncertainty_px",
-       {{"median", v.uncertainty_median_px}, {"worst", v.uncertainty_worst_px}}},
+      {"uncertainty_px", {{"median", v.uncertainty_median_px}, {"worst", v.uncertainty_worst_px}}},
       {"lenses_tried", trials},
       {"map", cells_json(o.map)}};
   return report.dump(2) + "\n";
@@ -214,9 +213,9 @@ void print_report(const Terminal& terminal, const Outcome& o, const std::string&
   print_lens(terminal, c);
   if (c.targets_stood_still)
     terminal.out << "  the tags stand still relative to each other; that was used\n";
-  if (c.targets_moved)
-    terminal.out << "  the tags do not stand still relative to each other (" << fixed(c.joined_sigma_px, 2)
-                 << " px would be left): each sighting by itself\n";
+  if (c.targets_disagree)
+    terminal.out << "  taken together the tags leave " << fixed(c.joined_sigma_px, 2)
+                 << " px (moved, not flat, or sizes not as said): each sighting by itself\n";
   terminal.out << "  coverage " << fixed(100 * v.covered, 0) << " % of the image, up to "
                << fixed(v.seen_angle_rad / kDegree, 0) << "° of "
                << fixed(v.image_angle_rad / kDegree, 0) << "° off the axis; "
@@ -244,16 +243,17 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
     sigmas += std::string(" ") + names[static_cast<std::size_t>(i)] + " " +
               fixed(std::sqrt(calibration.uncertainty.covariance(i, i)), i < 4 ? 4 : 6);
   // OpenCV's order k1 k2 p1 p2 k3; EuRoC leaves k3 out where it is zero.
-  const int coefficients = camera.distortion == Distortion::kRadialTangential && values(8) != 0 ? 5 : 4;
+  const int coefficients =
+      camera.distortion == Distortion::kRadialTangential && values(8) != 0 ? 5 : 4;
   const auto list = [&](int first, int count, int decimals) {
     std::string text = "[";
     for (int i = first; i < first + count; ++i)
       text += (i == first ? "" : ", ") + fixed(values(i), decimals);
     return text + "]";
   };
-  return "# Intrinsics by fiducap calibrate camera; verdict: " + std::string(word_for(verdict.grade)) +
-         "\n# " + std::to_string(verdict.images) + " images, reprojection " +
-         fixed(verdict.reprojection_rms_px, 3) + " px RMS, coverage " +
+  return "# Intrinsics by fiducap calibrate camera; verdict: " +
+         std::string(word_for(verdict.grade)) + "\n# " + std::to_string(verdict.images) +
+         " images, reprojection " + fixed(verdict.reprojection_rms_px, 3) + " px RMS, coverage " +
          fixed(100 * verdict.covered, 0) + " %\n# 1-sigma:" + sigmas +
          "\ncamera_model: pinhole\nresolution: [" + std::to_string(camera.width) + ", " +
          std::to_string(camera.height) + "]\nintrinsics: " + list(0, 4, 6) +

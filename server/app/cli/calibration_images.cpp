@@ -100,8 +100,11 @@ Expected<std::optional<CalibrationImage>> CalibrationImages::next_sample() {
     if (!*sample) return std::nullopt;
     const int camera = static_cast<int>(camera_);
     if (const auto* frame = std::get_if<CameraFrame>(&**sample); frame && frame->camera == camera)
-      return CalibrationImage{"image " + std::to_string(++seen_), frame->image, {},
-                              frame->image->width, frame->image->height};
+      return CalibrationImage{"image " + std::to_string(++seen_),
+                              frame->image,
+                              {},
+                              frame->image->width,
+                              frame->image->height};
     if (const auto* corners = std::get_if<CornerFrame>(&**sample);
         corners && corners->camera == camera) {
       const CameraModel& model = recording_->cameras[camera_].model;

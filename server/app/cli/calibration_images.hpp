@@ -27,7 +27,8 @@ class CalibrationImages final {
  public:
   /// @param camera  which camera of a recording
   /// @return Error saying what was expected
-  [[nodiscard]] static Expected<CalibrationImages> open(const std::string& path, std::size_t camera);
+  [[nodiscard]] static Expected<CalibrationImages> open(const std::string& path,
+                                                        std::size_t camera);
 
   /// @return nullopt at the end. Pictures that cannot be read are left out and counted.
   [[nodiscard]] Expected<std::optional<CalibrationImage>> next();
@@ -39,7 +40,8 @@ class CalibrationImages final {
   [[nodiscard]] const std::optional<RecordingInfo>& recording() const { return recording_; }
 
  private:
-  [[nodiscard]] static Expected<CalibrationImages> open_recorded(const std::string& path, std::size_t camera);
+  [[nodiscard]] static Expected<CalibrationImages> open_recorded(const std::string& path,
+                                                                 std::size_t camera);
   [[nodiscard]] static Expected<CalibrationImages> open_folder(const std::string& path);
   [[nodiscard]] std::optional<CalibrationImage> next_file();
   [[nodiscard]] Expected<std::optional<CalibrationImage>> next_sample();

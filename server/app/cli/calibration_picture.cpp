@@ -64,7 +64,10 @@ class Picture final {
     const bool weak = v_.grade == IntrinsicsGrade::kWeak;
     const std::string word = good ? "good enough" : weak ? "usable, could be better" : "do not use";
     const CameraModel& camera = c_.state.camera;
-    return svg_box(kGap, 16, 14, 14, filled(good ? kColors[0] : weak ? kColors[3] : kColors[5])) +
+    return svg_box(kGap, 16, 14, 14,
+                   filled(good   ? kColors[0]
+                          : weak ? kColors[3]
+                                 : kColors[5])) +
            svg_text(kGap + 22, 29, "start", "Verdict: " + word, 17) +
            svg_text(kGap, 54, "start",
                     "fu " + fixed(camera.fu, 2) + "  fv " + fixed(camera.fv, 2) + "  cu " +
@@ -123,9 +126,8 @@ class Picture final {
       std::string points;
       for (int i = 0; i <= 72; ++i) {
         const double turn = i * 5 * kDegree;
-        const auto px =
-            c_.state.camera.project({std::sin(angle) * std::cos(turn),
-                                     std::sin(angle) * std::sin(turn), std::cos(angle)});
+        const auto px = c_.state.camera.project(
+            {std::sin(angle) * std::cos(turn), std::sin(angle) * std::sin(turn), std::cos(angle)});
         if (!px || !inside(*px)) {
           out += ring(points);
           points.clear();
@@ -163,9 +165,8 @@ class Picture final {
              "<circle cx=\"" + fixed(from.x(), 1) + "\" cy=\"" + fixed(from.y(), 1) +
              "\" r=\"1.6\" fill=\"#333\"/>\n";
     }
-    return out +
-           frame(x, "Reprojection: " + fixed(v_.reprojection_rms_px, 2) + " px RMS; lines: mean, × " +
-                        fixed(magnified / scale_, 0));
+    return out + frame(x, "Reprojection: " + fixed(v_.reprojection_rms_px, 2) +
+                              " px RMS; lines: mean, × " + fixed(magnified / scale_, 0));
   }
 
   [[nodiscard]] double largest_mean() const {
@@ -179,9 +180,9 @@ class Picture final {
     std::string out = cells(x, [](const ImageCell& cell) {
       return cell.in_lens ? color_of(cell.uncertainty_px) : kNothing;
     });
-    return out + frame(x, "Directions: uncertain by " + fixed(v_.uncertainty_median_px, 2) +
-                              " px in half of the image, " + fixed(v_.uncertainty_worst_px, 2) +
-                              " at worst");
+    return out +
+           frame(x, "Directions: ± " + fixed(v_.uncertainty_median_px, 2) + " px in the median, " +
+                        fixed(v_.uncertainty_worst_px, 2) + " at worst");
   }
 
   [[nodiscard]] std::string legend() const {
@@ -189,9 +190,10 @@ class Picture final {
     double x = left(1);
     std::string out;
     for (std::size_t i = 0; i < kColors.size(); ++i) {
-      const std::string text = i < kBounds_px.size() ? "to " + fixed(kBounds_px[i], 2) + " px"
-                                                     : "more";
-      out += svg_box(x, y, 14, 14, filled(kColors[i])) + svg_text(x + 19, y + 12, "start", text, 12);
+      const std::string text =
+          i < kBounds_px.size() ? "to " + fixed(kBounds_px[i], 2) + " px" : "more";
+      out +=
+          svg_box(x, y, 14, 14, filled(kColors[i])) + svg_text(x + 19, y + 12, "start", text, 12);
       x += 92;
     }
     return out + svg_box(x, y, 14, 14, filled(kNothing)) +

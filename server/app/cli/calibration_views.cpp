@@ -51,8 +51,8 @@ class Collector final {
 
   void look_for_checkerboard(const CalibrationImage& image, CalibrationView& view) const {
     if (!image.image) return;
-    const auto corners =
-        find_checkerboard(*image.image, targets_.checkerboard->columns, targets_.checkerboard->rows);
+    const auto corners = find_checkerboard(*image.image, targets_.checkerboard->columns,
+                                           targets_.checkerboard->rows);
     if (!corners) return;
     TargetSighting sighting;
     for (std::size_t i = 0; i < corners->size(); ++i)
@@ -99,8 +99,7 @@ class Collector final {
     if (known != target_of_tag_.end()) return known->second;
     const int target = static_cast<int>(data.targets.size());
     CalibrationTarget made{"tag " + std::to_string(tag_id), {}, fitted_sides};
-    for (int i = 0; i < 4; ++i)
-      made.points.push_back(tag_corner(i, targets_.tags.edge_of(tag_id)));
+    for (int i = 0; i < 4; ++i) made.points.push_back(tag_corner(i, targets_.tags.edge_of(tag_id)));
     data.targets.push_back(std::move(made));
     target_of_tag_[tag_id] = target;
     return target;
@@ -122,7 +121,8 @@ double sharp_enough(const CalibrationData& all) {
   return kBlurred * *quarter;
 }
 
-/// How far the corners that both views see are apart, mean, in image widths; far when there are none.
+/// How far the corners that both views see are apart, mean, in image widths; far when there are
+/// none.
 double distance(const CalibrationData& data, const CalibrationView& a, const CalibrationView& b) {
   double sum = 0;
   std::size_t count = 0;
@@ -173,9 +173,8 @@ CalibrationData select_views(const CalibrationData& all, std::size_t most) {
   CalibrationData sharp = all;
   const double limit = sharp_enough(all);
   for (CalibrationView& view : sharp.views)
-    std::erase_if(view.sightings, [&](const TargetSighting& s) {
-      return s.sharpness > 0 && s.sharpness < limit;
-    });
+    std::erase_if(view.sightings,
+                  [&](const TargetSighting& s) { return s.sharpness > 0 && s.sharpness < limit; });
   std::erase_if(sharp.views, [](const CalibrationView& view) { return view.sightings.empty(); });
   // Farthest first: each view taken is the one that is least like those taken before.
   std::vector<double> apart(sharp.views.size(), std::numeric_limits<double>::infinity());

@@ -30,14 +30,15 @@ struct CollectedViews {
   std::size_t images{};  ///< Looked at.
 };
 
-/// Looks for the targets in all images. Tags whose sides are shorter than 20 px are left out: their corners are worse
-/// than those of others, and they are near enough elsewhere.
+/// Looks for the targets in all images. Tags whose sides are shorter than 20 px are left out: their
+/// corners are worse than those of others, and they are near enough elsewhere.
 /// @param progress  told how many images were looked at, and in how many there was a target
-[[nodiscard]] Expected<CollectedViews> collect_views(CalibrationImages& images, const CalibrationTargets& targets,
-                                                     const std::function<void(std::size_t, std::size_t)>& progress);
+[[nodiscard]] Expected<CollectedViews> collect_views(
+    CalibrationImages& images, const CalibrationTargets& targets,
+    const std::function<void(std::size_t, std::size_t)>& progress);
 
-/// The sharp ones among the views, and of those up to `most` that differ from each other as much as they can: a hundred
-/// images of a camera at rest are one image.
+/// The sharp ones among the views, and of those up to `most` that differ from each other as much as
+/// they can: a hundred images of a camera at rest are one image.
 [[nodiscard]] CalibrationData select_views(const CalibrationData& all, std::size_t most);
 
 }  // namespace fiducap

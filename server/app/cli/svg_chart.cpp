@@ -117,8 +117,8 @@ class Panel final {
                       fixed(16.0 * static_cast<double>(chart_.series.size()) + 8, 1) +
                       "\" rx=\"4\" fill=\"#fff\" fill-opacity=\"0.85\"/>\n";
     for (const ChartSeries& series : chart_.series) {
-      out +=
-          svg_line(x, y - 4, x + 24, y - 4, stroke(series)) + svg_text(x + 32, y, "start", series.name, 11);
+      out += svg_line(x, y - 4, x + 24, y - 4, stroke(series)) +
+             svg_text(x + 32, y, "start", series.name, 11);
       y += 16;
     }
     return out;

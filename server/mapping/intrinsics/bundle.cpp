@@ -36,7 +36,8 @@ struct PointCost {
   Distortion kind;
   Eigen::Vector3d p_TP;
   Eigen::Vector2d seen_px;
-  double lost_px;  ///< Cost of a point that cannot be seen: nothing pulls there, no step wants to go there.
+  double lost_px;  ///< Cost of a point that cannot be seen: nothing pulls there, no step wants to
+                   ///< go there.
 
   template <typename T>
   bool operator()(const T* lens, const T* X_VG, const T* X_GT, T* residual) const {
@@ -78,7 +79,9 @@ class Bundle final {
     ceres::Solver::Options settings;
     settings.linear_solver_type = ceres::DENSE_SCHUR;
     settings.max_num_iterations = max_iterations;
-    settings.function_tolerance = 1e-9;
+    // Ceres orders blocks by address: only a solution that is converged is the same in every run.
+    settings.function_tolerance = 1e-13;
+    settings.parameter_tolerance = 1e-11;
     settings.initial_trust_region_radius = 1e3;
     settings.logging_type = ceres::SILENT;
     settings.linear_solver_ordering = std::make_shared<ceres::ParameterBlockOrdering>();

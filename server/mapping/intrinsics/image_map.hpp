@@ -11,10 +11,11 @@ namespace fiducap {
 struct ImageCell {
   Eigen::Vector2d centre_px;
   int points{};
-  double rms_px{};                                      ///< Reprojection, per point.
-  Eigen::Vector2d mean_px{Eigen::Vector2d::Zero()};     ///< Mean residual: what the lens model cannot follow.
-  bool in_lens{true};        ///< The lens model has a ray for the centre.
-  double uncertainty_px{};   ///< 1-sigma per coordinate of where the ray of the centre is seen.
+  double rms_px{};  ///< Reprojection, per point.
+  Eigen::Vector2d mean_px{
+      Eigen::Vector2d::Zero()};  ///< Mean residual: what the lens model cannot follow.
+  bool in_lens{true};            ///< The lens model has a ray for the centre.
+  double uncertainty_px{};       ///< 1-sigma per coordinate of where the ray of the centre is seen.
 };
 
 /// The image in cells that are nearly square.
@@ -31,13 +32,14 @@ struct ImageMap {
 /// A cell counts as covered from this many points on.
 inline constexpr int kCoveringPoints = 2;
 
-/// Coverage, reprojection and uncertainty per part of the image. The uncertainty is that of directions relative to each
-/// other: what a small turn of the camera on its body would do as well is taken out (weighted by where points were),
-/// since where the camera sits is calibrated after this.
-/// Idea: D. Kogan, mrcal, "projection uncertainty".
+/// Coverage, reprojection and uncertainty per part of the image. The uncertainty is that of
+/// directions relative to each other: what a small turn of the camera on its body would do as well
+/// is taken out (weighted by where points were), since where the camera sits is calibrated after
+/// this. Idea: D. Kogan, mrcal, "projection uncertainty".
 [[nodiscard]] ImageMap make_image_map(const IntrinsicsCalibration& calibration);
 
 /// Angle of a raw pixel off the optical axis; nullopt outside of the lens model.
-[[nodiscard]] std::optional<double> angle_of(const CameraModel& camera, const Eigen::Vector2d& raw_px);
+[[nodiscard]] std::optional<double> angle_of(const CameraModel& camera,
+                                             const Eigen::Vector2d& raw_px);
 
 }  // namespace fiducap

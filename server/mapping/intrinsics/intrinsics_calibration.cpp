@@ -13,7 +13,8 @@ namespace {
 
 constexpr std::size_t kLeastViews = 5;
 constexpr std::size_t kLeastPoints = 60;
-// k3 is estimated where it is this many sigma from zero; it bends the image outside of what was seen.
+// k3 is estimated where it is this many sigma from zero; it bends the image outside of what was
+// seen.
 constexpr double kThirdRadial_sigma = 5;
 
 const char* words_for(Distortion kind) {
@@ -73,7 +74,7 @@ IntrinsicsCalibration result_of(LensFit fit) {
   out.free = fit.free;
   out.rejected = fit.rejected;
   out.targets_stood_still = fit.joined;
-  out.targets_moved = fit.moved;
+  out.targets_disagree = fit.disagree;
   out.joined_sigma_px = fit.joined_sigma_px;
   out.state = std::move(fit.state);
   out.data = std::move(fit.data);
@@ -91,10 +92,10 @@ Expected<IntrinsicsCalibration> calibrate_intrinsics(
     const CalibrationData& data, const IntrinsicsOptions& options,
     const std::function<void(const std::string&)>& progress) {
   if (views_used(data) < kLeastViews || count_points(data) < kLeastPoints)
-    return fail(ErrorCode::kInvalid,
-                "too little to calibrate from: " + what_there_is(data) + ", wanted are at least " +
-                    std::to_string(kLeastViews) + " and " + std::to_string(kLeastPoints) +
-                    "; 50 different images make a good calibration");
+    return fail(ErrorCode::kInvalid, "too little to calibrate from: " + what_there_is(data) +
+                                         ", wanted are at least " + std::to_string(kLeastViews) +
+                                         " and " + std::to_string(kLeastPoints) +
+                                         "; 50 different images make a good calibration");
   std::vector<LensFit> fits;
   std::size_t most_points = 0;
   for (const Distortion kind : options.lenses) {
@@ -115,9 +116,10 @@ Expected<IntrinsicsCalibration> calibrate_intrinsics(
   IntrinsicsCalibration best = result_of(std::move(fits.front()));
   best.trials = std::move(trials);
   if (!best.uncertainty.determined)
-    return fail(ErrorCode::kInvalid,
-                "these images do not determine the lens: tilt the board or the camera to all sides, "
-                "and bring it to all parts of the image");
+    return fail(
+        ErrorCode::kInvalid,
+        "these images do not determine the lens: tilt the board or the camera to all sides, "
+        "and bring it to all parts of the image");
   return best;
 }
 

@@ -26,21 +26,25 @@ struct LensTrial {
 
 /// A camera's intrinsics with what they stand on.
 struct IntrinsicsCalibration {
-  CalibrationState state;                  ///< state.camera is the result.
-  CalibrationData data;                    ///< What was used; points without the bend of fitted sides.
-  std::vector<int> free;                   ///< Which of the nine lens numbers were estimated.
+  CalibrationState state;  ///< state.camera is the result.
+  CalibrationData data;    ///< What was used; points without the bend of fitted sides.
+  std::vector<int> free;   ///< Which of the nine lens numbers were estimated.
   std::vector<Eigen::Vector2d> residuals;  ///< seen − predicted, in the order of `data`.
   double sigma_px{};                       ///< Noise per coordinate that the residuals show.
   LensUncertainty uncertainty;
-  std::size_t rejected{};                  ///< Sightings that did not fit.
-  bool targets_stood_still{false};         ///< Several targets, and their places relative to each other were used.
-  bool targets_moved{false};               ///< They do not stand still; each sighting stands for itself.
-  double joined_sigma_px{};                ///< Noise that is left when they are taken to stand still; 0: not tried.
-  std::vector<LensTrial> trials;           ///< All lenses that were tried, the one taken first.
+  std::size_t rejected{};  ///< Sightings that did not fit.
+  bool targets_stood_still{
+      false};  ///< Several targets, and their places relative to each other were used.
+  bool targets_disagree{
+      false};  ///< They moved, are not flat or not of the size said: each sighting by itself.
+  double
+      joined_sigma_px{};  ///< Noise that is left when they are taken to stand still; 0: not tried.
+  std::vector<LensTrial> trials;  ///< All lenses that were tried, the one taken first.
 };
 
-/// Intrinsics from scratch: focal length searched, then least squares over lens, poses and places of targets in stages,
-/// wrong sightings taken out, bends of tag sides removed with the lens found so far.
+/// Intrinsics from scratch: focal length searched, then least squares over lens, poses and places
+/// of targets in stages, wrong sightings taken out, bends of tag sides removed with the lens found
+/// so far.
 /// @param progress  told what is being done
 /// @return Error when there is too little to say anything
 [[nodiscard]] Expected<IntrinsicsCalibration> calibrate_intrinsics(

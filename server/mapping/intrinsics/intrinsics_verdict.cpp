@@ -12,8 +12,8 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kTilted_rad = 25 * kDegree;
 
-// What a good calibration reaches. A direction is as good as a corner when the lens adds less than the detector
-// (0.1 to 0.3 px); 0.2 % of focal length is 6 mm at 3 m.
+// What a good calibration reaches. A direction is as good as a corner when the lens adds less than
+// the detector (0.1 to 0.3 px); 0.2 % of focal length is 6 mm at 3 m.
 constexpr int kGoodImages = 20;
 constexpr double kGoodCovered = 0.8;
 constexpr double kGoodTilted = 0.2;
@@ -42,16 +42,22 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Parts of the image, a third of its width and height each, where less than half of the cells are covered.
+/// What lies outside of the lens (the dark corners of a fisheye) cannot be covered.
+bool can_be_seen(const ImageCell& cell) { return cell.in_lens || cell.points > 0; }
+
+/// Parts of the image, a third of its width and height each, where less than half of the cells are
+/// covered.
 std::vector<std::string> empty_parts(const ImageMap& map) {
   constexpr std::array<const char*, 9> kParts{
-      "upper left corner", "upper edge", "upper right corner", "left edge", "middle",
-      "right edge",        "lower left corner", "lower edge",  "lower right corner"};
+      "upper left corner", "upper edge",        "upper right corner", "left edge",         "middle",
+      "right edge",        "lower left corner", "lower edge",         "lower right corner"};
   std::array<int, 9> cells{};
   std::array<int, 9> covered{};
   for (int row = 0; row < map.rows; ++row)
     for (int column = 0; column < map.columns; ++column) {
-      const auto part = static_cast<std::size_t>(3 * (3 * row / map.rows) + 3 * column / map.columns);
+      const auto part =
+          static_cast<std::size_t>(3 * (3 * row / map.rows) + 3 * column / map.columns);
+      if (!can_be_seen(map.at(column, row))) continue;
       ++cells[part];
       covered[part] += map.at(column, row).points >= kCoveringPoints ? 1 : 0;
     }
@@ -92,10 +98,12 @@ void count(const IntrinsicsCalibration& c, IntrinsicsVerdict& v) {
 void measure(const IntrinsicsCalibration& c, const ImageMap& map, IntrinsicsVerdict& v) {
   std::vector<double> uncertainties;
   int covered = 0;
+  int visible = 0;
   double systematic = 0;
   int filled = 0;
   for (const ImageCell& cell : map.cells) {
     covered += cell.points >= kCoveringPoints ? 1 : 0;
+    visible += can_be_seen(cell) ? 1 : 0;
     if (cell.in_lens) uncertainties.push_back(cell.uncertainty_px);
     if (const auto angle = angle_of(c.state.camera, cell.centre_px))
       v.image_angle_rad = std::max(v.image_angle_rad, *angle);
@@ -104,7 +112,7 @@ void measure(const IntrinsicsCalibration& c, const ImageMap& map, IntrinsicsVerd
     systematic += cell.mean_px.squaredNorm() - 2 * c.sigma_px * c.sigma_px / cell.points;
     ++filled;
   }
-  v.covered = covered / static_cast<double>(map.cells.size());
+  v.covered = covered / static_cast<double>(std::max(visible, 1));
   v.uncertainty_median_px = median(uncertainties);
   for (const double u : uncertainties) v.uncertainty_worst_px = std::max(v.uncertainty_worst_px, u);
   v.misfit_px = filled > 0 ? std::sqrt(std::max(0.0, systematic / filled)) : 0;
@@ -133,9 +141,9 @@ void advise_on_use(const IntrinsicsCalibration& c, IntrinsicsVerdict& v) {
       "Directions are uncertain by " + number(v.uncertainty_median_px, 1) +
           " px in half of the image: more images, nearer and more tilted.");
   say(v.reprojection_rms_px > kUselessRms_px,
-      "Corners are " + number(v.reprojection_rms_px, 1) +
-          " px off: is the target what was said (" + c.data.targets.front().name +
-          " …), and is this lens a pinhole with " + "radial-tangential or equidistant distortion?");
+      "Corners are " + number(v.reprojection_rms_px, 1) + " px off: is the target what was said (" +
+          c.data.targets.front().name + " …), and is this lens a pinhole with " +
+          "radial-tangential or equidistant distortion?");
 }
 
 void advise_on_motion(const ImageMap& map, IntrinsicsVerdict& v) {
@@ -147,10 +155,9 @@ void advise_on_motion(const ImageMap& map, IntrinsicsVerdict& v) {
   const auto parts = empty_parts(map);
   if (v.covered >= kUselessCovered)
     say(v.covered < kGoodCovered || !parts.empty(),
-        parts.empty()
-            ? percent(v.covered) + " of the image was seen: fill the gaps."
-            : percent(v.covered) + " of the image was seen: move the target into the " +
-                  listed(parts) + ".");
+        parts.empty() ? percent(v.covered) + " of the image was seen: fill the gaps."
+                      : percent(v.covered) + " of the image was seen: move the target into the " +
+                            listed(parts) + ".");
   say(v.tilted < kGoodTilted, "Only " + percent(v.tilted) +
                                   " of the sightings are tilted: tilt the target by 30° to 50° to "
                                   "all sides.");

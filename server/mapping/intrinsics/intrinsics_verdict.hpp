@@ -21,17 +21,19 @@ struct IntrinsicsVerdict {
   int images{};
   std::size_t sightings{};
   std::size_t points{};
-  double covered{};               ///< Share of the image's cells with points.
-  double seen_angle_rad{};        ///< Widest angle off the axis at which a point was.
-  double image_angle_rad{};       ///< Widest angle of the image itself, as far as the lens model goes.
-  double tilted{};                ///< Share of sightings turned by more than 25° against the line of sight.
-  double focal_sigma{};           ///< 1-sigma of the focal lengths, relative.
-  double uncertainty_median_px{}; ///< Over the image, see ImageCell::uncertainty_px.
+  double covered{};          ///< Share of the image's cells with points.
+  double seen_angle_rad{};   ///< Widest angle off the axis at which a point was.
+  double image_angle_rad{};  ///< Widest angle of the image itself, as far as the lens model goes.
+  double tilted{};       ///< Share of sightings turned by more than 25° against the line of sight.
+  double focal_sigma{};  ///< 1-sigma of the focal lengths, relative.
+  double uncertainty_median_px{};  ///< Over the image, see ImageCell::uncertainty_px.
   double uncertainty_worst_px{};
-  double reprojection_rms_px{};   ///< Per point.
-  double misfit_px{};             ///< RMS of what residuals have in common in a part of the image, beyond noise.
+  double reprojection_rms_px{};  ///< Per point.
+  double
+      misfit_px{};  ///< RMS of what residuals have in common in a part of the image, beyond noise.
 };
 
-[[nodiscard]] IntrinsicsVerdict judge(const IntrinsicsCalibration& calibration, const ImageMap& map);
+[[nodiscard]] IntrinsicsVerdict judge(const IntrinsicsCalibration& calibration,
+                                      const ImageMap& map);
 
 }  // namespace fiducap

@@ -124,9 +124,9 @@ LensUncertainty uncertainty_of(const CalibrationData& data, const CalibrationSta
   constexpr double kSingular = 1e-13;
   if (S.info() != Eigen::Success || !(S.vectorD().minCoeff() > kSingular)) return out;
   const auto n = static_cast<Eigen::Index>(free.size());
-  const Eigen::MatrixXd inverse =
-      scale.asDiagonal() * S.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.rows())) *
-      scale.asDiagonal();
+  const Eigen::MatrixXd inverse = scale.asDiagonal() *
+                                  S.solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.rows())) *
+                                  scale.asDiagonal();
   const Eigen::MatrixXd white = sigma_px * sigma_px * inverse.topLeftCorner(n, n);
   Eigen::MatrixXd seen = Eigen::MatrixXd::Zero(n, n);
   for (const Eigen::VectorXd& pull : system.pulls()) {

@@ -15,7 +15,7 @@ struct LensFit {
   double sigma_px{};  ///< Per coordinate, degrees of freedom counted.
   std::size_t rejected{};
   bool joined{false};
-  bool moved{false};  ///< Targets were to be joined, but do not stand still.
+  bool disagree{false};      ///< Targets were to be joined, but contradict each other.
   double joined_sigma_px{};  ///< What joining them left; 0: not tried.
 };
 
@@ -23,7 +23,8 @@ struct LensFit {
 /// @return nullopt when no focal length explains anything
 [[nodiscard]] std::optional<LensFit> fit_loose(const CalibrationData& data, Distortion kind);
 
-/// The same with targets standing still; `loose` unchanged but for `moved` when the images contradict.
+/// The same with targets standing still; `loose` unchanged but for `disagree` when the images
+/// contradict.
 [[nodiscard]] LensFit fit_joined(const LensFit& loose);
 
 /// Frees the third radial coefficient as well.

@@ -6,8 +6,9 @@
 
 namespace fiducap {
 
-/// CameraModel::project for any number type (automatic derivatives), with the lens as nine numbers: fu fv cu cv and the
-/// coefficients. Smooth where an equidistant lens looks sideways or back; never says that a lens has folded.
+/// CameraModel::project for any number type (automatic derivatives), with the lens as nine numbers:
+/// fu fv cu cv and the coefficients. Smooth where an equidistant lens looks sideways or back; never
+/// says that a lens has folded.
 /// @param lens   nine numbers, see numbers_of
 /// @param point  camera axes V; radial-tangential lenses need z > 0
 template <typename T>

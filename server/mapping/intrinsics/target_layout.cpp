@@ -69,7 +69,8 @@ class Layout final {
   }
 
   /// The pose of a group that fits all its targets in a view best.
-  [[nodiscard]] std::map<int, Pose> place_groups(std::size_t v, const CalibrationState& state) const {
+  [[nodiscard]] std::map<int, Pose> place_groups(std::size_t v,
+                                                 const CalibrationState& state) const {
     std::map<int, Pose> out;
     std::map<int, double> costs;
     for (const Seen& proposer : views_[v]) {
@@ -133,8 +134,8 @@ std::vector<int> count_sightings(const CalibrationData& data) {
   return counts;
 }
 
-/// Grows a group along the links with the most support. The target that defines a group must be the first of it in
-/// order, so groups are named and X_GT are set at the end.
+/// Grows a group along the links with the most support. The target that defines a group must be the
+/// first of it in order, so groups are named and X_GT are set at the end.
 class Tree final {
  public:
   Tree(std::size_t targets, const std::map<TargetPair, Link>& links)
@@ -149,8 +150,8 @@ class Tree final {
 
   void store(CalibrationState& state) const {
     for (std::size_t t = 0; t < root_.size(); ++t) {
-      const auto first = static_cast<std::size_t>(
-          std::find(root_.begin(), root_.end(), root_[t]) - root_.begin());
+      const auto first =
+          static_cast<std::size_t>(std::find(root_.begin(), root_.end(), root_[t]) - root_.begin());
       state.group_of[t] = static_cast<int>(first);
       state.X_GT[t] = first == t ? Pose{} : X_RT_[first].inverse() * X_RT_[t];
     }
@@ -184,7 +185,48 @@ class Tree final {
   std::vector<Pose> X_RT_;
 };
 
+/// The first target, in order, of each target's connected part.
+std::vector<int> connected_parts(const CalibrationData& data, const CalibrationState& state) {
+  std::vector<int> part(state.group_of.size());
+  for (std::size_t t = 0; t < part.size(); ++t) part[t] = static_cast<int>(t);
+  const auto first_of = [&](int t) {
+    while (part[static_cast<std::size_t>(t)] != t) t = part[static_cast<std::size_t>(t)];
+    return t;
+  };
+  for (const CalibrationView& view : data.views)
+    for (const TargetSighting& a : view.sightings)
+      for (const TargetSighting& b : view.sightings) {
+        if (state.group_of[static_cast<std::size_t>(a.target)] !=
+            state.group_of[static_cast<std::size_t>(b.target)])
+          continue;
+        const int i = first_of(a.target);
+        const int j = first_of(b.target);
+        part[static_cast<std::size_t>(std::max(i, j))] = std::min(i, j);
+      }
+  for (std::size_t t = 0; t < part.size(); ++t) part[t] = first_of(static_cast<int>(t));
+  return part;
+}
+
 }  // namespace
+
+void split_groups(const CalibrationData& data, CalibrationState& state) {
+  const std::vector<int> part = connected_parts(data, state);
+  std::vector<std::map<int, Pose>> X_VG(state.X_VG.size());
+  for (std::size_t v = 0; v < data.views.size(); ++v)
+    for (const TargetSighting& s : data.views[v].sightings) {
+      const auto t = static_cast<std::size_t>(s.target);
+      const auto first = static_cast<std::size_t>(part[t]);
+      X_VG[v][part[t]] = state.X_VG[v].at(state.group_of[t]) * state.X_GT[first];
+    }
+  std::vector<Pose> X_GT(state.X_GT.size());
+  for (std::size_t t = 0; t < X_GT.size(); ++t)
+    X_GT[t] = part[t] == static_cast<int>(t)
+                  ? Pose{}
+                  : state.X_GT[static_cast<std::size_t>(part[t])].inverse() * state.X_GT[t];
+  state.X_VG = std::move(X_VG);
+  state.X_GT = std::move(X_GT);
+  state.group_of = part;
+}
 
 CalibrationState loose_state(CalibrationData& data, const CameraModel& camera) {
   CalibrationState state;

@@ -9,8 +9,8 @@
 namespace fiducap {
 namespace {
 
-std::vector<TargetPose> poses_of_tag(const CalibrationTarget& target, const TargetSighting& sighting,
-                                     const CameraModel& camera) {
+std::vector<TargetPose> poses_of_tag(const CalibrationTarget& target,
+                                     const TargetSighting& sighting, const CameraModel& camera) {
   TagObservation tag;
   tag.edge_m = (target.points[1] - target.points[0]).norm();
   for (std::size_t i = 0; i < 4; ++i) {
@@ -44,8 +44,8 @@ std::vector<TargetPose> poses_of_board(const CalibrationTarget& target,
 std::vector<TargetPose> poses_of(const CalibrationTarget& target, const TargetSighting& sighting,
                                  const CameraModel& camera) {
   const bool one_tag = target.points.size() == 4;
-  auto poses = one_tag ? poses_of_tag(target, sighting, camera)
-                       : poses_of_board(target, sighting, camera);
+  auto poses =
+      one_tag ? poses_of_tag(target, sighting, camera) : poses_of_board(target, sighting, camera);
   std::sort(poses.begin(), poses.end(),
             [](const auto& a, const auto& b) { return a.rms_px < b.rms_px; });
   return poses;

@@ -65,6 +65,26 @@ class CalibrationScene final {
     }
   }
 
+  /// Board in camera axes, drawn anew each time.
+  Pose board_pose(double reach, double tilt_rad) {
+    const Eigen::Vector2d px(camera_.cu + reach * uniform(-0.5, 0.5) * camera_.width,
+                             camera_.cv + reach * uniform(-0.5, 0.5) * camera_.height);
+    const auto ideal = undistort(camera_, px);
+    const Eigen::Vector3d ray = Eigen::Vector3d((ideal->px.x() - camera_.cu) / camera_.fu,
+                                                (ideal->px.y() - camera_.cv) / camera_.fv, 1)
+                                    .normalized();
+    const double distance = uniform(0.35, 1.0) * camera_.fu / 300;
+    const double turn = uniform(-3.1, 3.1);
+    const Eigen::Vector3d tilt(tilt_rad * std::cos(turn), tilt_rad * std::sin(turn), 0);
+    // Faces the camera (z of the target towards it), then tilted and rolled.
+    const Eigen::Quaterniond facing(
+        Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray) *
+        exp_so3({3.14159265, 0, 0}));
+    return {
+        (facing * exp_so3(uniform(0, 1) * tilt) * exp_so3({0, 0, uniform(-0.5, 0.5)})).normalized(),
+        distance * ray};
+  }
+
   CalibrationData data;
 
  private:
@@ -78,25 +98,6 @@ class CalibrationScene final {
   }
 
   Pose jump() { return {exp_so3({uniform(-0.3, 0.3), 0, 0}), {uniform(-0.05, 0.05), 0, 0}}; }
-
-  Pose board_pose(double reach, double tilt_rad) {
-    const Eigen::Vector2d px(camera_.cu + reach * uniform(-0.5, 0.5) * camera_.width,
-                             camera_.cv + reach * uniform(-0.5, 0.5) * camera_.height);
-    const auto ideal = undistort(camera_, px);
-    const Eigen::Vector3d ray =
-        Eigen::Vector3d((ideal->px.x() - camera_.cu) / camera_.fu,
-                        (ideal->px.y() - camera_.cv) / camera_.fv, 1)
-            .normalized();
-    const double distance = uniform(0.35, 1.0) * camera_.fu / 300;
-    const double turn = uniform(-3.1, 3.1);
-    const Eigen::Vector3d tilt(tilt_rad * std::cos(turn), tilt_rad * std::sin(turn), 0);
-    // Faces the camera (z of the target towards it), then tilted and rolled.
-    const Eigen::Quaterniond facing(Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray) *
-                                    exp_so3({3.14159265, 0, 0}));
-    return {(facing * exp_so3(uniform(0, 1) * tilt) * exp_so3({0, 0, uniform(-0.5, 0.5)}))
-                .normalized(),
-            distance * ray};
-  }
 
   void see(std::size_t t, const Pose& X_VT, double noise_px, CalibrationView& view) {
     if ((X_VT.q * Eigen::Vector3d::UnitZ()).dot(X_VT.p) > -0.1 * X_VT.p.norm()) return;

@@ -1,8 +1,8 @@
 #include "mapping/intrinsics/intrinsics_calibration.hpp"
 
-#include <Eigen/LU>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include "calibration_scene.hpp"
 #include "estimation/chi_square.hpp"
@@ -10,6 +10,7 @@
 #include "mapping/intrinsics/focal_search.hpp"
 #include "mapping/intrinsics/intrinsics_verdict.hpp"
 #include "mapping/intrinsics/lens_derivative.hpp"
+#include "mapping/intrinsics/target_layout.hpp"
 #include "support/jacobian_check.hpp"
 
 namespace fiducap {
@@ -124,7 +125,8 @@ TEST_P(BothLenses, ASingleTagHeldEverywhereIsEnough) {
   scene.look(150, kNoise_px);
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
-  EXPECT_LT(nees(*result, truth()), chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
+  EXPECT_LT(nees(*result, truth()),
+            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
   EXPECT_NEAR(result->state.camera.fu / truth().fu, 1, 0.02);
 }
 
@@ -151,7 +153,8 @@ TEST_P(BothLenses, WrongSightingsAreTakenOut) {
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
   EXPECT_GE(result->rejected, spoilt);
-  EXPECT_LT(nees(*result, truth()), chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
+  EXPECT_LT(nees(*result, truth()),
+            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
 }
 
 TEST_P(BothLenses, TagsThatMoveRelativeToEachOtherAreNoticedAndDoNoHarm) {
@@ -160,9 +163,10 @@ TEST_P(BothLenses, TagsThatMoveRelativeToEachOtherAreNoticedAndDoNoHarm) {
   scene.look(60, kNoise_px, 0.95, 0.7, true);
   const auto result = calibrate_intrinsics(scene.data, this_lens(), quiet);
   ASSERT_TRUE(result) << result.error().text();
-  EXPECT_TRUE(result->targets_moved);
+  EXPECT_TRUE(result->targets_disagree);
   EXPECT_FALSE(result->targets_stood_still);
-  EXPECT_LT(nees(*result, truth()), chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
+  EXPECT_LT(nees(*result, truth()),
+            chi_square_quantile(static_cast<int>(result->free.size()), 0.9999));
 }
 
 TEST_P(BothLenses, AGoodRecordingIsCalledGood) {
@@ -222,6 +226,22 @@ TEST_P(BothLenses, ABoardThatIsNeverTiltedIsNotGood) {
   }
   const auto verdict = judge(*result, make_image_map(*result));
   EXPECT_NE(verdict.grade, IntrinsicsGrade::kGood);
+}
+
+TEST(TargetLayout, GroupsThatLoseTheirCommonImagesComeApartAndStayInPlace) {
+  CalibrationScene scene(narrow_lens());
+  scene.add_tags(3, 2);
+  scene.look(30, 0);
+  CalibrationState state = joined_state(scene.data, narrow_lens());
+  EXPECT_THAT(state.group_of, ::testing::Each(0));
+  constexpr double kRounding_px = 1e-6;
+  ASSERT_LT(rms_per_coordinate(residuals(scene.data, state)), kRounding_px);
+  for (std::size_t v = 0; v < scene.data.views.size(); ++v)
+    std::erase_if(scene.data.views[v].sightings,
+                  [&](const TargetSighting& s) { return (s.target < 3) == (v % 2 == 0); });
+  split_groups(scene.data, state);
+  EXPECT_THAT(state.group_of, ::testing::ElementsAre(0, 0, 0, 3, 3, 3));
+  EXPECT_LT(rms_per_coordinate(residuals(scene.data, state)), kRounding_px);
 }
 
 TEST(Intrinsics, FourImagesAreRefused) {
