@@ -21,12 +21,23 @@ struct BodySensors {
   std::vector<CameraMount> cameras;
   std::optional<ImuNoise> imu;  ///< nullopt: no IMU, motion by white noise acceleration.
   double gravity_m_s2{9.81};
+  /// What an earlier session learned about each camera's clock, beyond `time_shift`: where the estimate starts. May be empty.
+  std::vector<double> start_shifts_s{};
+};
+
+/// The camera's clock against the IMU's, as the filter sees it now.
+struct ClockEstimate {
+  double shift_s{};        ///< t_imu = stamp + shift, beyond what the configuration says.
+  double shift_sigma_s{};  ///< 0: not estimated.
+  double readout_s{};      ///< Rolling shutter, first row to last.
+  double readout_sigma_s{};
 };
 
 /// The extrinsics as the filter sees them now.
 struct ExtrinsicsEstimate {
   Pose X_BV;
   Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
+  ClockEstimate clock{};
 };
 
 /// The filter of one rigid body. Two implementations stand side by side and are measured against each other
@@ -54,12 +65,19 @@ class BodyFilter {
   /// extrinsics and biases stay.
   virtual void lose_motion() = 0;
 
+  /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one when it is seen again.
+  /// Nothing happens to the tag that ties the workspace down, nor while the workspace is not the map's.
+  virtual void release_tag(int tag_id) = 0;
+
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()
   [[nodiscard]] virtual BodyEstimate estimate() const = 0;
   /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
+  /// Whoever merges the samples adds `shift_s` to the camera's stamps (SampleMerger::set_clock_shift) and says so in
+  /// TagObservations::clock_shift; the filter bridges what is left.
+  [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
 };
 
 /// @param name  `robocentric` or `world`

@@ -5,6 +5,7 @@
 
 #include "capture/imu_sample.hpp"
 #include "estimation/inertial_input.hpp"
+#include "estimation/saturation_watch.hpp"
 
 namespace fiducap {
 
@@ -20,7 +21,7 @@ class ImuBuffer final {
   bool push(const ImuSample& imu);
   [[nodiscard]] std::optional<ImuSample> newest() const;
   /// @pre at least two readings
-  [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2]; }
+  [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
   /// So many readings that somebody must use them.
   [[nodiscard]] bool is_full() const;
   /// Forgets all but the last two.
@@ -41,7 +42,8 @@ class ImuBuffer final {
   ImuNoise noise_;
   double max_gap_s_;
   double gap_accel_noise_;
-  std::vector<ImuSample> samples_;
+  SaturationWatch watch_;
+  std::vector<JudgedReading> samples_;
 };
 
 }  // namespace fiducap

@@ -34,10 +34,14 @@ class RobocentricFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
+  /// The paper keeps its tags.
+  void release_tag(int) override {}
   [[nodiscard]] bool running() const override { return mode_ == Mode::kRunning; }
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
+  /// The paper takes the clocks as one.
+  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
 
   [[nodiscard]] const FilterState& state() const { return state_; }
 
@@ -86,6 +90,7 @@ class RobocentricFilter final : public BodyFilter {
   MotionSinceImage motion_;
   FrameTransition transition_;
   CornerUpdate<FilterState> corner_update_;
+  CornerNoise corner_noise_{config_, false};
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImuBuffer imu_;

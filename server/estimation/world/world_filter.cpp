@@ -38,6 +38,7 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       candidates_(config),
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, true));
   restart();
 }
 
@@ -50,15 +51,7 @@ void WorldFilter::restart() {
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV));
-  auto P = state_.P();
-  for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
-    const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
-    Matrix6d plain = Matrix6d::Zero();
-    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
-    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
-    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
-    P.block<6, 6>(layout::camera(c), layout::camera(c)) = J * plain * J.transpose();  // the body is at the origin
-  }
+  for (int c = 0; c < state_.cameras(); ++c) restart_camera(c);
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
   motion_.restart();
@@ -69,6 +62,47 @@ void WorldFilter::restart() {
   gauge_tag_.reset();
   last_used_at_.reset();
   barren_updates_ = 0;
+  strained_updates_ = 0;
+}
+
+void WorldFilter::restart_camera(int camera) {
+  const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
+  auto P = state_.P();
+  if (config_.estimate_extrinsics) {
+    Matrix6d plain = Matrix6d::Zero();
+    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
+    P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
+  }
+  const auto k = static_cast<std::size_t>(camera);
+  state_.clocks[k] = {.shift_s = k < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[k] : 0.0, .readout_s = mount.readout_s};
+  // Without an IMU there is no other clock to compare with.
+  if (!config_.estimate_clocks || !has_imu()) return;
+  P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+  reopen_clock(camera);
+}
+
+void WorldFilter::reopen_clock(int camera) {
+  if (!config_.estimate_clocks || !has_imu()) return;
+  const int at = layout::clock(camera);
+  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
+  auto P = state_.P();
+  P.row(at).setZero();
+  P.col(at).setZero();
+  P(at, at) = sigma * sigma;
+  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+}
+
+void WorldFilter::release_tag(int tag_id) {
+  const int tag = state_.find(tag_id);
+  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace) return;
+  state_.remove_tag(static_cast<std::size_t>(tag));
+  memory_.forget_all();  // its states still hold the tag
+}
+
+void WorldFilter::look_at(const TagObservations& seen) {
+  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
 }
 
 void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
@@ -206,6 +240,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   report.running = running();
   if (mode_ == Mode::kRunning && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
 
+  look_at(seen);
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
@@ -230,6 +265,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   }
   if (at_image) memory_.add(seen, known);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (strained_updates_ == kStrainedToReopenClock) reopen_clock(seen.camera);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
@@ -294,9 +330,10 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
 }
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations,
-                                             linearisation_ ? &*linearisation_ : nullptr};
-  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  const auto camera = static_cast<std::size_t>(seen.camera);
+  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done =
+      corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_[camera], accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -308,6 +345,7 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
 void WorldFilter::count_rejections(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
+  strained_updates_ = report.tags_used > report.tags_rejected ? 0 : strained_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
   for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
@@ -340,9 +378,15 @@ void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
 std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
-    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
   }
   return out;
+}
+
+ClockEstimate WorldFilter::clock(int camera) const {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
+  const int at = layout::clock(camera);
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s, std::sqrt(state_.P()(at + 1, at + 1))};
 }
 
 }  // namespace fiducap::world

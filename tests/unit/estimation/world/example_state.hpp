@@ -9,7 +9,8 @@
 
 namespace fiducap::world {
 
-/// A body with two cameras and three tags in front of camera 0, far from the origin, nothing aligned with anything.
+/// A body with two cameras and three tags in front of camera 0, far from the origin, nothing aligned with anything. Camera 0
+/// stands at its image; camera 1 has a rolling shutter and a clock that is off.
 inline FilterState example_state() {
   FilterState state;
   state.reset({{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}, {exp_so3({0.15, -1.45, 0.1}), {0.06, 0.11, 0.02}}});
@@ -28,7 +29,11 @@ inline FilterState example_state() {
   std::normal_distribution<double> gauss;
   Eigen::MatrixXd A(state.size(), state.size());
   for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss(random);
+  for (int c = 0; c < state.cameras(); ++c) A.row(layout::clock(c) + 2).setZero();  // not used
   state.P() = 0.01 * A * A.transpose();
+  state.gyro_B = {0.8, -1.2, 0.5};
+  state.clocks[0] = {.shift_s = 0.013, .readout_s = 0.0, .applied_s = 0.013};
+  state.clocks[1] = {.shift_s = -0.021, .readout_s = 0.016, .applied_s = -0.024};
   return state;
 }
 
