@@ -8,8 +8,8 @@ namespace fiducap {
 namespace {
 constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
 // In the logarithm of f, per tag seen: quick at first, then slow enough that f wanders by two per cent.
-constexpr double kFirstStep = 0.05;
-constexpr double kLastStep = 0.004;
+constexpr double kFirstStep = 0.02;
+constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.99;
 // No lens model is exact, and what it leaves is no white noise: f stays above this part of where it starts.
 constexpr double kLeast = 0.25;
