@@ -67,5 +67,6 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_cpu(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_outages(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
 
 }  // namespace fiducap::bench
