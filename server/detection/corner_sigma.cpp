@@ -23,6 +23,9 @@ constexpr double kSmear_px = 0.248;
 constexpr double kSmearWidth_px = 16.0;
 constexpr double kSmearPower = 2.36;
 constexpr double kLeastSharpness = 0.1;
+// Smeared over more than about a module, a side runs into the bits beside it.
+constexpr double kModuleSmear = 0.52;
+constexpr double kOverlap_px = 1.25;
 constexpr double kNoise_px = 0.573;
 
 double square(double x) { return x * x; }
@@ -88,7 +91,8 @@ double corner_sigma_px(const TagSighting& tag, double pixel_noise) {
                        std::pow(outline.longest_px / outline.width_px, kTiltPower);
   const double smear =
       (1 / std::max(tag.sharpness, kLeastSharpness) - 1) * kSmearWidth_px / outline.width_px;
-  const double blur = square(kSmear_px) * std::pow(smear, kSmearPower);
+  const double blur = square(kSmear_px) * std::pow(smear, kSmearPower) +
+                      square(kOverlap_px * std::max(0.0, smear - kModuleSmear));
   const double noise =
       tag.decision_margin > 0 ? square(kNoise_px * pixel_noise / tag.decision_margin) : 0.0;
   return std::sqrt(shape + blur + noise);

@@ -38,11 +38,13 @@ struct EstimationData {
   [[nodiscard]] double path_m(Instant at) const;
 };
 
-/// A body of the simulator, corners only.
+/// A body of the simulator, its tags as corners with noise or as found in images.
 struct SimulatedDataSetup {
   std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
-                               ///< `hover` is nearly at rest in it, `big` is `ceiling`.
+                               ///< `hover` is nearly at rest in it, `big` is `ceiling`,
+                               ///< `pavillon` is walked by `loop`.
   double seconds{30.0};
+  double speed{1.0};  ///< Scales the motion's time.
   std::uint64_t seed{1};
   bool has_imu{true};
   simulation::FaultConfig faults{};
@@ -50,6 +52,11 @@ struct SimulatedDataSetup {
   /// filter as prior.
   double extrinsics_sigma_m{0.005};
   double extrinsics_sigma_rad{0.00873};
+  /// Not empty: images are rendered through a VI-Sensor's lens, and the corners are those that the
+  /// server's own search finds, led by a filter of this name.
+  std::string images_for{};
+  simulation::DaylightConfig daylight{};  ///< Of images.
+  double exposure_s{0.005};               ///< Of images: motion blur.
   double readout_s{0};        ///< Rolling shutter as it is …
   double readout_told_s{0};   ///< … and as the filter is told …
   double readout_sigma_s{0};  ///< … with this sigma.

@@ -107,6 +107,8 @@ class Run {
     at.nis = report.nis;
     at.nis_dof = report.nis_dof;
     result_.at.push_back(at);
+    if (choice_.watch)
+      choice_.watch({at.t_s, *filter_, estimate, data_.truth_near(estimate.at), X_WR_, corners});
   }
 
   UpdateReport update() {
@@ -144,6 +146,7 @@ class Run {
       result_.gap_m = result_.at.back().position_m;
       result_.gap_rotation_rad = result_.at.back().rotation_rad;
       result_.gap_path_m = data_.path_m(corners.exposed_at);
+      result_.gap_t_s = to_seconds(corners.exposed_at - time_of(data_.samples.front()));
     }
     reference_seen_ = corners.exposed_at;
   }

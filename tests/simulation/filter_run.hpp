@@ -12,6 +12,16 @@
 
 namespace fiducap {
 
+/// An image of a run, just corrected.
+struct FilterMoment {
+  double t_s{};  ///< Since the first sample.
+  const BodyFilter& filter;
+  const BodyEstimate& estimate;
+  TruthSample truth;
+  const Pose& X_WR;  ///< Axes of truth and true tags in the filter's workspace.
+  const CornerFrame& corners;
+};
+
 /// How a filter is run over data.
 struct FilterChoice {
   std::string filter{"robocentric"};
@@ -20,6 +30,8 @@ struct FilterChoice {
   /// A second, empty image goes first, so that moving the state and correcting it can be timed
   /// apart.
   bool split_cost{false};
+  /// Called at every image with an anchored pose.
+  std::function<void(const FilterMoment&)> watch{};
 };
 
 /// Normalised squared errors (expected value: their degrees of freedom). NaN: not known at this
@@ -69,6 +81,7 @@ struct FilterRun {
                    ///< never was.
   double gap_rotation_rad{};
   double gap_path_m{};       ///< Travelled until then.
+  double gap_t_s{};          ///< When it is seen again, since the first sample.
   ClockEstimate clock;       ///< At the end.
   double seconds{};          ///< Of data.
   double propagate_cpu_s{};  ///< IMU samples; with `split_cost` also moving the state to the image.

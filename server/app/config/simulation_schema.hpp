@@ -15,12 +15,20 @@ void describe(V& v, RecordedTag& c) {
 }
 
 template <class V>
+void describe(V& v, simulation::DaylightConfig& c) {
+  v.value("factor", c.factor);
+  v.value("low", c.low);
+  v.value("high", c.high);
+}
+
+template <class V>
 void describe(V& v, simulation::RoomConfig& c) {
   v.value("preset", c.preset);
   v.value("family", c.family);
   v.value("tag_size_m", c.tag_size_m);
   v.list("tags", c.tags);
   v.value("gravity_m_s2", c.gravity_m_s2);
+  v.section("daylight", c.daylight);
 }
 
 template <class V>
@@ -48,6 +56,7 @@ void describe(V& v, simulation::CameraSimulation& c) {
   v.value("images", c.images);
   v.value("corner_noise_px", c.corner_noise_px);
   v.value("exposure_s", c.exposure_s);
+  v.value("exposure_lag_s", c.exposure_lag_s);
   v.value("pixel_noise", c.pixel_noise);
   v.value("vignetting", c.vignetting);
   v.value("min_side_px", c.min_side_px);

@@ -93,7 +93,9 @@ Backdrop::Backdrop(const RoomBox& box, const RayTable& rays, double focal_px)
   lower_.resize(traced);
 }
 
-void Backdrop::look_from(const Pose& X_WV) {
+void Backdrop::look_from(const Pose& X_WV, const Lighting& lighting, double exposure) {
+  lighting_ = &lighting;
+  exposure_ = exposure;
   R_WV_ = X_WV.rotation().cast<float>();
   // Outside its own walls the camera would see nothing: it is drawn from just inside.
   const Eigen::Vector3d margin = Eigen::Vector3d::Constant(0.05);
@@ -128,7 +130,10 @@ int Backdrop::gray_along(const Eigen::Vector3f& direction_W) const {
   const int gray = texel(level, a * kTexelsPerMetre, b * kTexelsPerMetre);
   constexpr std::array<int, 6> kLight{120, 128, 110,
                                       124, 90,  140};  // of 128: floor darker, ceiling brighter
-  return gray * kLight[static_cast<std::size_t>(face)];
+  const int bright = gray * kLight[static_cast<std::size_t>(face)];
+  if (lighting_->even()) return bright;
+  const double gain = exposure_ * lighting_->at(hit.cast<double>());
+  return static_cast<int>(std::min(bright * gain, 1.0 * GrayCanvas::kMost * GrayCanvas::kFraction));
 }
 
 int Backdrop::texel(int level, float x, float y) const {

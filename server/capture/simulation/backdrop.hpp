@@ -6,6 +6,7 @@
 
 #include "base/pose.hpp"
 #include "capture/simulation/gray_canvas.hpp"
+#include "capture/simulation/lighting.hpp"
 #include "capture/simulation/ray_table.hpp"
 #include "capture/simulation/room_shape.hpp"
 
@@ -17,8 +18,9 @@ namespace fiducap::simulation {
 class Backdrop final {
  public:
   Backdrop(const RoomBox& box, const RayTable& rays, double focal_px);
-  /// From where the next rows are drawn.
-  void look_from(const Pose& X_WV);
+  /// From where the next rows are drawn. @param exposure  what light is multiplied by
+  /// @pre `lighting` outlives the drawing
+  void look_from(const Pose& X_WV, const Lighting& lighting, double exposure);
   /// Overwrites rows [first, last) of the canvas. Rows must be drawn downwards; each call goes on
   /// where the last ended.
   void draw(int first, int last, GrayCanvas& canvas);
@@ -39,6 +41,8 @@ class Backdrop final {
       texture_;  ///< Square, each level half the one before.
   Eigen::Matrix3f R_WV_{Eigen::Matrix3f::Identity()};
   Eigen::Vector3f origin_{Eigen::Vector3f::Zero()};
+  const Lighting* lighting_{};
+  double exposure_{1.0};
   std::vector<std::int32_t> upper_;  ///< The traced rows above and below the pixel row drawn.
   std::vector<std::int32_t> lower_;
   int lower_row_{-1};

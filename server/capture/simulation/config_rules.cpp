@@ -53,6 +53,7 @@ std::vector<ConfigError> check(const CameraSimulation& camera, const std::string
   return Checker{prefix}
       .not_negative("corner_noise_px", camera.corner_noise_px)
       .within("exposure_s", camera.exposure_s, 0, 1)
+      .within("exposure_lag_s", camera.exposure_lag_s, 0, 10)
       .within("pixel_noise", camera.pixel_noise, 0, 64)
       .within("vignetting", camera.vignetting, 0, 1)
       .not_negative("min_side_px", camera.min_side_px)
@@ -120,6 +121,11 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
       .require(family.has_value(), "family", room.family, one_of(TagFamily::names()))
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
+      .within("daylight.factor", room.daylight.factor, 1, 100)
+      .require(room.daylight.factor == 1 ||
+                   (room.daylight.low.array() < room.daylight.high.array()).all(),
+               "daylight.high", room.daylight.high.transpose(),
+               "must be above daylight.low on every axis")
       .require(room.preset != "custom" || !room.tags.empty(), "tags", room.tags.size(),
                "must name at least one tag when preset is custom");
   std::set<int> ids;

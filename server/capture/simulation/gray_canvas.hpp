@@ -10,6 +10,9 @@ namespace fiducap::simulation {
 /// point.
 struct GrayCanvas {
   static constexpr int kFraction = 128;
+  /// Brighter ones are kept as this: twice what the sensor can tell, so that vignetting does not
+  /// bring back what is white.
+  static constexpr int kMost = 65535 / kFraction;
 
   int width{};
   int height{};

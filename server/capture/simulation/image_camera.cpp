@@ -42,9 +42,10 @@ std::vector<std::int16_t> make_noise(double sigma, int width) {
 }  // namespace
 
 ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& settings,
-                         const RoomBox& box, TagFamily family)
+                         const RoomBox& box, TagFamily family, const DaylightConfig& sun)
     : mount_(mount),
       settings_(settings),
+      lighting_(sun, settings.exposure_lag_s),
       rays_(mount.model),
       backdrop_(box, rays_, mount.model.fu),
       tags_(mount.model, rays_, std::move(family)),
@@ -55,15 +56,17 @@ ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& setti
 
 void ImageCamera::begin(const ImageKey& key, const Trajectory& trajectory, double middle_s,
                         const std::vector<RecordedTag>& tags) {
+  const double exposure = lighting_.exposure(trajectory, mount_.X_BV, middle_s);
   const auto camera_at = [&](double share) {
-    return trajectory.at(middle_s + share * settings_.exposure_s).X_WB * mount_.X_BV;
+    return trajectory.at(middle_s + share * exposure * settings_.exposure_s).X_WB * mount_.X_BV;
   };
   const int count = exposures_needed(camera_at(-0.5), camera_at(0.5), tags);
   std::array<Pose, TagRenderer::kMostExposures> exposures;
   for (int i = 0; i < count; ++i)
     exposures[static_cast<std::size_t>(i)] = camera_at((i + 0.5) / count - 0.5);
-  tags_.place(tags, std::span(exposures).first(static_cast<std::size_t>(count)));
-  backdrop_.look_from(camera_at(0));
+  tags_.place(tags, std::span(exposures).first(static_cast<std::size_t>(count)), lighting_,
+              exposure);
+  backdrop_.look_from(camera_at(0), lighting_, exposure);
   key_ = key;
   next_row_ = 0;
   image_ = pool_.acquire();

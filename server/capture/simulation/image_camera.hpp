@@ -9,6 +9,7 @@
 #include "capture/simulation/backdrop.hpp"
 #include "capture/simulation/corner_camera.hpp"
 #include "capture/simulation/gray_canvas.hpp"
+#include "capture/simulation/lighting.hpp"
 #include "capture/simulation/ray_table.hpp"
 #include "capture/simulation/simulation.hpp"
 #include "capture/simulation/tag_family.hpp"
@@ -16,14 +17,15 @@
 
 namespace fiducap::simulation {
 
-/// Renders the images of one camera: backdrop, tags, motion blur, vignetting, pixel noise.
+/// Renders the images of one camera: backdrop, tags, light and exposure, motion blur, vignetting,
+/// pixel noise.
 ///
 /// An image can be drawn in slices, so that a thread that also delivers IMU samples is never busy
 /// for long. Allocates nothing after the first images.
 class ImageCamera final {
  public:
   ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomBox& box,
-              TagFamily family);
+              TagFamily family, const DaylightConfig& sun = {});
 
   /// Starts an image. @param middle_s  middle of the exposure, in the trajectory's time
   void begin(const ImageKey& key, const Trajectory& trajectory, double middle_s,
@@ -42,6 +44,7 @@ class ImageCamera final {
 
   CameraMount mount_;
   CameraSimulation settings_;
+  Lighting lighting_;
   RayTable rays_;
   Backdrop backdrop_;
   TagRenderer tags_;

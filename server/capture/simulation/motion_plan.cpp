@@ -204,13 +204,14 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
   return finish(waypoints, random, 0.3, {1.8, 2.0, 5.0}, {0.05, 0.05, 0.05}, {0.08, 0.08, 0.1});
 }
 
-MotionPlan loop(std::uint64_t seed) {
+MotionPlan loop(std::uint64_t seed, const RoomConfig& room) {
   Random random(seed, Purpose::kMotion);
   constexpr double kSpeed_m_s = 1.15;
   constexpr int kSteps = 120;
-  MotionPlan plan{{}, kLoopLength_m / kSpeed_m_s / kSteps, 0, 0, 0};
+  const LoopShape shape = loop_of(room);
+  MotionPlan plan{{}, shape.length_m / kSpeed_m_s / kSteps, 0, 0, 0};
   for (int i = 0; i < kSteps; ++i) {
-    const LoopPoint at = loop_at(i * kLoopLength_m / kSteps);
+    const LoopPoint at = loop_at(shape, i * shape.length_m / kSteps);
     const Eigen::Vector3d ahead(-at.outward.y(), at.outward.x(), 0);
     plan.X_WV.push_back(look_at(at.p, at.p + at.outward + 0.7 * ahead, Eigen::Vector3d::UnitZ()));
   }
@@ -242,7 +243,7 @@ Pose look_at(const Eigen::Vector3d& p, const Eigen::Vector3d& target, const Eige
 
 std::optional<MotionPlan> plan_motion(const TrajectoryConfig& config, const RoomConfig& room) {
   if (config.kind == "table") return table(config.seed);
-  if (config.kind == "loop") return loop(config.seed);
+  if (config.kind == "loop") return loop(config.seed, room);
   if (config.kind == "ceiling") return ceiling(config.seed);
   if (config.kind == "survey") return survey(config.seed, room);
   if (config.kind == "hover") return hover(config.seed, room);

@@ -23,8 +23,6 @@ constexpr double kHallHeight_m = 3.5;
 // its corners.
 constexpr double kLoopWidth_m = 20.0;
 constexpr double kLoopRadius_m = 3.0;
-constexpr double kLoopDepth_m =
-    (kLoopLength_m - 2 * pi * kLoopRadius_m) / 2 + 4 * kLoopRadius_m - kLoopWidth_m;
 constexpr double kLoopTagDistance_m = 2.0;
 
 RecordedTag tag(int id, double edge, const Eigen::Vector3d& p, const Eigen::Quaterniond& q) {
@@ -88,13 +86,12 @@ std::vector<RecordedTag> sparse() {
   return tags;
 }
 
-std::vector<RecordedTag> loop() {
+std::vector<RecordedTag> loop(const LoopShape& shape) {
   constexpr double kEdge_m = 0.2;
-  constexpr int kTags = 36;
   std::vector<RecordedTag> tags;
-  for (int id = 0; id < kTags; ++id) {
+  for (int id = 0; id < shape.tags; ++id) {
     Random random(0, Purpose::kRoom, static_cast<std::uint64_t>(id));
-    const LoopPoint at = loop_at(id * kLoopLength_m / kTags);
+    const LoopPoint at = loop_at(shape, id * shape.length_m / shape.tags);
     const Eigen::Vector3d p = at.p + kLoopTagDistance_m * at.outward +
                               random.uniform(-0.35, 0.35) * Eigen::Vector3d::UnitZ();
     tags.push_back(tag(id, kEdge_m, p,
@@ -130,8 +127,8 @@ std::vector<RecordedTag> ceiling() {
 }  // namespace
 
 const std::vector<std::string>& room_presets() {
-  static const std::vector<std::string> names{"hall", "table",   "sparse",
-                                              "loop", "ceiling", "custom"};
+  static const std::vector<std::string> names{"hall",    "table",    "sparse", "loop",
+                                              "ceiling", "pavillon", "custom"};
   return names;
 }
 
@@ -149,22 +146,24 @@ std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag) {
           tag.X_WT * Eigen::Vector3d(h, h, 0), tag.X_WT * Eigen::Vector3d(-h, h, 0)};
 }
 
-LoopPoint loop_at(double distance_m) {
+LoopShape loop_of(const RoomConfig& room) { return room.preset == "pavillon" ? kPavillon : kLoop; }
+
+LoopPoint loop_at(const LoopShape& shape, double distance_m) {
   constexpr double kQuarter = 0.5 * pi * kLoopRadius_m;
-  constexpr std::array<double, 4> kLegs{
-      kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m,
-      kLoopWidth_m - 2 * kLoopRadius_m, kLoopDepth_m - 2 * kLoopRadius_m};
-  double left = distance_m - kLoopLength_m * std::floor(distance_m / kLoopLength_m);
-  const double height = 2.9 - 1.3 * std::cos(2 * pi * left / kLoopLength_m);
+  constexpr double kAcross = kLoopWidth_m - 2 * kLoopRadius_m;
+  const double along = shape.length_m / 2 - 2 * kQuarter - kAcross;
+  const std::array<double, 4> legs{kAcross, along, kAcross, along};
+  double left = distance_m - shape.length_m * std::floor(distance_m / shape.length_m);
+  const double height = 2.9 - 1.3 * std::cos(2 * pi * left / shape.length_m);
   Eigen::Vector3d p(0, 0, height);
   double heading = 0;
-  for (std::size_t leg = 0; leg < kLegs.size(); ++leg) {
+  for (std::size_t leg = 0; leg < legs.size(); ++leg) {
     const Eigen::Vector3d ahead(std::cos(heading), std::sin(heading), 0);
     const Eigen::Vector3d right(std::sin(heading), -std::cos(heading), 0);
-    if (left <= kLegs[leg]) return {p + left * ahead, right};
-    p += kLegs[leg] * ahead;
-    left -= kLegs[leg];
-    if (left <= kQuarter || leg + 1 == kLegs.size()) {
+    if (left <= legs[leg]) return {p + left * ahead, right};
+    p += legs[leg] * ahead;
+    left -= legs[leg];
+    if (left <= kQuarter || leg + 1 == legs.size()) {
       const double turn = left / kLoopRadius_m;
       const Eigen::Vector3d turned_right(std::sin(heading + turn), -std::cos(heading + turn), 0);
       return {p + kLoopRadius_m * (turned_right - right), turned_right};
@@ -182,7 +181,7 @@ std::vector<RecordedTag> tags_of(const RoomConfig& room) {
   if (room.preset == "hall") preset = hall(room.tag_size_m);
   if (room.preset == "table") preset = table();
   if (room.preset == "sparse") preset = sparse();
-  if (room.preset == "loop") preset = loop();
+  if (room.preset == "loop" || room.preset == "pavillon") preset = loop(loop_of(room));
   if (room.preset == "ceiling") preset = ceiling();
   for (const RecordedTag& t : preset) by_id[t.tag_id] = t;
   for (RecordedTag t : room.tags) {

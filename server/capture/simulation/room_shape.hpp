@@ -28,13 +28,21 @@ struct RoomBox {
 /// Corners 0..3 of a tag in W: bottom-left, bottom-right, top-right, top-left.
 [[nodiscard]] std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag);
 
-/// The round trip of preset `loop`: a rounded rectangle with a height change, by the distance
-/// walked.
+/// The round trip of the presets `loop` and `pavillon`: a rounded rectangle with a height change.
+struct LoopShape {
+  double length_m;
+  int tags;
+};
+inline constexpr LoopShape kLoop{70.0, 36};
+inline constexpr LoopShape kPavillon{80.0, 33};
+/// Of a room; of any other preset: `loop`.
+[[nodiscard]] LoopShape loop_of(const RoomConfig& room);
+
 struct LoopPoint {
   Eigen::Vector3d p;
   Eigen::Vector3d outward;  ///< Horizontal, to the right of the walker.
 };
-inline constexpr double kLoopLength_m = 70.0;
-[[nodiscard]] LoopPoint loop_at(double distance_m);
+/// By the distance walked.
+[[nodiscard]] LoopPoint loop_at(const LoopShape& shape, double distance_m);
 
 }  // namespace fiducap::simulation

@@ -145,8 +145,9 @@ class Simulation final : public SimulatedSource {
 
   void add_image_camera(const RoomConfig& room, const CameraMount& mount) {
     auto family = TagFamily::named(room.family);
-    images_.push_back(
-        {std::make_unique<ImageCamera>(mount, body_.camera, box_of(room), std::move(*family)), {}});
+    images_.push_back({std::make_unique<ImageCamera>(mount, body_.camera, box_of(room),
+                                                     std::move(*family), room.daylight),
+                       {}});
     constexpr double kReserve = 1.25;
     rows_ahead_ += 1 + static_cast<int>(kReserve * mount.model.height * mount.rate_hz /
                                         body_.imu.noise.rate_hz);
@@ -189,11 +190,9 @@ class Simulation final : public SimulatedSource {
 
 }  // namespace
 
-Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(const RoomConfig& room,
-                                                                 const SimulatedBodyConfig& body,
-                                                                 Instant start,
-                                                                 const Clock* clock,
-                                                                 std::unique_ptr<Trajectory> motion) {
+Expected<std::unique_ptr<SimulatedSource>> make_simulated_source(
+    const RoomConfig& room, const SimulatedBodyConfig& body, Instant start, const Clock* clock,
+    std::unique_ptr<Trajectory> motion) {
   std::vector<ConfigError> errors = check(room, "room.");
   const std::vector<ConfigError> body_errors = check(body, "body.");
   errors.insert(errors.end(), body_errors.begin(), body_errors.end());

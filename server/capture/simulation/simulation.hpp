@@ -17,18 +17,26 @@
 
 namespace fiducap::simulation {
 
+/// Where the room is open to the sky: what is inside this box (W axes) gets more light than the rest.
+struct DaylightConfig {
+  double factor{1.0};  ///< So many times the light of the rest; 1: even light, the box does not matter.
+  Eigen::Vector3d low{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d high{Eigen::Vector3d::Zero()};
+};
+
 /// The room: tags on its walls, floor, ceiling or tables.
 struct RoomConfig {
-  std::string preset{"hall"};  ///< `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes of data/; `custom`: `tags` only.
+  std::string preset{"hall"};  ///< `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes of data/; `pavillon`: as `loop`, 33 tags on 80 m; `custom`: `tags` only.
   std::string family{"tag36h11"};
   double tag_size_m{0.4};         ///< Of `hall` and of `tags` whose edge is 0; the classes of data/ have their own.
   std::vector<RecordedTag> tags;  ///< Added to (or with `custom`: instead of) the preset's; an equal id replaces.
   double gravity_m_s2{9.81};
+  DaylightConfig daylight;
 };
 
 /// How one robot moves. Smooth in position and attitude up to the third derivative.
 struct TrajectoryConfig {
-  std::string kind{"survey"};  ///< `survey`: walks the room looking at its walls; `hover`; `table` `sparse` `loop` `ceiling`: the classes of data/; `file`: recorded poses.
+  std::string kind{"survey"};  ///< `survey`: walks the room looking at its walls; `hover`; `table` `sparse` `loop` `ceiling`: the classes of data/ (`loop`: the round trip of its room); `file`: recorded poses.
   std::string file;            ///< CSV or TUM poses for kind `file`, fitted by a spline.
   double duration_s{0};        ///< 0: for ever (the motion repeats smoothly).
   double speed{1.0};           ///< Scales time.
@@ -50,7 +58,8 @@ struct ImuErrors {
 struct CameraSimulation {
   bool images{true};                ///< False: corners with noise, at a thousandth of the cost.
   double corner_noise_px{0.4};      ///< Corners only.
-  double exposure_s{0.005};         ///< Motion blur.
+  double exposure_s{0.005};         ///< Motion blur. In daylight the automatic exposure shortens it.
+  double exposure_lag_s{0.4};       ///< Time constant with which the exposure follows the light where the camera is.
   double pixel_noise{3.0};          ///< 1-sigma, of 255.
   double vignetting{0.3};           ///< Darkening in the image corner, 0..1.
   double min_side_px{16.0};         ///< Corners only: a tag with a shorter side is not reported …

@@ -45,6 +45,12 @@ inline std::int32_t cell_of(float x, float y, float width, std::int32_t pitch) {
   return row * pitch + column;
 }
 
+/// Gray values, added over `samples` places, in another light.
+inline std::int32_t lit(std::int32_t sum, double gain, std::int32_t samples) {
+  if (gain == 1.0) return sum;
+  return static_cast<std::int32_t>(std::min(sum * gain, 1.0 * GrayCanvas::kMost * samples));
+}
+
 /// Point i of 16 around the outline of a square from −h to h.
 Eigen::Vector3d outline(int i, double h) {
   const double along = h * (-1.0 + 0.5 * (i % 4));
@@ -87,7 +93,8 @@ const std::vector<std::uint8_t>& TagRenderer::print_of(int tag_id) {
   return prints_.emplace(tag_id, std::move(print)).first->second;
 }
 
-void TagRenderer::place(const std::vector<RecordedTag>& tags, std::span<const Pose> exposures) {
+void TagRenderer::place(const std::vector<RecordedTag>& tags, std::span<const Pose> exposures,
+                        const Lighting& lighting, double exposure) {
   FIDUCAP_ASSERT(!exposures.empty() && exposures.size() <= kMostExposures);
   placed_.clear();
   homographies_.clear();
@@ -97,6 +104,7 @@ void TagRenderer::place(const std::vector<RecordedTag>& tags, std::span<const Po
     if (!bound(tag, exposures, placed)) continue;
     placed.print = &print_of(tag.tag_id);
     placed.first_homography = homographies_.size();
+    placed.gain = exposure * lighting.at(tag.X_WT.p);
     for (const Pose& X_WV : exposures) homographies_.push_back(homography(tag, X_WV));
     placed_.push_back(placed);
   }
@@ -211,7 +219,8 @@ void TagRenderer::draw_tag(const Placed& tag, int first, int last, GrayCanvas& c
     std::uint16_t* out = canvas.row(v) + tag.left;
     for (int u = 0; u < width; ++u, ++sum, ++cover) {
       if (*cover == 0) continue;
-      out[u] = static_cast<std::uint16_t>((*sum * GrayCanvas::kFraction + (all - *cover) * out[u]) /
+      const std::int32_t gray = lit(*sum, tag.gain, *cover);
+      out[u] = static_cast<std::uint16_t>((gray * GrayCanvas::kFraction + (all - *cover) * out[u]) /
                                           all);
     }
   }

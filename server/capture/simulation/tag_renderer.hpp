@@ -10,6 +10,7 @@
 #include "capture/camera_model.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/simulation/gray_canvas.hpp"
+#include "capture/simulation/lighting.hpp"
 #include "capture/simulation/ray_table.hpp"
 #include "capture/simulation/tag_family.hpp"
 
@@ -27,7 +28,9 @@ class TagRenderer final {
   TagRenderer(const CameraModel& model, const RayTable& rays, TagFamily family);
 
   /// @param exposures  X_WV at equal steps through the exposure, 1..kMostExposures
-  void place(const std::vector<RecordedTag>& tags, std::span<const Pose> exposures);
+  /// @param exposure   what light is multiplied by
+  void place(const std::vector<RecordedTag>& tags, std::span<const Pose> exposures,
+             const Lighting& lighting, double exposure);
   /// Draws over rows [first, last) of the canvas.
   void draw(int first, int last, GrayCanvas& canvas);
 
@@ -42,6 +45,7 @@ class TagRenderer final {
     double distance{};
     int left{}, right{}, top{}, bottom{};  ///< Pixels it can touch: [left, right) × [top, bottom).
     std::size_t first_homography{};
+    double gain{1.0};  ///< On the print's gray values.
   };
   struct Box {
     Eigen::Vector2d low{Eigen::Vector2d::Constant(1e9)};

@@ -16,6 +16,17 @@ std::string text_of(const Cell& cell) {
   return std::isnan(figure.value) ? "-" : fmt::format("{:.{}f}", figure.value, figure.decimals);
 }
 
+/// Letters, not bytes: units and names are UTF-8.
+std::size_t letters(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0) != 0x80;
+  }));
+}
+
+std::string right_aligned(const std::string& text, std::size_t width) {
+  return std::string(width - std::min(width, letters(text)), ' ') + text + "  ";
+}
+
 nlohmann::json json_of(const Cell& cell) {
   if (const auto* text = std::get_if<std::string>(&cell)) return *text;
   const double value = std::get<Figure>(cell).value;
@@ -34,18 +45,16 @@ std::string key_of(const Table& table, std::size_t column) {
 
 std::string to_text(const Table& table) {
   std::vector<std::size_t> widths;
-  for (const std::string& column : table.columns) widths.push_back(column.size());
+  for (const std::string& column : table.columns) widths.push_back(letters(column));
   for (const auto& row : table.rows) {
     for (std::size_t c = 0; c < row.size(); ++c)
-      widths[c] = std::max(widths[c], text_of(row[c]).size());
+      widths[c] = std::max(widths[c], letters(text_of(row[c])));
   }
   std::string out = table.title + "\n";
-  for (std::size_t c = 0; c < widths.size(); ++c)
-    out += fmt::format("{:>{}}  ", table.columns[c], widths[c]);
+  for (std::size_t c = 0; c < widths.size(); ++c) out += right_aligned(table.columns[c], widths[c]);
   out += "\n";
   for (const auto& row : table.rows) {
-    for (std::size_t c = 0; c < row.size(); ++c)
-      out += fmt::format("{:>{}}  ", text_of(row[c]), widths[c]);
+    for (std::size_t c = 0; c < row.size(); ++c) out += right_aligned(text_of(row[c]), widths[c]);
     out += "\n";
   }
   for (const std::string& remark : table.remarks) out += "  " + remark + "\n";

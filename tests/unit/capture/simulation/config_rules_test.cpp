@@ -19,6 +19,14 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
       {"room.family", [](RoomConfig& r) { r.family = "qr"; }},
       {"room.tag_size_m", [](RoomConfig& r) { r.tag_size_m = 0; }},
       {"room.gravity_m_s2", [](RoomConfig& r) { r.gravity_m_s2 = -1; }},
+      {"room.daylight.factor",
+       [](RoomConfig& r) {
+         r.daylight = {0.5, {0, 0, 0}, {1, 1, 1}};
+       }},
+      {"room.daylight.high",
+       [](RoomConfig& r) {
+         r.daylight = {4, {0, 0, 0}, {1, 0, 1}};
+       }},
       {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
       {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
       {"room.tags[1].tag_id",
@@ -53,6 +61,7 @@ TEST(SimulationConfig, EveryBrokenBodyRuleIsNamed) {
        [](auto& b) { b.imu.gyro_bias.x() = std::numeric_limits<double>::quiet_NaN(); }},
       {"body.camera.pixel_noise", [](auto& b) { b.camera.pixel_noise = -1; }},
       {"body.camera.exposure_s", [](auto& b) { b.camera.exposure_s = 0.06; }},
+      {"body.camera.exposure_lag_s", [](auto& b) { b.camera.exposure_lag_s = -1; }},
       {"body.trajectory.kind", [](auto& b) { b.trajectory.kind = "teleport"; }},
       {"body.trajectory.file", [](auto& b) { b.trajectory.kind = "file"; }},
       {"body.trajectory.speed", [](auto& b) { b.trajectory.speed = 0; }},

@@ -139,6 +139,54 @@ TEST(ImageCamera, VignettingDarkensTheImageCorner) {
   EXPECT_NEAR(at(*dimmed, 188, 120), at(*bright, 188, 120), 1.0);
 }
 
+// Daylight for x > 0, four times the light of the rest.
+constexpr double kSun = 4;
+DaylightConfig sunny_side() {
+  return {kSun, {0, -10, -10}, {1e4, 10, 10}};
+}
+
+TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
+  StillCamera hall(small_camera(), clean_settings());
+  StillCamera outside(small_camera(), clean_settings(), {kSun, {-10, -10, -10}, {10, 10, 10}});
+  const EvenMotion still(facing_camera(1));
+  const auto image = outside.photograph(still, {tag_at(3, 0.4)});
+  const auto expected = hall.photograph(still, {tag_at(3, 0.4)});
+  for (std::size_t i = 0; i < image->pixels.size(); ++i)
+    ASSERT_NEAR(image->pixels[i], expected->pixels[i], 1) << i;
+}
+
+TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
+  CameraSimulation settings = clean_settings();
+  settings.exposure_lag_s = 0.4;
+  StillCamera camera(small_camera(), settings, sunny_side());
+  // A tag 1 m into the sun; the camera has just come out, or came long ago.
+  const auto print_at = [&](double speed_m_s) {
+    Pose place = facing_camera(1);
+    place.p.x() = 1;
+    const auto image =
+        camera.photograph(EvenMotion(place, {speed_m_s, 0, 0}), {tag_at(3, 0.4, {1, 0, 0})});
+    // The border is black, the ring around it white.
+    return std::pair(at(*image, 188 - 42, 120), at(*image, 188 - 52, 120));
+  };
+  const auto [early_black, early_white] = print_at(1000);
+  EXPECT_NEAR(early_black, kSun * kBlack, 1);
+  EXPECT_EQ(early_white, 255);
+  const auto [late_black, late_white] = print_at(0.1);
+  EXPECT_NEAR(late_black, kBlack, 1);
+  EXPECT_NEAR(late_white, kWhite, 1);
+}
+
+TEST(ImageCamera, WhoComesInFromTheSunSeesNextToNothing) {
+  CameraSimulation settings = clean_settings();
+  StillCamera camera(small_camera(), settings, sunny_side());
+  Pose place = facing_camera(1);
+  place.p.x() = -1;
+  const auto image =
+      camera.photograph(EvenMotion(place, {-1000, 0, 0}), {tag_at(3, 0.4, {-1, 0, 0})});
+  EXPECT_NEAR(at(*image, 188 - 42, 120), kBlack / kSun, 1);
+  EXPECT_NEAR(at(*image, 188 - 52, 120), kWhite / kSun, 1);
+}
+
 TEST(ImageCamera, SlicesGiveTheSameImageAsOnePiece) {
   CameraSimulation settings;
   StillCamera camera(small_lens_camera(), settings);

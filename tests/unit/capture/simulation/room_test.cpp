@@ -71,6 +71,7 @@ TEST(Room, PresetsHaveTheTagsOfTheirClass) {
   EXPECT_EQ(tags_of(room_of("table")).size(), 3u);
   EXPECT_EQ(tags_of(room_of("sparse")).size(), 3u);
   EXPECT_EQ(tags_of(room_of("loop")).size(), 36u);
+  EXPECT_EQ(tags_of(room_of("pavillon")).size(), 33u);
   EXPECT_EQ(tags_of(room_of("ceiling")).size(), 100u);
   for (const RecordedTag& tag : tags_of(room_of("table"))) EXPECT_EQ(tag.X_WT.p.z(), 0);
 }
@@ -87,12 +88,14 @@ TEST(Room, OwnTagsAreAddedReplacedAndSorted) {
   EXPECT_EQ(tags_of(room).size(), 2u);
 }
 
-TEST(Room, TheLoopClosesAfterItsLength) {
-  EXPECT_LT((loop_at(0).p - loop_at(kLoopLength_m - 1e-9).p).norm(), 1e-6);
-  double path = 0;
-  for (int i = 0; i < 7000; ++i)
-    path += (loop_at(0.01 * (i + 1)).p - loop_at(0.01 * i).p).head<2>().norm();
-  EXPECT_NEAR(path, kLoopLength_m, 0.01);
+TEST(Room, TheLoopsCloseAfterTheirLength) {
+  for (const LoopShape& shape : {kLoop, kPavillon}) {
+    EXPECT_LT((loop_at(shape, 0).p - loop_at(shape, shape.length_m - 1e-9).p).norm(), 1e-6);
+    double path = 0;
+    for (int i = 0; i < static_cast<int>(100 * shape.length_m); ++i)
+      path += (loop_at(shape, 0.01 * (i + 1)).p - loop_at(shape, 0.01 * i).p).head<2>().norm();
+    EXPECT_NEAR(path, shape.length_m, 0.01);
+  }
 }
 
 TEST(Room, SurveyInTheHallAlwaysSeesTags) {

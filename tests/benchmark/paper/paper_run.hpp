@@ -1,0 +1,105 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "simulation/filter_run.hpp"
+
+namespace fiducap::bench {
+
+/// One filter over one rendered sequence.
+struct PaperRun {
+  /// What the filter said after an image, and the truth, both in the filter's workspace.
+  struct At {
+    double t_s{};
+    Pose X_WB;
+    Pose X_WB_true;
+    Eigen::Vector3d v_B{Eigen::Vector3d::Zero()};  ///< m/s, body axes
+    Eigen::Vector3d w_B{Eigen::Vector3d::Zero()};  ///< rad/s
+    Eigen::Vector3d v_B_true{Eigen::Vector3d::Zero()};
+    Eigen::Vector3d w_B_true{Eigen::Vector3d::Zero()};
+    Pose X_BV;                                 ///< As the filter sees its camera.
+    int tags{};                                ///< In the image.
+    std::vector<std::pair<int, Pose>> X_WT{};  ///< Tags in the state.
+
+    [[nodiscard]] const Pose* tag(int tag_id) const;
+  };
+  EstimationData data;
+  FilterRun run;
+  std::vector<At> at;
+
+  [[nodiscard]] double share_without_tag() const;
+  [[nodiscard]] double extrinsics_position_m(const At& moment) const;
+  [[nodiscard]] double extrinsics_rotation_rad(const At& moment) const;
+};
+
+/// What is asked for on the command line.
+struct PaperOptions {
+  std::vector<std::string> filters{"robocentric", "world"};
+  int runs{10};
+  std::uint64_t first_seed{1};
+  int threads{2};
+  bool quick{false};  ///< One short run each: enough to see that it works.
+  EstimatorConfig estimator{};
+
+  [[nodiscard]] int repeats() const { return quick ? 1 : runs; }
+  [[nodiscard]] double seconds(double full, double quick_s) const { return quick ? quick_s : full; }
+};
+
+/// runs[seed][filter]
+using PaperRuns = std::vector<std::vector<PaperRun>>;
+
+/// Renders, detects and filters; each filter leads its own detector.
+/// @param setup  `seed` and `images_for` are set here
+[[nodiscard]] PaperRuns run_all(const PaperOptions& options, const SimulatedDataSetup& setup);
+
+/// One number per run, over the runs of one filter.
+struct Spread {
+  double rms{};
+  double worst{};
+};
+[[nodiscard]] Spread spread(const PaperRuns& runs, std::size_t filter,
+                            const std::function<double(const PaperRun&)>& of);
+
+/// A line of the table.
+struct PaperFigure {
+  std::string what;
+  std::string unit;
+  std::string paper;    ///< What the paper says …
+  std::string authors;  ///< … and what the authors' code did on our data (study of the code).
+  std::vector<Spread> ours{};  ///< One per filter.
+  int decimals{1};
+  double goal{0};  ///< Of the RMS over the runs; 0: none.
+};
+
+/// A picture for the documentation.
+struct PaperPlot {
+  std::string name;  ///< Of the file, without ending.
+  std::string svg;
+};
+
+struct PaperResult {
+  std::string experiment;
+  std::vector<PaperFigure> figures{};
+  std::vector<PaperPlot> plots{};
+  std::vector<std::string> remarks{};
+};
+
+/// Adds a line with one number per filter.
+void add_figure(PaperResult& result, PaperFigure line, const PaperRuns& runs,
+                const std::function<double(const PaperRun&)>& of);
+
+/// Lines that say how far the filter's own sigmas are right: 1 is right, less is modest.
+void add_honesty(PaperResult& result, const PaperRuns& runs);
+
+inline constexpr double kSettled_s = 5.0;  ///< Errors of motion count from here, as in the study.
+inline constexpr double kMm = 1e3;
+inline constexpr double kDegrees = 57.29577951308232;
+
+/// Colours of the plots.
+inline constexpr const char* kTruthColor = "#9aa0a6";
+[[nodiscard]] const char* color_of(const std::string& filter);
+
+}  // namespace fiducap::bench
