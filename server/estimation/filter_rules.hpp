@@ -15,6 +15,8 @@ inline constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 inline constexpr double kStepWithImu_s = 0.02;
 inline constexpr double kStepWithoutImu_s = 0.05;
+// An image with so many landmarks says how the body moved, with or without a tag.
+inline constexpr int kLandmarksToStay = 3;
 // An update far from the linearisation point is iterated.
 inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;

@@ -1,6 +1,7 @@
 #include "simulation/estimation_data.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <random>
 #include <stdexcept>
 
@@ -8,6 +9,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
+#include "simulation/rendered_corners.hpp"
 
 namespace fiducap {
 
@@ -43,7 +45,9 @@ Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
 }
 
 /// All samples of a source up to an instant, in the order of SampleMerger.
-std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end) {
+/// @param seen_in  what becomes of an image
+std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end,
+                                 const std::function<CornerFrame(const CameraFrame&)>& seen_in = nullptr) {
   std::vector<SensorSample> out;
   SampleMerger merger({has_imu, std::chrono::milliseconds(250), 8, 4096});
   const auto drain = [&] {
@@ -53,7 +57,11 @@ std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end
     auto sample = source.next({});
     if (!sample) throw std::runtime_error(sample.error().text());
     if (!sample->has_value() || time_of(**sample) > end) break;
-    merger.push(std::move(**sample));
+    if (const auto* image = std::get_if<CameraFrame>(&**sample); image != nullptr && seen_in) {
+      merger.push(seen_in(*image));
+    } else {
+      merger.push(std::move(**sample));
+    }
     drain();
   }
   merger.finish();
@@ -165,7 +173,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   simulation::SimulatedBodyConfig body;
   body.cameras = {simulated_camera(setup)};
   body.has_imu = setup.has_imu;
-  body.camera.images = false;
+  body.camera.images = !setup.texture.empty();
+  if (body.camera.images) room.texture = setup.texture;
   body.trajectory.kind = setup.world == "hall" ? "survey" : setup.world == "hover" ? "hover" : room.preset;
   body.trajectory.seed = setup.seed;
   body.trajectory.duration_s = 0;
@@ -176,7 +185,9 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
 
   EstimationData data;
   data.name = setup.world + " " + std::to_string(setup.seed);
-  data.samples = merged(**source, setup.has_imu, kStart + from_seconds(setup.seconds));
+  RenderedCorners rendered(room, body.cameras.front());
+  data.samples = merged(**source, setup.has_imu, kStart + from_seconds(setup.seconds),
+                        [&](const CameraFrame& image) { return rendered.look(image, **source); });
   data.tags = simulation::tags_of(room);
   data.tag_set.family = room.family;
   set_sizes(data);

@@ -36,7 +36,7 @@ struct EstimationData {
   [[nodiscard]] double path_m(Instant at) const;
 };
 
-/// A body of the simulator, corners only.
+/// A body of the simulator.
 struct SimulatedDataSetup {
   std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
                                ///< `hover` is nearly at rest in it, `big` is `ceiling`.
@@ -44,6 +44,9 @@ struct SimulatedDataSetup {
   std::uint64_t seed{1};
   bool has_imu{true};
   simulation::FaultConfig faults{};
+  /// RoomConfig::texture: images are rendered, tags found and points followed in them (rendered_corners.hpp). Empty: corners
+  /// with white noise.
+  std::string texture{};
   /// How far the nominal extrinsics are off: drawn with these sigmas per axis, and told to the
   /// filter as prior.
   double extrinsics_sigma_m{0.005};

@@ -42,6 +42,7 @@ template <class V>
 void describe(V& v, EstimatorConfig& c) {
   v.value("corner_noise_px", c.corner_noise_px);
   v.value("estimate_extrinsics", c.estimate_extrinsics);
+  v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
   v.value("branch_evidence", c.branch_evidence);

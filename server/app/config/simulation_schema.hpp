@@ -21,6 +21,7 @@ void describe(V& v, simulation::RoomConfig& c) {
   v.value("tag_size_m", c.tag_size_m);
   v.list("tags", c.tags);
   v.value("gravity_m_s2", c.gravity_m_s2);
+  v.value("texture", c.texture);
 }
 
 template <class V>

@@ -113,6 +113,7 @@ std::vector<ConfigError> check(const CameraMount& mount, const std::string& pref
 }  // namespace
 
 std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix) {
+  static const std::vector<std::string> kTextures{"clutter", "sharp", "plain"};
   Checker checker{prefix};
   const auto family = TagFamily::named(room.family);
   checker
@@ -120,6 +121,7 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
       .require(family.has_value(), "family", room.family, one_of(TagFamily::names()))
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
+      .require(contains(kTextures, room.texture), "texture", room.texture, one_of(kTextures))
       .require(room.preset != "custom" || !room.tags.empty(), "tags", room.tags.size(),
                "must name at least one tag when preset is custom");
   std::set<int> ids;

@@ -42,11 +42,11 @@ std::vector<std::int16_t> make_noise(double sigma, int width) {
 }  // namespace
 
 ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& settings,
-                         const RoomBox& box, TagFamily family)
+                         const RoomLook& room, TagFamily family)
     : mount_(mount),
       settings_(settings),
       rays_(mount.model),
-      backdrop_(box, rays_, mount.model.fu),
+      backdrop_(room, rays_, mount.model.fu),
       tags_(mount.model, rays_, std::move(family)),
       canvas_(mount.model.width, mount.model.height),
       vignette_(make_vignette(mount.model, settings.vignetting)),

@@ -31,10 +31,15 @@ Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::
 
 }  // namespace
 
-void FilterState::reset(std::vector<Pose> cameras) {
+void FilterState::reset(std::vector<Pose> cameras, std::size_t clone_count) {
   *this = FilterState{};
   X_BV = std::move(cameras);
+  clones.resize(clone_count);
   covariance.reset(size());
+}
+
+void FilterState::forget_clones() {
+  for (Clone& clone : clones) clone.image = -1;
 }
 
 void FilterState::list_held() {
@@ -63,6 +68,7 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_f = other.bias_f;
   bias_w = other.bias_w;
   X_BV = other.X_BV;
+  clones = other.clones;
   tags = other.tags;
   held_ = other.held_;
 }
@@ -80,6 +86,7 @@ void FilterState::add_error(const ErrorRef& error) {
   }
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
+  for (std::size_t i = 0; i < clones.size(); ++i) add_world_error(clones[i].X_WV, error.segment<6>(clone_at(i)));
   for (std::size_t i = 0; i < tags.size(); ++i) add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
 }
 
@@ -90,6 +97,9 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
   error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
   for (int c = 0; c < cameras(); ++c) world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
+  for (std::size_t i = 0; i < clones.size(); ++i) {
+    world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));
+  }
   for (std::size_t i = 0; i < tags.size(); ++i) {
     world_error(tags[i].X_WT, other.tags[i].X_WT, error.segment<6>(tag_at(i)));
   }

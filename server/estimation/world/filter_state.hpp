@@ -21,7 +21,14 @@ struct WorldTag : TagRecord {
   bool held{false};
 };
 
-/// The state with its covariance: body, biases, extrinsics, tags, all in W. Gravity along −z when there is an IMU.
+/// A camera as it stood at an image, for what followed points say (clone_window.hpp). A pose with a world-side error, like a tag.
+struct Clone {
+  Pose X_WV;
+  int camera{};
+  long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
+};
+
+/// The state with its covariance: body, biases, extrinsics, clones, tags, all in W. Gravity along −z when there is an IMU.
 struct FilterState {
   Instant time{};
   Pose X_WB;
@@ -29,13 +36,15 @@ struct FilterState {
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;      ///< One per camera.
+  std::vector<Clone> clones;   ///< A fixed number of them (none: points are not followed), in no order.
   std::vector<WorldTag> tags;  ///< Order of entry.
   GrowingCovariance covariance;
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return tag_at(tags.size()); }
   [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
-  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
+  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(clones.size() + i)); }
+  [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
@@ -44,8 +53,10 @@ struct FilterState {
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
 
-  /// Body at the origin, biases and covariance zero, these cameras, no tags.
-  void reset(std::vector<Pose> X_BV);
+  /// Body at the origin, biases and covariance zero, these cameras, no tags, so many clones.
+  void reset(std::vector<Pose> X_BV, std::size_t clones = 0);
+  /// What the clones saw is not used any more.
+  void forget_clones();
   /// Appends a tag, uncorrelated with everything.
   void add_tag(const WorldTag& tag, const Matrix6d& own);
   /// Takes a tag out (marginalises it).

@@ -43,9 +43,9 @@ RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
   return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
 }
 
-/// First columns of all poses in the state: the body, the cameras, the tags.
+/// First columns of all poses in the state: the body, the cameras, the clones, the tags.
 int pose_at(const FilterState&, std::size_t k) { return k == 0 ? kPosition : layout::camera(static_cast<int>(k) - 1); }
-std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.tags.size(); }
+std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size(); }
 
 /// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
 void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
@@ -70,6 +70,7 @@ void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
 void move_axes(FilterState& state, const Pose& G) {
   state.X_WB = G * state.X_WB;
   state.v_WB = G.q * state.v_WB;
+  for (Clone& clone : state.clones) clone.X_WV = G * clone.X_WV;
   for (WorldTag& tag : state.tags) tag.X_WT = G * tag.X_WT;
   const Eigen::Matrix3d R = G.rotation();
   Matrix6d Ad = Matrix6d::Zero();

@@ -38,6 +38,7 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       candidates_(config),
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
   restart();
 }
 
@@ -49,7 +50,7 @@ const CameraModel& WorldFilter::model_of(int camera) const {
 void WorldFilter::restart() {
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
-  state_.reset(std::move(X_BV));
+  state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   auto P = state_.P();
   for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
     const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
@@ -88,6 +89,7 @@ void WorldFilter::lose_motion() {
   attitude_.restart();
   candidates_.forget_all();
   memory_.forget_all();
+  state_.forget_clones();
   return_attempts_ = 0;
 }
 
@@ -229,6 +231,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
     at_image = false;
   }
   if (at_image) memory_.add(seen, known);
+  if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
@@ -303,6 +306,17 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
   count_rejections(report);
+}
+
+void WorldFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
+  if (seen.points.empty()) return;
+  CloneWindow::clone(state_, seen.camera, image);
+  const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
+  report.landmarks_used = done.used;
+  report.landmarks_rejected = done.rejected;
+  report.landmark_nis = done.nis;
+  report.landmark_nis_dof = done.nis_dof;
+  if (done.used >= kLandmarksToStay) last_used_at_ = seen.exposed_at;
 }
 
 void WorldFilter::count_rejections(UpdateReport& report) {
