@@ -27,6 +27,11 @@ void BodyInbox::finish() {
   filled_.notify_one();
 }
 
+void BodyInbox::set_clock_shift(int camera, Duration shift) {
+  const std::lock_guard lock(mutex_);
+  merger_.set_clock_shift(camera, shift);
+}
+
 void BodyInbox::close() {
   {
     const std::lock_guard lock(mutex_);
@@ -53,10 +58,10 @@ MergerStatistics BodyInbox::statistics() const {
 }
 
 Instant BodyInbox::arrival_of(const SensorSample& sample) const {
-  const Instant at = time_of(sample);
+  const Instant at = time_of(sample) - clock_shift_of(sample);
   if (std::holds_alternative<ImuSample>(sample)) return at;
   const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
-                                  [&](const Arrival& a) { return a.exposed_at == at; });
+                                  [&](const Arrival& a) { return a.stamp == at; });
   return found == arrivals_.end() ? at : found->arrived;
 }
 

@@ -25,6 +25,8 @@ class BodyInbox final {
 
   /// @return false when the inbox is closed or full of IMU readings.
   bool push(SensorSample sample, Instant arrived);
+  /// See SampleMerger.
+  void set_clock_shift(int camera, Duration shift);
   /// Nothing more will come; what is there can still be popped.
   void finish();
   /// Nobody will pop any more.
@@ -36,7 +38,7 @@ class BodyInbox final {
 
  private:
   struct Arrival {
-    Instant exposed_at{};
+    Instant stamp{};  ///< of the device
     Instant arrived{};
   };
   [[nodiscard]] Instant arrival_of(const SensorSample& sample) const;

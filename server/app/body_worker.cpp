@@ -114,6 +114,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   }
   shared_.map.snapshot()->known_among(seen_, known_);
   const UpdateReport report = filter.update(seen_, known_);
+  inbox_.set_clock_shift(seen_.camera, from_seconds(filter.clock(seen_.camera).shift_s));
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
   for (const auto& event : shared_.map.take_events()) {

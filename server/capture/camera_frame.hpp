@@ -17,6 +17,8 @@ struct CameraFrame {
   int camera{};          ///< Index among the body's cameras.
   Instant exposed_at{};  ///< Middle of the exposure, camera–IMU time shift already applied.
   std::shared_ptr<const GrayImage> image;
+  /// So much of `exposed_at` is what the body's filter learned about the clock (SampleMerger::set_clock_shift).
+  Duration clock_shift{0};
 };
 
 /// One tag found in one image, before the lens is taken out.
@@ -49,6 +51,7 @@ struct CornerFrame {
   /// corners are off in a way that the lens model tells; `observe` takes it out.
   bool fitted_straight_sides{false};
   double pixel_noise{};  ///< 1-sigma of the image's pixels, of 255; 0 when the source does not say.
+  Duration clock_shift{0};  ///< As in CameraFrame.
   /// Sorted by track; empty when points are not followed, and in images between their reports.
   std::vector<PointSighting> points{};
 };

@@ -57,6 +57,10 @@ struct CameraMount {
   double position_sigma_m{0.005};   ///< How far X_BV may be off, per axis, 1-sigma.
   double rotation_sigma_rad{0.00873};
   Duration time_shift{0};           ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
+  /// How far time_shift may be off, 1-sigma; 0: exact.
+  double time_shift_sigma_s{0.02};
+  double readout_s{0.0};        ///< Rolling shutter: first row to last row; the stamp is that of the middle row. 0: global.
+  double readout_sigma_s{0.0};  ///< 0: readout_s is exact.
   double rate_hz{20.0};
 };
 

@@ -20,6 +20,8 @@ struct ImuNoise {
   double accel_noise_m_s2_rtHz{2e-2};
   double accel_walk_m_s3_rtHz{5e-4};
   double rate_hz{200.0};
+  double gyro_range_rad_s{0};  ///< Readings end here; 0: not known.
+  double accel_range_m_s2{0};
 };
 
 }  // namespace fiducap

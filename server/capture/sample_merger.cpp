@@ -31,6 +31,15 @@ bool is_sound(const SensorSample& image) {
   return is_sound(std::get<CornerFrame>(image));
 }
 
+void apply_shift(SensorSample& image, Duration shift) {
+  const auto apply = [&](auto& frame) {
+    frame.exposed_at += shift;
+    frame.clock_shift = shift;
+  };
+  if (auto* frame = std::get_if<CameraFrame>(&image)) return apply(*frame);
+  apply(std::get<CornerFrame>(image));
+}
+
 bool comes_before(const SensorSample& a, const SensorSample& b) {
   return std::pair(time_of(a), camera_of(a)) < std::pair(time_of(b), camera_of(b));
 }
@@ -78,6 +87,7 @@ void SampleMerger::push_image(SensorSample sample) {
     ++statistics_.bad_dropped;
     return;
   }
+  apply_shift(sample, clock_shift_[static_cast<std::size_t>(camera)]);
   const Instant at = time_of(sample);
   std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)];
   if (newest && at <= *newest) {
@@ -97,6 +107,11 @@ void SampleMerger::push_image(SensorSample sample) {
     images_.erase(images_.begin());
     ++statistics_.images_dropped;
   }
+}
+
+void SampleMerger::set_clock_shift(int camera, Duration shift) {
+  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(kMaxCameras));
+  clock_shift_[static_cast<std::size_t>(camera)] = shift;
 }
 
 void SampleMerger::finish() { finished_ = true; }

@@ -22,6 +22,13 @@ using SensorSample = std::variant<ImuSample, CameraFrame, CornerFrame>;
   return std::visit(Time{}, sample);
 }
 
+/// What the filter learned about the sensor's clock; part of time_of().
+[[nodiscard]] inline Duration clock_shift_of(const SensorSample& sample) {
+  if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->clock_shift;
+  const auto* corners = std::get_if<CornerFrame>(&sample);
+  return corners != nullptr ? corners->clock_shift : Duration{0};
+}
+
 /// Where the samples of one rigid body come from: hardware, a recording, the simulator. What follows cannot tell
 /// them apart.
 class SensorSource {

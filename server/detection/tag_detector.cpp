@@ -152,6 +152,7 @@ TagDetector& TagDetector::operator=(TagDetector&&) noexcept = default;
 
 CornerFrame TagDetector::detect(const CameraFrame& frame) {
   CornerFrame out{frame.camera, frame.exposed_at, {}, true};
+  out.clock_shift = frame.clock_shift;
   if (frame.image == nullptr || frame.image->pixels.empty()) return out;
   detect(*frame.image, whole(*frame.image), {config_.decimate, config_.min_white_black_diff},
          out.tags);

@@ -29,6 +29,14 @@ struct ExtrinsicsEstimate {
   Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
 };
 
+/// The camera's clock against the IMU's, as the filter sees it now.
+struct ClockEstimate {
+  double shift_s{};        ///< t_imu = stamp + shift, beyond what the configuration says.
+  double shift_sigma_s{};  ///< 0: not estimated.
+  double readout_s{};      ///< Rolling shutter, first row to last.
+  double readout_sigma_s{};
+};
+
 /// The filter of one rigid body. Two implementations stand side by side and are measured against each other
 /// (`robocentric`: the paper's; `world`: production), therefore the interface.
 ///
@@ -60,6 +68,9 @@ class BodyFilter {
   /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
+  /// Whoever merges the samples adds `shift_s` to the camera's stamps (SampleMerger::set_clock_shift) and says so in
+  /// TagObservations::clock_shift; the filter bridges what is left.
+  [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
 };
 
 /// @param name  `robocentric` or `world`

@@ -5,6 +5,7 @@
 
 #include "capture/imu_sample.hpp"
 #include "estimation/inertial_input.hpp"
+#include "estimation/saturation_watch.hpp"
 
 namespace fiducap {
 
@@ -20,7 +21,7 @@ class ImuBuffer final {
   bool push(const ImuSample& imu);
   [[nodiscard]] std::optional<ImuSample> newest() const;
   /// @pre at least two readings
-  [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2]; }
+  [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
   /// So many readings that somebody must use them.
   [[nodiscard]] bool is_full() const;
   /// Forgets all but the last two.
@@ -38,10 +39,16 @@ class ImuBuffer final {
   /// Index of the first reading after `at`, or the number of readings.
   [[nodiscard]] std::size_t first_after(Instant at) const;
 
+  struct Reading {
+    ImuSample imu;
+    Saturated saturated;
+  };
+
   ImuNoise noise_;
   double max_gap_s_;
   double gap_accel_noise_;
-  std::vector<ImuSample> samples_;
+  SaturationWatch watch_;
+  std::vector<Reading> samples_;
 };
 
 }  // namespace fiducap

@@ -28,7 +28,7 @@ struct TagMeasurement {
     int at{};  ///< First column in the state.
     Matrix83d H;
   };
-  static constexpr std::size_t kMaxBlocks = 8;
+  static constexpr std::size_t kMaxBlocks = 10;
 
   int tag_id{};
   Vector8d y{Vector8d::Zero()};  ///< seen − predicted, raw pixels

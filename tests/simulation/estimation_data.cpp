@@ -25,6 +25,7 @@ CameraMount simulated_camera(const SimulatedDataSetup& setup) {
   mount.model.cu = 376;
   mount.model.cv = 240;
   mount.X_BV = simulation::forward_camera();
+  mount.readout_s = setup.readout_s;
   mount.position_sigma_m = setup.extrinsics_sigma_m;
   mount.rotation_sigma_rad = setup.extrinsics_sigma_rad;
   return mount;
@@ -139,9 +140,20 @@ const TruthSample& EstimationData::truth_at(Instant at) const {
   return *found;
 }
 
+TruthSample EstimationData::truth_near(Instant at) const {
+  const auto after = std::lower_bound(truth.begin(), truth.end(), at,
+                                      [](const TruthSample& t, Instant i) { return t.at < i; });
+  if (after == truth.end()) return truth.back();
+  if (after->at == at || after == truth.begin()) return *after;
+  const auto before = after - 1;
+  return between(*before, *after, rate_at(before->at), rate_at(after->at), at);
+}
+
 Eigen::Vector3d EstimationData::rate_at(Instant at) const {
-  const TruthSample* here = &truth_at(at);
   FIDUCAP_ASSERT(truth.size() >= 3);
+  auto nearest = std::lower_bound(truth.begin(), truth.end(), at, [](const TruthSample& t, Instant i) { return t.at < i; });
+  if (nearest == truth.end() || (nearest != truth.begin() && at - (nearest - 1)->at < nearest->at - at)) --nearest;
+  const TruthSample* here = &*nearest;
   here = std::clamp(here, truth.data() + 1, truth.data() + truth.size() - 2);
   const TruthSample* before = here - 1;
   const TruthSample* after = here + 1;
@@ -192,6 +204,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.tag_set.family = room.family;
   set_sizes(data);
   data.camera = body.cameras.front();
+  data.camera.readout_s = setup.readout_told_s;
+  data.camera.readout_sigma_s = setup.readout_sigma_s;
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
   if (setup.has_imu) data.imu = body.imu.noise;
   data.gravity_m_s2 = room.gravity_m_s2;

@@ -28,7 +28,9 @@ struct EstimationData {
   int reference_tag{};
 
   [[nodiscard]] const TruthSample& truth_at(Instant at) const;
-  /// Body rate (B axes, rad/s) at one of the truth's times, by differences of the truth (at both
+  /// The truth at any moment, between the known ones by a cubic; held beyond the ends.
+  [[nodiscard]] TruthSample truth_near(Instant at) const;
+  /// Body rate (B axes, rad/s) at the truth's time nearest to `at`, by differences of the truth (at both
   /// ends: the neighbour's).
   [[nodiscard]] Eigen::Vector3d rate_at(Instant at) const;
   [[nodiscard]] const RecordedTag* tag(int tag_id) const;
@@ -51,6 +53,9 @@ struct SimulatedDataSetup {
   /// filter as prior.
   double extrinsics_sigma_m{0.005};
   double extrinsics_sigma_rad{0.00873};
+  double readout_s{0};        ///< Rolling shutter as it is …
+  double readout_told_s{0};   ///< … and as the filter is told …
+  double readout_sigma_s{0};  ///< … with this sigma.
 };
 
 [[nodiscard]] EstimationData simulate(const SimulatedDataSetup& setup);

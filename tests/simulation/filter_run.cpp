@@ -6,6 +6,7 @@
 
 #include "app/system_clock.hpp"
 #include "base/so3.hpp"
+#include "capture/sample_merger.hpp"
 #include "detection/observe.hpp"
 
 namespace fiducap {
@@ -60,16 +61,17 @@ class Run {
 
   FilterRun go() {
     const Instant first = time_of(data_.samples.front());
-    Duration imu_since = thread_cpu_time();
+    SampleMerger merger({.has_imu = data_.imu.has_value()});
+    const auto drain = [&] {
+      while (const auto sample = merger.pop()) take(*sample, first, merger);
+    };
     for (const SensorSample& sample : data_.samples) {
-      if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-        filter_->propagate(*imu);
-        continue;
-      }
-      result_.propagate_cpu_s += to_seconds(thread_cpu_time() - imu_since);
-      image(std::get<CornerFrame>(sample), first);
-      imu_since = thread_cpu_time();
+      merger.push(sample);
+      drain();
     }
+    merger.finish();
+    drain();
+    result_.clock = filter_->clock(0);
     result_.seconds = to_seconds(time_of(data_.samples.back()) - first);
     finish_map();
     return std::move(result_);
@@ -77,6 +79,18 @@ class Run {
 
  private:
   [[nodiscard]] const RecordedTag& reference() const { return *data_.tag(data_.reference_tag); }
+
+  void take(const SensorSample& sample, Instant first, SampleMerger& merger) {
+    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+      const Duration begin = thread_cpu_time();
+      filter_->propagate(*imu);
+      result_.propagate_cpu_s += to_seconds(thread_cpu_time() - begin);
+      return;
+    }
+    const auto& corners = std::get<CornerFrame>(sample);
+    image(corners, first);
+    merger.set_clock_shift(corners.camera, from_seconds(filter_->clock(corners.camera).shift_s));
+  }
 
   void image(const CornerFrame& corners, Instant first) {
     observe(corners, data_.camera.model, data_.tag_set, {}, seen_);
@@ -139,7 +153,7 @@ class Run {
   }
 
   FilterRun::At compare(const BodyEstimate& estimate) {
-    const TruthSample& truth = data_.truth_at(estimate.at);
+    const TruthSample truth = data_.truth_near(estimate.at);
     const Pose X_WB = X_WR_ * truth.X_WB;
     Eigen::Matrix<double, 15, 1> e;
     e << pose_error(estimate.X_WB, X_WB), estimate.v_WB - X_WR_.q * truth.v_WB,

@@ -73,6 +73,7 @@ struct FilterRun {
                    ///< never was.
   double gap_rotation_rad{};
   double gap_path_m{};       ///< Travelled until then.
+  ClockEstimate clock;       ///< At the end.
   double seconds{};          ///< Of data.
   double propagate_cpu_s{};  ///< IMU samples; with `split_cost` also moving the state to the image.
   double update_cpu_s{};

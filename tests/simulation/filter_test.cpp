@@ -147,5 +147,56 @@ TEST(WorldFilterLoop, StaysHonestAndClosesTheLoopWithoutLosingATag) {
   EXPECT_NEAR(nees, 15.0, 1.96 * std::sqrt(30.0 / kLoops));
 }
 
+/// Ratio of position errors with and without a fault, same seed.
+double cost_of(const SimulatedDataSetup& broken, std::uint64_t seed, ClockEstimate& clock) {
+  SimulatedDataSetup sound;
+  sound.world = broken.world;
+  sound.seed = seed;
+  SimulatedDataSetup with = broken;
+  with.seed = seed;
+  const FilterRun one = run({.filter = "world", .data = with});
+  clock = one.clock;
+  return one.position_rmse_m() / run({.filter = "world", .data = sound}).position_rmse_m();
+}
+
+TEST(WorldFilterClock, FindsImagesThatAreStampedFiftyMillisecondsOff) {
+  for (const double off_s : {0.05, -0.05}) {
+    SimulatedDataSetup data{.world = "table"};
+    data.faults.image_stamp_error_s = off_s;
+    for (const std::uint64_t seed : {1U, 2U, 3U}) {
+      ClockEstimate clock;
+      EXPECT_LT(cost_of(data, seed, clock), 1.25);
+      EXPECT_NEAR(clock.shift_s, -off_s, 5 * clock.shift_sigma_s);
+      EXPECT_LT(clock.shift_sigma_s, 2e-4);
+    }
+  }
+}
+
+TEST(WorldFilterClock, FindsHowLongARollingShutterReads) {
+  SimulatedDataSetup data{.world = "table", .readout_s = 0.02, .readout_told_s = 0.012, .readout_sigma_s = 0.01};
+  for (const std::uint64_t seed : {1U, 2U, 3U}) {
+    ClockEstimate clock;
+    EXPECT_LT(cost_of(data, seed, clock), 1.25);
+    EXPECT_NEAR(clock.readout_s, data.readout_s, 5 * clock.readout_sigma_s);
+    EXPECT_LT(clock.readout_sigma_s, 5e-4);
+  }
+}
+
+TEST(WorldFilterClock, AKnownRollingShutterCostsNothing) {
+  const SimulatedDataSetup data{.world = "table", .readout_s = 0.02, .readout_told_s = 0.02};
+  ClockEstimate clock;
+  EXPECT_LT(cost_of(data, 1, clock), 1.25);
+}
+
+TEST_P(FilterFaults, AnImuAtTheEndOfItsRangeIsNotBelieved) {
+  RunSetup setup{.filter = GetParam(), .data = {.world = "table"}};
+  const FilterRun sound = run(setup);
+  setup.data.faults.saturation_at_s = 12;
+  setup.data.faults.saturation_s = 3;
+  const FilterRun one = run(setup);
+  EXPECT_LT(one.position_rmse_m(), 1.25 * sound.position_rmse_m());
+  EXPECT_LT(one.mean_nees(), 2 * sound.mean_nees());
+}
+
 }  // namespace
 }  // namespace fiducap

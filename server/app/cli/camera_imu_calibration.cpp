@@ -34,6 +34,7 @@ class Calibration final {
       camera.rotation_sigma_rad = options.rotation_sigma_rad;
     }
     setup_.estimator.estimate_extrinsics = true;
+    setup_.estimator.estimate_clocks = false;  // the search below finds the shift
   }
 
   Expected<CameraImuCalibration> run() {

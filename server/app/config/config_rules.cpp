@@ -34,15 +34,22 @@ void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
              .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
              .not_negative("accel_walk_m_s3_rtHz", noise.accel_walk_m_s3_rtHz)
              .positive("rate_hz", noise.rate_hz)
+             .not_negative("gyro_range_rad_s", noise.gyro_range_rad_s)
+             .not_negative("accel_range_m_s2", noise.accel_range_m_s2)
              .errors,
          prefix);
 }
+
+constexpr double kLargestClockError_s = 0.2;
 
 void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
   append(all,
          Checker{prefix}
              .not_negative("position_sigma_m", mount.position_sigma_m)
              .not_negative("rotation_sigma_rad", mount.rotation_sigma_rad)
+             .within("time_shift_sigma_s", mount.time_shift_sigma_s, 0, kLargestClockError_s)
+             .within("readout_s", mount.readout_s, 0, kLargestClockError_s)
+             .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
              .positive("rate_hz", mount.rate_hz)
              .errors,
          prefix);

@@ -42,6 +42,7 @@ template <class V>
 void describe(V& v, EstimatorConfig& c) {
   v.value("corner_noise_px", c.corner_noise_px);
   v.value("estimate_extrinsics", c.estimate_extrinsics);
+  v.value("estimate_clocks", c.estimate_clocks);
   v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
@@ -86,6 +87,9 @@ void describe(V& v, CameraMount& c) {
   v.value("position_sigma_m", c.position_sigma_m);
   v.value("rotation_sigma_rad", c.rotation_sigma_rad);
   v.seconds("time_shift_s", c.time_shift);
+  v.value("time_shift_sigma_s", c.time_shift_sigma_s);
+  v.value("readout_s", c.readout_s);
+  v.value("readout_sigma_s", c.readout_sigma_s);
   v.value("rate_hz", c.rate_hz);
 }
 
@@ -102,6 +106,8 @@ void describe(V& v, ImuNoise& c) {
   v.value("accel_noise_m_s2_rtHz", c.accel_noise_m_s2_rtHz);
   v.value("accel_walk_m_s3_rtHz", c.accel_walk_m_s3_rtHz);
   v.value("rate_hz", c.rate_hz);
+  v.value("gyro_range_rad_s", c.gyro_range_rad_s);
+  v.value("accel_range_m_s2", c.accel_range_m_s2);
 }
 
 template <class V>

@@ -133,7 +133,7 @@ Expected<void> RecordingWriter::Impl::write(const ImuSample& sample) {
 }
 
 Expected<void> RecordingWriter::Impl::write(const CameraFrame& frame) {
-  const auto ns = camera_stamp(frame.camera, frame.exposed_at);
+  const auto ns = camera_stamp(frame.camera, frame.exposed_at - frame.clock_shift);
   if (!ns) return tl::unexpected(ns.error());
   const auto k = static_cast<std::size_t>(frame.camera);
   const auto csv = cameras_[k].images.get(layout_.images_csv(k), kImagesHeader);
@@ -148,7 +148,7 @@ Expected<void> RecordingWriter::Impl::write(const CameraFrame& frame) {
 }
 
 Expected<void> RecordingWriter::Impl::write(const CornerFrame& frame) {
-  const auto ns = camera_stamp(frame.camera, frame.exposed_at);
+  const auto ns = camera_stamp(frame.camera, frame.exposed_at - frame.clock_shift);
   if (!ns) return tl::unexpected(ns.error());
   const auto k = static_cast<std::size_t>(frame.camera);
   const auto corners = cameras_[k].corners.get(layout_.corners_csv(k), kCornersHeader);

@@ -57,6 +57,9 @@ std::string camera_yaml(const CameraMount& mount) {
       << list_of(std::vector(model.coefficients.begin(), model.coefficients.begin() + coefficients))
       << "\n"
       << "timeshift_cam_imu: " << to_seconds(mount.time_shift) << "  # s, t_imu = t_cam + shift\n"
+      << "timeshift_sigma: " << mount.time_shift_sigma_s << "\n"
+      << "readout: " << mount.readout_s << "  # s, rolling shutter, first row to last\n"
+      << "readout_sigma: " << mount.readout_sigma_s << "\n"
       << "T_BS_sigma: {translation_m: " << mount.position_sigma_m
       << ", rotation_rad: " << mount.rotation_sigma_rad << "}\n";
   return out.str();

@@ -13,22 +13,35 @@ namespace {
 
 using Corners = std::array<Eigen::Vector2d, 4>;
 
+constexpr int kRowSteps = 3;  // each brings the row closer by the share of an image that the point moves while it is read
+
 bool inside(const CameraModel& model, const Eigen::Vector2d& px) {
   return px.x() >= 0 && px.y() >= 0 && px.x() <= model.width - 1 && px.y() <= model.height - 1;
 }
 
+/// A rolling shutter exposes a point in the row in which it appears: where that is, is found by going there.
+std::optional<Eigen::Vector2d> project(const CameraModel& model, const CameraPath& path,
+                                       const Pose& X_VW, const Eigen::Vector3d& p_W) {
+  auto px = model.project(X_VW * p_W);
+  for (int i = 0; i < kRowSteps && px; ++i) {
+    px = model.project(path(px->y() / (model.height - 1) - 0.5).inverse() * p_W);
+  }
+  return px;
+}
+
 /// The true corners, if the rules allow this tag to be seen from here.
-std::optional<Corners> visible_corners(const CameraModel& model, const Pose& X_VW,
-                                       const Eigen::Vector3d& p_WV, const RecordedTag& tag,
+std::optional<Corners> visible_corners(const CameraModel& model, const CameraPath& path,
+                                       const Pose& X_WV, const RecordedTag& tag,
                                        const CameraSimulation& rules) {
-  const Eigen::Vector3d to_camera = p_WV - tag.X_WT.p;
+  const Pose X_VW = X_WV.inverse();
+  const Eigen::Vector3d to_camera = X_WV.p - tag.X_WT.p;
   const double cos_tilt = (tag.X_WT.q * Eigen::Vector3d::UnitZ()).dot(to_camera) / to_camera.norm();
   if (!(cos_tilt >= std::cos(rules.max_tilt_rad)) || (X_VW * tag.X_WT.p).z() <= 0)
     return std::nullopt;
   Corners corners;
   const auto corners_W = corners_of(tag);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    const auto px = model.project(X_VW * corners_W[i]);
+    const auto px = project(model, path, X_VW, corners_W[i]);
     if (!px || !inside(model, *px)) return std::nullopt;
     corners[i] = *px;
   }
@@ -53,14 +66,14 @@ void drop_doubles(std::vector<TagSighting>& sightings) {
 
 }  // namespace
 
-void sight_corners(const CameraModel& model, const Pose& X_WV, const std::vector<RecordedTag>& tags,
+void sight_corners(const CameraModel& model, const CameraPath& path, const std::vector<RecordedTag>& tags,
                    const CameraSimulation& rules, const ImageKey& key,
                    std::vector<TagSighting>& out) {
   out.clear();
-  const Pose X_VW = X_WV.inverse();
+  const Pose X_WV = path(0);
   Random random(key.seed, Purpose::kCornerNoise, static_cast<std::uint64_t>(key.camera), key.k);
   for (const RecordedTag& tag : tags) {
-    const auto corners = visible_corners(model, X_VW, X_WV.p, tag, rules);
+    const auto corners = visible_corners(model, path, X_WV, tag, rules);
     if (!corners || random.chance(rules.miss_probability)) continue;
     TagSighting sighting;
     sighting.tag_id = tag.tag_id;

@@ -120,8 +120,10 @@ class Simulation final : public SimulatedSource {
     const CameraMount& mount = body_.cameras[camera];
     hang_tags(sample);
     CornerFrame frame{sample.sensor, stamp, {}};
-    sight_corners(mount.model, trajectory_->at(t_s).X_WB * mount.X_BV, frame_tags_, body_.camera,
-                  key_of(sample), frame.tags);
+    const auto camera_at = [&](double row) {
+      return trajectory_->at(t_s + row * mount.readout_s).X_WB * mount.X_BV;
+    };
+    sight_corners(mount.model, camera_at, frame_tags_, body_.camera, key_of(sample), frame.tags);
     faults_.cover(sample.sensor, sample.k, frame.tags);
     return frame;
   }

@@ -1,6 +1,7 @@
 #include "detection/points/corner_finder.hpp"
 
 #include <algorithm>
+#include <Eigen/LU>
 #include <cmath>
 #include <utility>
 
@@ -61,6 +62,30 @@ void CornerFinder::sum_up(int width, int height) {
   }
 }
 
+void CornerFinder::reserve(std::size_t pixels) {
+  for (std::vector<float>* sums : {&xx_, &xy_, &yy_, &row_sums_}) sums->reserve(pixels);
+}
+
+Eigen::Vector2d CornerFinder::meeting_point(const GrayImage& image, const Eigen::Vector2d& px) {
+  constexpr int kReach = 4;
+  const int u0 = static_cast<int>(px.x());
+  const int v0 = static_cast<int>(px.y());
+  if (u0 <= kReach || v0 <= kReach || u0 + kReach + 1 >= image.width || v0 + kReach + 1 >= image.height) return px;
+  Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d b = Eigen::Vector2d::Zero();
+  for (int y = -kReach; y <= kReach; ++y) {
+    const std::uint8_t* row = image.pixels.data() + static_cast<std::ptrdiff_t>(v0 + y) * image.width + u0;
+    for (int x = -kReach; x <= kReach; ++x) {
+      const Eigen::Vector2d g(0.5 * (row[x + 1] - row[x - 1]), 0.5 * (row[x + image.width] - row[x - image.width]));
+      // The tangent through (x, y) at right angles to g passes through the corner.
+      A += g * g.transpose();
+      b += g * g.dot(Eigen::Vector2d(x, y));
+    }
+  }
+  const Eigen::Vector2d offset = A.inverse() * b;
+  return offset.norm() < kReach ? Eigen::Vector2d(px + offset) : px;  // NaN stays where it was
+}
+
 std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const ImageRegion& region, float least,
                                                   Allowed allowed, const void* context) {
   const int width = region.width();
@@ -82,7 +107,7 @@ std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const 
       found = Eigen::Vector2d(region.left + c, region.top + r);
     }
   }
-  return found;
+  return found ? std::optional(meeting_point(image, *found)) : std::nullopt;
 }
 
 }  // namespace fiducap

@@ -20,6 +20,12 @@ bool is_near(const TurnedPair& pair, const Eigen::Vector3d& normal, const Eigen:
 
 }  // namespace
 
+MotionCheck::MotionCheck(std::size_t usual) {
+  normals_.reserve(usual);
+  fits_.reserve(usual);
+  best_.reserve(usual);
+}
+
 std::span<const char> MotionCheck::fitting(std::span<const TurnedPair> pairs, double limit) {
   best_.assign(pairs.size(), 1);
   if (pairs.size() < kFewest) return best_;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,9 @@ struct TurnedPair {
 /// systems", ICRA 2014), the one that most agree with wins. Deterministic: guesses are drawn from a fixed sequence.
 class MotionCheck final {
  public:
+  /// Memory for so many pairs.
+  explicit MotionCheck(std::size_t usual = 0);
+
   /// @param limit  largest distance from the epipolar line, in units of the rays' x and y
   /// @return per pair whether it fits; all do when there are fewer than five. Valid until the next call.
   std::span<const char> fitting(std::span<const TurnedPair> pairs, double limit);

@@ -23,6 +23,13 @@ Eigen::Vector3d ray(const CameraModel& model, const Eigen::Vector2d& ideal_px) {
 
 }  // namespace
 
+PointTracker::PointTracker() {
+  points_.reserve(kMost);
+  ideal_before_.reserve(kMost);
+  pairs_.reserve(kMost);
+  out_.reserve(kMost);
+}
+
 std::span<const PointSighting> PointTracker::follow(const CameraFrame& frame, const CameraModel& model,
                                                        const std::optional<Eigen::Quaterniond>& q_beforeNow,
                                                        std::span<const TagSighting> tags) {
@@ -31,6 +38,7 @@ std::span<const PointSighting> PointTracker::follow(const CameraFrame& frame, co
   now_.build(frame.image);
   take_quads(tags);
   if (!same_size) points_.clear();
+  corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) * (frame.image->height / kRows + 1)));
   follow_all(model, q_beforeNow);
   drop_crowded();
   begin_new(model);

@@ -41,6 +41,8 @@ class PointTracker final {
   /// little, what a longer stretch adds is much.
   static constexpr int kReportEvery = 2;
 
+  PointTracker();
+
   /// Follows all points into this image, and begins new ones where there are none.
   /// @param q_beforeNow  how the camera turned since the last image given here (its axes now in its axes then); nullopt:
   ///                     not known, and then a point that moves on its own is not noticed
@@ -79,7 +81,7 @@ class PointTracker final {
   std::vector<TurnedPair> pairs_;
   std::vector<Quad> quads_;
   CornerFinder corners_;
-  MotionCheck motion_;
+  MotionCheck motion_{kMost};
   std::vector<PointSighting> out_;
   std::uint32_t next_track_{1};
   int next_cell_{0};

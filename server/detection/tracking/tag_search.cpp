@@ -45,6 +45,7 @@ const CornerFrame& TagSearch::search(const CameraFrame& frame,
                                      std::span<const ExpectedTag> expected) {
   out_.camera = frame.camera;
   out_.exposed_at = frame.exposed_at;
+  out_.clock_shift = frame.clock_shift;
   out_.tags.clear();
   out_.pixel_noise = 0;
   out_.fitted_straight_sides = true;

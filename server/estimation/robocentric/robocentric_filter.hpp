@@ -38,6 +38,8 @@ class RobocentricFilter final : public BodyFilter {
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
+  /// The paper takes the clocks as one.
+  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
 
   [[nodiscard]] const FilterState& state() const { return state_; }
 

@@ -4,6 +4,7 @@
 #include <array>
 
 #include "estimation/linear_term.hpp"
+#include "estimation/world/camera_moment.hpp"
 
 namespace fiducap::world {
 
@@ -25,13 +26,19 @@ CloneWindow::CloneWindow(std::size_t cameras, const LandmarkRules& rules)
 void CloneWindow::clone(FilterState& state, int camera, long image) {
   const auto oldest = std::min_element(state.clones.begin(), state.clones.end(),
                                        [](const Clone& a, const Clone& b) { return a.image < b.image; });
-  *oldest = {state.X_WV(camera), camera, image};
+  const CameraAt at_exposure = camera_at(state, camera, state.clocks[static_cast<std::size_t>(camera)].seconds_to(0));
+  *oldest = {at_exposure.X_WV, camera, image};
   const int at = state.clone_at(static_cast<std::size_t>(oldest - state.clones.begin()));
-  // The error of a camera is that of X_WV already, so the clone's error is the same number.
-  const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
-  const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
-  const std::array<LinearTerm, 2> terms{linear_term(layout::camera(camera), one, zero),
-                                        linear_term(layout::camera(camera) + 3, zero, one)};
+  // The error of a camera is that of X_WV already: but for its clock, the clone's error is the same number.
+  Matrix63d on_clock = Matrix63d::Zero();
+  on_clock.col(0) = at_exposure.on_time;
+  const std::array<LinearTerm, 7> terms{{{layout::camera(camera), at_exposure.on_camera.leftCols<3>()},
+                                         {layout::camera(camera) + 3, at_exposure.on_camera.rightCols<3>()},
+                                         {layout::clock(camera), on_clock},
+                                         {layout::kPosition, at_exposure.on_body.leftCols<3>()},
+                                         {layout::kAttitude, at_exposure.on_body.rightCols<3>()},
+                                         {layout::kVelocity, at_exposure.on_velocity},
+                                         {layout::kBiasW, at_exposure.on_gyro_bias}}};
   redefine(state.covariance, at, at + 3, terms, Matrix6d::Zero());
 }
 

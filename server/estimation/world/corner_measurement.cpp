@@ -1,8 +1,42 @@
 #include "estimation/world/corner_measurement.hpp"
 
 #include "base/so3.hpp"
+#include "estimation/world/camera_moment.hpp"
 
 namespace fiducap::world {
+
+namespace {
+
+void add_pose(TagMeasurement& m, int at, const Matrix86d& H) {
+  m.add(at, H.leftCols<3>());
+  m.add(at + 3, H.rightCols<3>());
+}
+
+/// Compares some corners (rows `first` … of the measurement) with the camera as it stood when they were exposed.
+void compare(const FilterState& state, int camera, const CameraAt& at, const CornerResidual& residual, const TagToUse& tag,
+             Eigen::Index first, Eigen::Index rows, TagMeasurement& m) {
+  m.in_front = m.in_front && residual.in_front;
+  m.y.segment(first, rows) = residual.y.segment(first, rows);
+  const Eigen::Matrix3d R_VW = at.X_WV.rotation().transpose();
+  Matrix86d H = Matrix86d::Zero();  // of the tag's world-side error
+  H.leftCols<3>().middleRows(first, rows) = residual.H.leftCols<3>().middleRows(first, rows) * R_VW;
+  H.rightCols<3>().middleRows(first, rows) = residual.H.rightCols<3>().middleRows(first, rows) * R_VW -
+                                             H.leftCols<3>().middleRows(first, rows) * skew(place_of(state, tag).p);
+  if (tag.local >= 0) add_pose(m, state.tag_at(static_cast<std::size_t>(tag.local)), H);
+  add_pose(m, layout::camera(camera), at.moved() ? Matrix86d(-H * at.on_camera) : Matrix86d(-H));
+  if (at.moved()) {
+    add_pose(m, layout::kPosition, -H * at.on_body);
+    m.add(layout::kVelocity, -H * at.on_velocity);
+    m.add(layout::kBiasW, -H * at.on_gyro_bias);
+  }
+  if (!state.clock_is_open(camera)) return;
+  Matrix83d clock = Matrix83d::Zero();
+  clock.col(0) = -H * at.on_time;
+  for (Eigen::Index k = first; k < first + rows; ++k) clock(k, 1) = tag.seen->rows[static_cast<std::size_t>(k / 2)] * clock(k, 0);
+  m.add(layout::clock(camera), clock);
+}
+
+}  // namespace
 
 const Pose& place_of(const FilterState& state, const TagToUse& tag) {
   return tag.local >= 0 ? state.tags[static_cast<std::size_t>(tag.local)].X_WT : tag.known->X_WT;
@@ -13,21 +47,16 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
   m.R = Matrix8d::Identity() * corner_noise_px * corner_noise_px;
-  const Pose X_WV = state.X_WV(camera);
-  const Pose& X_WT = place_of(state, tag);
-  const CornerResidual residual = corner_residual(*tag.seen, X_WV.inverse() * X_WT, model);
-  m.in_front = residual.in_front;
-  m.y = residual.y;
-  if (!m.in_front) return m;
-
-  const Eigen::Matrix3d R_VW = X_WV.rotation().transpose();
-  const Matrix83d H_rho = residual.H.leftCols<3>() * R_VW;
-  const Matrix83d H_phi = residual.H.rightCols<3>() * R_VW - H_rho * skew(X_WT.p);
-  m.add(layout::camera(camera), -H_rho);
-  m.add(layout::camera(camera) + 3, -H_phi);
-  if (tag.local >= 0) {
-    m.add(state.tag_at(static_cast<std::size_t>(tag.local)), H_rho);
-    m.add(state.tag_at(static_cast<std::size_t>(tag.local)) + 3, H_phi);
+  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
+  const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
+    const CameraAt at = camera_at(state, camera, clock.seconds_to(row));
+    const CornerResidual residual = corner_residual(*tag.seen, at.X_WV.inverse() * place_of(state, tag), model);
+    compare(state, camera, at, residual, tag, first, rows, m);
+  };
+  if (clock.readout_s == 0) {
+    compare_at(0, 0, 8);
+  } else {
+    for (Eigen::Index i = 0; i < 4; ++i) compare_at(tag.seen->rows[static_cast<std::size_t>(i)], 2 * i, 2);
   }
   return m;
 }

@@ -35,11 +35,16 @@ void FilterState::reset(std::vector<Pose> cameras, std::size_t clone_count) {
   *this = FilterState{};
   X_BV = std::move(cameras);
   clones.resize(clone_count);
+  clocks.resize(X_BV.size());
   covariance.reset(size());
 }
 
 void FilterState::forget_clones() {
   for (Clone& clone : clones) clone.image = -1;
+}
+
+Pose FilterState::X_WB_after(double seconds) const {
+  return {X_WB.q * exp_so3(seconds * (gyro_B - bias_w)), X_WB.p + seconds * v_WB + (0.5 * seconds * seconds) * a_WB};
 }
 
 void FilterState::list_held() {
@@ -69,6 +74,9 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_w = other.bias_w;
   X_BV = other.X_BV;
   clones = other.clones;
+  clocks = other.clocks;
+  gyro_B = other.gyro_B;
+  a_WB = other.a_WB;
   tags = other.tags;
   held_ = other.held_;
 }
@@ -83,6 +91,9 @@ void FilterState::add_error(const ErrorRef& error) {
     Pose X_WV = before * X;
     add_world_error(X_WV, error.segment<6>(layout::camera(c)));
     X = X_WB.inverse() * X_WV;
+    CameraClock& clock = clocks[static_cast<std::size_t>(c)];
+    clock.shift_s += error(layout::clock(c));
+    clock.readout_s += error(layout::clock(c) + 1);
   }
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
@@ -96,7 +107,12 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   error.segment<3>(layout::kVelocity) = J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
   error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
   error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
-  for (int c = 0; c < cameras(); ++c) world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
+  for (int c = 0; c < cameras(); ++c) {
+    world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
+    const CameraClock& here = clocks[static_cast<std::size_t>(c)];
+    const CameraClock& there = other.clocks[static_cast<std::size_t>(c)];
+    error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s, there.readout_s - here.readout_s, 0;
+  }
   for (std::size_t i = 0; i < clones.size(); ++i) {
     world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));
   }
@@ -106,17 +122,12 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   return error;
 }
 
-namespace {
-
-/// Ad(X): the world-side error that an error on the other side of X is.
 Matrix6d adjoint(const Pose& X) {
   const Eigen::Matrix3d R = X.rotation();
   Matrix6d Ad;
   Ad << R, skew(X.p) * R, Eigen::Matrix3d::Zero(), R;
   return Ad;
 }
-
-}  // namespace
 
 void camera_errors_to_extrinsics(FilterState& state) {
   auto P = state.P();

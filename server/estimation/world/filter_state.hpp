@@ -28,32 +28,52 @@ struct Clone {
   long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
 };
 
-/// The state with its covariance: body, biases, extrinsics, clones, tags, all in W. Gravity along −z when there is an IMU.
+/// When the rows of a camera's images were exposed.
+struct CameraClock {
+  double shift_s{};    ///< t_imu = stamp + shift; what the configuration knows is in the stamps already.
+  double readout_s{};  ///< First row to last row; 0: global shutter. The shift is that of the middle row.
+  double applied_s{};  ///< So much of the shift is already in the present image's time (not estimated).
+
+  /// From the state's instant to the exposure of a row. @param row  −0.5 first … +0.5 last
+  [[nodiscard]] double seconds_to(double row) const { return shift_s - applied_s + row * readout_s; }
+};
+
+/// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity along −z when there is an IMU.
 struct FilterState {
   Instant time{};
   Pose X_WB;
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
-  std::vector<Pose> X_BV;      ///< One per camera.
+  std::vector<Pose> X_BV;           ///< One per camera.
+  std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<Clone> clones;   ///< A fixed number of them (none: points are not followed), in no order.
   std::vector<WorldTag> tags;  ///< Order of entry.
+  /// How the body moves just now; not estimated, from the last inertial step.
+  Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias still in
+  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};
   GrowingCovariance covariance;
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return tag_at(tags.size()); }
   [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
+  /// Where the body is `seconds` later (or earlier), as it moves now; for the few milliseconds between rows.
+  [[nodiscard]] Pose X_WB_after(double seconds) const;
   [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(clones.size() + i)); }
   [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
+  /// Whether something about a camera's clock is estimated.
+  [[nodiscard]] bool clock_is_open(int camera) const {
+    return P()(layout::clock(camera), layout::clock(camera)) > 0 || P()(layout::clock(camera) + 1, layout::clock(camera) + 1) > 0;
+  }
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
 
-  /// Body at the origin, biases and covariance zero, these cameras, no tags, so many clones.
+  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many clones.
   void reset(std::vector<Pose> X_BV, std::size_t clones = 0);
   /// What the clones saw is not used any more.
   void forget_clones();
@@ -80,6 +100,8 @@ void camera_errors_to_extrinsics(FilterState& state);
 /// … and back, with the body where it is now.
 void extrinsics_to_camera_errors(FilterState& state);
 
+/// Ad(X): the world-side error that an error on the other side of X is.
+[[nodiscard]] Matrix6d adjoint(const Pose& X);
 /// ∂ (position, rotation vector, both W axes) / ∂ ξ of a pose at p: position moves by ρ + φ × p.
 [[nodiscard]] Matrix6d plain_from_world_error(const Eigen::Vector3d& p);
 /// Its inverse.

@@ -6,6 +6,11 @@ namespace fiducap::world {
 
 using namespace layout;  // NOLINT: the block names are the subject of this file
 
+namespace {
+// Two clocks drift apart with temperature; after an hour by a millisecond at most.
+constexpr double kShiftWalk_s_rts = 1e-5;
+}  // namespace
+
 StepJacobians step_mean(FilterState& state, const InertialInput& input, const Eigen::Vector3d& gravity_W, double dt) {
   const Eigen::Vector3d w_B = input.w_B - state.bias_w;
   const Eigen::Vector3d f_B = input.has_accelerometer ? Eigen::Vector3d(input.f_B - state.bias_f) : Eigen::Vector3d::Zero();
@@ -15,6 +20,8 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input, const Ei
   const Eigen::Vector3d a_W = R_half * f_B + g_W;
   const double dt2 = 0.5 * dt * dt;
 
+  state.gyro_B = input.w_B;
+  state.a_WB = a_W;
   state.X_WB.p += dt * state.v_WB + dt2 * a_W;
   state.v_WB += dt * a_W;
   state.X_WB.q = (state.X_WB.q * exp_so3(dt * w_B)).normalized();
@@ -52,6 +59,7 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   if (!motion.begun) motion.X_WB_before = state.X_WB;
   motion.begun = true;
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
+  motion.seconds += dt;
   motion.Phi = (j.F * motion.Phi).eval();
   motion.Q = (j.F * motion.Q * j.F.transpose()).eval();
   motion.Q.noalias() += (input.gyro_noise * input.gyro_noise / dt) * j.G_w * j.G_w.transpose();
@@ -74,6 +82,10 @@ void apply(FilterState& state, MotionSinceImage& motion) {
     const Eigen::Matrix<double, kBodySize, 1> moved = motion.Phi * P.col(k).head<kBodySize>();
     P.col(k).head<kBodySize>() = moved;
     P.row(k).head<kBodySize>() = moved.transpose();
+  }
+  for (int c = 0; c < state.cameras(); ++c) {
+    double& shift = P(layout::clock(c), layout::clock(c));
+    if (shift > 0) shift += kShiftWalk_s_rts * kShiftWalk_s_rts * motion.seconds;
   }
   extrinsics_to_camera_errors(state);
   motion.restart();

@@ -10,6 +10,7 @@ namespace fiducap::world {
 /// covariance with the body is moved once per image.
 struct MotionSinceImage {
   bool begun{false};
+  double seconds{0};
   Pose X_WB_before;                        ///< Where the body was at the last image.
   BodyMatrix Phi{BodyMatrix::Identity()};  ///< ∂ body now / ∂ body at the last image.
   BodyMatrix Q{BodyMatrix::Zero()};        ///< Covariance of what was added on the way.

@@ -4,7 +4,7 @@
 
 namespace fiducap::world {
 
-/// Where each error block stands in the covariance. Every block is three wide, in W axes but for biases and extrinsics.
+/// Where each error block stands in the covariance. Every block is three wide, in W axes but for biases and clocks.
 ///
 /// The error of every pose is on the world's side: X = Exp(ξ) X̂, ξ = (ρ, φ): q = exp(φ) q̂, p = exp(φ) p̂ + J_l(φ) ρ, and of
 /// the velocity v = exp(φ) v̂ + J_l(φ) ν (right-invariant error: Barrau & Bonnabel, arXiv 1510.06263; Hartley et al., IJRR 2020; each
@@ -19,10 +19,13 @@ inline constexpr int kBiasW = 12;    ///< gyro bias, B axes, rad/s.
 inline constexpr int kBodySize = 15;
 
 inline constexpr int kPoseSize = 6;
+inline constexpr int kCameraSize = kPoseSize + 3;
 /// Camera c: ρ, φ of X_WV.
-[[nodiscard]] constexpr int camera(int camera) { return kBodySize + kPoseSize * camera; }
+[[nodiscard]] constexpr int camera(int camera) { return kBodySize + kCameraSize * camera; }
+/// Clock of camera c: time shift, s; readout, s; the third is not used (blocks are three wide).
+[[nodiscard]] constexpr int clock(int camera) { return layout::camera(camera) + kPoseSize; }
 /// Tag i: ρ, φ.
-[[nodiscard]] constexpr int tag(int cameras, int i) { return kBodySize + kPoseSize * (cameras + i); }
+[[nodiscard]] constexpr int tag(int cameras, int i) { return kBodySize + kCameraSize * cameras + kPoseSize * i; }
 }  // namespace layout
 
 using BodyMatrix = Eigen::Matrix<double, layout::kBodySize, layout::kBodySize>;

@@ -76,6 +76,7 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
   for (long number = from; number <= memory_.newest(); ++number) {
     ImageMemory::Image& image = memory_.image(number);
     if (number > from) {
+      look_at(image.seen);
       sort_tags(image.seen, image.known);
       move_to(image.seen);
       report.exposed_at = image.seen.exposed_at;

@@ -7,36 +7,49 @@
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
 #include "estimation/linear_term.hpp"
+#include "estimation/world/corner_measurement.hpp"
 
 namespace fiducap::world {
 
+namespace {
+
+Matrix86d pose_columns(const TagMeasurement& m, int at) {
+  Matrix86d H = Matrix86d::Zero();
+  for (std::size_t b = 0; b < m.block_count; ++b) {
+    if (m.blocks[b].at == at) H.leftCols<3>() = m.blocks[b].H;
+    if (m.blocks[b].at == at + 3) H.rightCols<3>() = m.blocks[b].H;
+  }
+  return H;
+}
+
+}  // namespace
+
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
              double corner_noise_px) {
-  const CornerResidual residual = corner_residual(seen, X_VT, model);
-  const Matrix6d inverse = (residual.H.transpose() * residual.H).inverse();
-  const Matrix6d own = corner_noise_px * corner_noise_px * inverse;
-  const Eigen::Matrix<double, 6, 1> beside = inverse * residual.H.transpose() * residual.y;
-
-  const Pose X_WV = state.X_WV(camera);
   WorldTag tag;
   tag.tag_id = seen.tag_id;
   tag.edge_m = seen.edge_m;
   tag.sightings = 1;
-  tag.X_WT = X_WV * X_VT;
+  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
+  tag.X_WT = state.X_WB_after(clock.seconds_to(0)) * state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
+  const int local = static_cast<int>(state.tags.size());
   state.add_tag(tag, Matrix6d::Zero());
 
-  const Eigen::Matrix3d R_WV = X_WV.rotation();
-  const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
-  const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
-  const std::array<LinearTerm, 2> terms{linear_term(layout::camera(camera), one, zero),
-                                        linear_term(layout::camera(camera) + 3, zero, one)};
-  Matrix6d seen_to_world = Matrix6d::Zero();
-  seen_to_world << R_WV, skew(tag.X_WT.p) * R_WV, zero, R_WV;
-  const int at = state.tag_at(state.tags.size() - 1);
-  redefine(state.covariance, at, at + 3, terms, seen_to_world * own * seen_to_world.transpose());
+  // The corners say: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b. Solved for ξ_T.
+  const TagMeasurement m = measure(state, camera, model, {&seen, local, nullptr}, corner_noise_px);
+  const int at = state.tag_at(static_cast<std::size_t>(local));
+  const Matrix86d H_T = pose_columns(m, at);
+  const Matrix6d inverse = (H_T.transpose() * H_T).inverse();
+  const Eigen::Matrix<double, 6, 8> solve = inverse * H_T.transpose();
+  std::array<LinearTerm, TagMeasurement::kMaxBlocks> terms;
+  std::size_t count = 0;
+  for (std::size_t b = 0; b < m.block_count; ++b) {
+    if (m.blocks[b].at < at) terms[count++] = {m.blocks[b].at, -solve * m.blocks[b].H};
+  }
+  redefine(state.covariance, at, at + 3, std::span(terms).first(count), corner_noise_px * corner_noise_px * inverse);
   // The mean is where the corners, linearised, say it is.
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
-  error.tail<6>() = seen_to_world * beside;
+  error.tail<6>() = solve * m.y;
   state.add_error(error);
 }
 

@@ -51,15 +51,7 @@ void WorldFilter::restart() {
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
-  auto P = state_.P();
-  for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
-    const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
-    Matrix6d plain = Matrix6d::Zero();
-    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
-    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
-    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
-    P.block<6, 6>(layout::camera(c), layout::camera(c)) = J * plain * J.transpose();  // the body is at the origin
-  }
+  for (int c = 0; c < state_.cameras(); ++c) restart_camera(c);
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
   motion_.restart();
@@ -70,6 +62,27 @@ void WorldFilter::restart() {
   gauge_tag_.reset();
   last_used_at_.reset();
   barren_updates_ = 0;
+}
+
+void WorldFilter::restart_camera(int camera) {
+  const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera)];
+  auto P = state_.P();
+  if (config_.estimate_extrinsics) {
+    Matrix6d plain = Matrix6d::Zero();
+    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
+    P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
+  }
+  state_.clocks[static_cast<std::size_t>(camera)] = {.readout_s = mount.readout_s};
+  // Without an IMU there is no other clock to compare with.
+  if (!config_.estimate_clocks || !has_imu()) return;
+  P(layout::clock(camera), layout::clock(camera)) = mount.time_shift_sigma_s * mount.time_shift_sigma_s;
+  P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+}
+
+void WorldFilter::look_at(const TagObservations& seen) {
+  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
 }
 
 void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
@@ -208,6 +221,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   report.running = running();
   if (mode_ == Mode::kRunning && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
 
+  look_at(seen);
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
@@ -309,8 +323,12 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
 }
 
 void WorldFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
-  if (seen.points.empty()) return;
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
+  // A clone is one moment: not for images whose rows are exposed in turn.
+  if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
   CloneWindow::clone(state_, seen.camera, image);
+  const auto tags = usable_.empty() ? 0 : std::count(accepted_.begin(), accepted_.end(), true);
+  if (tags >= kTagsToDoWithout) return;
   const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
   report.landmarks_used = done.used;
   report.landmarks_rejected = done.rejected;
@@ -357,6 +375,12 @@ std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
     out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
   }
   return out;
+}
+
+ClockEstimate WorldFilter::clock(int camera) const {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
+  const int at = layout::clock(camera);
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s, std::sqrt(state_.P()(at + 1, at + 1))};
 }
 
 }  // namespace fiducap::world

@@ -37,6 +37,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
+  [[nodiscard]] ClockEstimate clock(int camera) const override;
 
   [[nodiscard]] const FilterState& state() const { return state_; }
 
@@ -55,6 +56,8 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   void restart();
+  void restart_camera(int camera);
+  void look_at(const TagObservations& seen);
   void start(Instant at);
   void integrate_to(Instant to);
   void step_to(Instant to, const InertialInput& input, double longest_s);

@@ -30,6 +30,17 @@ TEST(BodyInbox, RemembersWhenAnImageArrived) {
   EXPECT_EQ(delivery->arrived, ms(14));
 }
 
+TEST(BodyInbox, RemembersTheArrivalOfAnImageWhoseClockWasShifted) {
+  BodyInbox inbox(small());
+  inbox.set_clock_shift(0, std::chrono::milliseconds(-3));
+  ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));
+  inbox.finish();
+  const auto delivery = inbox.pop({});
+  ASSERT_TRUE(delivery.has_value());
+  EXPECT_EQ(time_of(delivery->sample), ms(7));
+  EXPECT_EQ(delivery->arrived, ms(14));
+}
+
 TEST(BodyInbox, GivesTheRestAfterTheEndAndThenNothing) {
   BodyInbox inbox(small());
   ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));

@@ -104,6 +104,7 @@ class RecordingFilter final : public BodyFilter {
     return estimate;
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
+  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     if (quiet) return {};
     return {{Pose{}, Matrix6d::Identity()}};

@@ -52,6 +52,18 @@ TEST_F(SampleMergerTest, AnImageAtTheTimeOfAnImuSampleComesRightAfterThatOne) {
   EXPECT_EQ(drain(), (Names{"imu0", "imu5", "imu10", "cam0@10", "imu15"}));
 }
 
+TEST_F(SampleMergerTest, AShiftOfTheClockMovesImagesAndIsNotedInThem) {
+  merger_->set_clock_shift(0, milliseconds(6));
+  for (const double t : {0, 5, 10, 15}) push(imu(t));
+  push(image(7));
+  std::vector<std::string> names;
+  while (const auto sample = merger_->pop()) {
+    names.push_back(name_of(*sample));
+    if (std::holds_alternative<CornerFrame>(*sample)) { EXPECT_EQ(clock_shift_of(*sample), milliseconds(6)); }
+  }
+  EXPECT_EQ(names, (Names{"imu0", "imu5", "imu10", "imu15", "cam0@13"}));
+}
+
 TEST_F(SampleMergerTest, AnImageWaitsForTheImuSampleThatClosesItsInterval) {
   push(imu(0));
   push(image(7));

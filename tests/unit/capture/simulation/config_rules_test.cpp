@@ -19,6 +19,7 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
       {"room.family", [](RoomConfig& r) { r.family = "qr"; }},
       {"room.tag_size_m", [](RoomConfig& r) { r.tag_size_m = 0; }},
       {"room.gravity_m_s2", [](RoomConfig& r) { r.gravity_m_s2 = -1; }},
+      {"room.texture", [](RoomConfig& r) { r.texture = "velvet"; }},
       {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
       {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
       {"room.tags[1].tag_id",

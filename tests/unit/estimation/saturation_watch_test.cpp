@@ -1,0 +1,107 @@
+#include "estimation/saturation_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace fiducap {
+namespace {
+
+/// A body that turns and shakes, read by a unit with this resolution and range.
+class Unit {
+ public:
+  Unit(double resolution, double noise) : resolution_(resolution), noise_(noise) {}
+
+  ImuSample read(double motion, double range) {
+    const double t = 0.005 * static_cast<double>(k_++);
+    ImuSample imu;
+    for (int i = 0; i < 3; ++i) {
+      imu.w_WB_B(i) = reading(motion * std::sin(3 * t + i), range);
+      imu.f_B(i) = reading(motion * std::cos(2 * t + i) + (i == 2 ? 9.81 : 0.0), 100.0);
+    }
+    return imu;
+  }
+
+ private:
+  double reading(double value, double range) {
+    value = std::clamp(value + noise_ * gauss_(random_), -range, range);
+    return resolution_ > 0 ? resolution_ * std::round(value / resolution_) : value;
+  }
+
+  double resolution_;
+  double noise_;
+  long k_{0};
+  std::mt19937 random_{3};
+  std::normal_distribution<double> gauss_;
+};
+
+constexpr int kReadings = 4000;
+
+TEST(SaturationWatch, AFineSensorInMotionIsBelieved) {
+  SaturationWatch watch{ImuNoise{}};
+  Unit unit(0, 0.01);
+  for (int k = 0; k < kReadings; ++k) {
+    const auto found = watch.look_at(unit.read(1.0, 10));
+    EXPECT_FALSE(found.now.gyro || found.now.accel) << k;
+  }
+}
+
+TEST(SaturationWatch, ACoarseSensorAtRestIsBelieved) {
+  for (const double noise : {0.5, 1.0, 3.0}) {  // in steps of its resolution
+    SaturationWatch watch{ImuNoise{}};
+    Unit unit(0.001, noise * 0.001);
+    int flagged = 0;
+    for (int k = 0; k < kReadings; ++k) {
+      const auto found = watch.look_at(unit.read(0.0, 10));
+      flagged += found.now.gyro || found.now.accel ? 1 : 0;
+    }
+    EXPECT_LE(flagged, 2) << noise;
+  }
+}
+
+TEST(SaturationWatch, AMotionlessNoiselessUnitIsBelieved) {
+  SaturationWatch watch{ImuNoise{}};
+  Unit unit(0, 0);
+  for (int k = 0; k < kReadings; ++k) {
+    const auto found = watch.look_at(unit.read(k < kReadings / 2 ? 1.0 : 0.0, 10));
+    EXPECT_FALSE(found.now.gyro || found.now.accel) << k;
+  }
+}
+
+TEST(SaturationWatch, AFlatTopIsFoundWithAllItsReadings) {
+  for (const double resolution : {0.0, 0.001}) {
+    SaturationWatch watch{ImuNoise{}};
+    Unit unit(resolution, 0.003);
+    for (int k = 0; k < 400; ++k) (void)watch.look_at(unit.read(1.0, 10));
+    int cut = 0;
+    int missed = 0;
+    std::size_t before = 0;
+    for (int k = 0; k < 400; ++k) {
+      const ImuSample imu = unit.read(1.0, 0.5);
+      const bool at_end = imu.w_WB_B.cwiseAbs().maxCoeff() >= 0.5;
+      const auto found = watch.look_at(imu);
+      cut += at_end ? 1 : 0;
+      missed += at_end && !found.now.gyro ? 1 : 0;
+      before += found.gyro_since;
+      EXPECT_FALSE(found.now.accel);
+    }
+    EXPECT_GT(cut, 200);
+    // What is noticed late is said afterwards; only tops of a few readings go unseen.
+    EXPECT_LT(missed - static_cast<int>(before), 0.08 * cut) << resolution;
+  }
+}
+
+TEST(SaturationWatch, AKnownRangeIsFoundAtOnce) {
+  ImuNoise noise;
+  noise.gyro_range_rad_s = 0.5;
+  SaturationWatch watch{noise};
+  ImuSample imu;
+  imu.w_WB_B = {0.1, -0.5, 0.2};
+  EXPECT_TRUE(watch.look_at(imu).now.gyro);
+  imu.w_WB_B = {0.1, -0.49, 0.2};
+  EXPECT_FALSE(watch.look_at(imu).now.gyro);
+}
+
+}  // namespace
+}  // namespace fiducap
