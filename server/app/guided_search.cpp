@@ -30,11 +30,14 @@ const CornerFrame& GuidedSearch::search(const CameraFrame& frame, std::span<cons
   return points_ ? with_points(frame, found, aimed) : found;
 }
 
-const CornerFrame& GuidedSearch::with_points(const CameraFrame& frame, const CornerFrame& found, bool aimed) {
+const CornerFrame& GuidedSearch::with_points(const CameraFrame& frame, const CornerFrame& found,
+                                             bool aimed) {
   with_points_ = found;
-  if (frame.camera < 0 || static_cast<std::size_t>(frame.camera) >= models_.size()) return with_points_;
-  const auto points = points_->follow(frame, models_[static_cast<std::size_t>(frame.camera)],
-                                      aimed ? std::optional(forecast_.q_WV()) : std::nullopt, found.tags);
+  if (frame.camera < 0 || static_cast<std::size_t>(frame.camera) >= models_.size())
+    return with_points_;
+  const auto points =
+      points_->follow(frame, models_[static_cast<std::size_t>(frame.camera)],
+                      aimed ? std::optional(forecast_.q_WV()) : std::nullopt, found.tags);
   with_points_.points.assign(points.begin(), points.end());
   return with_points_;
 }
@@ -63,7 +66,8 @@ void GuidedSearch::corrected(const BodyFilter& filter,
   if (!regions_ && !points_) return;
   if (!estimate) return forecast_.clear();
   forecast_.set_estimate(*estimate);
-  if (points_ && estimate->at == with_points_.exposed_at && forecast_.aim(with_points_.camera, estimate->at)) {
+  if (points_ && estimate->at == with_points_.exposed_at &&
+      forecast_.aim(with_points_.camera, estimate->at)) {
     points_->corrected(with_points_.camera, forecast_.q_WV());
   }
   if (extrinsics_at_ && estimate->at >= *extrinsics_at_ &&

@@ -2,7 +2,8 @@
 
 namespace fiducap {
 
-std::span<const PointSighting> PointFollower::follow(const CameraFrame& frame, const CameraModel& model,
+std::span<const PointSighting> PointFollower::follow(const CameraFrame& frame,
+                                                     const CameraModel& model,
                                                      const std::optional<Eigen::Quaterniond>& q_WV,
                                                      std::span<const TagSighting> tags) {
   Eye& eye = eyes_[static_cast<std::size_t>(frame.camera)];

@@ -32,14 +32,16 @@ void RenderedCorners::expect(const Pose& X_WV) {
     bool inside = true;
     for (std::size_t i = 0; i < 4 && inside; ++i) {
       const auto px = camera_.model.project(X_VW * corners[i]);
-      inside = px && px->x() > 0 && px->y() > 0 && px->x() < camera_.model.width - 1 && px->y() < camera_.model.height - 1;
+      inside = px && px->x() > 0 && px->y() > 0 && px->x() < camera_.model.width - 1 &&
+               px->y() < camera_.model.height - 1;
       if (inside) expected.corners_px[i] = *px;
     }
     if (inside) expected_.push_back(expected);
   }
 }
 
-CornerFrame RenderedCorners::look(const CameraFrame& image, const simulation::SimulatedSource& source) {
+CornerFrame RenderedCorners::look(const CameraFrame& image,
+                                  const simulation::SimulatedSource& source) {
   const Pose X_WV = source.truth(image.exposed_at).X_WB * camera_.X_BV;
   expect(X_WV);
   CornerFrame found = search_.search(image, expected_);

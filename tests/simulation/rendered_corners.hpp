@@ -9,13 +9,14 @@
 
 namespace fiducap {
 
-/// Tags and followed points of rendered images, found as the server finds them, but led by the truth instead of a filter: so
-/// that several filters can be run over the same sightings.
+/// Tags and followed points of rendered images, found as the server finds them, but led by the
+/// truth instead of a filter: so that several filters can be run over the same sightings.
 class RenderedCorners final {
  public:
   RenderedCorners(const simulation::RoomConfig& room, const CameraMount& camera);
 
-  [[nodiscard]] CornerFrame look(const CameraFrame& image, const simulation::SimulatedSource& source);
+  [[nodiscard]] CornerFrame look(const CameraFrame& image,
+                                 const simulation::SimulatedSource& source);
   [[nodiscard]] double follow_cpu_s() const { return follow_cpu_s_; }
 
  private:

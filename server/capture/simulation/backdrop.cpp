@@ -89,7 +89,8 @@ Backdrop::Backdrop(const RoomLook& room, const RayTable& rays, double focal_px)
     : box_(room.box),
       step_(room.texture == "sharp" ? 1 : 4),
       rays_(rays),
-      texels_per_sample_(kTexelsPerMetre * static_cast<float>(step_) / static_cast<float>(focal_px)) {
+      texels_per_sample_(kTexelsPerMetre * static_cast<float>(step_) /
+                         static_cast<float>(focal_px)) {
   texture_[0] = texture_of(room.texture);
   for (int level = 1; level < kLevels; ++level) {
     const auto i = static_cast<std::size_t>(level);
@@ -167,7 +168,8 @@ void Backdrop::trace_row(int coarse_row, std::vector<std::int32_t>& out) const {
 
 template <int kStep>
 void Backdrop::draw_row(int v, std::uint16_t* out) {
-  // Pixel centres lie at odd (2 · step)ths between the traced corners; of four: weights 7:1, 5:3, 3:5, 1:7.
+  // Pixel centres lie at odd (2 · step)ths between the traced corners; of four: weights 7:1, 5:3,
+  // 3:5, 1:7.
   constexpr int kParts = 2 * kStep;
   const int down = 2 * (v % kStep) + 1;
   const int width = rays_.columns() - 1;
@@ -177,7 +179,8 @@ void Backdrop::draw_row(int v, std::uint16_t* out) {
     const std::int32_t right = blend(static_cast<std::size_t>(u / kStep) + 1);
     for (int k = 0; k < kStep && u + k < width; ++k) {
       const int across = 2 * k + 1;
-      out[u + k] = static_cast<std::uint16_t>(((kParts - across) * left + across * right) / (kParts * kParts));
+      out[u + k] = static_cast<std::uint16_t>(((kParts - across) * left + across * right) /
+                                              (kParts * kParts));
     }
     left = right;
   }

@@ -12,9 +12,9 @@
 namespace fiducap::simulation {
 
 /// What stands behind the tags: the walls of the room with clutter on them, the same for every
-/// robot. It moves as a room moves. `clutter` is a little out of focus: it is traced at every fourth
-/// pixel and interpolated in between; `sharp` is traced at every pixel corner, so that nothing in the
-/// image stands still that the room does not hold.
+/// robot. It moves as a room moves. `clutter` is a little out of focus: it is traced at every
+/// fourth pixel and interpolated in between; `sharp` is traced at every pixel corner, so that
+/// nothing in the image stands still that the room does not hold.
 class Backdrop final {
  public:
   Backdrop(const RoomLook& room, const RayTable& rays, double focal_px);

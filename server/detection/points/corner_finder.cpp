@@ -1,7 +1,7 @@
 #include "detection/points/corner_finder.hpp"
 
-#include <algorithm>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -9,7 +9,8 @@ namespace fiducap {
 
 namespace {
 
-constexpr int kHalf = 3;  // of the window: narrower than a patch, so that the corner is in its middle
+constexpr int kHalf =
+    3;  // of the window: narrower than a patch, so that the corner is in its middle
 constexpr int kSide = 2 * kHalf + 1;
 
 /// Sums of kSide neighbours along a line of `count`; the first and last kHalf are left as they are.
@@ -32,9 +33,11 @@ void CornerFinder::differentiate(const GrayImage& image, const ImageRegion& regi
   for (int v = region.top; v < region.bottom; ++v) {
     const int above = std::max(v - 1, 0);
     const int below = std::min(v + 1, image.height - 1);
-    const std::uint8_t* upper = image.pixels.data() + static_cast<std::ptrdiff_t>(above) * image.width;
+    const std::uint8_t* upper =
+        image.pixels.data() + static_cast<std::ptrdiff_t>(above) * image.width;
     const std::uint8_t* here = image.pixels.data() + static_cast<std::ptrdiff_t>(v) * image.width;
-    const std::uint8_t* lower = image.pixels.data() + static_cast<std::ptrdiff_t>(below) * image.width;
+    const std::uint8_t* lower =
+        image.pixels.data() + static_cast<std::ptrdiff_t>(below) * image.width;
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(v - region.top) * width - region.left;
     for (int u = std::max(region.left, 1); u < std::min(region.right, image.width - 1); ++u) {
       const float gx = 0.5F * static_cast<float>(here[u + 1] - here[u - 1]);
@@ -48,7 +51,8 @@ void CornerFinder::differentiate(const GrayImage& image, const ImageRegion& regi
 
 void CornerFinder::sum_up(int width, int height) {
   for (std::vector<float>* products : {&xx_, &xy_, &yy_}) {
-    for (int r = 0; r < height; ++r) slide(products->data() + r * width, row_sums_.data() + r * width, width, 1);
+    for (int r = 0; r < height; ++r)
+      slide(products->data() + r * width, row_sums_.data() + r * width, width, 1);
     // Down the columns, whole rows at a time.
     std::vector<float>& out = *products;
     for (int r = kHalf; r < height - kHalf; ++r) {
@@ -70,13 +74,17 @@ Eigen::Vector2d CornerFinder::meeting_point(const GrayImage& image, const Eigen:
   constexpr int kReach = 4;
   const int u0 = static_cast<int>(px.x());
   const int v0 = static_cast<int>(px.y());
-  if (u0 <= kReach || v0 <= kReach || u0 + kReach + 1 >= image.width || v0 + kReach + 1 >= image.height) return px;
+  if (u0 <= kReach || v0 <= kReach || u0 + kReach + 1 >= image.width ||
+      v0 + kReach + 1 >= image.height)
+    return px;
   Eigen::Matrix2d A = Eigen::Matrix2d::Zero();
   Eigen::Vector2d b = Eigen::Vector2d::Zero();
   for (int y = -kReach; y <= kReach; ++y) {
-    const std::uint8_t* row = image.pixels.data() + static_cast<std::ptrdiff_t>(v0 + y) * image.width + u0;
+    const std::uint8_t* row =
+        image.pixels.data() + static_cast<std::ptrdiff_t>(v0 + y) * image.width + u0;
     for (int x = -kReach; x <= kReach; ++x) {
-      const Eigen::Vector2d g(0.5 * (row[x + 1] - row[x - 1]), 0.5 * (row[x + image.width] - row[x - image.width]));
+      const Eigen::Vector2d g(0.5 * (row[x + 1] - row[x - 1]),
+                              0.5 * (row[x + image.width] - row[x - image.width]));
       // The tangent through (x, y) at right angles to g passes through the corner.
       A += g * g.transpose();
       b += g * g.dot(Eigen::Vector2d(x, y));
@@ -86,8 +94,9 @@ Eigen::Vector2d CornerFinder::meeting_point(const GrayImage& image, const Eigen:
   return offset.norm() < kReach ? Eigen::Vector2d(px + offset) : px;  // NaN stays where it was
 }
 
-std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const ImageRegion& region, float least,
-                                                  Allowed allowed, const void* context) {
+std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const ImageRegion& region,
+                                                  float least, Allowed allowed,
+                                                  const void* context) {
   const int width = region.width();
   const int height = region.height();
   if (width <= kSide || height <= kSide) return std::nullopt;
@@ -95,7 +104,8 @@ std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const 
   sum_up(width, height);
   float score = least * kSide * kSide;
   std::optional<Eigen::Vector2d> found;
-  // A corner is the best of its surroundings: every second pixel is looked at, which costs half a pixel of place at most.
+  // A corner is the best of its surroundings: every second pixel is looked at, which costs half a
+  // pixel of place at most.
   for (int r = kHalf; r < height - kHalf; r += 2) {
     for (int c = kHalf; c < width - kHalf; c += 2) {
       const auto i = static_cast<std::size_t>(r * width + c);

@@ -10,8 +10,8 @@
 
 namespace fiducap {
 
-/// An image and two smaller ones, each half as wide as the one before. The image itself is shared, not copied; the
-/// memory of the others is kept.
+/// An image and two smaller ones, each half as wide as the one before. The image itself is shared,
+/// not copied; the memory of the others is kept.
 ///
 /// Pixel (0, 0) is the centre of the first pixel at every level: u_coarse = (u_fine − 0.5) / 2.
 class ImagePyramid final {

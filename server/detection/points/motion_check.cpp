@@ -10,12 +10,15 @@ namespace {
 constexpr int kGuesses = 48;  // with four of ten points moving on their own, all fail once in 10⁹
 constexpr std::size_t kFewest = 5;
 
-/// Distance of the later ray from the plane of the shift and the earlier ray, about in units of x and y.
-bool is_near(const TurnedPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& shift, double limit) {
+/// Distance of the later ray from the plane of the shift and the earlier ray, about in units of x
+/// and y.
+bool is_near(const TurnedPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& shift,
+             double limit) {
   const Eigen::Vector3d line = pair.before.cross(shift);
   const double off = shift.dot(normal);
   // Where the ray runs along the shift there is no line, and no disagreement.
-  return off * off <= limit * limit * line.head<2>().squaredNorm() || normal.squaredNorm() <= limit * limit;
+  return off * off <= limit * limit * line.head<2>().squaredNorm() ||
+         normal.squaredNorm() <= limit * limit;
 }
 
 }  // namespace

@@ -12,13 +12,16 @@ constexpr int kArea = kSide * kSide;
 constexpr int kMostSteps = 12;
 constexpr float kArrived_px = 0.01F;
 constexpr float kFarthest_px = 12.0F;  // from where a level begins: more is not what was looked for
-// What may be left between both patches, RMS in grays: noise of both, and a little of their own contrast.
+// What may be left between both patches, RMS in grays: noise of both, and a little of their own
+// contrast.
 constexpr float kMostResidual = 8.0F;
 constexpr float kResidualShare = 0.35F;
 
-/// Grays of side × side pixels around (u, v), between pixels. @return false: reaches out of the image
+/// Grays of side × side pixels around (u, v), between pixels. @return false: reaches out of the
+/// image
 template <int kWide>
-bool sample(const ImagePyramid::Level& level, float u, float v, std::array<float, kWide * kWide>& out) {
+bool sample(const ImagePyramid::Level& level, float u, float v,
+            std::array<float, kWide * kWide>& out) {
   const float left = u - static_cast<float>(kWide / 2);
   const float top = v - static_cast<float>(kWide / 2);
   if (!(left >= 0 && top >= 0)) return false;  // NaN too
@@ -36,15 +39,15 @@ bool sample(const ImagePyramid::Level& level, float u, float v, std::array<float
     const std::uint8_t* lower = level.row(y + r + 1) + x;
     float* to = out.data() + r * kWide;
     for (int k = 0; k < kWide; ++k) {
-      to[k] = a * static_cast<float>(upper[k]) + b * static_cast<float>(upper[k + 1]) + c * static_cast<float>(lower[k]) +
-              d * static_cast<float>(lower[k + 1]);
+      to[k] = a * static_cast<float>(upper[k]) + b * static_cast<float>(upper[k + 1]) +
+              c * static_cast<float>(lower[k]) + d * static_cast<float>(lower[k + 1]);
     }
   }
   return true;
 }
 
-/// The middle counts most: what the patch shows further out moves otherwise as soon as it turns or comes nearer, and would
-/// drag the point along a little in every image. Sums to kArea.
+/// The middle counts most: what the patch shows further out moves otherwise as soon as it turns or
+/// comes nearer, and would drag the point along a little in every image. Sums to kArea.
 const std::array<float, kArea>& weights() {
   static const std::array<float, kArea> all = [] {
     constexpr float kSigma_px = 2.5F;
@@ -62,10 +65,11 @@ const std::array<float, kArea>& weights() {
   return all;
 }
 
-/// What is looked for: grays and their gradients without mean, and the inverse of the gradients' scatter.
+/// What is looked for: grays and their gradients without mean, and the inverse of the gradients'
+/// scatter.
 struct Template {
   std::array<float, kArea> gray, gx, gy;  ///< Gradients weighted.
-  float xx{}, xy{}, yy{};  ///< inverse
+  float xx{}, xy{}, yy{};                 ///< inverse
   float mean{};
   float contrast{};  ///< RMS about the mean
 };
@@ -116,8 +120,10 @@ bool make_template(const ImagePyramid::Level& level, float u, float v, Template&
 
 enum class Outcome { kFound, kLost };
 
-/// Moves (u, v) until the patch around it is the template's. @param residual  out: RMS of what is left
-Outcome settle(const ImagePyramid::Level& level, const Template& wanted, float& u, float& v, float& residual) {
+/// Moves (u, v) until the patch around it is the template's. @param residual  out: RMS of what is
+/// left
+Outcome settle(const ImagePyramid::Level& level, const Template& wanted, float& u, float& v,
+               float& residual) {
   std::array<float, kArea> gray;
   const std::array<float, kArea>& w = weights();
   const float from_u = u;
@@ -158,12 +164,13 @@ double from_level(float px, std::size_t level) {
 
 }  // namespace
 
-std::optional<Eigen::Vector2d> follow(const ImagePyramid& from, const Eigen::Vector2d& px, const ImagePyramid& to,
-                                      const Eigen::Vector2d& guess) {
+std::optional<Eigen::Vector2d> follow(const ImagePyramid& from, const Eigen::Vector2d& px,
+                                      const ImagePyramid& to, const Eigen::Vector2d& guess) {
   Template wanted;
   Eigen::Vector2d at = guess;
   for (std::size_t k = ImagePyramid::kLevels; k-- > 0;) {
-    // Near the border, and where only the fine image has structure, the coarse levels have nothing to say.
+    // Near the border, and where only the fine image has structure, the coarse levels have nothing
+    // to say.
     if (!make_template(from.level(k), to_level(px.x(), k), to_level(px.y(), k), wanted)) {
       if (k == 0) return std::nullopt;
       continue;
@@ -173,7 +180,8 @@ std::optional<Eigen::Vector2d> follow(const ImagePyramid& from, const Eigen::Vec
     float residual = 0;
     const bool found = settle(to.level(k), wanted, u, v, residual) == Outcome::kFound;
     if (k == 0) {
-      if (!found || residual > std::max(kMostResidual, kResidualShare * wanted.contrast)) return std::nullopt;
+      if (!found || residual > std::max(kMostResidual, kResidualShare * wanted.contrast))
+        return std::nullopt;
     } else if (!found) {
       continue;
     }

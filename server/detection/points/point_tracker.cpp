@@ -8,11 +8,12 @@ namespace fiducap {
 
 namespace {
 
-constexpr double kBack_px = 0.4;        // between a point and where the way there and back leads
-constexpr double kMotion_px = 1.2;      // from the epipolar line: noise, and a turning known to some tenths of a pixel
-constexpr double kApart_px = 14.0;      // closer neighbours tell the same
-constexpr double kTagReach = 1.5;       // of a tag's half edge: quiet zone and patch included
-constexpr int kNewPerImage = 12;        // cells searched for a new point
+constexpr double kBack_px = 0.4;  // between a point and where the way there and back leads
+constexpr double kMotion_px =
+    1.2;  // from the epipolar line: noise, and a turning known to some tenths of a pixel
+constexpr double kApart_px = 14.0;  // closer neighbours tell the same
+constexpr double kTagReach = 1.5;   // of a tag's half edge: quiet zone and patch included
+constexpr int kNewPerImage = 12;    // cells searched for a new point
 constexpr float kLeastCorner = 2.5F * patch_flow::kLeastStructure;
 constexpr int kBorder_px = patch_flow::kHalf + 3;
 
@@ -30,15 +31,16 @@ PointTracker::PointTracker() {
   out_.reserve(kMost);
 }
 
-std::span<const PointSighting> PointTracker::follow(const CameraFrame& frame, const CameraModel& model,
-                                                       const std::optional<Eigen::Quaterniond>& q_beforeNow,
-                                                       std::span<const TagSighting> tags) {
+std::span<const PointSighting> PointTracker::follow(
+    const CameraFrame& frame, const CameraModel& model,
+    const std::optional<Eigen::Quaterniond>& q_beforeNow, std::span<const TagSighting> tags) {
   const bool same_size = !before_.empty() && before_.image().width == frame.image->width &&
                          before_.image().height == frame.image->height;
   now_.build(frame.image);
   take_quads(tags);
   if (!same_size) points_.clear();
-  corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) * (frame.image->height / kRows + 1)));
+  corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) *
+                                            (frame.image->height / kRows + 1)));
   follow_all(model, q_beforeNow);
   drop_crowded();
   begin_new(model);
@@ -55,7 +57,8 @@ void PointTracker::take_quads(std::span<const TagSighting> tags) {
     Quad quad;
     for (std::size_t i = 0; i < 4; ++i) {
       const Eigen::Vector2d out = tag.corners_px[i] - middle;
-      quad.corners_px[i] = middle + kTagReach * out + (patch_flow::kHalf / std::max(out.norm(), 1.0)) * out;
+      quad.corners_px[i] =
+          middle + kTagReach * out + (patch_flow::kHalf / std::max(out.norm(), 1.0)) * out;
     }
     quads_.push_back(quad);
   }
@@ -66,13 +69,15 @@ bool PointTracker::on_tag(const Eigen::Vector2d& px) const {
     for (std::size_t i = 0; i < 4; ++i) {
       const Eigen::Vector2d a = quad.corners_px[(i + 1) % 4] - quad.corners_px[i];
       const Eigen::Vector2d b = px - quad.corners_px[i];
-      if (a.x() * b.y() - a.y() * b.x() > 0) return false;  // corners run counter-clockwise, v grows down
+      if (a.x() * b.y() - a.y() * b.x() > 0)
+        return false;  // corners run counter-clockwise, v grows down
     }
     return true;
   });
 }
 
-void PointTracker::follow_all(const CameraModel& model, const std::optional<Eigen::Quaterniond>& q_beforeNow) {
+void PointTracker::follow_all(const CameraModel& model,
+                              const std::optional<Eigen::Quaterniond>& q_beforeNow) {
   ideal_before_.clear();
   std::size_t kept = 0;
   for (std::size_t i = 0; i < points_.size(); ++i) {
@@ -86,7 +91,8 @@ void PointTracker::follow_all(const CameraModel& model, const std::optional<Eige
   statistics_.followed += points_.size();
 }
 
-bool PointTracker::follow_one(Point& point, const CameraModel& model, const std::optional<Eigen::Quaterniond>& q_beforeNow) {
+bool PointTracker::follow_one(Point& point, const CameraModel& model,
+                              const std::optional<Eigen::Quaterniond>& q_beforeNow) {
   Eigen::Vector2d guess = point.raw_px;
   if (q_beforeNow) {
     const Eigen::Vector3d turned = q_beforeNow->conjugate() * ray(model, point.ideal_px);
@@ -123,9 +129,11 @@ void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaternion
 void PointTracker::drop_crowded() {
   std::size_t kept = 0;
   for (const Point& point : points_) {
-    const bool crowded = std::any_of(points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept), [&](const Point& old) {
-      return (old.raw_px - point.raw_px).squaredNorm() < 0.25 * kApart_px * kApart_px;
-    });
+    const bool crowded = std::any_of(
+        points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
+        [&](const Point& old) {
+          return (old.raw_px - point.raw_px).squaredNorm() < 0.25 * kApart_px * kApart_px;
+        });
     if (!crowded) points_[kept++] = point;
   }
   points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
@@ -144,8 +152,10 @@ void PointTracker::begin_new(const CameraModel& model) {
   const GrayImage& image = now_.image();
   std::array<int, kMost> taken{};
   for (const Point& point : points_) {
-    const int column = std::clamp(static_cast<int>(point.raw_px.x() * kColumns / image.width), 0, kColumns - 1);
-    const int row = std::clamp(static_cast<int>(point.raw_px.y() * kRows / image.height), 0, kRows - 1);
+    const int column =
+        std::clamp(static_cast<int>(point.raw_px.x() * kColumns / image.width), 0, kColumns - 1);
+    const int row =
+        std::clamp(static_cast<int>(point.raw_px.y() * kRows / image.height), 0, kRows - 1);
     ++taken[static_cast<std::size_t>(row * kColumns + column)];
   }
   int searched = 0;
@@ -156,9 +166,11 @@ void PointTracker::begin_new(const CameraModel& model) {
     ++searched;
     const int column = cell % kColumns;
     const int row = cell / kColumns;
-    const ImageRegion region{std::max(column * image.width / kColumns, kBorder_px), std::max(row * image.height / kRows, kBorder_px),
-                             std::min((column + 1) * image.width / kColumns, image.width - kBorder_px),
-                             std::min((row + 1) * image.height / kRows, image.height - kBorder_px)};
+    const ImageRegion region{
+        std::max(column * image.width / kColumns, kBorder_px),
+        std::max(row * image.height / kRows, kBorder_px),
+        std::min((column + 1) * image.width / kColumns, image.width - kBorder_px),
+        std::min((row + 1) * image.height / kRows, image.height - kBorder_px)};
     const auto corner = corners_.best(image, region, kLeastCorner, &PointTracker::may_begin, this);
     const auto ideal = corner ? undistort(model, *corner) : std::nullopt;
     if (!ideal) continue;

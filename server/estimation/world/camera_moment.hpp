@@ -11,9 +11,11 @@ namespace fiducap::world {
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// A camera's pose at a moment near the state's, and how its world-side error depends on the state's errors.
+/// A camera's pose at a moment near the state's, and how its world-side error depends on the
+/// state's errors.
 ///
-/// The rigid body carries the camera: X_WV' = M X_WV with M = X_WB' X_WB⁻¹, hence ξ_V' = Ad(M) ξ_V + the error of M.
+/// The rigid body carries the camera: X_WV' = M X_WV with M = X_WB' X_WB⁻¹, hence ξ_V' = Ad(M) ξ_V
+/// + the error of M.
 struct CameraAt {
   double seconds{};
   Pose X_WV;

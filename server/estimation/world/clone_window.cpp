@@ -13,8 +13,9 @@ namespace {
 constexpr int kFewestViews = 4;  // five numbers of eight are left: enough to notice a wrong one
 
 const PointObservation* find(const TagObservations& image, std::uint32_t track) {
-  const auto found = std::lower_bound(image.points.begin(), image.points.end(), track,
-                                      [](const PointObservation& p, std::uint32_t t) { return p.track < t; });
+  const auto found =
+      std::lower_bound(image.points.begin(), image.points.end(), track,
+                       [](const PointObservation& p, std::uint32_t t) { return p.track < t; });
   return found == image.points.end() || found->track != track ? nullptr : &*found;
 }
 
@@ -24,25 +25,30 @@ CloneWindow::CloneWindow(std::size_t cameras, const LandmarkRules& rules)
     : longest_(kClones / static_cast<int>(cameras)), update_(kClones, rules) {}
 
 void CloneWindow::clone(FilterState& state, int camera, long image) {
-  const auto oldest = std::min_element(state.clones.begin(), state.clones.end(),
-                                       [](const Clone& a, const Clone& b) { return a.image < b.image; });
-  const CameraAt at_exposure = camera_at(state, camera, state.clocks[static_cast<std::size_t>(camera)].seconds_to(0));
+  const auto oldest =
+      std::min_element(state.clones.begin(), state.clones.end(),
+                       [](const Clone& a, const Clone& b) { return a.image < b.image; });
+  const CameraAt at_exposure =
+      camera_at(state, camera, state.clocks[static_cast<std::size_t>(camera)].seconds_to(0));
   *oldest = {at_exposure.X_WV, camera, image};
   const int at = state.clone_at(static_cast<std::size_t>(oldest - state.clones.begin()));
-  // The error of a camera is that of X_WV already: but for its clock, the clone's error is the same number.
+  // The error of a camera is that of X_WV already: but for its clock, the clone's error is the same
+  // number.
   Matrix63d on_clock = Matrix63d::Zero();
   on_clock.col(0) = at_exposure.on_time;
-  const std::array<LinearTerm, 7> terms{{{layout::camera(camera), at_exposure.on_camera.leftCols<3>()},
-                                         {layout::camera(camera) + 3, at_exposure.on_camera.rightCols<3>()},
-                                         {layout::clock(camera), on_clock},
-                                         {layout::kPosition, at_exposure.on_body.leftCols<3>()},
-                                         {layout::kAttitude, at_exposure.on_body.rightCols<3>()},
-                                         {layout::kVelocity, at_exposure.on_velocity},
-                                         {layout::kBiasW, at_exposure.on_gyro_bias}}};
+  const std::array<LinearTerm, 7> terms{
+      {{layout::camera(camera), at_exposure.on_camera.leftCols<3>()},
+       {layout::camera(camera) + 3, at_exposure.on_camera.rightCols<3>()},
+       {layout::clock(camera), on_clock},
+       {layout::kPosition, at_exposure.on_body.leftCols<3>()},
+       {layout::kAttitude, at_exposure.on_body.rightCols<3>()},
+       {layout::kVelocity, at_exposure.on_velocity},
+       {layout::kBiasW, at_exposure.on_gyro_bias}}};
   redefine(state.covariance, at, at + 3, terms, Matrix6d::Zero());
 }
 
-LandmarkReport CloneWindow::correct(FilterState& state, ImageMemory& memory, const CameraModel& model, int camera) {
+LandmarkReport CloneWindow::correct(FilterState& state, ImageMemory& memory,
+                                    const CameraModel& model, int camera) {
   if (longest_ < kFewestViews) return {};
   list_images(state, memory, camera);
   if (images_.size() < static_cast<std::size_t>(kFewestViews)) return {};
@@ -63,7 +69,8 @@ void CloneWindow::list_images(const FilterState& state, ImageMemory& memory, int
     if (clone.image < 0 || clone.camera != camera || !memory.has(clone.image)) continue;
     images_.push_back({static_cast<int>(k), &memory.image(clone.image).seen});
   }
-  std::sort(images_.begin(), images_.end(), [](const Seen& a, const Seen& b) { return a.image->exposed_at < b.image->exposed_at; });
+  std::sort(images_.begin(), images_.end(),
+            [](const Seen& a, const Seen& b) { return a.image->exposed_at < b.image->exposed_at; });
 }
 
 void CloneWindow::list_due() {
@@ -71,7 +78,8 @@ void CloneWindow::list_due() {
   const TagObservations& now = *images_.back().image;
   const TagObservations& before = *images_[images_.size() - 2].image;
   for (const PointObservation& point : now.points) {
-    if (point.age % longest_ == longest_ - 1) due_.push_back({point.track, point.age - longest_ + 1, point.age});
+    if (point.age % longest_ == longest_ - 1)
+      due_.push_back({point.track, point.age - longest_ + 1, point.age});
   }
   for (const PointObservation& point : before.points) {
     const int length = point.age % longest_ + 1;
@@ -80,16 +88,19 @@ void CloneWindow::list_due() {
     }
   }
   // Long ones first: where not all can be used, they say most.
-  std::stable_sort(due_.begin(), due_.end(),
-                   [](const Due& a, const Due& b) { return a.last_age - a.first_age > b.last_age - b.first_age; });
+  std::stable_sort(due_.begin(), due_.end(), [](const Due& a, const Due& b) {
+    return a.last_age - a.first_age > b.last_age - b.first_age;
+  });
 }
 
-void CloneWindow::gather(const FilterState& state, std::uint32_t track, int first_age, int last_age) {
+void CloneWindow::gather(const FilterState& state, std::uint32_t track, int first_age,
+                         int last_age) {
   views_.clear();
   for (const Seen& seen : images_) {
     const PointObservation* point = find(*seen.image, track);
     if (point == nullptr || point->age < first_age || point->age > last_age) continue;
-    views_.push_back({seen.slot, state.clones[static_cast<std::size_t>(seen.slot)].X_WV, point->px, point->ideal_from_raw});
+    views_.push_back({seen.slot, state.clones[static_cast<std::size_t>(seen.slot)].X_WV, point->px,
+                      point->ideal_from_raw});
   }
 }
 

@@ -32,7 +32,8 @@ struct InverseDepthFit {
   bool in_front;
 };
 
-InverseDepthFit linearise(const CameraModel& model, std::span<const LandmarkView> views, const Eigen::Vector3d& x) {
+InverseDepthFit linearise(const CameraModel& model, std::span<const LandmarkView> views,
+                          const Eigen::Vector3d& x) {
   InverseDepthFit fit{Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero(), true};
   const Pose& X_WA = views.back().X_WV;
   for (const LandmarkView& view : views) {
@@ -56,9 +57,11 @@ InverseDepthFit linearise(const CameraModel& model, std::span<const LandmarkView
 
 }  // namespace
 
-std::optional<Triangulated> triangulate(const CameraModel& model, std::span<const LandmarkView> views, double noise_px) {
+std::optional<Triangulated> triangulate(const CameraModel& model,
+                                        std::span<const LandmarkView> views, double noise_px) {
   const LandmarkView& last = views.back();
-  // From infinity: an inverse depth of zero is as good a beginning as any, the problem is nearly linear.
+  // From infinity: an inverse depth of zero is as good a beginning as any, the problem is nearly
+  // linear.
   Eigen::Vector3d x((last.px.x() - model.cu) / model.fu, (last.px.y() - model.cv) / model.fv, 0);
   for (int step = 0; step < kMostSteps; ++step) {
     const InverseDepthFit fit = linearise(model, views, x);
@@ -67,9 +70,12 @@ std::optional<Triangulated> triangulate(const CameraModel& model, std::span<cons
     const Eigen::Vector3d dx = ldlt.solve(fit.gradient);
     if (!dx.allFinite()) return std::nullopt;
     x += dx;
-    if (!(dx.head<2>().norm() < kSettled && std::abs(dx.z()) < kSettled + kSettled * std::abs(x.z()))) continue;
+    if (!(dx.head<2>().norm() < kSettled &&
+          std::abs(dx.z()) < kSettled + kSettled * std::abs(x.z())))
+      continue;
     if (!(x.z() > 0) || 1 / x.z() < kNearest_m) return std::nullopt;
-    const double sigma = noise_px * std::sqrt(std::max(0.0, ldlt.solve(Eigen::Vector3d::UnitZ()).z()));
+    const double sigma =
+        noise_px * std::sqrt(std::max(0.0, ldlt.solve(Eigen::Vector3d::UnitZ()).z()));
     const Eigen::Vector3d p_V = Eigen::Vector3d(x.x(), x.y(), 1) / x.z();
     return Triangulated{last.X_WV * p_V, p_V.z(), sigma / x.z()};
   }
@@ -79,8 +85,8 @@ std::optional<Triangulated> triangulate(const CameraModel& model, std::span<cons
 LandmarkMeasurement::LandmarkMeasurement(int slots)
     : y_(2 * kMostViews), H_(2 * kMostViews, 6 * slots), H_landmark_(2 * kMostViews, 3) {}
 
-bool LandmarkMeasurement::build(const CameraModel& model, std::span<const LandmarkView> views, const Eigen::Vector3d& p_W,
-                                const TrackNoise& noise) {
+bool LandmarkMeasurement::build(const CameraModel& model, std::span<const LandmarkView> views,
+                                const Eigen::Vector3d& p_W, const TrackNoise& noise) {
   const int n = static_cast<int>(views.size());
   FIDUCAP_ASSERT(n >= 3 && n <= kMostViews);
   H_.topRows(2 * n).setZero();
@@ -90,7 +96,8 @@ bool LandmarkMeasurement::build(const CameraModel& model, std::span<const Landma
     if (!(p_V.z() > kNearest_m)) return false;
     const Eigen::Matrix2d raw_from_ideal = view.ideal_from_raw.inverse();
     const Eigen::Vector2d e = raw_from_ideal * (view.px - model.pinhole(p_V));
-    const Matrix23d G = raw_from_ideal * pinhole_jacobian(model, p_V) * view.X_WV.rotation().transpose();
+    const Matrix23d G =
+        raw_from_ideal * pinhole_jacobian(model, p_V) * view.X_WV.rotation().transpose();
     const Matrix23d G_turn = G * skew(p_W);
     for (int k = 0; k < 2; ++k) {
       const int row = k * n + j;
@@ -110,7 +117,8 @@ void LandmarkMeasurement::whiten(int views, const TrackNoise& noise) {
   Eigen::Matrix<double, kMostViews, kMostViews> R;
   for (int a = 0; a < views; ++a) {
     for (int b = 0; b < views; ++b) {
-      R(a, b) = (a == b ? noise.white_px * noise.white_px : 0.0) + noise.walk_px * noise.walk_px * std::min(a, b);
+      R(a, b) = (a == b ? noise.white_px * noise.white_px : 0.0) +
+                noise.walk_px * noise.walk_px * std::min(a, b);
     }
   }
   // Cholesky and forward substitution in one, row by row.

@@ -21,7 +21,8 @@ LandmarkUpdate::LandmarkUpdate(int clones, const LandmarkRules& rules)
       H_(kMostLandmarks * kMostRows, columns_),
       y_(kMostLandmarks * kMostRows),
       HP_(kMostRows, columns_) {
-  for (std::size_t dof = 1; dof < gates_.size(); ++dof) gates_[dof] = chi_square_quantile(static_cast<int>(dof), rules.gate_probability);
+  for (std::size_t dof = 1; dof < gates_.size(); ++dof)
+    gates_[dof] = chi_square_quantile(static_cast<int>(dof), rules.gate_probability);
   const int most = std::max(kMostRows, columns_);
   S_.resize(most, most);
 }
@@ -32,10 +33,12 @@ void LandmarkUpdate::begin() {
   rows_ = 0;
 }
 
-void LandmarkUpdate::add(const FilterState& state, const CameraModel& model, std::span<const LandmarkView> views) {
+void LandmarkUpdate::add(const FilterState& state, const CameraModel& model,
+                         std::span<const LandmarkView> views) {
   FIDUCAP_ASSERT(!is_full());
   const auto meet = triangulate(model, views, rules_.noise.white_px);
-  if (!meet || !(meet->relative_sigma < rules_.most_relative_sigma) || !one_.build(model, views, meet->p_W, rules_.noise)) {
+  if (!meet || !(meet->relative_sigma < rules_.most_relative_sigma) ||
+      !one_.build(model, views, meet->p_W, rules_.noise)) {
     ++report_.shallow;
     return;
   }

@@ -15,20 +15,21 @@ namespace fiducap::world {
 struct LandmarkRules {
   TrackNoise noise{0.12, 0.09};
   double gate_probability{0.95};  ///< A track is used when its chi-square is below this quantile.
-  double most_relative_sigma{0.3};  ///< Of its inverse depth; worse ones say little, and that not linearly.
+  double most_relative_sigma{
+      0.3};  ///< Of its inverse depth; worse ones say little, and that not linearly.
 };
 
 /// What one joint update with landmarks did.
 struct LandmarkReport {
   int used{};
-  int rejected{};   ///< Failed the gate.
-  int shallow{};    ///< Depth not known well enough, or none.
+  int rejected{};  ///< Failed the gate.
+  int shallow{};   ///< Depth not known well enough, or none.
   double nis{};
   int nis_dof{};
 };
 
-/// Corrects the state by landmarks that the clones of its cameras saw, all of one image jointly. Landmarks never enter the
-/// state. Order of use: begin, add per landmark, apply. Keeps its memory.
+/// Corrects the state by landmarks that the clones of its cameras saw, all of one image jointly.
+/// Landmarks never enter the state. Order of use: begin, add per landmark, apply. Keeps its memory.
 class LandmarkUpdate final {
  public:
   static constexpr int kMostLandmarks = 24;  ///< In one update; further ones are not looked at.
@@ -55,7 +56,7 @@ class LandmarkUpdate final {
   int rows_{0};
   Eigen::MatrixXd H_;  ///< rows × columns, columns are the clones' errors
   Eigen::VectorXd y_;
-  Eigen::MatrixXd HP_;   ///< of one landmark
+  Eigen::MatrixXd HP_;  ///< of one landmark
   Eigen::MatrixXd S_;
   Eigen::MatrixXd PHt_;  ///< n × rows
   Eigen::VectorXd dx_;

@@ -27,7 +27,8 @@ CameraMount camera_of(const PointRunSetup& setup) {
 }
 
 /// Where a ray from inside a room meets its walls.
-Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& from, const Eigen::Vector3d& ray) {
+Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& from,
+                        const Eigen::Vector3d& ray) {
   double along = 1e9;
   for (int axis = 0; axis < 3; ++axis) {
     const double wall = ray(axis) > 0 ? box.high(axis) : box.low(axis);
@@ -36,7 +37,8 @@ Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& f
   return from + along * ray;
 }
 
-std::vector<TagSighting> sighted(const std::vector<RecordedTag>& tags, const CameraModel& model, const Pose& X_WV) {
+std::vector<TagSighting> sighted(const std::vector<RecordedTag>& tags, const CameraModel& model,
+                                 const Pose& X_WV) {
   std::vector<TagSighting> out;
   for (const RecordedTag& tag : tags) {
     const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
@@ -47,8 +49,8 @@ std::vector<TagSighting> sighted(const std::vector<RecordedTag>& tags, const Cam
     for (std::size_t i = 0; i < 4 && seen; ++i) {
       const auto px = model.project(X_WV.inverse() * corners[i]);
       constexpr double kBeside_px = 100;
-      seen = px && px->x() > -kBeside_px && px->y() > -kBeside_px && px->x() < model.width + kBeside_px &&
-             px->y() < model.height + kBeside_px;
+      seen = px && px->x() > -kBeside_px && px->y() > -kBeside_px &&
+             px->x() < model.width + kBeside_px && px->y() < model.height + kBeside_px;
       if (seen) sighting.corners_px[i] = *px;
     }
     if (seen) out.push_back(sighting);
@@ -103,14 +105,17 @@ PointRun run_points(const PointRunSetup& setup) {
     for (const PointSighting& point : points) {
       if (point.age == 0) {
         const Eigen::Vector2d ideal = undistort(mount.model, point.px)->px;
-        const Eigen::Vector3d ray((ideal.x() - mount.model.cu) / mount.model.fu, (ideal.y() - mount.model.cv) / mount.model.fv, 1);
+        const Eigen::Vector3d ray((ideal.x() - mount.model.cu) / mount.model.fu,
+                                  (ideal.y() - mount.model.cv) / mount.model.fv, 1);
         anchors[point.track] = {on_wall(box, X_WV.p, X_WV.q * ray)};
         continue;
       }
       Anchor& anchor = anchors.at(point.track);
       if (anchor.bad || point.age >= PointRun::kAges) continue;
       PointRun::AtAge& age = run.ages[static_cast<std::size_t>(point.age)];
-      const Eigen::Vector2d error = point.px - mount.model.project(X_WV.inverse() * anchor.p_W).value_or(Eigen::Vector2d(-1e3, -1e3));
+      const Eigen::Vector2d error =
+          point.px -
+          mount.model.project(X_WV.inverse() * anchor.p_W).value_or(Eigen::Vector2d(-1e3, -1e3));
       if (!(error.cwiseAbs().maxCoeff() < PointRun::kGross_px)) {
         anchor.bad = true;
         ++age.gross;

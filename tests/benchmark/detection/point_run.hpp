@@ -17,7 +17,8 @@ struct PointRunSetup {
   std::uint64_t seed{1};
 };
 
-/// Points followed through rendered images, against where the places on the walls that they showed first are seen now.
+/// Points followed through rendered images, against where the places on the walls that they showed
+/// first are seen now.
 struct PointRun {
   /// Errors of all tracks at one age, raw pixels; far off ones apart.
   struct AtAge {
@@ -34,7 +35,8 @@ struct PointRun {
   PointStatistics statistics;
 };
 
-/// Renders a robot's flight (752 × 480 with a lens, 20 Hz) and follows points. The turning of the camera is the truth's.
+/// Renders a robot's flight (752 × 480 with a lens, 20 Hz) and follows points. The turning of the
+/// camera is the truth's.
 [[nodiscard]] PointRun run_points(const PointRunSetup& setup);
 
 }  // namespace fiducap::bench

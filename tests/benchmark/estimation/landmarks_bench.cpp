@@ -1,4 +1,5 @@
-// Rooms with and without texture, tags gone for a while: what followed image points are worth, and what they cost.
+// Rooms with and without texture, tags gone for a while: what followed image points are worth, and
+// what they cost.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,7 +27,8 @@ struct Gaps {
   }
 };
 
-/// Without the tags of the images inside gaps. The points stay: they were followed with the tags in view, and beside them.
+/// Without the tags of the images inside gaps. The points stay: they were followed with the tags in
+/// view, and beside them.
 EstimationData blinded(EstimationData data, const Gaps& gaps) {
   const Instant first = time_of(data.samples.front());
   for (SensorSample& sample : data.samples) {
@@ -51,7 +53,7 @@ struct Arm {
   Sum end_m, end_rad, end_m_s, sigma;  ///< At the last image of each gap.
   Sum all_m, all_rad;                  ///< At every image after the start.
   std::vector<double> run_m;           ///< RMSE of each seed.
-  double nees{};  ///< Sum over gap ends, of 6.
+  double nees{};                       ///< Sum over gap ends, of 6.
   double nees_all{};
   int images{};
   int covered{};
@@ -73,7 +75,8 @@ void add(Arm& arm, const FilterRun& run, const Gaps& gaps) {
     arm.all_rad.add(at.level_rotation_rad);
     arm.nees_all += at.nees.pose;
     ++arm.images;
-    const bool last = gaps.inside(at.t_s) && i + 1 < run.at.size() && !gaps.inside(run.at[i + 1].t_s);
+    const bool last =
+        gaps.inside(at.t_s) && i + 1 < run.at.size() && !gaps.inside(run.at[i + 1].t_s);
     if (!last) continue;
     arm.end_m.add(at.level_position_m);
     arm.end_rad.add(at.level_rotation_rad);
@@ -95,20 +98,33 @@ struct Pair {
   Arm without, with;
 };
 
-void print(Table& table, const std::string& world, const std::string& texture, const Gaps& gaps, const Pair& cell) {
+void print(Table& table, const std::string& world, const std::string& texture, const Gaps& gaps,
+           const Pair& cell) {
   double worst = 0;
-  for (std::size_t i = 0; i < cell.with.run_m.size(); ++i) worst = std::max(worst, cell.with.run_m[i] / cell.without.run_m[i]);
+  for (std::size_t i = 0; i < cell.with.run_m.size(); ++i)
+    worst = std::max(worst, cell.with.run_m[i] / cell.without.run_m[i]);
   for (const Arm* arm : {&cell.without, &cell.with}) {
     const bool with = arm == &cell.with;
     const double ends = arm->end_m.count == 0 ? Nees::kNone : arm->end_m.count;
     table.rows.push_back(
-        {world, texture, Figure{gaps.length_s, 0}, with ? "with" : "without", std::to_string(arm->end_m.count),
-         Figure{kMm * arm->end_m.rms(), 1}, Figure{kMm * arm->sigma.rms(), 1}, Figure{100 * arm->covered / ends, 0},
-         Figure{arm->nees / ends / 6, 2}, Figure{kDegrees * arm->end_rad.rms(), 3}, Figure{kMm * arm->end_m_s.rms(), 1},
-         Figure{kMm * arm->all_m.rms(), 2}, Figure{kDegrees * arm->all_rad.rms(), 3}, Figure{arm->nees_all / arm->images / 6, 2},
+        {world,
+         texture,
+         Figure{gaps.length_s, 0},
+         with ? "with" : "without",
+         std::to_string(arm->end_m.count),
+         Figure{kMm * arm->end_m.rms(), 1},
+         Figure{kMm * arm->sigma.rms(), 1},
+         Figure{100 * arm->covered / ends, 0},
+         Figure{arm->nees / ends / 6, 2},
+         Figure{kDegrees * arm->end_rad.rms(), 3},
+         Figure{kMm * arm->end_m_s.rms(), 1},
+         Figure{kMm * arm->all_m.rms(), 2},
+         Figure{kDegrees * arm->all_rad.rms(), 3},
+         Figure{arm->nees_all / arm->images / 6, 2},
          with ? Figure{cell.with.all_m.rms() / cell.without.all_m.rms(), 3} : Figure{1, 3},
          with ? Figure{worst, 3} : Figure{1, 3},
-         Figure{static_cast<double>(arm->used) / arm->seconds, 1}, Figure{static_cast<double>(arm->rejected) / arm->seconds, 1},
+         Figure{static_cast<double>(arm->used) / arm->seconds, 1},
+         Figure{static_cast<double>(arm->rejected) / arm->seconds, 1},
          Figure{arm->nis_dof == 0 ? Nees::kNone : arm->nis / static_cast<double>(arm->nis_dof), 2},
          Figure{arm->cpu_s / arm->seconds, 4}});
   }
@@ -117,21 +133,26 @@ void print(Table& table, const std::string& world, const std::string& texture, c
 }  // namespace
 
 std::vector<Table> bench_landmarks(const EstimationOptions& options) {
-  Table table{fmt::format("Followed image points, {} seeds of rendered images; gap: tags taken away every so often; at its last image and "
+  Table table{fmt::format("Followed image points, {} seeds of rendered images; gap: tags taken "
+                          "away every so often; at its last image and "
                           "over all (mm, deg, mm/s)",
                           options.seeds),
-              {"class", "texture", "gap s", "points", "gaps", "pos", "sigma", "covered %", "NEES/6", "ori", "vel", "all pos", "all ori",
-               "all NEES/6", "all ratio", "worst run", "used/s", "gated/s", "NIS/dof", "CPU s/s"}};
-  const std::vector<double> lengths = options.quick ? std::vector{2.0} : std::vector{0.0, 1.0, 2.0, 5.0, 10.0};
+              {"class",     "texture",   "gap s",  "points",  "gaps",    "pos",     "sigma",
+               "covered %", "NEES/6",    "ori",    "vel",     "all pos", "all ori", "all NEES/6",
+               "all ratio", "worst run", "used/s", "gated/s", "NIS/dof", "CPU s/s"}};
+  const std::vector<double> lengths =
+      options.quick ? std::vector{2.0} : std::vector{0.0, 1.0, 2.0, 5.0, 10.0};
   for (const std::string& world : options.classes) {
     for (const std::string& texture : options.textures) {
       const double seconds = options.seconds > 0 ? options.seconds : options.quick ? 20 : 60;
-      std::vector<std::vector<std::pair<FilterRun, FilterRun>>> runs(static_cast<std::size_t>(options.seeds));
+      std::vector<std::vector<std::pair<FilterRun, FilterRun>>> runs(
+          static_cast<std::size_t>(options.seeds));
       in_parallel(options.seeds, options.threads, [&](int i) {
-        const EstimationData data = simulate({.world = world,
-                                              .seconds = seconds,
-                                              .seed = options.first_seed + static_cast<std::uint64_t>(i),
-                                              .texture = texture});
+        const EstimationData data =
+            simulate({.world = world,
+                      .seconds = seconds,
+                      .seed = options.first_seed + static_cast<std::uint64_t>(i),
+                      .texture = texture});
         for (const double length_s : lengths) {
           const EstimationData seen = blinded(data, {length_s, seconds});
           FilterChoice choice = choice_of(options, "world", options.cases.front());
@@ -151,8 +172,12 @@ std::vector<Table> bench_landmarks(const EstimationOptions& options) {
       }
     }
   }
-  table.remarks.push_back("Level axes at the reference tag. covered: pose inside its own 95 % ellipsoid. all: every image after 5 s, gaps or not.");
-  table.remarks.push_back("all ratio: RMSE with over without, all seeds; worst run: the largest of one seed. CPU: filter alone, whole run.");
+  table.remarks.push_back(
+      "Level axes at the reference tag. covered: pose inside its own 95 % ellipsoid. all: every "
+      "image after 5 s, gaps or not.");
+  table.remarks.push_back(
+      "all ratio: RMSE with over without, all seeds; worst run: the largest of one seed. CPU: "
+      "filter alone, whole run.");
   return {table};
 }
 

@@ -1,4 +1,5 @@
-// What followed points say about the cameras: Jacobians, what no image can see, and the update against a textbook's.
+// What followed points say about the cameras: Jacobians, what no image can see, and the update
+// against a textbook's.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -48,48 +49,62 @@ TEST(LandmarkMeasurement, ItsJacobianIsThatOfItsResidualAndTheLandmarksOwnIsGone
   // What is seen when cameras and landmark are off by d; linearised where they are said to be.
   Eigen::MatrixXd H(m.rows(), 6 * n + 3);
   H << m.H(), Eigen::MatrixXd::Zero(m.rows(), 3);
-  expect_jacobian(H, [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-    auto seen = views;
-    for (LandmarkView& view : seen) {
-      const Eigen::VectorXd e = d.segment<6>(6 * view.slot);
-      const Eigen::Quaterniond turn = exp_so3(e.tail<3>());
-      const Pose truth{turn * view.X_WV.q, turn * view.X_WV.p + left_jacobian_so3(e.tail<3>()) * e.head<3>()};
-      view.px = example_camera().pinhole(truth.inverse() * (kPlace + d.tail<3>()));
-    }
-    return stacked_y(seen, kPlace);
-  }, 1e-5);
+  expect_jacobian(
+      H,
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        auto seen = views;
+        for (LandmarkView& view : seen) {
+          const Eigen::VectorXd e = d.segment<6>(6 * view.slot);
+          const Eigen::Quaterniond turn = exp_so3(e.tail<3>());
+          const Pose truth{turn * view.X_WV.q,
+                           turn * view.X_WV.p + left_jacobian_so3(e.tail<3>()) * e.head<3>()};
+          view.px = example_camera().pinhole(truth.inverse() * (kPlace + d.tail<3>()));
+        }
+        return stacked_y(seen, kPlace);
+      },
+      1e-5);
 }
 
 TEST(LandmarkMeasurement, CannotSeeWhereTheRoomIsWhereverItIsLinearised) {
   const int n = 6;
   auto views = passing_views(n, kPlace);
-  for (std::size_t j = 0; j < views.size(); ++j) views[j].X_WV.p += Eigen::Vector3d(0.1, -0.2, 0.15) * std::sin(3.0 * static_cast<double>(j));
+  for (std::size_t j = 0; j < views.size(); ++j)
+    views[j].X_WV.p += Eigen::Vector3d(0.1, -0.2, 0.15) * std::sin(3.0 * static_cast<double>(j));
   LandmarkMeasurement m(n);
   ASSERT_TRUE(m.build(example_camera(), views, kPlace + Eigen::Vector3d(0.3, 0.2, -0.4), kNoise));
   for (int axis = 0; axis < 6; ++axis) {
-    const Eigen::VectorXd shift = Eigen::VectorXd(Eigen::Matrix<double, 6, 1>::Unit(axis)).replicate(n, 1);
-    EXPECT_LT((m.H() * shift).cwiseAbs().maxCoeff(), 1e-8 * m.H().cwiseAbs().maxCoeff()) << "axis " << axis;
+    const Eigen::VectorXd shift =
+        Eigen::VectorXd(Eigen::Matrix<double, 6, 1>::Unit(axis)).replicate(n, 1);
+    EXPECT_LT((m.H() * shift).cwiseAbs().maxCoeff(), 1e-8 * m.H().cwiseAbs().maxCoeff())
+        << "axis " << axis;
   }
 }
 
 TEST(LandmarkMeasurement, ItsResidualHasUnitCovarianceUnderTheNoiseOfATrack) {
   const int n = 5;
   const auto views = passing_views(n, kPlace);
-  const Eigen::MatrixXd J = central_differences([&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-    auto seen = views;
-    for (int j = 0; j < n; ++j) {
-      seen[static_cast<std::size_t>(j)].px += seen[static_cast<std::size_t>(j)].ideal_from_raw * d.segment<2>(2 * j);
-    }
-    return stacked_y(seen, kPlace);
-  }, 2 * n);
+  const Eigen::MatrixXd J = central_differences(
+      [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+        auto seen = views;
+        for (int j = 0; j < n; ++j) {
+          seen[static_cast<std::size_t>(j)].px +=
+              seen[static_cast<std::size_t>(j)].ideal_from_raw * d.segment<2>(2 * j);
+        }
+        return stacked_y(seen, kPlace);
+      },
+      2 * n);
   Eigen::MatrixXd R = Eigen::MatrixXd::Zero(2 * n, 2 * n);
   for (int a = 0; a < n; ++a) {
     for (int b = 0; b < n; ++b) {
-      const double r = (a == b ? kNoise.white_px * kNoise.white_px : 0) + kNoise.walk_px * kNoise.walk_px * std::min(a, b);
+      const double r = (a == b ? kNoise.white_px * kNoise.white_px : 0) +
+                       kNoise.walk_px * kNoise.walk_px * std::min(a, b);
       R.block<2, 2>(2 * a, 2 * b) = r * Eigen::Matrix2d::Identity();
     }
   }
-  EXPECT_LT((J * R * J.transpose() - Eigen::MatrixXd::Identity(2 * n - 3, 2 * n - 3)).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_LT((J * R * J.transpose() - Eigen::MatrixXd::Identity(2 * n - 3, 2 * n - 3))
+                .cwiseAbs()
+                .maxCoeff(),
+            1e-6);
 }
 
 TEST(Triangulation, FindsThePlaceAndSaysHowWellItIsKnown) {
@@ -105,8 +120,10 @@ TEST(Triangulation, FindsThePlaceAndSaysHowWellItIsKnown) {
 
 TEST(Triangulation, RefusesRaysThatMeetBehindTheCameras) {
   auto views = passing_views(4, kPlace);
-  for (std::size_t j = 0; j < views.size(); ++j) views[j].px = {376 + 40.0 * static_cast<double>(j), 240};
-  for (std::size_t j = 0; j < views.size(); ++j) views[j].X_WV = {Eigen::Quaterniond::Identity(), {0.1 * static_cast<double>(j), 0, 0}};
+  for (std::size_t j = 0; j < views.size(); ++j)
+    views[j].px = {376 + 40.0 * static_cast<double>(j), 240};
+  for (std::size_t j = 0; j < views.size(); ++j)
+    views[j].X_WV = {Eigen::Quaterniond::Identity(), {0.1 * static_cast<double>(j), 0, 0}};
   EXPECT_FALSE(triangulate(example_camera(), views, 0.1));  // points that run ahead of the camera
 }
 
@@ -124,7 +141,8 @@ class LandmarkUpdateTest : public testing::Test {
     held.X_WT.p = {10, -5, 2};
     state_.add_tag(held, Matrix6d::Identity());
     const auto views = passing_views(kClones, kPlace);
-    for (std::size_t j = 0; j < kClones; ++j) state_.clones[j] = {views[j].X_WV, 0, static_cast<long>(j)};
+    for (std::size_t j = 0; j < kClones; ++j)
+      state_.clones[j] = {views[j].X_WV, 0, static_cast<long>(j)};
     Eigen::MatrixXd A(state_.size(), state_.size());
     for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss_(random_);
     state_.P() = 1e-6 * A * A.transpose();
@@ -136,7 +154,8 @@ class LandmarkUpdateTest : public testing::Test {
       LandmarkView view;
       view.slot = j;
       view.X_WV = state_.clones[static_cast<std::size_t>(j)].X_WV;
-      view.px = example_camera().pinhole(view.X_WV.inverse() * p_W) + 0.1 * Eigen::Vector2d(gauss_(random_), gauss_(random_));
+      view.px = example_camera().pinhole(view.X_WV.inverse() * p_W) +
+                0.1 * Eigen::Vector2d(gauss_(random_), gauss_(random_));
       views.push_back(view);
     }
     return views;
@@ -179,7 +198,8 @@ TEST_F(LandmarkUpdateTest, EqualsATextbookUpdateAlsoWithMoreRowsThanColumns) {
   dx.segment<6>(expected.tag_at(0)).setZero();
   expected.add_error(dx);
   Eigen::MatrixXd after = P - K * S * K.transpose();
-  after.block<6, 6>(expected.tag_at(0), expected.tag_at(0)) = P.block<6, 6>(expected.tag_at(0), expected.tag_at(0));
+  after.block<6, 6>(expected.tag_at(0), expected.tag_at(0)) =
+      P.block<6, 6>(expected.tag_at(0), expected.tag_at(0));
   EXPECT_LT(state_.error_to(expected).norm(), 1e-8);
   EXPECT_LT((state_.P() - after).cwiseAbs().maxCoeff(), 1e-8 * P.cwiseAbs().maxCoeff());
 }
@@ -238,7 +258,8 @@ TEST(CloneWindow, TheOldestCloneIsReplaced) {
   std::vector<long> images;
   for (const Clone& clone : state.clones) images.push_back(clone.image);
   std::sort(images.begin(), images.end());
-  for (std::size_t i = 0; i < images.size(); ++i) EXPECT_EQ(images[i], 7 - static_cast<long>(images.size() - i));
+  for (std::size_t i = 0; i < images.size(); ++i)
+    EXPECT_EQ(images[i], 7 - static_cast<long>(images.size() - i));
 }
 
 }  // namespace
