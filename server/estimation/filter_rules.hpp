@@ -17,8 +17,6 @@ inline constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 inline constexpr double kStepWithImu_s = 0.02;
 inline constexpr double kStepWithoutImu_s = 0.05;
-// So many accepted tags in an image say all that can be said: landmarks are left out, so that they cannot harm.
-inline constexpr int kTagsToDoWithout = 3;
 // Fewer points than this cannot vouch for each other: a bare room's few, on edges and half-seen tags, do more harm than good.
 inline constexpr std::size_t kFewestPoints = 10;
 // An image with so many landmarks says how the body moved, with or without a tag.

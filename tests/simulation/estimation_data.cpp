@@ -15,6 +15,8 @@ namespace fiducap {
 
 namespace {
 
+// What config/demo.yaml says of sharp, rendered images.
+constexpr double kRenderedNoise_px = 0.15;
 constexpr Instant kStart = instant_from_ns(1'000'000'000);
 
 CameraMount simulated_camera(const SimulatedDataSetup& setup) {
@@ -209,7 +211,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
   if (setup.has_imu) data.imu = body.imu.noise;
   data.gravity_m_s2 = room.gravity_m_s2;
-  data.corner_noise_px = body.camera.corner_noise_px;
+  data.corner_noise_px = body.camera.images ? kRenderedNoise_px : body.camera.corner_noise_px;
   data.reference_tag = first_tag(data);
 
   std::vector<Instant> times;

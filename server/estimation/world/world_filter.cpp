@@ -327,8 +327,6 @@ void WorldFilter::correct_by_points(const TagObservations& seen, long image, Upd
   // A clone is one moment: not for images whose rows are exposed in turn.
   if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
   CloneWindow::clone(state_, seen.camera, image);
-  const auto tags = usable_.empty() ? 0 : std::count(accepted_.begin(), accepted_.end(), true);
-  if (tags >= kTagsToDoWithout) return;
   const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
   report.landmarks_used = done.used;
   report.landmarks_rejected = done.rejected;
