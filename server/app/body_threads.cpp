@@ -48,8 +48,10 @@ bool BodyThreads::stop(Duration patience) {
 }
 
 void BodyThreads::log_statistics() const {
-  for (const auto& worker : workers_)
+  for (const auto& worker : workers_) {
     log::info("app", worker->name() + ": " + worker->statistics().text());
+    for (const auto& line : worker->learned_text()) log::info("app", worker->name() + ": " + line);
+  }
 }
 
 std::vector<LearnedBody> BodyThreads::learned() const {

@@ -1,9 +1,12 @@
 #include "app/body_worker.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <exception>
 #include <sstream>
 #include <utility>
 
+#include "app/calibration_report.hpp"
 #include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "detection/observe.hpp"
@@ -13,6 +16,11 @@ namespace fiducap {
 namespace {
 
 constexpr Duration kRememberPeriod = std::chrono::seconds(2);
+// A clock known this well is said once, when it is off by so much that somebody should look.
+constexpr double kKnownShift_s = 1e-3;
+constexpr double kWorthSaying_s = 5e-3;
+// A tag unseen for so long has left the view.
+constexpr Duration kOutOfView = std::chrono::seconds(2);
 
 MergerConfig merger_config(const BodySensors& sensors) {
   MergerConfig config;
@@ -37,7 +45,10 @@ class CpuMeter final {
 }  // namespace
 
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
-    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {}
+    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {
+  for (int camera = 0; camera < static_cast<int>(parts_.sensors.cameras.size()); ++camera)
+    inbox_.set_clock_shift(camera, from_seconds(parts_.filter->clock(camera).shift_s));
+}
 
 void BodyWorker::read(std::stop_token stop) {
   try {
@@ -122,6 +133,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
         event.kind == MapEvent::Kind::kTagAdded;  // versions are announced by the map keeper
     log::write(news ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
   }
+  hand_over_tags(seen_.exposed_at);
   std::optional<BodyEstimate> estimate;
   if (filter.running()) estimate = filter.estimate();
   if (search_) search_->corrected(filter, estimate);
@@ -133,6 +145,18 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
   if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
   if (filter.running()) remember_extrinsics(seen_.exposed_at);
+}
+
+void BodyWorker::hand_over_tags(Instant now) {
+  if (static_cast<int>(beliefs_.size()) <= shared_.estimator.hand_over_above) return;
+  const auto map = shared_.map.snapshot();
+  const TagBelief* oldest = nullptr;
+  for (const TagBelief& belief : beliefs_) {
+    const MapTag* kept = map->find(belief.tag.tag_id);
+    if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
+    if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
+  }
+  if (oldest != nullptr && now - oldest->last_seen > kOutOfView) parts_.filter->release_tag(oldest->tag.tag_id);
 }
 
 const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
@@ -147,8 +171,28 @@ void BodyWorker::remember_extrinsics(Instant now) {
   if (learned_at_ && now - *learned_at_ < kRememberPeriod) return;
   learned_at_ = now;
   auto newest = parts_.filter->extrinsics();
+  if (!clocks_announced_) announce_clocks(newest);
   const std::lock_guard lock(learned_mutex_);
   learned_ = std::move(newest);
+}
+
+void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras) {
+  const auto is_known = [](const ExtrinsicsEstimate& camera) { return camera.clock.shift_sigma_s < kKnownShift_s; };
+  clocks_announced_ = std::all_of(cameras.begin(), cameras.end(), is_known);
+  if (!clocks_announced_) return;
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
+    log::info("estimation", parts_.name + ": " + calibration_text(k, cameras[k], parts_.sensors.cameras[k]) +
+                                "; its stamps are corrected by that");
+  }
+}
+
+std::vector<std::string> BodyWorker::learned_text() const {
+  std::vector<std::string> lines;
+  const auto cameras = learned();
+  for (std::size_t k = 0; k < cameras.size() && k < parts_.sensors.cameras.size(); ++k)
+    lines.push_back(calibration_text(k, cameras[k], parts_.sensors.cameras[k]));
+  return lines;
 }
 
 BodyStatistics BodyWorker::statistics() const {

@@ -78,6 +78,8 @@ class BodyWorker final {
   [[nodiscard]] BodyStatistics statistics() const;
   /// What was learned about the cameras; empty until the filter has run. From any thread.
   [[nodiscard]] std::vector<ExtrinsicsEstimate> learned() const;
+  /// What was learned about the cameras, in words; a line per camera.
+  [[nodiscard]] std::vector<std::string> learned_text() const;
 
  private:
   void read_samples(std::stop_token stop);
@@ -85,6 +87,8 @@ class BodyWorker final {
   void take_frame(const Delivery& delivery);
   const CornerFrame& corners_of(const SensorSample& sample);
   void remember_extrinsics(Instant now);
+  void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
+  void hand_over_tags(Instant now);
 
   BodyParts parts_;
   SharedParts shared_;
@@ -100,6 +104,7 @@ class BodyWorker final {
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;
+  bool clocks_announced_{false};
 };
 
 }  // namespace fiducap

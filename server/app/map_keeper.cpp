@@ -13,6 +13,12 @@ namespace {
 
 // How long a requested commit may wait.
 constexpr Duration kLook = std::chrono::milliseconds(200);
+// A clock known better than this is worth remembering.
+constexpr double kKnownShift_s = 1e-3;
+
+bool is_known(const ClockEstimate& clock) {
+  return clock.shift_sigma_s > 0 && clock.shift_sigma_s < kKnownShift_s;
+}
 
 }  // namespace
 
@@ -33,6 +39,8 @@ void MapKeeper::run(std::stop_token stop) {
       if (requested_.exchange(false) || due) commit();
     }
     commit();
+    if (const auto saved = store_learned(); !saved)
+      log::error("mapping", "what was learned about the cameras was not stored: " + saved.error().text());
   } catch (const std::exception& failure) {
     log::error("mapping", std::string("the map is no longer stored: ") + failure.what());
   }
@@ -61,11 +69,16 @@ Expected<void> MapKeeper::store_all() {
   map_.mark_stored(*stored);
   log::info("mapping", "map version " + std::to_string(stored->version) +
                            " stored: " + std::to_string(stored->tags.size()) + " tags");
+  return store_learned();
+}
+
+Expected<void> MapKeeper::store_learned() {
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
-      const auto saved =
-          store_.save_extrinsics({body.name, static_cast<int>(k), body.cameras[k].X_BV});
-      if (!saved) return saved;
+      const ExtrinsicsEstimate& camera = body.cameras[k];
+      StoredExtrinsics stored{body.name, static_cast<int>(k), camera.X_BV};
+      if (is_known(camera.clock)) stored.clock = {camera.clock.shift_s, camera.clock.readout_s};
+      if (const auto saved = store_.save_extrinsics(stored); !saved) return saved;
     }
   }
   return {};

@@ -40,6 +40,7 @@ class MapKeeper final {
 
  private:
   [[nodiscard]] Expected<void> store_all();
+  [[nodiscard]] Expected<void> store_learned();
 
   MapStore store_;
   MapBuilder& map_;

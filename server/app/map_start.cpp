@@ -1,5 +1,6 @@
 #include "app/map_start.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -63,6 +64,13 @@ Expected<void> check_against(const TagMap& map, const MapSettings& settings,
   return {};
 }
 
+/// A clock that the configuration calls exact, or that contradicts it, stays as configured.
+void use_learned_clock(const StoredClock& learned, CameraMount& mount, double& start_shift_s) {
+  if (std::abs(learned.shift_s) < kContradiction_sigma * mount.time_shift_sigma_s) start_shift_s = learned.shift_s;
+  if (std::abs(learned.readout_s - mount.readout_s) < kContradiction_sigma * mount.readout_sigma_s)
+    mount.readout_s = learned.readout_s;
+}
+
 }  // namespace
 
 Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfig& tags) {
@@ -96,12 +104,16 @@ Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfi
 }
 
 void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
-                 std::vector<CameraMount>& cameras) {
+                 BodySensors& sensors) {
+  std::vector<CameraMount>& cameras = sensors.cameras;
+  sensors.start_shifts_s.assign(cameras.size(), 0.0);
   for (const auto& stored : learned) {
     if (stored.body != body || stored.camera < 0 ||
         static_cast<std::size_t>(stored.camera) >= cameras.size())
       continue;
-    CameraMount& mount = cameras[static_cast<std::size_t>(stored.camera)];
+    const auto k = static_cast<std::size_t>(stored.camera);
+    CameraMount& mount = cameras[k];
+    if (stored.clock) use_learned_clock(*stored.clock, mount, sensors.start_shifts_s[k]);
     const double distance_m = (stored.X_BV.p - mount.X_BV.p).norm();
     const double angle_rad = angle_between(stored.X_BV.q, mount.X_BV.q);
     if (distance_m > kContradiction_sigma * mount.position_sigma_m ||

@@ -5,6 +5,7 @@
 
 #include "app/config_file.hpp"
 #include "base/expected.hpp"
+#include "estimation/body_filter.hpp"
 #include "mapping/map_store.hpp"
 #include "mapping/tag_map.hpp"
 
@@ -27,6 +28,6 @@ struct StartMap {
 /// not contradict the configuration: a camera that has been moved and measured again starts from
 /// the new measurement.
 void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
-                 std::vector<CameraMount>& cameras);
+                 BodySensors& sensors);
 
 }  // namespace fiducap

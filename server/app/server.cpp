@@ -123,7 +123,7 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
           Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics)
-      use_learned(start.learned, config.name, setup->sensors.cameras);
+      use_learned(start.learned, config.name, setup->sensors);
     auto motion = options_.motion ? options_.motion(config.name) : nullptr;
     auto source = config.source.type == SourceType::kRos
                       ? open_ros(config, *setup)

@@ -21,12 +21,8 @@ struct BodySensors {
   std::vector<CameraMount> cameras;
   std::optional<ImuNoise> imu;  ///< nullopt: no IMU, motion by white noise acceleration.
   double gravity_m_s2{9.81};
-};
-
-/// The extrinsics as the filter sees them now.
-struct ExtrinsicsEstimate {
-  Pose X_BV;
-  Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
+  /// What an earlier session learned about each camera's clock, beyond `time_shift`: where the estimate starts. May be empty.
+  std::vector<double> start_shifts_s{};
 };
 
 /// The camera's clock against the IMU's, as the filter sees it now.
@@ -35,6 +31,13 @@ struct ClockEstimate {
   double shift_sigma_s{};  ///< 0: not estimated.
   double readout_s{};      ///< Rolling shutter, first row to last.
   double readout_sigma_s{};
+};
+
+/// The extrinsics as the filter sees them now.
+struct ExtrinsicsEstimate {
+  Pose X_BV;
+  Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
+  ClockEstimate clock{};
 };
 
 /// The filter of one rigid body. Two implementations stand side by side and are measured against each other
@@ -61,6 +64,10 @@ class BodyFilter {
   /// The motion is unknown from here on (body was lost): no estimate until a tag is seen again. Tags in the state,
   /// extrinsics and biases stay.
   virtual void lose_motion() = 0;
+
+  /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one when it is seen again.
+  /// Nothing happens to the tag that ties the workspace down, nor while the workspace is not the map's.
+  virtual void release_tag(int tag_id) = 0;
 
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()

@@ -5,6 +5,7 @@
 
 #include "capture/camera_model.hpp"
 #include "estimation/body_estimate.hpp"
+#include "estimation/corner_noise.hpp"
 #include "estimation/stacked_update.hpp"
 
 namespace fiducap {
@@ -17,23 +18,24 @@ template <class State>
 class CornerUpdate final {
  public:
   struct Options {
-    double corner_noise_px{};
     double gate{};        ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
     int iterations{1};    ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
     /// Where the first linearisation is done, when somebody knows better than the prior mean; nullptr: at the prior.
     const State* start{nullptr};
   };
 
+  /// @param noise     of this camera's corners; learns from every tag
   /// @param accepted  out: per entry of `tags`, whether it was used
   UpdateReport apply(State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-                     const Options& options, std::vector<bool>& accepted) {
+                     const Options& options, CornerNoise& noise, std::vector<bool>& accepted) {
     UpdateReport report;
     const bool moves = options.iterations > 1 || options.start != nullptr;
     if (moves) prior_.copy_mean(state);
     if (options.start != nullptr) state.copy_mean(*options.start);
-    build(state, camera, model, tags, options.corner_noise_px);
+    build(state, camera, model, tags, noise);
     if (moves) refer_to(prior_, state);
     update_.gate(state.P(), measurements_, options.gate, accepted);
+    for (const auto& tag : update_.judged()) noise.learn(tag.distance, tag.noise_share);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
     if (update_.empty()) {
@@ -42,7 +44,7 @@ class CornerUpdate final {
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (iteration > 0) {
-        build(state, camera, model, tags, options.corner_noise_px);
+        build(state, camera, model, tags, noise);
         refer_to(prior_, state);
       }
       const double nis = update_.solve(state.P(), measurements_, state.held_tags());
@@ -52,15 +54,16 @@ class CornerUpdate final {
     }
     update_.shrink(state.P(), state.held_tags());
     report.nis_dof = update_.rows();
-    build(state, camera, model, tags, options.corner_noise_px);
+    build(state, camera, model, tags, noise);
     report.reprojection_px = update_.rms_px(measurements_);
     return report;
   }
 
  private:
-  void build(const State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags, double noise_px) {
+  void build(const State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
+             const CornerNoise& noise) {
     measurements_.clear();
-    for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, noise_px));
+    for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, noise.of(*tag.seen)));
   }
 
   /// Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.

@@ -4,6 +4,7 @@ namespace fiducap {
 
 std::vector<ConfigError> EstimatorConfig::check() const {
   return Checker{"estimator."}
+      .within("hand_over_above", hand_over_above, 1, 1000)
       .positive("corner_noise_px", corner_noise_px)
       .within("gate_probability", gate_probability, 0.9, 0.999999)
       .within("max_local_tags", max_local_tags, 1, 1000)

@@ -24,6 +24,8 @@ inline constexpr int kLandmarksToStay = 3;
 // An update far from the linearisation point is iterated.
 inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;
+// Images in a row in which at least half of the usable tags contradict, before the camera's clock is thought to have jumped.
+inline constexpr int kStrainedToReopenClock = 5;
 // Images in a row with usable tags and none accepted, before everything is given up.
 inline constexpr int kBarrenToRestart = 20;
 // A tag is believed to be there after so many views.

@@ -8,8 +8,6 @@ namespace fiducap {
 namespace {
 // Four seconds at 1 kHz: no camera is that slow, and no filter looks further back.
 constexpr std::size_t kMostPending = 4096;
-// A gap, or a gyro at the end of its range, is bridged with this rate uncertainty.
-constexpr double kGapRate_rad_s_rtHz = 1.0;
 }  // namespace
 
 ImuBuffer::ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise)
@@ -46,7 +44,7 @@ void ImuBuffer::forget_before(Instant at) {
 
 std::size_t ImuBuffer::first_after(Instant at) const {
   const auto after = std::upper_bound(samples_.begin(), samples_.end(), at,
-                                      [](Instant t, const Reading& r) { return t < r.imu.sampled_at; });
+                                      [](Instant t, const JudgedReading& r) { return t < r.imu.sampled_at; });
   return static_cast<std::size_t>(after - samples_.begin());
 }
 
@@ -63,8 +61,8 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   input.accel_walk = noise_.accel_walk_m_s3_rtHz;
   if (samples_.empty()) return input;
   const std::size_t after = std::min(first_after(from), samples_.size() - 1);
-  const Reading& last = samples_[after];
-  const Reading& first = samples_[after == 0 ? 0 : after - 1];
+  const JudgedReading& last = samples_[after];
+  const JudgedReading& first = samples_[after == 0 ? 0 : after - 1];
   const ImuSample& b = last.imu;
   const ImuSample& a = first.imu;
   const Duration span = b.sampled_at - a.sampled_at;
@@ -74,7 +72,7 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
   input.f_B = a.f_B + share * (b.f_B - a.f_B);
   const bool gap = to_seconds(span) > max_gap_s_ || to_seconds(to - b.sampled_at) > max_gap_s_;
-  if (gap || first.saturated.gyro || last.saturated.gyro) input.gyro_noise = std::hypot(input.gyro_noise, kGapRate_rad_s_rtHz);
+  if (gap || first.saturated.gyro || last.saturated.gyro) input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
   if (gap || first.saturated.accel || last.saturated.accel) input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
   return input;
 }

@@ -39,16 +39,11 @@ class ImuBuffer final {
   /// Index of the first reading after `at`, or the number of readings.
   [[nodiscard]] std::size_t first_after(Instant at) const;
 
-  struct Reading {
-    ImuSample imu;
-    Saturated saturated;
-  };
-
   ImuNoise noise_;
   double max_gap_s_;
   double gap_accel_noise_;
   SaturationWatch watch_;
-  std::vector<Reading> samples_;
+  std::vector<JudgedReading> samples_;
 };
 
 }  // namespace fiducap

@@ -65,6 +65,8 @@ void add_acceleration_noise(Matrix15d& P, double q, double dt) {
 
 double square(double x) { return x * x; }
 
+Saturated either(Saturated a, Saturated b) { return {a.gyro || b.gyro, a.accel || b.accel}; }
+
 ImuSample on_line(const ImuSample* before, const ImuSample& after, Instant at) {
   if (before == nullptr) return after;
   const double k =
@@ -82,7 +84,8 @@ OutputPredictor::OutputPredictor(const BodySensors& sensors, const EstimatorConf
     : has_imu_(sensors.imu.has_value()),
       noise_(sensors.imu.value_or(ImuNoise{})),
       config_(config),
-      gravity_W_(0, 0, -sensors.gravity_m_s2) {
+      gravity_W_(0, 0, -sensors.gravity_m_s2),
+      watch_(noise_) {
   const double wanted = std::ceil(noise_.rate_hz * to_seconds(kMemory)) + 2;
   if (has_imu_)
     ring_.resize(static_cast<std::size_t>(std::clamp(wanted, kMinSamples, kMaxSamples)));
@@ -94,25 +97,28 @@ bool OutputPredictor::is_gap(Duration hole) const {
 
 void OutputPredictor::add_imu(const ImuSample& imu) {
   if (!has_imu_ || !imu.w_WB_B.allFinite() || !imu.f_B.allFinite()) return;
-  if (ring_size_ > 0 && imu.sampled_at <= sample(ring_size_ - 1).sampled_at) {
-    if (sample(ring_size_ - 1).sampled_at - imu.sampled_at <= kMemory) return;
+  if (ring_size_ > 0 && imu.sampled_at <= reading(ring_size_ - 1).imu.sampled_at) {
+    if (reading(ring_size_ - 1).imu.sampled_at - imu.sampled_at <= kMemory) return;
     ring_size_ = 0;
     head_ = before_head_ = base_;
   }
   push(imu);
   if (!head_ || imu.sampled_at <= head_->at) return;
   before_head_ = head_;
-  advance(*head_, ring_size_ > 1 ? &sample(ring_size_ - 2) : nullptr, imu, imu.sampled_at);
+  advance(*head_, ring_size_ > 1 ? &reading(ring_size_ - 2) : nullptr, reading(ring_size_ - 1), imu.sampled_at);
 }
 
 void OutputPredictor::push(const ImuSample& imu) {
   if (ring_size_ == ring_.size()) {
-    if (base_ && base_->at < sample(1).sampled_at)
-      advance(*base_, &sample(0), sample(1), sample(1).sampled_at);
+    if (base_ && base_->at < reading(1).imu.sampled_at)
+      advance(*base_, &reading(0), reading(1), reading(1).imu.sampled_at);
     ring_begin_ = (ring_begin_ + 1) % ring_.size();
     --ring_size_;
   }
-  ring_[(ring_begin_ + ring_size_) % ring_.size()] = imu;
+  const auto found = watch_.look_at(imu);
+  ring_[(ring_begin_ + ring_size_) % ring_.size()] = {imu, found.now};
+  for (std::size_t k = 0; k < std::min(ring_size_, found.gyro_since); ++k) reading(ring_size_ - 1 - k).saturated.gyro = true;
+  for (std::size_t k = 0; k < std::min(ring_size_, found.accel_since); ++k) reading(ring_size_ - 1 - k).saturated.accel = true;
   ++ring_size_;
 }
 
@@ -121,13 +127,13 @@ void OutputPredictor::set_estimate(const BodyEstimate& estimate) {
   forget_before_base();
   head_ = before_head_ = base_;
   if (ring_size_ == 0) return;
-  if (ring_size_ > 1) carry(*before_head_, sample(ring_size_ - 2).sampled_at);
+  if (ring_size_ > 1) carry(*before_head_, reading(ring_size_ - 2).imu.sampled_at);
   head_ = before_head_;
-  carry(*head_, sample(ring_size_ - 1).sampled_at);
+  carry(*head_, reading(ring_size_ - 1).imu.sampled_at);
 }
 
 void OutputPredictor::forget_before_base() {
-  while (ring_size_ > 1 && sample(1).sampled_at <= base_->at) {
+  while (ring_size_ > 1 && reading(1).imu.sampled_at <= base_->at) {
     ring_begin_ = (ring_begin_ + 1) % ring_.size();
     --ring_size_;
   }
@@ -159,36 +165,38 @@ std::optional<BodyEstimate> OutputPredictor::predict(Instant at) const {
 void OutputPredictor::carry(BodyEstimate& state, Instant to) const {
   // The sample after the state, searched from the newest: requests are recent.
   std::size_t next = ring_size_;
-  while (next > 0 && sample(next - 1).sampled_at > state.at) --next;
+  while (next > 0 && reading(next - 1).imu.sampled_at > state.at) --next;
   for (; next < ring_size_ && state.at < to; ++next) {
-    advance(state, next > 0 ? &sample(next - 1) : nullptr, sample(next),
-            std::min(to, sample(next).sampled_at));
+    advance(state, next > 0 ? &reading(next - 1) : nullptr, reading(next),
+            std::min(to, reading(next).imu.sampled_at));
   }
 }
 
-void OutputPredictor::advance(BodyEstimate& state, const ImuSample* before, const ImuSample& after,
+void OutputPredictor::advance(BodyEstimate& state, const JudgedReading* before, const JudgedReading& after,
                               Instant to) const {
-  if (is_gap(after.sampled_at - (before != nullptr ? before->sampled_at : state.at))) {
+  if (is_gap(after.imu.sampled_at - (before != nullptr ? before->imu.sampled_at : state.at))) {
     coast(state, to);
-    if (to == after.sampled_at) set_rates(state, after);
+    if (to == after.imu.sampled_at) set_rates(state, after.imu);
     return;
   }
-  integrate(state, on_line(before, after, state.at + (to - state.at) / 2), to);
-  set_rates(state, on_line(before, after, to));
+  const ImuSample* first = before != nullptr ? &before->imu : nullptr;
+  integrate(state, on_line(first, after.imu, state.at + (to - state.at) / 2),
+            before != nullptr ? either(before->saturated, after.saturated) : after.saturated, to);
+  set_rates(state, on_line(first, after.imu, to));
 }
 
 void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
   if (ring_size_ > 0) {
-    const ImuSample& held = sample(ring_size_ - 1);
-    const Instant end_of_hold = std::min(to, held.sampled_at + from_seconds(config_.max_imu_gap_s));
+    const JudgedReading& held = reading(ring_size_ - 1);
+    const Instant end_of_hold = std::min(to, held.imu.sampled_at + from_seconds(config_.max_imu_gap_s));
     while (state.at < end_of_hold)
-      integrate(state, held, std::min(end_of_hold, state.at + kHoldStep));
-    if (to == end_of_hold) set_rates(state, held);
+      integrate(state, held.imu, held.saturated, std::min(end_of_hold, state.at + kHoldStep));
+    if (to == end_of_hold) set_rates(state, held.imu);
   }
   if (state.at < to) coast(state, to);
 }
 
-void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, Instant to) const {
+void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated, Instant to) const {
   const double dt = to_seconds(to - state.at);
   const Vector3d half_turn = (0.5 * dt) * (reading.w_WB_B - state.bias_w);
   const Eigen::Quaterniond half = exp_so3(half_turn);
@@ -206,8 +214,10 @@ void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, I
   // J_l(φ) = ½ (1 + exp(φ/2)) J_l(φ/2): the integral of exp(sφ) cut into halves.
   step.A_bias_w = (-0.5 * dt) * ((R_start + R_mid) * J_half);
   transform(state.covariance, step);
-  add_acceleration_noise(state.covariance, square(noise_.accel_noise_m_s2_rtHz), dt);
-  add_diagonal(state.covariance, kAttitude, square(noise_.gyro_noise_rad_s_rtHz) * dt);
+  const double accel_noise = saturated.accel ? config_.motion_accel_m_s2_rtHz : noise_.accel_noise_m_s2_rtHz;
+  const double gyro_noise = saturated.gyro ? kBlindRate_rad_s_rtHz : noise_.gyro_noise_rad_s_rtHz;
+  add_acceleration_noise(state.covariance, square(accel_noise), dt);
+  add_diagonal(state.covariance, kAttitude, square(gyro_noise) * dt);
   add_diagonal(state.covariance, kBiasF, square(noise_.accel_walk_m_s3_rtHz) * dt);
   add_diagonal(state.covariance, kBiasW, square(noise_.gyro_walk_rad_s2_rtHz) * dt);
 

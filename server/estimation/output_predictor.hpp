@@ -6,6 +6,7 @@
 #include "capture/imu_sample.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/body_filter.hpp"
+#include "estimation/saturation_watch.hpp"
 
 namespace fiducap {
 
@@ -14,7 +15,7 @@ namespace fiducap {
 ///
 /// Between two samples the reading is their straight line, taken at the middle of each step;
 /// rotation increments are exact. Beyond the last sample rate and specific force are held for
-/// `max_imu_gap_s`; after that, in longer holes of the stream and for bodies without IMU, velocity
+/// `max_imu_gap_s`; a reading at the end of the sensor's range is used, but hardly believed; after that, in longer holes of the stream and for bodies without IMU, velocity
 /// and body rate are held and the motion noise of EstimatorConfig grows. Without IMU `bias_w` is
 /// minus the body rate and its covariance block that of the rate.
 ///
@@ -39,7 +40,8 @@ class OutputPredictor final {
   [[nodiscard]] std::optional<BodyEstimate> predict(Instant at) const;
 
  private:
-  [[nodiscard]] const ImuSample& sample(std::size_t i) const {
+  [[nodiscard]] JudgedReading& reading(std::size_t i) { return ring_[(ring_begin_ + i) % ring_.size()]; }
+  [[nodiscard]] const JudgedReading& reading(std::size_t i) const {
     return ring_[(ring_begin_ + i) % ring_.size()];
   }
   [[nodiscard]] bool is_gap(Duration hole) const;
@@ -48,11 +50,11 @@ class OutputPredictor final {
   /// Over the samples of the ring, as far as they reach, at most to `to`.
   void carry(BodyEstimate& state, Instant to) const;
   /// Along the line between two samples. @param before  nullptr: `after` is held
-  void advance(BodyEstimate& state, const ImuSample* before, const ImuSample& after,
+  void advance(BodyEstimate& state, const JudgedReading* before, const JudgedReading& after,
                Instant to) const;
   /// Past the last sample.
   void extrapolate(BodyEstimate& state, Instant to) const;
-  void integrate(BodyEstimate& state, const ImuSample& reading, Instant to) const;
+  void integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated, Instant to) const;
   void coast(BodyEstimate& state, Instant to) const;
   /// Rate and acceleration of the instant reached.
   void set_rates(BodyEstimate& state, const ImuSample& reading) const;
@@ -61,7 +63,8 @@ class OutputPredictor final {
   ImuNoise noise_;
   EstimatorConfig config_;
   Eigen::Vector3d gravity_W_;
-  std::vector<ImuSample> ring_;
+  SaturationWatch watch_;
+  std::vector<JudgedReading> ring_;
   std::size_t ring_begin_{0};
   std::size_t ring_size_{0};
   std::optional<BodyEstimate>

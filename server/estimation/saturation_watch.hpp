@@ -13,6 +13,15 @@ struct Saturated {
   bool accel{false};
 };
 
+/// A reading and whether to believe it.
+struct JudgedReading {
+  ImuSample imu;
+  Saturated saturated;
+};
+
+/// White rate noise that a gyro at the end of its range, or a hole in the stream, is bridged with.
+inline constexpr double kBlindRate_rad_s_rtHz = 1.0;
+
 /// Finds readings that ran into the end of the sensor's range.
 ///
 /// Either the range is known (ImuNoise), or the signal shows it: an axis that used to change from reading to reading stands

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <limits>
 
 #include "estimation/kalman_gain.hpp"
 
@@ -15,6 +16,7 @@ void StackedUpdate::gate(ConstCovariance P, std::span<const TagMeasurement> meas
                          std::vector<bool>& accepted) {
   used_.clear();
   accepted.assign(measurements.size(), false);
+  judged_.assign(measurements.size(), {std::numeric_limits<double>::quiet_NaN(), 0.0});
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     const TagMeasurement& m = measurements[i];
     if (!m.in_front) continue;
@@ -25,6 +27,7 @@ void StackedUpdate::gate(ConstCovariance P, std::span<const TagMeasurement> meas
       }
     }
     const double distance = m.y.dot(S.ldlt().solve(m.y));
+    judged_[i] = {distance, m.R.trace() / S.trace()};
     if (!(distance < limit)) continue;  // NaN stays out as well
     accepted[i] = true;
     used_.push_back(i);

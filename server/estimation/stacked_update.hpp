@@ -24,6 +24,13 @@ class StackedUpdate final {
   /// @param accepted  out: per measurement, whether it was taken in
   void gate(ConstCovariance P, std::span<const TagMeasurement> measurements, double limit, std::vector<bool>& accepted);
 
+  /// What gate() saw of one measurement.
+  struct Judged {
+    double distance{};     ///< yᵀ S⁻¹ y; NaN when it lies behind the camera
+    double noise_share{};  ///< trace R / trace S
+  };
+  [[nodiscard]] std::span<const Judged> judged() const { return judged_; }
+
   [[nodiscard]] bool empty() const { return used_.empty(); }
   [[nodiscard]] std::span<const std::size_t> used() const { return used_; }
   /// Length of the stacked innovation.
@@ -46,6 +53,7 @@ class StackedUpdate final {
 
   Eigen::Index n_{0};
   std::vector<std::size_t> used_;
+  std::vector<Judged> judged_;  ///< per measurement of the last gate()
   Eigen::MatrixXd PHt_;  ///< n × rows; after solve() the square-root gain K S^{1/2}
   Eigen::MatrixXd S_;
   Eigen::VectorXd y_;

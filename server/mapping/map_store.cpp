@@ -37,6 +37,9 @@ CREATE TABLE IF NOT EXISTS extrinsics (
   px REAL NOT NULL, py REAL NOT NULL, pz REAL NOT NULL,
   qw REAL NOT NULL, qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL,
   PRIMARY KEY (body, camera)) STRICT, WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS camera_clock (
+  body TEXT NOT NULL, camera INTEGER NOT NULL, shift_s REAL NOT NULL, readout_s REAL NOT NULL,
+  PRIMARY KEY (body, camera)) STRICT, WITHOUT ROWID;
 PRAGMA application_id = 0x46444350;
 PRAGMA user_version = 1;
 )";
@@ -313,18 +316,24 @@ Expected<void> MapStore::save_extrinsics(const StoredExtrinsics& extrinsics) {
       impl_->file.prepare("INSERT OR REPLACE INTO extrinsics VALUES (?,?, ?,?,?,?,?,?,?)");
   insert.bind(extrinsics.body).bind(std::int64_t{extrinsics.camera});
   bind_pose(insert, extrinsics.X_BV);
-  return insert.run();
+  if (auto done = insert.run(); !done || !extrinsics.clock) return done;
+  auto clock = impl_->file.prepare("INSERT OR REPLACE INTO camera_clock VALUES (?,?,?,?)");
+  clock.bind(extrinsics.body).bind(std::int64_t{extrinsics.camera});
+  clock.bind(extrinsics.clock->shift_s).bind(extrinsics.clock->readout_s);
+  return clock.run();
 }
 
 Expected<std::vector<StoredExtrinsics>> MapStore::extrinsics() const {
   auto rows = impl_->file.prepare(
-      "SELECT body, camera, px, py, pz, qw, qx, qy, qz FROM extrinsics ORDER BY body, camera");
+      "SELECT body, camera, px, py, pz, qw, qx, qy, qz, shift_s, readout_s FROM extrinsics "
+      "LEFT JOIN camera_clock USING (body, camera) ORDER BY body, camera");
   std::vector<StoredExtrinsics> all;
   for (;;) {
     const auto row = rows.step();
     if (!row) return pass_on(row.error());
     if (!*row) return all;
     all.push_back({rows.text(0), static_cast<int>(rows.integer(1)), pose_from(rows, 2)});
+    if (!rows.is_null(9)) all.back().clock = {rows.real(9), rows.real(10)};
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,11 +23,18 @@ struct MapVersionInfo {
   int tags{};
 };
 
-/// Learned extrinsics of one camera of one body.
+/// When a camera's rows are exposed (ClockEstimate).
+struct StoredClock {
+  double shift_s{};
+  double readout_s{};
+};
+
+/// What was learned about one camera of one body.
 struct StoredExtrinsics {
   std::string body;
   int camera{};
   Pose X_BV;
+  std::optional<StoredClock> clock{};  ///< Once it is known well.
 };
 
 /// Every accepted version of one map, in one SQLite file (WAL, synchronous=FULL). A kill at any

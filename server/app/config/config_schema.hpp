@@ -46,6 +46,7 @@ void describe(V& v, EstimatorConfig& c) {
   v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
+  v.value("hand_over_above", c.hand_over_above);
   v.value("branch_evidence", c.branch_evidence);
   v.value("branch_views", c.branch_views);
   v.value("max_imu_gap_s", c.max_imu_gap_s);

@@ -229,8 +229,8 @@ void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
 }
 
 void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
-  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_, accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -364,7 +364,7 @@ std::vector<ExtrinsicsEstimate> RobocentricFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
     out.push_back({state_.X_BV[static_cast<std::size_t>(c)],
-                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c))});
+                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c)), {}});
   }
   return out;
 }

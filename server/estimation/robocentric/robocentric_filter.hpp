@@ -34,6 +34,8 @@ class RobocentricFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
+  /// The paper keeps its tags.
+  void release_tag(int) override {}
   [[nodiscard]] bool running() const override { return mode_ == Mode::kRunning; }
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
@@ -88,6 +90,7 @@ class RobocentricFilter final : public BodyFilter {
   MotionSinceImage motion_;
   FrameTransition transition_;
   CornerUpdate<FilterState> corner_update_;
+  CornerNoise corner_noise_{config_, false};
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImuBuffer imu_;

@@ -90,7 +90,8 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
 
 void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
   const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == admission.tag_id; });
-  augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT, config_.corner_noise_px);
+  augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT,
+          corner_noise_[static_cast<std::size_t>(seen.camera)].of(*tag));
   state_.tags.back().first_seen = seen.exposed_at;
   state_.tags.back().last_seen = seen.exposed_at;
   last_used_at_ = seen.exposed_at;

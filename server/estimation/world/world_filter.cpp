@@ -39,6 +39,7 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
   if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
+  corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, true));
   restart();
 }
 
@@ -62,6 +63,7 @@ void WorldFilter::restart() {
   gauge_tag_.reset();
   last_used_at_.reset();
   barren_updates_ = 0;
+  strained_updates_ = 0;
 }
 
 void WorldFilter::restart_camera(int camera) {
@@ -74,11 +76,30 @@ void WorldFilter::restart_camera(int camera) {
     const Matrix6d J = world_from_plain_error(mount.X_BV.p);
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
   }
-  state_.clocks[static_cast<std::size_t>(camera)] = {.readout_s = mount.readout_s};
+  const auto k = static_cast<std::size_t>(camera);
+  state_.clocks[k] = {.shift_s = k < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[k] : 0.0, .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
-  P(layout::clock(camera), layout::clock(camera)) = mount.time_shift_sigma_s * mount.time_shift_sigma_s;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+  reopen_clock(camera);
+}
+
+void WorldFilter::reopen_clock(int camera) {
+  if (!config_.estimate_clocks || !has_imu()) return;
+  const int at = layout::clock(camera);
+  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
+  auto P = state_.P();
+  P.row(at).setZero();
+  P.col(at).setZero();
+  P(at, at) = sigma * sigma;
+  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+}
+
+void WorldFilter::release_tag(int tag_id) {
+  const int tag = state_.find(tag_id);
+  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace) return;
+  state_.remove_tag(static_cast<std::size_t>(tag));
+  memory_.forget_all();  // its states still hold the tag
 }
 
 void WorldFilter::look_at(const TagObservations& seen) {
@@ -247,6 +268,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
   if (at_image) memory_.add(seen, known);
   if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (strained_updates_ == kStrainedToReopenClock) reopen_clock(seen.camera);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
@@ -311,9 +333,10 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
 }
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate<FilterState>::Options options{config_.corner_noise_px, gate_, iterations,
-                                             linearisation_ ? &*linearisation_ : nullptr};
-  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, accepted_);
+  const auto camera = static_cast<std::size_t>(seen.camera);
+  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done =
+      corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_[camera], accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -338,6 +361,7 @@ void WorldFilter::correct_by_points(const TagObservations& seen, long image, Upd
 void WorldFilter::count_rejections(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
+  strained_updates_ = report.tags_used > report.tags_rejected ? 0 : strained_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
   for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
@@ -370,7 +394,7 @@ void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
 std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
-    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c)});
+    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
   }
   return out;
 }

@@ -33,6 +33,7 @@ class WorldFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
+  void release_tag(int tag_id) override;
   [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
@@ -57,6 +58,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   void restart();
   void restart_camera(int camera);
+  void reopen_clock(int camera);
   void look_at(const TagObservations& seen);
   void start(Instant at);
   void integrate_to(Instant to);
@@ -96,6 +98,7 @@ class WorldFilter final : public BodyFilter {
   FilterState state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
+  std::vector<CornerNoise> corner_noise_;  ///< One per camera.
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImageMemory memory_;
@@ -112,7 +115,8 @@ class WorldFilter final : public BodyFilter {
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
-  int barren_updates_{0};   ///< In a row: tags to use, none accepted.
+  int barren_updates_{0};    ///< In a row: tags to use, none accepted.
+  int strained_updates_{0};  ///< In a row: at least half of the tags not accepted.
   int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
 };
 

@@ -54,7 +54,7 @@ class BodyWorkerTest : public testing::Test {
     filter_ = filter.get();
     worker_ = std::make_unique<BodyWorker>(
         BodyParts{0, 1, "robot", sensors_, std::move(source), std::move(filter)},
-        SharedParts{tags_, detector_, *map_, *scene_, clock_, recorder_});
+        SharedParts{tags_, detector_, *map_, *scene_, clock_, recorder_, estimator_});
   }
   void build(std::vector<SensorSample> samples) {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
@@ -74,6 +74,7 @@ class BodyWorkerTest : public testing::Test {
   DetectorConfig detector_;
   TagMap start_;
   FakeClock clock_{ms(1000)};
+  EstimatorConfig estimator_;
   SessionRecorder recorder_{RecorderConfig{}};
   RecordingFilter::Log log_;
   RecordingFilter* filter_{nullptr};
@@ -108,6 +109,24 @@ TEST_F(BodyWorkerTest, BringsTheFiltersBeliefsIntoTheMap) {
   filter_->beliefs = {{known_tag(4), 100, ms(0), ms(1002)}};
   run();
   EXPECT_NE(map_->snapshot()->find(4), nullptr);
+}
+
+TEST_F(BodyWorkerTest, HandsTheTagUnseenForLongestOverToTheMapWhenTheFilterHoldsMany) {
+  estimator_.hand_over_above = 2;
+  start_.tags = {{known_tag(4), TagState::kLocal, 0, 0, 0, 0}, {known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
+  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+  // 5 is older, but the map does not have it; 4 is in view.
+  filter_->beliefs = {{known_tag(4), 1, ms(0), ms(1002)}, {known_tag(5), 1, ms(0), ms(-5000)}, {known_tag(6), 1, ms(0), ms(-3000)}};
+  run();
+  EXPECT_THAT(filter_->released, ElementsAre(6));
+}
+
+TEST_F(BodyWorkerTest, KeepsTheFiltersTagsWhileTheyAreFew) {
+  start_.tags = {{known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
+  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+  filter_->beliefs = {{known_tag(6), 1, ms(0), ms(-3000)}};
+  run();
+  EXPECT_TRUE(filter_->released.empty());
 }
 
 TEST_F(BodyWorkerTest, ShowsTheBodyWhileItIsFedAndLosesItWhenTheSourceHasEnded) {

@@ -104,6 +104,7 @@ class RecordingFilter final : public BodyFilter {
     return estimate;
   }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out = beliefs; }
+  void release_tag(int tag_id) override { released.push_back(tag_id); }
   [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     if (quiet) return {};
@@ -111,6 +112,7 @@ class RecordingFilter final : public BodyFilter {
   }
 
   std::vector<TagBelief> beliefs;
+  std::vector<int> released;
   std::size_t throws_at{0};
   bool quiet{false};  ///< Writes nothing down, so that it allocates nothing.
   std::atomic<int> images_done{0};

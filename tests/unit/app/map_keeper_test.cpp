@@ -82,6 +82,26 @@ TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
   EXPECT_EQ(stored().size(), 1u);
 }
 
+TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndAlthoughTheMapIsTheSame) {
+  build(MapMode::kMapping);
+  ExtrinsicsEstimate camera;
+  camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
+  ExtrinsicsEstimate unsure = camera;
+  unsure.clock.shift_sigma_s = 0.01;
+  learned_ = {{"robot", {camera, unsure}}};
+  std::stop_source stop;
+  stop.request_stop();
+  keeper_->run(stop.get_token());
+  auto store = MapStore::open(file_);
+  ASSERT_TRUE(store);
+  const auto extrinsics = store->extrinsics();
+  ASSERT_TRUE(extrinsics);
+  ASSERT_EQ(extrinsics->size(), 2U);
+  ASSERT_TRUE(extrinsics->front().clock);
+  EXPECT_EQ(extrinsics->front().clock->shift_s, 0.02);
+  EXPECT_FALSE(extrinsics->back().clock);
+}
+
 TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
   build(MapMode::kMapping);
   see(4);
@@ -188,15 +208,30 @@ TEST_F(MapStartTest, NamesASurveyThatIsNotThere) {
 }
 
 TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
-  std::vector<CameraMount> cameras(2);
+  BodySensors sensors;
+  sensors.cameras.resize(2);
+  std::vector<CameraMount>& cameras = sensors.cameras;
   cameras[0].X_BV.p = {0.1, 0, 0};
   cameras[1].X_BV.p = {0.1, 0, 0};
   const Pose close{Eigen::Quaterniond::Identity(), {0.11, 0, 0}};
   const Pose far{Eigen::Quaterniond::Identity(), {0.5, 0, 0}};
   use_learned({{"robot", 0, close}, {"robot", 1, far}, {"other", 0, far}, {"robot", 9, close}},
-              "robot", cameras);
+              "robot", sensors);
   EXPECT_EQ(cameras[0].X_BV.p.x(), 0.11);
   EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
+}
+
+TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
+  BodySensors sensors;
+  sensors.cameras.resize(3);
+  sensors.cameras[0].readout_s = 0.01;
+  sensors.cameras[0].readout_sigma_s = 0.005;
+  sensors.cameras[1].time_shift_sigma_s = 0;
+  const StoredClock clock{-0.03, 0.015};
+  use_learned({{"robot", 0, Pose{}, clock}, {"robot", 1, Pose{}, clock}, {"robot", 2, Pose{}}}, "robot", sensors);
+  EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
+  EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
+  EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
 }
 
 }  // namespace

@@ -137,7 +137,7 @@ TEST_F(MapStoreTest, KeepsTheNewestExtrinsicsOfEachCamera) {
   {
     auto store = open();
     ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{}}));
-    ASSERT_TRUE(store.save_extrinsics({"alpha", 1, Pose{exp_so3({1, 2, 3}), {0.1, 0.2, 0.3}}}));
+    ASSERT_TRUE(store.save_extrinsics({"alpha", 1, Pose{exp_so3({1, 2, 3}), {0.1, 0.2, 0.3}}, StoredClock{-0.012, 0.02}}));
     ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{Eigen::Quaterniond::Identity(), {7, 8, 9}}}));
   }
   const auto all = open().extrinsics();
@@ -146,6 +146,10 @@ TEST_F(MapStoreTest, KeepsTheNewestExtrinsicsOfEachCamera) {
   EXPECT_EQ((*all)[0].camera, 1);
   EXPECT_EQ((*all)[0].X_BV.q.coeffs(), exp_so3({1, 2, 3}).coeffs());
   EXPECT_EQ((*all)[1].X_BV.p, Eigen::Vector3d(7, 8, 9));
+  ASSERT_TRUE((*all)[0].clock);
+  EXPECT_EQ((*all)[0].clock->shift_s, -0.012);
+  EXPECT_EQ((*all)[0].clock->readout_s, 0.02);
+  EXPECT_FALSE((*all)[1].clock);
 }
 
 TEST_F(MapStoreTest, AReaderSeesWhatAWriterHasCommitted) {

@@ -74,8 +74,9 @@ TEST(HeldTag, TeachesTheBodyAndLearnsNothing) {
   const std::array<TagToUse, 1> use{TagToUse{&seen, static_cast<int>(held), nullptr}};
   std::vector<bool> accepted;
   CornerUpdate<FilterState> update;
+  CornerNoise noise(EstimatorConfig{}, false);
   const UpdateReport report =
-      update.apply(state, 0, model, use, {.corner_noise_px = 0.4, .gate = chi_square_quantile(8, 0.999)}, accepted);
+      update.apply(state, 0, model, use, {.gate = chi_square_quantile(8, 0.999)}, noise, accepted);
   EXPECT_EQ(report.tags_used, 1);
   EXPECT_LT((state.tags[held].X_WT.p - known.X_WT.p).norm(), 1e-15);
   EXPECT_LT((state.P().block<6, 6>(at, at) - own_before).norm(), 1e-12 * own_before.norm());

@@ -22,14 +22,15 @@ class HeldTags : public testing::Test {
     }
   }
 
-  UpdateReport show(int first) {
+  /// @param own  a tag in view that the map does not have (yet)
+  UpdateReport show(int first, int own = -1) {
     for (int i = 0; i < 10; ++i) filter_->propagate({now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
     TagObservations seen;
     seen.exposed_at = now_ - std::chrono::milliseconds(2);
     std::vector<KnownTag> known;
     for (int k = 0; k < kInView; ++k) {
       const KnownTag& tag = map_[static_cast<std::size_t>((first + k) % kMapTags)];
-      known.push_back(tag);
+      if (tag.tag_id != own) known.push_back(tag);
       seen.tags.push_back(example_observation(tag.tag_id, tag.edge_m, tag.X_WT, example_camera()));
     }
     return filter_->update(seen, known);
@@ -54,6 +55,22 @@ TEST_F(HeldTags, AreBoundedHoweverManyTheMapHas) {
   std::vector<TagBelief> beliefs;
   filter_->tag_beliefs(beliefs);
   EXPECT_TRUE(beliefs.empty()) << "a tag of the map is not this body's own";
+}
+
+TEST_F(HeldTags, ATagThatTheMapTookOverComesBackAsOneOfTheMap) {
+  constexpr int kOwn = 2;
+  for (int i = 0; i < 60; ++i) show(0, kOwn);
+  std::vector<TagBelief> beliefs;
+  filter_->tag_beliefs(beliefs);
+  ASSERT_EQ(beliefs.size(), 1u);
+  const double body_sigma = filter_->estimate().covariance.topLeftCorner<3, 3>().trace();
+  filter_->release_tag(kOwn);
+  EXPECT_LT(filter_->state().find(kOwn), 0);
+  EXPECT_DOUBLE_EQ((filter_->estimate().covariance.topLeftCorner<3, 3>().trace()), body_sigma);
+  map_[kOwn] = beliefs.front().tag;
+  EXPECT_EQ(show(0).tags_used, kInView);
+  ASSERT_GE(filter_->state().find(kOwn), 0);
+  EXPECT_TRUE(filter_->state().tags[static_cast<std::size_t>(filter_->state().find(kOwn))].held);
 }
 
 TEST_F(HeldTags, FollowTheMapWhenItChanges) {

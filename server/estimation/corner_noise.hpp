@@ -1,0 +1,33 @@
+#pragma once
+
+#include "detection/tag_observation.hpp"
+#include "estimation/estimator_config.hpp"
+
+namespace fiducap {
+
+/// How well the corners of one camera are measured: 1-sigma of each coordinate, raw pixels.
+///
+/// σ² = σ_detector² + f². The detector knows its part for each tag (size, blur, contrast: TagObservation::corner_sigma_px).
+/// The rest f, what lens model and print leave, is learned: it starts at `corner_noise_px` and follows the median of the
+/// tags' Mahalanobis distances, which wrong ids and covered corners do not move.
+class CornerNoise final {
+ public:
+  /// @param learns  false: `corner_noise_px` for every corner, as in the paper
+  explicit CornerNoise(const EstimatorConfig& config, bool learns);
+
+  [[nodiscard]] double of(const TagObservation& seen) const;
+  /// What one tag of an image says, used or not.
+  /// @param distance  its squared Mahalanobis distance, 8 degrees of freedom
+  /// @param share     of its innovation covariance that is corner noise, 0 … 1
+  void learn(double distance, double share);
+  /// f
+  [[nodiscard]] double unexplained_px() const { return unexplained_px_; }
+
+ private:
+  double start_px_;
+  double unexplained_px_;
+  double step_;
+  bool learns_;
+};
+
+}  // namespace fiducap
