@@ -38,6 +38,7 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       candidates_(config),
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
+  if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
   corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, config.learn_corner_noise));
   restart();
 }
@@ -51,7 +52,7 @@ void WorldFilter::restart() {
   if (!reliving_) begin_log();
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
-  state_.reset(std::move(X_BV));
+  state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) restart_camera(c);
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
@@ -123,6 +124,7 @@ void WorldFilter::lose_motion() {
   attitude_.restart();
   candidates_.forget_all();
   memory_.forget_all();
+  state_.forget_clones();
   return_attempts_ = 0;
 }
 
@@ -272,6 +274,7 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
     at_image = false;
   }
   if (at_image) memory_.add(seen, known);
+  if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
   if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
@@ -349,6 +352,19 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
   count_rejections(report);
+}
+
+void WorldFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
+  // A clone is one moment: not for images whose rows are exposed in turn.
+  if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
+  CloneWindow::clone(state_, seen.camera, image);
+  const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
+  report.landmarks_used = done.used;
+  report.landmarks_rejected = done.rejected;
+  report.landmark_nis = done.nis;
+  report.landmark_nis_dof = done.nis_dof;
+  if (done.used >= kLandmarksToStay) last_used_at_ = seen.exposed_at;
 }
 
 void WorldFilter::count_rejections(UpdateReport& report) {

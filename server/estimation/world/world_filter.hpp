@@ -11,6 +11,7 @@
 #include "estimation/imu_buffer.hpp"
 #include "estimation/place_search.hpp"
 #include "estimation/tag_candidates.hpp"
+#include "estimation/world/clone_window.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "estimation/world/image_memory.hpp"
@@ -84,6 +85,7 @@ class WorldFilter final : public BodyFilter {
   void jump(const Pose& X_WB, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(UpdateReport& report);
+  void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
@@ -116,6 +118,7 @@ class WorldFilter final : public BodyFilter {
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImageMemory memory_;
+  std::optional<CloneWindow> window_;  ///< Only when points are followed.
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;

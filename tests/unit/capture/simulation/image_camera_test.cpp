@@ -108,6 +108,40 @@ TEST(ImageCamera, TheBackdropIsNotFlatAndMovesWithTheRoom) {
   EXPECT_LT(shifted, 0.2 * unshifted);
 }
 
+/// Mean difference of neighbouring pixels.
+double fine_contrast(const std::string& texture) {
+  StillCamera camera(small_camera(), clean_settings(), texture);
+  const auto image = camera.photograph(EvenMotion(facing_camera(0)), {});
+  double sum = 0;
+  for (int v = 0; v < 240; ++v) {
+    for (int u = 1; u < 376; ++u) sum += std::abs(at(*image, u, v) - at(*image, u - 1, v));
+  }
+  return sum / (240 * 375);
+}
+
+TEST(ImageCamera, ASharpRoomShowsFinerThingsThanClutterAndAPlainOneNothing) {
+  EXPECT_GT(fine_contrast("sharp"), 2 * fine_contrast("clutter"));
+  EXPECT_LT(fine_contrast("plain"), 0.1 * fine_contrast("clutter"));
+}
+
+TEST(ImageCamera, ASharpRoomStandsWhereTheRaysSay) {
+  // 5 m from the wall, 7 px to the side.
+  StillCamera camera(small_camera(), clean_settings(), "sharp");
+  const auto before = camera.photograph(EvenMotion(facing_camera(0)), {});
+  Pose aside = facing_camera(0);
+  aside.p.x() += 7 * 5.0 / 230;
+  const auto after = camera.photograph(EvenMotion(aside), {});
+  double shifted = 0;
+  double beside = 0;
+  for (int v = 20; v < 220; ++v) {
+    for (int u = 40; u < 330; ++u) {
+      shifted += std::abs(at(*after, u, v) - at(*before, u + 7, v));
+      beside += std::abs(at(*after, u, v) - at(*before, u + 8, v));
+    }
+  }
+  EXPECT_LT(shifted, 0.1 * beside);
+}
+
 TEST(ImageCamera, PixelNoiseHasItsSigmaAndDiffersFromImageToImage) {
   CameraSimulation settings = clean_settings();
   StillCamera clean(small_camera(), settings);
