@@ -181,7 +181,7 @@ DaylightConfig sunny_side() {
 
 TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
   StillCamera hall(small_camera(), clean_settings());
-  StillCamera outside(small_camera(), clean_settings(), {kSun, {-10, -10, -10}, {10, 10, 10}});
+  StillCamera outside(small_camera(), clean_settings(), "clutter", {kSun, {-10, -10, -10}, {10, 10, 10}});
   const EvenMotion still(facing_camera(1));
   const auto image = outside.photograph(still, {tag_at(3, 0.4)});
   const auto expected = hall.photograph(still, {tag_at(3, 0.4)});
@@ -192,7 +192,7 @@ TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
 TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
   CameraSimulation settings = clean_settings();
   settings.exposure_lag_s = 0.4;
-  StillCamera camera(small_camera(), settings, sunny_side());
+  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
   // A tag 1 m into the sun; the camera has just come out, or came long ago.
   const auto print_at = [&](double speed_m_s) {
     Pose place = facing_camera(1);
@@ -212,7 +212,7 @@ TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
 
 TEST(ImageCamera, WhoComesInFromTheSunSeesNextToNothing) {
   CameraSimulation settings = clean_settings();
-  StillCamera camera(small_camera(), settings, sunny_side());
+  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
   Pose place = facing_camera(1);
   place.p.x() = -1;
   const auto image =
