@@ -47,7 +47,7 @@ class CpuMeter final {
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
     : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {
   for (int camera = 0; camera < static_cast<int>(parts_.sensors.cameras.size()); ++camera)
-    inbox_.set_clock_shift(camera, from_seconds(parts_.filter->clock(camera).shift_s));
+    inbox_.set_clock_shift(camera, shift_to_apply(parts_.filter->clock(camera), Duration{0}));
 }
 
 void BodyWorker::read(std::stop_token stop) {
@@ -125,7 +125,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   }
   shared_.map.snapshot()->known_among(seen_, known_);
   const UpdateReport report = filter.update(seen_, known_);
-  inbox_.set_clock_shift(seen_.camera, from_seconds(filter.clock(seen_.camera).shift_s));
+  inbox_.set_clock_shift(seen_.camera, shift_to_apply(filter.clock(seen_.camera), seen_.clock_shift));
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
   for (const auto& event : shared_.map.take_events()) {

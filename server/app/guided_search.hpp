@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "app/point_follower.hpp"
 #include "detection/tracking/tag_search.hpp"
 #include "estimation/tag_belief.hpp"
 #include "estimation/tag_forecast.hpp"
@@ -13,7 +14,8 @@ namespace fiducap {
 
 /// Finds the tags of one body's images where the body's own estimate says that they are:
 /// TagForecast and TagSearch together. Live and offline runs use the same one, so that a recording
-/// gives the same corners again.
+/// gives the same corners again. With `estimator.landmarks` it also follows other points of the
+/// images (PointFollower).
 class GuidedSearch final {
  public:
   GuidedSearch(const BodySensors& sensors, const TagSetConfig& tags, const DetectorConfig& detector,
@@ -28,9 +30,13 @@ class GuidedSearch final {
   void corrected(const BodyFilter& filter, const std::optional<BodyEstimate>& estimate);
 
   [[nodiscard]] const SearchStatistics& statistics() const { return search_.statistics(); }
+  /// nullopt: points are not followed.
+  [[nodiscard]] std::optional<PointStatistics> points() const;
 
  private:
   void expect(std::span<const TagBelief> local, const TagMap& map);
+
+  const CornerFrame& with_points(const CameraFrame& frame, const CornerFrame& found, bool aimed);
 
   bool regions_;
   TagSearch search_;
@@ -38,6 +44,9 @@ class GuidedSearch final {
   std::vector<ExpectedTag> expected_;
   std::vector<int> local_ids_;
   std::optional<Instant> extrinsics_at_;
+  std::vector<CameraModel> models_;
+  std::optional<PointFollower> points_;
+  CornerFrame with_points_;
 };
 
 }  // namespace fiducap

@@ -36,7 +36,7 @@ std::string size_text(int width, int height) {
 
 Expected<void> check_size(const cv::Mat& image, const CameraModel& camera,
                           const std::string& open) {
-  if (image.cols == camera.width && image.rows == camera.height) return {};
+  if (camera.width == 0 || (image.cols == camera.width && image.rows == camera.height)) return {};
   return fail(ErrorCode::kInvalid,
               "gives images of " + size_text(image.cols, image.rows) + ", the calibration is for " +
                   size_text(camera.width, camera.height) +
@@ -237,6 +237,7 @@ Expected<void> check_mode(const CameraDeviceConfig& config, const CameraModel& c
                           const cv::VideoCapture& video) {
   const int width = static_cast<int>(video.get(cv::CAP_PROP_FRAME_WIDTH));
   const int height = static_cast<int>(video.get(cv::CAP_PROP_FRAME_HEIGHT));
+  if (camera.width == 0) return {};
   if (width <= 0 || height <= 0) return {};  // not known before the first image
   if (width == camera.width && height == camera.height) return {};
   std::string what = "gives images of " + size_text(width, height);

@@ -29,6 +29,7 @@ struct CameraDeviceConfig {
 
 /// A file ends with nullopt, a device or pipeline that gives nothing more with an Error. A stop is seen between two images: a
 /// V4L2 device that hangs is given up by OpenCV after 10 s.
+/// @param camera  width 0: not calibrated yet, any size will do
 /// @return Error naming device, wanted and given size when it cannot be opened.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_camera_device(const CameraDeviceConfig& config,
                                                                           const CameraModel& camera,

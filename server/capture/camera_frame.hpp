@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -33,6 +34,13 @@ struct TagSighting {
   double sharpness{};
 };
 
+/// One followed image point in one image, before the lens is taken out. What it is of, nobody knows.
+struct PointSighting {
+  std::uint32_t track{};  ///< The same in every image that shows the point; never used again.
+  int age{};              ///< Reports of this track before this one.
+  Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Raw (distorted) pixel.
+};
+
 /// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot with a detector of
 /// its own delivers instead of images. `tags` may be empty: the image was there, no tag was.
 struct CornerFrame {
@@ -44,6 +52,8 @@ struct CornerFrame {
   bool fitted_straight_sides{false};
   double pixel_noise{};  ///< 1-sigma of the image's pixels, of 255; 0 when the source does not say.
   Duration clock_shift{0};  ///< As in CameraFrame.
+  /// Sorted by track; empty when points are not followed, and in images between their reports.
+  std::vector<PointSighting> points{};
 };
 
 }  // namespace fiducap

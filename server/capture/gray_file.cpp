@@ -25,14 +25,9 @@ Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::ui
   return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
 }
 
-}  // namespace
-
-Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
-                              GrayImage& out) {
-  if (const auto read = read_bytes(file, scratch); !read) return read;
-  // A rotation tag of a JPEG would turn the image away from its calibration. Not decoded straight
-  // into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when the bytes are no
-  // image.
+/// A rotation tag of a JPEG would turn the image away from its calibration.
+Expected<cv::Mat> decode(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch) {
+  if (const auto read = read_bytes(file, scratch); !read) return tl::unexpected(read.error());
   cv::Mat decoded;
   try {
     decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
@@ -41,14 +36,34 @@ Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std
   }
   if (decoded.empty())
     return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
-  if (decoded.cols != out.width || decoded.rows != out.height) {
+  return decoded;
+}
+
+}  // namespace
+
+Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                              GrayImage& out) {
+  // Not decoded straight into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when
+  // the bytes are no image.
+  const auto decoded = decode(file, scratch);
+  if (!decoded) return tl::unexpected(decoded.error());
+  if (decoded->cols != out.width || decoded->rows != out.height) {
     return fail(ErrorCode::kInvalid,
-                "is " + std::to_string(decoded.cols) + " x " + std::to_string(decoded.rows) +
+                "is " + std::to_string(decoded->cols) + " x " + std::to_string(decoded->rows) +
                     ", the calibration is for " + std::to_string(out.width) + " x " +
                     std::to_string(out.height),
                 file.string());
   }
-  decoded.copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  return {};
+}
+
+Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
+                                          std::vector<std::uint8_t>& scratch, GrayImage& out) {
+  const auto decoded = decode(file, scratch);
+  if (!decoded) return tl::unexpected(decoded.error());
+  out.resize(decoded->cols, decoded->rows);
+  decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
   return {};
 }
 

@@ -15,6 +15,11 @@ namespace fiducap {
 [[nodiscard]] Expected<void> read_gray_file(const std::filesystem::path& file,
                                             std::vector<std::uint8_t>& scratch, GrayImage& out);
 
+/// The same for a camera that is not calibrated yet: `out` gets the size of the file.
+[[nodiscard]] Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
+                                                        std::vector<std::uint8_t>& scratch,
+                                                        GrayImage& out);
+
 /// Writes a PNG, lossless and quickly rather than small.
 [[nodiscard]] Expected<void> write_gray_file(const std::filesystem::path& file,
                                              std::vector<std::uint8_t>& scratch,

@@ -71,6 +71,11 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     if (undistort_corners(raw_px, camera, tag)) out.tags.push_back(tag);
   }
   drop_doubled_ids(out.tags);
+  out.points.clear();
+  for (const PointSighting& point : frame.points) {
+    if (const auto pixel = undistort(camera, point.px))
+      out.points.push_back({point.track, point.age, pixel->px, pixel->ideal_from_raw});
+  }
 }
 
 }  // namespace fiducap

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -27,12 +28,21 @@ struct TagObservation {
   double corner_sigma_px{};
 };
 
+/// One followed image point in one image, lens taken out (PointSighting).
+struct PointObservation {
+  std::uint32_t track{};
+  int age{};
+  Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Ideal pinhole pixel.
+  Eigen::Matrix2d ideal_from_raw{Eigen::Matrix2d::Identity()};  ///< ∂ ideal / ∂ raw
+};
+
 /// All usable tags of one image, sorted by id, ids unique. Empty is a normal answer.
 struct TagObservations {
   int camera{};
   Instant exposed_at{};
   Duration clock_shift{0};  ///< So much of `exposed_at` was added by what the filter learned (see CameraFrame).
   std::vector<TagObservation> tags;
+  std::vector<PointObservation> points;  ///< Sorted by track.
 };
 
 }  // namespace fiducap

@@ -44,6 +44,10 @@ struct UpdateReport {
   int nis_dof{};
   double reprojection_px{};   ///< RMS over the used corners after the update, raw pixels; 0 when none.
   int tags_dropped{};         ///< Left the state because they kept contradicting the others (moved or wrong).
+  int landmarks_used{};       ///< Followed image points whose track ended with this image.
+  int landmarks_rejected{};
+  double landmark_nis{};      ///< Normalised innovation squared of the used ones together.
+  int landmark_nis_dof{};
   bool running{};             ///< The filter has started.
   /// Set when W was re-defined (first reference or known tag): poses given out before are X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;

@@ -33,6 +33,10 @@ struct ClockEstimate {
   double readout_sigma_s{};
 };
 
+/// What to add to the stamps of a camera's images, given what was added so far. Synchronized cameras keep their very stamps:
+/// less than a millisecond, or less than is certain, is left to the filter to bridge.
+[[nodiscard]] Duration shift_to_apply(const ClockEstimate& clock, Duration applied);
+
 /// The extrinsics as the filter sees them now.
 struct ExtrinsicsEstimate {
   Pose X_BV;
@@ -75,7 +79,7 @@ class BodyFilter {
   /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
-  /// Whoever merges the samples adds `shift_s` to the camera's stamps (SampleMerger::set_clock_shift) and says so in
+  /// Whoever merges the samples adds shift_to_apply() to the camera's stamps (SampleMerger::set_clock_shift) and says so in
   /// TagObservations::clock_shift; the filter bridges what is left.
   [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
 };

@@ -13,8 +13,10 @@ namespace fiducap {
 /// The IMU's own densities come with the body (ImuNoise).
 struct EstimatorConfig {
   double corner_noise_px{0.4};        ///< n_p: each coordinate of each corner, raw pixels (RCARS II-D2).
+  bool learn_corner_noise{true};      ///< False: corner_noise_px holds for every corner.
   bool estimate_extrinsics{true};     ///< False: X_BV is taken as exact.
   bool estimate_clocks{true};         ///< False: each camera's time_shift_s and readout_s are taken as exact.
+  bool landmarks{false};              ///< Also follow points of the image that are no tags; needs images, an IMU and filter `world`.
   double gate_probability{0.999};     ///< A tag is used when its joint chi-square is below this quantile.
   int max_local_tags{200};            ///< Tags in the state; further ones are ignored and reported once.
   int hand_over_above{60};            ///< More tags in the state than this: the map takes the one unseen for longest.

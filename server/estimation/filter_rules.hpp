@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 namespace fiducap {
 
 /// What both filters go by outside their mathematics.
@@ -15,6 +17,10 @@ inline constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 inline constexpr double kStepWithImu_s = 0.02;
 inline constexpr double kStepWithoutImu_s = 0.05;
+// Fewer points than this cannot vouch for each other: a bare room's few, on edges and half-seen tags, do more harm than good.
+inline constexpr std::size_t kFewestPoints = 10;
+// An image with so many landmarks says how the body moved, with or without a tag.
+inline constexpr int kLandmarksToStay = 3;
 // An update far from the linearisation point is iterated.
 inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;

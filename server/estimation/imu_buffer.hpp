@@ -24,6 +24,8 @@ class ImuBuffer final {
   [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
   /// So many readings that somebody must use them.
   [[nodiscard]] bool is_full() const;
+  /// Older readings may come again.
+  void forget_all() { samples_.clear(); }
   /// Forgets all but the last two.
   void keep_newest_pair();
   /// Forgets what no interval after `at` needs; the last reading at or before `at` opens the next interval and stays.

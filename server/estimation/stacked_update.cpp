@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "estimation/kalman_gain.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -66,26 +68,11 @@ void StackedUpdate::stack(ConstCovariance P, std::span<const TagMeasurement> mea
 double StackedUpdate::solve(ConstCovariance P, std::span<const TagMeasurement> measurements,
                             std::span<const int> held) {
   stack(P, measurements);
-  auto PHt = PHt_.topLeftCorner(n_, rows());
-  auto S = S_.topLeftCorner(rows(), rows());
-  auto y = y_.head(rows());
-  Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(S);  // in place: S becomes its Cholesky factor
-  llt.matrixL().solveInPlace(y);
-  llt.matrixU().solveInPlace<Eigen::OnTheRight>(PHt);
-  dx_.head(n_).noalias() = PHt * y;
-  for (const int at : held) dx_.segment<6>(at).setZero();
-  return y.squaredNorm();
+  return kalman::solve(PHt_.topLeftCorner(n_, rows()), S_.topLeftCorner(rows(), rows()), y_.head(rows()), held, dx_.head(n_));
 }
 
 void StackedUpdate::shrink(Covariance P, std::span<const int> held) const {
-  const auto gain = PHt_.topLeftCorner(n_, rows());
-  P.selfadjointView<Eigen::Lower>().rankUpdate(gain, -1.0);
-  for (const int a : held) {
-    for (const int b : held) {
-      if (b <= a) P.block<6, 6>(a, b).noalias() += gain.middleRows<6>(a) * gain.middleRows<6>(b).transpose();
-    }
-  }
-  P.triangularView<Eigen::StrictlyUpper>() = P.transpose();
+  kalman::shrink(P, PHt_.topLeftCorner(n_, rows()), held);
 }
 
 double StackedUpdate::rms_px(std::span<const TagMeasurement> measurements) const {

@@ -29,6 +29,8 @@ class TagForecast final {
 
   /// Points a camera at what it will see at `at`. @return false when nobody knows where the body is
   bool aim(int camera, Instant at);
+  /// How the camera aimed stands then. @pre aim() returned true
+  [[nodiscard]] Eigen::Quaterniond q_WV() const { return X_VW_.q.conjugate(); }
   /// Appends the tag if the camera aimed can see it.
   void expect(const KnownTag& tag, std::vector<ExpectedTag>& out) const;
   /// Appends what was found in this camera's last image without being expected, turned as the

@@ -1,5 +1,6 @@
 #include "scene/body_tracker.hpp"
 
+#include "estimation/filter_rules.hpp"
 #include "scene/pivot.hpp"
 
 namespace fiducap {
@@ -56,9 +57,11 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
     return;
   }
   predictor_.set_estimate(*estimate);
+  if (report.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_) last_carried_at_ = report.exposed_at;
   // A tag that has just entered the state ties the body as well as one that corrected it.
   if (report.tags_used + report.tags_added == 0) return;
   last_tag_at_ = report.exposed_at;
+  last_carried_at_ = report.exposed_at;
   if (anchored_) last_seen_ = estimate;
 }
 
@@ -87,10 +90,14 @@ bool BodyTracker::unseen_for(Instant at, double seconds) const {
   return to_seconds(at - *last_tag_at_) > seconds;
 }
 
+bool BodyTracker::lost_by(Instant at) const {
+  return to_seconds(at - *last_carried_at_) > limits_.lose_after_s;
+}
+
 BodyState BodyTracker::state_at(Instant at) const {
   if (source_lost_) return BodyState::kLost;
   if (!last_tag_at_) return BodyState::kSearching;
-  if (unseen_for(at, limits_.lose_after_s)) return BodyState::kLost;
+  if (lost_by(at)) return BodyState::kLost;
   if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
   return unseen_for(at, limits_.coast_after_s) ? BodyState::kCoasting : BodyState::kTracking;
 }
@@ -124,7 +131,7 @@ void BodyTracker::sample(Instant at, BodyPose& out) const {
 }
 
 bool BodyTracker::wants_reset(Instant now) const {
-  return anchored_ && last_tag_at_ && unseen_for(now, limits_.lose_after_s);
+  return anchored_ && last_tag_at_ && lost_by(now);
 }
 
 }  // namespace fiducap

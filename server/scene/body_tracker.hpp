@@ -18,7 +18,8 @@ struct BodyLimits {
   double max_position_sigma_m{0.25};
   double max_rotation_sigma_rad{0.2};
   double coast_after_s{0.15};  ///< No used tag for this long: coasting.
-  double lose_after_s{5.0};    ///< No used tag for this long: lost, whatever the sigma says.
+  /// No used tag, nor followed points in its stead, for this long: lost, whatever the sigma says.
+  double lose_after_s{5.0};
 
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
@@ -56,6 +57,7 @@ class BodyTracker final {
  private:
   [[nodiscard]] BodyState state_at(Instant at) const;
   [[nodiscard]] bool unseen_for(Instant at, double seconds) const;
+  [[nodiscard]] bool lost_by(Instant at) const;
   [[nodiscard]] bool within_limits(const BodyPose& pose) const;
   [[nodiscard]] double image_rate_at(Instant at) const;
   void count_image(Instant exposed_at);
@@ -70,6 +72,7 @@ class BodyTracker final {
   bool source_lost_{false};
   std::optional<BodyEstimate> last_seen_;  ///< The anchored estimate of the last used tag.
   std::optional<Instant> last_tag_at_;
+  std::optional<Instant> last_carried_at_;  ///< The same, or followed points in its stead.
   std::optional<Instant> last_image_at_;
   double image_interval_s_{0};  ///< Smoothed; 0: not known.
   UpdateReport report_;

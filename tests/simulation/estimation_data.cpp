@@ -1,6 +1,7 @@
 #include "simulation/estimation_data.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <random>
 #include <stdexcept>
 
@@ -9,11 +10,14 @@
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
 #include "simulation/guided_detection.hpp"
+#include "simulation/rendered_corners.hpp"
 
 namespace fiducap {
 
 namespace {
 
+// What config/demo.yaml says of sharp, rendered images.
+constexpr double kRenderedNoise_px = 0.15;
 constexpr Instant kStart = instant_from_ns(1'000'000'000);
 
 CameraMount simulated_camera(const SimulatedDataSetup& setup) {
@@ -51,14 +55,14 @@ Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
 }
 
 /// All samples of a source up to an instant, in the order of SampleMerger.
-/// @param detection  makes corners of images; nullptr: there are none
+/// @param make  what becomes of a sample, of an image corners above all; nullptr: it stays as it is
 std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end,
-                                 GuidedDetection* detection = nullptr) {
+                                 const std::function<SensorSample(const SensorSample&)>& make = nullptr) {
   std::vector<SensorSample> out;
   SampleMerger merger({has_imu, std::chrono::milliseconds(250), 8, 4096});
   const auto drain = [&] {
     while (auto sample = merger.pop())
-      out.push_back(detection == nullptr ? std::move(*sample) : detection->take(*sample));
+      out.push_back(make ? make(*sample) : std::move(*sample));
   };
   for (;;) {
     auto sample = source.next({});
@@ -140,8 +144,18 @@ std::string motion_in(const std::string& world) {
 }
 
 /// Fills in the samples. @pre everything that a filter must know is there
-void collect(EstimationData& data, const SimulatedDataSetup& setup, SensorSource& source) {
+void collect(EstimationData& data, const SimulatedDataSetup& setup, const simulation::RoomConfig& room,
+             simulation::SimulatedSource& source) {
   const Instant end = kStart + from_seconds(setup.seconds);
+  if (!setup.texture.empty()) {
+    RenderedCorners rendered(room, data.camera);
+    data.samples = merged(source, setup.has_imu, end, [&](const SensorSample& sample) {
+      const auto* image = std::get_if<CameraFrame>(&sample);
+      return image == nullptr ? sample : SensorSample(rendered.look(*image, source));
+    });
+    data.corner_noise_px = kRenderedNoise_px;
+    return;
+  }
   if (setup.images_for.empty()) {
     data.samples = merged(source, setup.has_imu, end);
     data.corner_noise_px = simulation::CameraSimulation{}.corner_noise_px;
@@ -150,7 +164,7 @@ void collect(EstimationData& data, const SimulatedDataSetup& setup, SensorSource
   BodySensors sensors{{data.camera}, data.imu, data.gravity_m_s2};
   sensors.cameras.front().X_BV = data.nominal_X_BV;
   GuidedDetection detection(setup.images_for, sensors, data.tag_set);
-  data.samples = merged(source, setup.has_imu, end, &detection);
+  data.samples = merged(source, setup.has_imu, end, [&](const SensorSample& sample) { return detection.take(sample); });
   data.corner_noise_px = EstimatorConfig{}.corner_noise_px;  // what a server believes of its own
 }
 
@@ -209,9 +223,10 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   simulation::SimulatedBodyConfig body;
   body.cameras = {simulated_camera(setup)};
   body.has_imu = setup.has_imu;
-  body.camera.images = !setup.images_for.empty();
+  body.camera.images = !setup.images_for.empty() || !setup.texture.empty();
   body.camera.exposure_s = setup.exposure_s;
   body.trajectory.kind = motion_in(setup.world);
+  if (!setup.texture.empty()) room.texture = setup.texture;
   body.trajectory.seed = setup.seed;
   body.trajectory.speed = setup.speed;
   body.trajectory.duration_s = 0;
@@ -231,7 +246,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
   if (setup.has_imu) data.imu = body.imu.noise;
   data.gravity_m_s2 = room.gravity_m_s2;
-  collect(data, setup, **source);
+  collect(data, setup, room, **source);
   data.reference_tag = first_tag(data);
 
   std::vector<Instant> times;

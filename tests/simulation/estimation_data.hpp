@@ -48,6 +48,9 @@ struct SimulatedDataSetup {
   std::uint64_t seed{1};
   bool has_imu{true};
   simulation::FaultConfig faults{};
+  /// RoomConfig::texture: images are rendered, tags found and points followed in them (rendered_corners.hpp). Empty: corners
+  /// with white noise.
+  std::string texture{};
   /// How far the nominal extrinsics are off: drawn with these sigmas per axis, and told to the
   /// filter as prior.
   double extrinsics_sigma_m{0.005};

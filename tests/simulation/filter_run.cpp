@@ -89,7 +89,7 @@ class Run {
     }
     const auto& corners = std::get<CornerFrame>(sample);
     image(corners, first);
-    merger.set_clock_shift(corners.camera, from_seconds(filter_->clock(corners.camera).shift_s));
+    merger.set_clock_shift(corners.camera, shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
   }
 
   void image(const CornerFrame& corners, Instant first) {
@@ -133,6 +133,10 @@ class Run {
     result_.tags_rejected += report.tags_rejected;
     result_.tags_used += report.tags_used;
     result_.tags_dropped += report.tags_dropped;
+    result_.landmarks_used += report.landmarks_used;
+    result_.landmarks_rejected += report.landmarks_rejected;
+    result_.landmark_nis += report.landmark_nis;
+    result_.landmark_nis_dof += report.landmark_nis_dof;
   }
 
   void close_loop(const CornerFrame& corners) {

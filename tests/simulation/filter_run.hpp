@@ -73,6 +73,10 @@ struct FilterRun {
   int tags_used{};
   int tags_dropped{};
   int tags_mapped{};
+  long landmarks_used{};
+  long landmarks_rejected{};
+  double landmark_nis{};
+  long long landmark_nis_dof{};
   double map_position_m{};  ///< RMSE of the tags in the state at the end, workspace.
   double map_rotation_rad{};
   double near_map_position_m{};  ///< The same in the reference tag's axes, without that tag.

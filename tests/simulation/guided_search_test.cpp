@@ -22,9 +22,11 @@ struct Outcome {
   int images{};
   int found{};
   double squares_px2{};
+  int points{};
+  int landmarks{};
 };
 
-Outcome run(const std::string& room_name, double seconds, DetectorConfig detector) {
+Outcome run(const std::string& room_name, double seconds, DetectorConfig detector, EstimatorConfig estimator = {}, const std::string& texture = "clutter") {
   CameraMount mount;
   mount.model = {376,
                  240,
@@ -38,6 +40,7 @@ Outcome run(const std::string& room_name, double seconds, DetectorConfig detecto
   BodySensors sensors{{mount}, simulation::ImuErrors{}.noise};
   simulation::RoomConfig room;
   room.preset = room_name;
+  room.texture = texture;
   simulation::SimulatedBodyConfig body;
   body.cameras = {mount};
   body.trajectory.kind = room_name == "hall" ? "survey" : room_name;
@@ -46,8 +49,8 @@ Outcome run(const std::string& room_name, double seconds, DetectorConfig detecto
   const auto tags = simulation::tags_of(room);
   TagSetConfig print;
   for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
-  const auto filter = make_body_filter("world", sensors, {}, {});
-  GuidedSearch search(sensors, print, detector, {});
+  const auto filter = make_body_filter("world", sensors, {}, estimator);
+  GuidedSearch search(sensors, print, detector, estimator);
   SampleMerger merger({});
   const TagMap map;
   std::vector<TagBelief> beliefs;
@@ -63,7 +66,8 @@ Outcome run(const std::string& room_name, double seconds, DetectorConfig detecto
     const auto& image = std::get<CameraFrame>(sample);
     const CornerFrame& found = search.search(image, beliefs, map);
     observe(found, mount.model, print, detector, seen);
-    (void)filter->update(seen, {});
+    outcome.landmarks += filter->update(seen, {}).landmarks_used;
+    outcome.points += static_cast<int>(found.points.size());
     search.corrected(*filter, filter->running() ? std::optional(filter->estimate()) : std::nullopt);
     filter->tag_beliefs(beliefs);
     if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
@@ -121,6 +125,17 @@ TEST(GuidedSearch, FindsWhatWholeImagesShowAndLooksAtFewOfThem) {
               kNoWorse * std::sqrt(theirs.squares_px2 / theirs.found))
         << room;
   }
+}
+
+TEST(GuidedSearch, FollowsPointsOfATexturedRoomWhenAskedTo) {
+  EstimatorConfig estimator;
+  const Outcome without = run("loop", 5, {}, estimator, "sharp");
+  EXPECT_EQ(without.points, 0);
+  EXPECT_EQ(without.landmarks, 0);
+  estimator.landmarks = true;
+  const Outcome with = run("loop", 5, {}, estimator, "sharp");
+  EXPECT_GT(with.points, 50 * 20);  // every second image of 100
+  EXPECT_GT(with.landmarks, 50);
 }
 
 }  // namespace

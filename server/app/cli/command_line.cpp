@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "app/cli/calibrate_camera_command.hpp"
 #include "app/cli/calibrate_extrinsics_command.hpp"
 #include "app/cli/calibrate_imu_command.hpp"
 #include "app/cli/control_command.hpp"
@@ -31,6 +32,7 @@ struct CommandLine {
   TagSheetArguments tag_sheet;
   CalibrateImuArguments calibrate_imu;
   CalibrateExtrinsicsArguments calibrate_extrinsics;
+  CalibrateCameraArguments calibrate_camera;
   SimulateArguments simulate;
   std::function<int(const Terminal&)> chosen;
 };
@@ -255,10 +257,45 @@ void add_calibrate_extrinsics(CLI::App& calibrate, CommandLine& line) {
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_extrinsics(a, t); }; });
 }
 
+void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
+  auto* board = verb.add_option("--checkerboard", a.checkerboard, "COLUMNSxROWS of inner corners, e.g. 9x6; without it tags are looked for");
+  verb.add_option("--square-mm", a.square_mm, "Of the checkerboard; changes no intrinsics")->check(kPositive)->capture_default_str();
+  verb.add_option("--tag-mm", a.tag_mm, "Edge of the tags, all alike; changes no intrinsics. Default: what a recording says, else 160")
+      ->check(kPositive)
+      ->excludes(board);
+  verb.add_option("--family", a.family, "Tag family; default: what a recording says, else tag36h11")->excludes(board);
+  verb.add_flag("--loose", a.loose, "The tags are moved relative to each other while recording (found out by itself, but slowly)");
+}
+
+void add_calibrate_camera(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand("camera", "Focal length, principal point and distortion of a camera, from pictures of tags or of a checkerboard");
+  auto& a = line.calibrate_camera;
+  verb->add_option("INPUT", a.input, "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)")->required();
+  add_camera_target_options(*verb, a);
+  verb->add_option("--lens", a.lens, "auto tries both and takes the one that explains the pictures")
+      ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant"}))
+      ->capture_default_str();
+  verb->add_option("--camera", a.camera, "Which camera of a recording")->check(CLI::Range(0, 63))->capture_default_str();
+  verb->add_option("--views", a.views, "Most pictures used, those that differ most")->check(CLI::Range(5, 2000))->capture_default_str();
+  verb->add_option("--out", a.out, "Folder for camera.yaml and camera.svg")->capture_default_str();
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: any tags that stand still (a sheet of `fiducap tags sheet` on a flat board, tags on a wall; nobody needs to\n"
+      "know their places), or a checkerboard. Fix focus, zoom and exposure. Bring the target to all parts of the image,\n"
+      "corners too, near enough to fill it, tilted by 30° to 50° to all sides. Hold still for each picture, light the room:\n"
+      "blur and rolling shutters spoil corners. 50 different views are plenty. Then look at camera.svg.\n"
+      "Exit code 1 and no camera.yaml when the result must not be used; verdict `weak` says what to do better.\n"
+      "Then: bodies: cameras: calibration: calibration/camera.yaml\n"
+      "Example:\n  fiducap calibrate camera pictures/ --tag-mm 80\n"
+      "  fiducap calibrate camera board.mp4 --checkerboard 9x6 --square-mm 30 --out calibration");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_camera(a, t); }; });
+}
+
 void add_calibrate(CLI::App& app, CommandLine& line) {
-  auto* calibrate = app.add_subcommand("calibrate", "IMU noise, and camera to IMU, from recordings");
+  auto* calibrate = app.add_subcommand("calibrate", "Camera lens, IMU noise, and camera to IMU, from recordings");
   calibrate->require_subcommand(1);
-  calibrate->footer("Example:\n  fiducap calibrate imu recordings/still\n  fiducap calibrate extrinsics recordings/waving");
+  calibrate->footer("Example:\n  fiducap calibrate camera pictures/\n  fiducap calibrate imu recordings/still\n  fiducap calibrate extrinsics recordings/waving");
+  add_calibrate_camera(*calibrate, line);
   add_calibrate_imu(*calibrate, line);
   add_calibrate_extrinsics(*calibrate, line);
 }

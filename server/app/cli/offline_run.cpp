@@ -113,7 +113,7 @@ class OfflineRun final {
       if (const auto found = known_.find(tag.tag_id); found != known_.end())
         visible_known_.push_back(found->second);
     count(filter_->update(seen_, visible_known_));
-    merger_.set_clock_shift(seen_.camera, from_seconds(filter_->clock(seen_.camera).shift_s));
+    merger_.set_clock_shift(seen_.camera, shift_to_apply(filter_->clock(seen_.camera), seen_.clock_shift));
     if (search_) guide();
     if (!setup_.sensors.imu) remember_for_settling();
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "app/cli/svg_parts.hpp"
 #include "app/cli/terminal.hpp"
 
 namespace fiducap {
@@ -10,25 +11,7 @@ namespace {
 
 constexpr double kWidth = 560, kHeight = 420;  // of one chart
 constexpr double kLeft = 70, kRight = 18, kTop = 44, kBottom = 54;
-constexpr const char* kInk = "#333";
 constexpr const char* kGrid = "#d8dce2";
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
 
 bool drawable(const std::pair<double, double>& p) {
   return p.first > 0 && p.second > 0 && std::isfinite(p.first) && std::isfinite(p.second);
@@ -69,14 +52,14 @@ class Panel final {
   }
 
   [[nodiscard]] std::string draw() const {
-    std::string out = text(left_ + inner_width() / 2, 24, "middle", chart_.title, 15);
+    std::string out = svg_text(left_ + inner_width() / 2, 24, "middle", chart_.title, 15);
     out += grid();
     for (const ChartSeries& line : chart_.series) out += path(line);
-    out += text(left_ + inner_width() / 2, kHeight - 14, "middle", chart_.x_label, 12);
+    out += svg_text(left_ + inner_width() / 2, kHeight - 14, "middle", chart_.x_label, 12);
     const double middle = kTop + inner_height() / 2;
     const std::string at = fixed(left_ - 52, 1) + " " + fixed(middle, 1);
     out += "<g transform=\"rotate(-90 " + at + ")\">" +
-           text(left_ - 52, middle, "middle", chart_.y_label, 12) + "</g>\n";
+           svg_text(left_ - 52, middle, "middle", chart_.y_label, 12) + "</g>\n";
     return out + legend();
   }
 
@@ -86,21 +69,9 @@ class Panel final {
   [[nodiscard]] double px(double x) const { return left_ + x_.place(x) * inner_width(); }
   [[nodiscard]] double py(double y) const { return kTop + (1 - y_.place(y)) * inner_height(); }
 
-  static std::string text(double x, double y, const char* anchor, const std::string& what,
-                          int size) {
-    return "<text x=\"" + fixed(x, 1) + "\" y=\"" + fixed(y, 1) + "\" text-anchor=\"" + anchor +
-           "\" font-size=\"" + std::to_string(size) + "\" fill=\"" + kInk + "\">" + escaped(what) +
-           "</text>\n";
-  }
-
-  static std::string line(double x1, double y1, double x2, double y2, const std::string& style) {
-    return "<line x1=\"" + fixed(x1, 1) + "\" y1=\"" + fixed(y1, 1) + "\" x2=\"" + fixed(x2, 1) +
-           "\" y2=\"" + fixed(y2, 1) + "\" " + style + "/>\n";
-  }
-
   static std::string power(double x, double y, const char* anchor, int exponent) {
     return "<text x=\"" + fixed(x, 1) + "\" y=\"" + fixed(y, 1) + "\" text-anchor=\"" + anchor +
-           "\" font-size=\"11\" fill=\"" + kInk + "\">10<tspan dy=\"-5\" font-size=\"8\">" +
+           "\" font-size=\"11\" fill=\"" + kSvgInk + "\">10<tspan dy=\"-5\" font-size=\"8\">" +
            std::to_string(exponent) + "</tspan></text>\n";
   }
 
@@ -111,23 +82,23 @@ class Panel final {
     const double bottom = kTop + inner_height();
     for (int e = x_.first; e <= x_.last; ++e) {
       const double decade = std::pow(10.0, e);
-      out += line(px(decade), kTop, px(decade), bottom, strong) +
+      out += svg_line(px(decade), kTop, px(decade), bottom, strong) +
              power(px(decade), bottom + 17, "middle", e);
       for (int k = 2; k < 10 && e < x_.last; ++k)
-        out += line(px(k * decade), kTop, px(k * decade), bottom, faint);
+        out += svg_line(px(k * decade), kTop, px(k * decade), bottom, faint);
     }
     for (int e = y_.first; e <= y_.last; ++e) {
       const double decade = std::pow(10.0, e);
-      out += line(left_, py(decade), left_ + inner_width(), py(decade), strong) +
+      out += svg_line(left_, py(decade), left_ + inner_width(), py(decade), strong) +
              power(left_ - 7, py(decade) + 4, "end", e);
       for (int k = 2; k < 10 && e < y_.last; ++k)
-        out += line(left_, py(k * decade), left_ + inner_width(), py(k * decade), faint);
+        out += svg_line(left_, py(k * decade), left_ + inner_width(), py(k * decade), faint);
     }
     return out;
   }
 
   [[nodiscard]] static std::string stroke(const ChartSeries& series) {
-    return "fill=\"none\" stroke=\"" + escaped(series.color) + "\" stroke-width=\"" +
+    return "fill=\"none\" stroke=\"" + svg_escaped(series.color) + "\" stroke-width=\"" +
            (series.dashed ? "1.3\" stroke-dasharray=\"6 4\"" : "2\"");
   }
 
@@ -146,8 +117,8 @@ class Panel final {
                       fixed(16.0 * static_cast<double>(chart_.series.size()) + 8, 1) +
                       "\" rx=\"4\" fill=\"#fff\" fill-opacity=\"0.85\"/>\n";
     for (const ChartSeries& series : chart_.series) {
-      out +=
-          line(x, y - 4, x + 24, y - 4, stroke(series)) + text(x + 32, y, "start", series.name, 11);
+      out += svg_line(x, y - 4, x + 24, y - 4, stroke(series)) +
+             svg_text(x + 32, y, "start", series.name, 11);
       y += 16;
     }
     return out;

@@ -41,8 +41,10 @@ void describe(V& v, DetectorConfig& c) {
 template <class V>
 void describe(V& v, EstimatorConfig& c) {
   v.value("corner_noise_px", c.corner_noise_px);
+  v.value("learn_corner_noise", c.learn_corner_noise);
   v.value("estimate_extrinsics", c.estimate_extrinsics);
   v.value("estimate_clocks", c.estimate_clocks);
+  v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
   v.value("hand_over_above", c.hand_over_above);

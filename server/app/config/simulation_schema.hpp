@@ -29,6 +29,7 @@ void describe(V& v, simulation::RoomConfig& c) {
   v.list("tags", c.tags);
   v.value("gravity_m_s2", c.gravity_m_s2);
   v.section("daylight", c.daylight);
+  v.value("texture", c.texture);
 }
 
 template <class V>

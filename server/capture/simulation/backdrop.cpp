@@ -50,13 +50,19 @@ void add_boards(std::vector<float>& texture, Random& random, int count, int smal
   }
 }
 
-std::vector<std::uint8_t> clutter() {
+std::vector<std::uint8_t> texture_of(const std::string& kind) {
   Random random(0, Purpose::kBackdrop);
   std::vector<float> texture(static_cast<std::size_t>(kSize) * kSize, 115.0F);
-  add_hills(texture, random, 128, 25);
-  add_boards(texture, random, 60, 20, 110);
-  add_boards(texture, random, 90, 4, 40);
-  add_hills(texture, random, 8, 8);
+  if (kind != "plain") {
+    add_hills(texture, random, 128, 25);
+    add_boards(texture, random, 60, 20, 110);
+    add_boards(texture, random, 90, 4, 40);
+    add_hills(texture, random, 8, 8);
+  }
+  if (kind == "sharp") {
+    add_boards(texture, random, 700, 4, 14);
+    add_hills(texture, random, 4, 10);
+  }
   std::vector<std::uint8_t> rounded;
   for (const float value : texture)
     rounded.push_back(static_cast<std::uint8_t>(std::clamp(value, 15.0F, 225.0F)));
@@ -79,16 +85,18 @@ std::vector<std::uint8_t> halved(const std::vector<std::uint8_t>& fine, int size
 
 }  // namespace
 
-Backdrop::Backdrop(const RoomBox& box, const RayTable& rays, double focal_px)
-    : box_(box),
+Backdrop::Backdrop(const RoomLook& room, const RayTable& rays, double focal_px)
+    : box_(room.box),
+      step_(room.texture == "sharp" ? 1 : 4),
       rays_(rays),
-      texels_per_sample_(kTexelsPerMetre * kStep / static_cast<float>(focal_px)) {
-  texture_[0] = clutter();
+      texels_per_sample_(kTexelsPerMetre * static_cast<float>(step_) /
+                         static_cast<float>(focal_px)) {
+  texture_[0] = texture_of(room.texture);
   for (int level = 1; level < kLevels; ++level) {
     const auto i = static_cast<std::size_t>(level);
     texture_[i] = halved(texture_[i - 1], kSize >> (level - 1));
   }
-  const auto traced = static_cast<std::size_t>((rays.columns() - 2) / kStep + 2);
+  const auto traced = static_cast<std::size_t>((rays.columns() - 2) / step_ + 2);
   upper_.resize(traced);
   lower_.resize(traced);
 }
@@ -155,17 +163,37 @@ int Backdrop::texel(int level, float x, float y) const {
 }
 
 void Backdrop::trace_row(int coarse_row, std::vector<std::int32_t>& out) const {
-  const int row = std::min(coarse_row * kStep, rays_.rows() - 1);
+  const int row = std::min(coarse_row * step_, rays_.rows() - 1);
   for (std::size_t i = 0; i < out.size(); ++i) {
-    const int column = std::min(static_cast<int>(i) * kStep, rays_.columns() - 1);
+    const int column = std::min(static_cast<int>(i) * step_, rays_.columns() - 1);
     const Eigen::Vector3f ray(rays_.x(row)[column], rays_.y(row)[column], 1.0F);
     out[i] = std::isfinite(ray.x()) ? gray_along(R_WV_ * ray) : 0;
   }
 }
 
+template <int kStep>
+void Backdrop::draw_row(int v, std::uint16_t* out) {
+  // Pixel centres lie at odd (2 · step)ths between the traced corners; of four: weights 7:1, 5:3,
+  // 3:5, 1:7.
+  constexpr int kParts = 2 * kStep;
+  const int down = 2 * (v % kStep) + 1;
+  const int width = rays_.columns() - 1;
+  const auto blend = [&](std::size_t i) { return (kParts - down) * upper_[i] + down * lower_[i]; };
+  std::int32_t left = blend(0);
+  for (int u = 0; u < width; u += kStep) {
+    const std::int32_t right = blend(static_cast<std::size_t>(u / kStep) + 1);
+    for (int k = 0; k < kStep && u + k < width; ++k) {
+      const int across = 2 * k + 1;
+      out[u + k] = static_cast<std::uint16_t>(((kParts - across) * left + across * right) /
+                                              (kParts * kParts));
+    }
+    left = right;
+  }
+}
+
 void Backdrop::draw(int first, int last, GrayCanvas& canvas) {
   for (int v = first; v < last; ++v) {
-    const int coarse_row = v / kStep;
+    const int coarse_row = v / step_;
     if (lower_row_ != coarse_row + 1) {
       if (lower_row_ == coarse_row) {
         upper_.swap(lower_);
@@ -175,23 +203,11 @@ void Backdrop::draw(int first, int last, GrayCanvas& canvas) {
       lower_row_ = coarse_row + 1;
       trace_row(lower_row_, lower_);
     }
-    draw_row(v, canvas.row(v));
-  }
-}
-
-void Backdrop::draw_row(int v, std::uint16_t* out) {
-  // Pixel centres lie at odd eighths between the traced corners: weights 7:1, 5:3, 3:5, 1:7.
-  const int down = 2 * (v % kStep) + 1;
-  const int width = rays_.columns() - 1;
-  const auto blend = [&](std::size_t i) { return (8 - down) * upper_[i] + down * lower_[i]; };
-  std::int32_t left = blend(0);
-  for (int u = 0; u < width; u += kStep) {
-    const std::int32_t right = blend(static_cast<std::size_t>(u / kStep) + 1);
-    for (int k = 0; k < kStep && u + k < width; ++k) {
-      const int across = 2 * k + 1;
-      out[u + k] = static_cast<std::uint16_t>(((8 - across) * left + across * right) >> 6);
+    if (step_ == 1) {
+      draw_row<1>(v, canvas.row(v));
+    } else {
+      draw_row<4>(v, canvas.row(v));
     }
-    left = right;
   }
 }
 

@@ -13,11 +13,12 @@
 namespace fiducap::simulation {
 
 /// What stands behind the tags: the walls of the room with clutter on them, the same for every
-/// robot. It moves as a room moves, but is a little out of focus: it is traced at every fourth
-/// pixel and interpolated in between.
+/// robot. It moves as a room moves. `clutter` is a little out of focus: it is traced at every
+/// fourth pixel and interpolated in between; `sharp` is traced at every pixel corner, so that
+/// nothing in the image stands still that the room does not hold.
 class Backdrop final {
  public:
-  Backdrop(const RoomBox& box, const RayTable& rays, double focal_px);
+  Backdrop(const RoomLook& room, const RayTable& rays, double focal_px);
   /// From where the next rows are drawn. @param exposure  what light is multiplied by
   /// @pre `lighting` outlives the drawing
   void look_from(const Pose& X_WV, const Lighting& lighting, double exposure);
@@ -26,15 +27,16 @@ class Backdrop final {
   void draw(int first, int last, GrayCanvas& canvas);
 
  private:
-  static constexpr int kStep = 4;
   static constexpr int kLevels = 6;
 
   void trace_row(int coarse_row, std::vector<std::int32_t>& out) const;
   [[nodiscard]] int gray_along(const Eigen::Vector3f& direction_W) const;
   [[nodiscard]] int texel(int level, float x, float y) const;
+  template <int kStep>
   void draw_row(int v, std::uint16_t* out);
 
   RoomBox box_;
+  int step_;  ///< A ray is traced at every so-manieth pixel corner.
   const RayTable& rays_;
   float texels_per_sample_;  ///< Texels that one traced ray covers per metre of distance.
   std::array<std::vector<std::uint8_t>, kLevels>

@@ -114,6 +114,7 @@ std::vector<ConfigError> check(const CameraMount& mount, const std::string& pref
 }  // namespace
 
 std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix) {
+  static const std::vector<std::string> kTextures{"clutter", "sharp", "plain"};
   Checker checker{prefix};
   const auto family = TagFamily::named(room.family);
   checker
@@ -126,6 +127,7 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
                    (room.daylight.low.array() < room.daylight.high.array()).all(),
                "daylight.high", room.daylight.high.transpose(),
                "must be above daylight.low on every axis")
+      .require(contains(kTextures, room.texture), "texture", room.texture, one_of(kTextures))
       .require(room.preset != "custom" || !room.tags.empty(), "tags", room.tags.size(),
                "must name at least one tag when preset is custom");
   std::set<int> ids;

@@ -42,12 +42,12 @@ std::vector<std::int16_t> make_noise(double sigma, int width) {
 }  // namespace
 
 ImageCamera::ImageCamera(const CameraMount& mount, const CameraSimulation& settings,
-                         const RoomBox& box, TagFamily family, const DaylightConfig& sun)
+                         const RoomLook& room, TagFamily family, const DaylightConfig& sun)
     : mount_(mount),
       settings_(settings),
       lighting_(sun, settings.exposure_lag_s),
       rays_(mount.model),
-      backdrop_(box, rays_, mount.model.fu),
+      backdrop_(room, rays_, mount.model.fu),
       tags_(mount.model, rays_, std::move(family)),
       canvas_(mount.model.width, mount.model.height),
       vignette_(make_vignette(mount.model, settings.vignetting)),

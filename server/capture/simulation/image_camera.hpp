@@ -24,7 +24,7 @@ namespace fiducap::simulation {
 /// for long. Allocates nothing after the first images.
 class ImageCamera final {
  public:
-  ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomBox& box,
+  ImageCamera(const CameraMount& mount, const CameraSimulation& settings, const RoomLook& room,
               TagFamily family, const DaylightConfig& sun = {});
 
   /// Starts an image. @param middle_s  middle of the exposure, in the trajectory's time

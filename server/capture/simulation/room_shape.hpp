@@ -17,6 +17,12 @@ struct RoomBox {
   Eigen::Vector3d high;
 };
 
+/// A room as a camera sees it without its tags.
+struct RoomLook {
+  RoomBox box;
+  std::string texture;  ///< See RoomConfig.
+};
+
 /// The hall itself, or what surrounds the tags of the other rooms.
 [[nodiscard]] RoomBox box_of(const RoomConfig& room);
 

@@ -145,7 +145,7 @@ class Simulation final : public SimulatedSource {
 
   void add_image_camera(const RoomConfig& room, const CameraMount& mount) {
     auto family = TagFamily::named(room.family);
-    images_.push_back({std::make_unique<ImageCamera>(mount, body_.camera, box_of(room),
+    images_.push_back({std::make_unique<ImageCamera>(mount, body_.camera, RoomLook{box_of(room), room.texture},
                                                      std::move(*family), room.daylight),
                        {}});
     constexpr double kReserve = 1.25;

@@ -1,51 +1,11 @@
 #include "estimation/world/corner_measurement.hpp"
 
-#include <cmath>
-
 #include "base/so3.hpp"
+#include "estimation/world/camera_moment.hpp"
 
 namespace fiducap::world {
 
 namespace {
-
-using Matrix63d = Eigen::Matrix<double, 6, 3>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
-// Less than this between the state and an exposure moves nothing by a nanometre.
-constexpr double kSameMoment_s = 1e-9;
-
-/// A camera's pose at a moment near the state's, and how its world-side error depends on the state's errors.
-///
-/// The rigid body carries the camera: X_WV' = M X_WV with M = X_WB' X_WB⁻¹, hence ξ_V' = Ad(M) ξ_V + the error of M.
-struct CameraAt {
-  double seconds{};
-  Pose X_WV;
-  Matrix6d on_camera{Matrix6d::Identity()};
-  Matrix6d on_body{Matrix6d::Zero()};
-  Matrix63d on_velocity{Matrix63d::Zero()};
-  Matrix63d on_gyro_bias{Matrix63d::Zero()};
-  Vector6d on_time;  ///< the twist
-
-  [[nodiscard]] bool moved() const { return std::abs(seconds) > kSameMoment_s; }
-};
-
-CameraAt camera_at(const FilterState& state, int camera, double seconds) {
-  CameraAt out;
-  out.seconds = seconds;
-  const Pose X_WB = out.moved() ? state.X_WB_after(seconds) : state.X_WB;
-  const Eigen::Vector3d w_B = state.gyro_B - state.bias_w;
-  const Eigen::Vector3d w_W = X_WB.q * w_B;
-  out.X_WV = X_WB * state.X_BV[static_cast<std::size_t>(camera)];
-  out.on_time << state.v_WB + seconds * state.a_WB - w_W.cross(X_WB.p), w_W;
-  if (!out.moved()) return out;
-  // The part a t²/2 of the path is taken as known: its error is below a micrometre.
-  out.on_camera = adjoint(X_WB * state.X_WB.inverse());
-  out.on_body = Matrix6d::Identity() - out.on_camera;
-  out.on_velocity.topRows<3>() = seconds * Eigen::Matrix3d::Identity();
-  const Eigen::Matrix3d turn = -seconds * (X_WB.rotation() * right_jacobian_so3(seconds * w_B));
-  out.on_gyro_bias << skew(X_WB.p) * turn, turn;
-  return out;
-}
 
 void add_pose(TagMeasurement& m, int at, const Matrix86d& H) {
   m.add(at, H.leftCols<3>());

@@ -31,11 +31,16 @@ Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::
 
 }  // namespace
 
-void FilterState::reset(std::vector<Pose> cameras) {
+void FilterState::reset(std::vector<Pose> cameras, std::size_t clone_count) {
   *this = FilterState{};
   X_BV = std::move(cameras);
+  clones.resize(clone_count);
   clocks.resize(X_BV.size());
   covariance.reset(size());
+}
+
+void FilterState::forget_clones() {
+  for (Clone& clone : clones) clone.image = -1;
 }
 
 Pose FilterState::X_WB_after(double seconds) const {
@@ -68,6 +73,7 @@ void FilterState::copy_mean(const FilterState& other) {
   bias_f = other.bias_f;
   bias_w = other.bias_w;
   X_BV = other.X_BV;
+  clones = other.clones;
   clocks = other.clocks;
   gyro_B = other.gyro_B;
   a_WB = other.a_WB;
@@ -91,6 +97,7 @@ void FilterState::add_error(const ErrorRef& error) {
   }
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
+  for (std::size_t i = 0; i < clones.size(); ++i) add_world_error(clones[i].X_WV, error.segment<6>(clone_at(i)));
   for (std::size_t i = 0; i < tags.size(); ++i) add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
 }
 
@@ -105,6 +112,9 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     const CameraClock& here = clocks[static_cast<std::size_t>(c)];
     const CameraClock& there = other.clocks[static_cast<std::size_t>(c)];
     error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s, there.readout_s - here.readout_s, 0;
+  }
+  for (std::size_t i = 0; i < clones.size(); ++i) {
+    world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));
   }
   for (std::size_t i = 0; i < tags.size(); ++i) {
     world_error(tags[i].X_WT, other.tags[i].X_WT, error.segment<6>(tag_at(i)));

@@ -21,6 +21,13 @@ struct WorldTag : TagRecord {
   bool held{false};
 };
 
+/// A camera as it stood at an image, for what followed points say (clone_window.hpp). A pose with a world-side error, like a tag.
+struct Clone {
+  Pose X_WV;
+  int camera{};
+  long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
+};
+
 /// When the rows of a camera's images were exposed.
 struct CameraClock {
   double shift_s{};    ///< t_imu = stamp + shift; what the configuration knows is in the stamps already.
@@ -31,7 +38,7 @@ struct CameraClock {
   [[nodiscard]] double seconds_to(double row) const { return shift_s - applied_s + row * readout_s; }
 };
 
-/// The state with its covariance: body, biases, extrinsics, clocks, tags, all in W. Gravity along −z when there is an IMU.
+/// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity along −z when there is an IMU.
 struct FilterState {
   Instant time{};
   Pose X_WB;
@@ -40,6 +47,7 @@ struct FilterState {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;           ///< One per camera.
   std::vector<CameraClock> clocks;  ///< One per camera.
+  std::vector<Clone> clones;   ///< A fixed number of them (none: points are not followed), in no order.
   std::vector<WorldTag> tags;  ///< Order of entry.
   /// How the body moves just now; not estimated, from the last inertial step.
   Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias still in
@@ -51,7 +59,8 @@ struct FilterState {
   [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
   /// Where the body is `seconds` later (or earlier), as it moves now; for the few milliseconds between rows.
   [[nodiscard]] Pose X_WB_after(double seconds) const;
-  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
+  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(clones.size() + i)); }
+  [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
@@ -64,8 +73,10 @@ struct FilterState {
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
 
-  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags.
-  void reset(std::vector<Pose> X_BV);
+  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many clones.
+  void reset(std::vector<Pose> X_BV, std::size_t clones = 0);
+  /// What the clones saw is not used any more.
+  void forget_clones();
   /// Appends a tag, uncorrelated with everything.
   void add_tag(const WorldTag& tag, const Matrix6d& own);
   /// Takes a tag out (marginalises it).

@@ -39,6 +39,8 @@ class ImageMemory final {
   /// Takes in the present image. Oldest images and what hangs on them fall out.
   void add(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] long newest() const { return newest_; }
+  /// Whether this image is still there.
+  [[nodiscard]] bool has(long number) const { return number >= 0 && number <= newest_ && number > newest_ - kImages; }
   [[nodiscard]] Image& image(long number) { return images_[slot(number)]; }
 
   /// Notes that a tag waits since the present image, whose state this is (before any admission). No effect when the tag

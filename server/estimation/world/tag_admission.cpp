@@ -81,6 +81,7 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
       move_to(image.seen);
       report.exposed_at = image.seen.exposed_at;
       if (!usable_.empty()) correct(image.seen, report, 1);
+      if (window_) correct_by_points(image.seen, number, report);
       memory_.renew(number, state_);
     }
     for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);

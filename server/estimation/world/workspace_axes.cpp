@@ -43,13 +43,13 @@ RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
   return level ? level_shift(X_WT.p, X_WT.q * Eigen::Vector3d::Unit(rule.axis)) : whole_shift();
 }
 
-/// First columns of all poses in the state: the body, the cameras, the tags.
+/// First columns of all poses in the state: the body, the cameras, the clones, the tags.
 int pose_at(const FilterState& state, std::size_t k) {
   const auto cameras = static_cast<std::size_t>(state.cameras());
   if (k == 0) return kPosition;
-  return k <= cameras ? layout::camera(static_cast<int>(k) - 1) : state.tag_at(k - 1 - cameras);
+  return k <= cameras ? layout::camera(static_cast<int>(k) - 1) : layout::tag(state.cameras(), static_cast<int>(k - 1 - cameras));
 }
-std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.tags.size(); }
+std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size(); }
 
 /// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
 void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
@@ -74,6 +74,7 @@ void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
 void move_axes(FilterState& state, const Pose& G) {
   state.X_WB = G * state.X_WB;
   state.v_WB = G.q * state.v_WB;
+  for (Clone& clone : state.clones) clone.X_WV = G * clone.X_WV;
   state.a_WB = G.q * state.a_WB;
   for (WorldTag& tag : state.tags) tag.X_WT = G * tag.X_WT;
   const Eigen::Matrix3d R = G.rotation();

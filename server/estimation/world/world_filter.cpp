@@ -38,7 +38,8 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
       candidates_(config),
       imu_(sensors_.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   FIDUCAP_ASSERT(!sensors_.cameras.empty());
-  corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, true));
+  if (config_.landmarks && has_imu()) window_.emplace(sensors_.cameras.size(), LandmarkRules{});
+  corner_noise_.assign(sensors_.cameras.size(), CornerNoise(config, config.learn_corner_noise));
   restart();
 }
 
@@ -48,9 +49,10 @@ const CameraModel& WorldFilter::model_of(int camera) const {
 }
 
 void WorldFilter::restart() {
+  if (!reliving_) begin_log();
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
-  state_.reset(std::move(X_BV));
+  state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) restart_camera(c);
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
@@ -76,7 +78,7 @@ void WorldFilter::restart_camera(int camera) {
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
   }
   const auto k = static_cast<std::size_t>(camera);
-  state_.clocks[k] = {.shift_s = k < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[k] : 0.0, .readout_s = mount.readout_s};
+  state_.clocks[k] = {.shift_s = start_shifts_s_[k], .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
@@ -122,6 +124,7 @@ void WorldFilter::lose_motion() {
   attitude_.restart();
   candidates_.forget_all();
   memory_.forget_all();
+  state_.forget_clones();
   return_attempts_ = 0;
 }
 
@@ -150,6 +153,7 @@ void WorldFilter::start(Instant at) {
 
 void WorldFilter::propagate(const ImuSample& imu) {
   if (!has_imu()) return;
+  start_log_.add(imu);
   const std::optional<ImuSample> before = imu_.newest();
   if (!imu_.push(imu)) return;
   if (before) attitude_.add(*before, state_.bias_w, state_.bias_f);
@@ -234,6 +238,12 @@ std::vector<SightedTag> WorldFilter::sighted(int camera) const {
 }
 
 UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const KnownTag> known) {
+  log_start(seen, known);
+  const UpdateReport report = process(seen, known);
+  return relive_start_if_due(report);
+}
+
+UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const KnownTag> known) {
   UpdateReport report;
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
@@ -264,8 +274,10 @@ UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const Kn
     at_image = false;
   }
   if (at_image) memory_.add(seen, known);
+  if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
-  if (strained_updates_ == kStrainedToReopenClock) reopen_clock(seen.camera);
+  // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
+  if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
@@ -342,6 +354,19 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
   count_rejections(report);
 }
 
+void WorldFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
+  // A clone is one moment: not for images whose rows are exposed in turn.
+  if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
+  CloneWindow::clone(state_, seen.camera, image);
+  const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
+  report.landmarks_used = done.used;
+  report.landmarks_rejected = done.rejected;
+  report.landmark_nis = done.nis;
+  report.landmark_nis_dof = done.nis_dof;
+  if (done.used >= kLandmarksToStay) last_used_at_ = seen.exposed_at;
+}
+
 void WorldFilter::count_rejections(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
@@ -368,7 +393,7 @@ BodyEstimate WorldFilter::estimate() const {
 
 void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   out.clear();
-  if (anchor_ == Anchor::kNone) return;
+  if (anchor_ == Anchor::kNone || (start_log_.is_open() && clock_is_vague())) return;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const WorldTag& tag = state_.tags[i];
     if (!tag.held) out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});

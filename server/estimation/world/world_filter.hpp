@@ -11,10 +11,12 @@
 #include "estimation/imu_buffer.hpp"
 #include "estimation/place_search.hpp"
 #include "estimation/tag_candidates.hpp"
+#include "estimation/world/clone_window.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "estimation/world/image_memory.hpp"
 #include "estimation/world/propagation.hpp"
+#include "estimation/world/start_log.hpp"
 
 namespace fiducap::world {
 
@@ -58,6 +60,17 @@ class WorldFilter final : public BodyFilter {
   void restart();
   void restart_camera(int camera);
   void reopen_clock(int camera);
+  void begin_log();
+  void log_start(const TagObservations& seen, std::span<const KnownTag> known);
+  [[nodiscard]] bool clock_was_far_off() const;
+  [[nodiscard]] bool clock_is_vague() const;
+  /// As configured or stored.
+  [[nodiscard]] double first_shift_of(std::size_t camera) const {
+    return camera < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[camera] : 0.0;
+  }
+  UpdateReport relive_start_if_due(const UpdateReport& report);
+  UpdateReport relive_start(const UpdateReport& report);
+  UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
   void look_at(const TagObservations& seen);
   void start(Instant at);
   void integrate_to(Instant to);
@@ -72,6 +85,7 @@ class WorldFilter final : public BodyFilter {
   void jump(const Pose& X_WB, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(UpdateReport& report);
+  void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
@@ -97,9 +111,14 @@ class WorldFilter final : public BodyFilter {
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
+  std::vector<double> start_shifts_s_;     ///< Of each camera's clock; where the estimate starts.
+  StartLog start_log_;
+  std::size_t looks_at_start_{0};  ///< At the log, since it began.
+  bool reliving_{false};
   AttitudeStart attitude_;
   TagCandidates candidates_;
   ImageMemory memory_;
+  std::optional<CloneWindow> window_;  ///< Only when points are followed.
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;

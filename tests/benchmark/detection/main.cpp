@@ -1,11 +1,13 @@
-// fiducap_detection_bench [--quick]: tracking regions against libapriltag over whole images, and
-// how far corners are off. Rendering is not measured. CPU time of this thread; it goes up by a half
-// when the machine is busy, for all alike.
+// fiducap_detection_bench [--quick | --points]: tracking regions against libapriltag over whole
+// images, and how far corners are off. Rendering is not measured. CPU time of this thread; it goes
+// up by a half when the machine is busy, for all alike.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 
 #include "detection/corner_calibration.hpp"
+#include "detection/point_run.hpp"
 #include "detection/tracking_run.hpp"
 
 namespace fiducap::bench {
@@ -40,14 +42,46 @@ void print(const TrackingRunSetup& setup) {
   }
 }
 
+void print_points(const PointRunSetup& setup) {
+  const PointRun run = run_points(setup);
+  auto sorted = run.cpu_ms;
+  std::sort(sorted.begin(), sorted.end());
+  if (sorted.empty()) return;
+  const PointStatistics& s = run.statistics;
+  std::printf(
+      "\n%s, %s, %d x %d: %.1f points; CPU p50 %.2f p99 %.2f ms; %llu followed, %llu lost, %llu "
+      "not back, %llu on tags, %llu moving, %llu begun\n",
+      setup.room.c_str(), setup.texture.c_str(), setup.width, setup.height, run.points,
+      sorted[sorted.size() / 2], sorted[sorted.size() * 99 / 100],
+      static_cast<unsigned long long>(s.followed), static_cast<unsigned long long>(s.lost),
+      static_cast<unsigned long long>(s.not_back), static_cast<unsigned long long>(s.on_tags),
+      static_cast<unsigned long long>(s.moving), static_cast<unsigned long long>(s.begun));
+  std::printf("  %4s %8s %8s %8s %6s\n", "age", "count", "rms px", "kept px", "gross");
+  for (std::size_t age = 1; age < run.ages.size(); ++age) {
+    const PointRun::AtAge& at = run.ages[age];
+    if (at.coordinates < 40) continue;
+    const double kept = at.products_px2 / at.coordinates;
+    std::printf("  %4zu %8d %8.4f %8.4f %6d\n", age, at.coordinates / 2,
+                std::sqrt(at.squares_px2 / at.coordinates),
+                std::copysign(std::sqrt(std::abs(kept)), kept), at.gross);
+  }
+}
+
 }  // namespace
 }  // namespace fiducap::bench
 
 int main(int argc, char** argv) {
   using namespace fiducap::bench;
   const bool quick = argc == 2 && std::strcmp(argv[1], "--quick") == 0;
+  if (argc == 2 && std::strcmp(argv[1], "--points") == 0) {
+    for (const char* room : {"hall", "loop", "table"}) {
+      for (const char* texture : {"sharp", "clutter", "plain"})
+        print_points({room, texture, 752, 480, 300, 1});
+    }
+    return 0;
+  }
   if (argc > 1 && !quick) {
-    std::fprintf(stderr, "usage: fiducap_detection_bench [--quick]\n");
+    std::fprintf(stderr, "usage: fiducap_detection_bench [--quick | --points]\n");
     return 2;
   }
   const auto images = [&](int full) { return quick ? std::max(10, full / 20) : full; };

@@ -17,6 +17,7 @@ struct EstimationOptions {
   std::vector<std::string>
       classes;  ///< Simulated: table sparse loop hall big. Recordings: sim_table …
   std::string cases{"A"};
+  std::vector<std::string> textures{"sharp"};  ///< Of the walls, where images are rendered.
   int seeds{10};
   std::uint64_t first_seed{1};
   double seconds{0};  ///< Of data per run; 0: as the class has it.
@@ -67,5 +68,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_cpu(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_outages(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
 
 }  // namespace fiducap::bench

@@ -50,6 +50,19 @@ TEST_F(Observe, GivesTagsSortedByIdWithTheirSizes) {
   EXPECT_EQ(out_.exposed_at, instant_from_ns(42));
 }
 
+TEST_F(Observe, TakesTheLensOutOfFollowedPointsAndForgetsThoseOfTheImageBefore) {
+  camera_.distortion = Distortion::kRadialTangential;
+  camera_.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
+  frame_.points = {{7, 3, {60, 400}}, {9, 0, {376, 240}}};
+  ASSERT_EQ(observed().points.size(), 2u);
+  EXPECT_EQ(out_.points[0].track, 7u);
+  EXPECT_EQ(out_.points[0].age, 3);
+  EXPECT_EQ(out_.points[0].px, undistort(camera_, {60, 400})->px);
+  EXPECT_EQ(out_.points[0].ideal_from_raw, undistort(camera_, {60, 400})->ideal_from_raw);
+  frame_.points.clear();
+  EXPECT_TRUE(observed().points.empty());
+}
+
 TEST_F(Observe, DropsIgnoredIds) {
   tags_.ignore = {3};
   ASSERT_EQ(observed().tags.size(), 1u);

@@ -94,6 +94,25 @@ TEST_F(BodyTrackerTest, IsNotValidWhileNothingTiesItToTheWorkspace) {
   EXPECT_TRUE(sample(155).valid);
 }
 
+TEST_F(BodyTrackerTest, FollowedPointsKeepItCoastingButDoNotMakeItTrack) {
+  const auto carried = [&](int ms, int landmarks) {
+    rest_until(ms);
+    UpdateReport r = report(ms, 0);
+    r.landmarks_used = landmarks;
+    tracker_.ingest(estimate(ms), r, {}, 0);
+  };
+  carried(50, 9);
+  EXPECT_EQ(sample(50).state, BodyState::kSearching);
+  image(100, 3);
+  for (int ms = 150; ms <= 7000; ms += 50) carried(ms, ms % 200 == 0 ? 9 : 0);
+  EXPECT_EQ(sample(7000).state, BodyState::kCoasting);
+  EXPECT_EQ(sample(7000).age, std::chrono::milliseconds(6900));
+  EXPECT_FALSE(tracker_.wants_reset(at_ms(7050)));
+  for (int ms = 7050; ms <= 12200; ms += 50) carried(ms, 1);  // too few to say anything
+  EXPECT_EQ(sample(12200).state, BodyState::kLost);
+  EXPECT_TRUE(tracker_.wants_reset(at_ms(12200)));
+}
+
 TEST_F(BodyTrackerTest, CoastsWhenTagsAreGoneAndTracksAgain) {
   image(100, 3);
   for (int ms = 150; ms <= 300; ms += 50) image(ms, 0);

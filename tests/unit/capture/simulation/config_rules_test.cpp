@@ -27,6 +27,7 @@ TEST(SimulationConfig, EveryBrokenRoomRuleIsNamed) {
        [](RoomConfig& r) {
          r.daylight = {4, {0, 0, 0}, {1, 0, 1}};
        }},
+      {"room.texture", [](RoomConfig& r) { r.texture = "velvet"; }},
       {"room.tags", [](RoomConfig& r) { r.preset = "custom"; }},
       {"room.tags", [](RoomConfig& r) { r.tags = {tag_at(587, 0.1)}; }},
       {"room.tags[1].tag_id",

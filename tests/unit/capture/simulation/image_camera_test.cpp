@@ -108,6 +108,40 @@ TEST(ImageCamera, TheBackdropIsNotFlatAndMovesWithTheRoom) {
   EXPECT_LT(shifted, 0.2 * unshifted);
 }
 
+/// Mean difference of neighbouring pixels.
+double fine_contrast(const std::string& texture) {
+  StillCamera camera(small_camera(), clean_settings(), texture);
+  const auto image = camera.photograph(EvenMotion(facing_camera(0)), {});
+  double sum = 0;
+  for (int v = 0; v < 240; ++v) {
+    for (int u = 1; u < 376; ++u) sum += std::abs(at(*image, u, v) - at(*image, u - 1, v));
+  }
+  return sum / (240 * 375);
+}
+
+TEST(ImageCamera, ASharpRoomShowsFinerThingsThanClutterAndAPlainOneNothing) {
+  EXPECT_GT(fine_contrast("sharp"), 2 * fine_contrast("clutter"));
+  EXPECT_LT(fine_contrast("plain"), 0.1 * fine_contrast("clutter"));
+}
+
+TEST(ImageCamera, ASharpRoomStandsWhereTheRaysSay) {
+  // 5 m from the wall, 7 px to the side.
+  StillCamera camera(small_camera(), clean_settings(), "sharp");
+  const auto before = camera.photograph(EvenMotion(facing_camera(0)), {});
+  Pose aside = facing_camera(0);
+  aside.p.x() += 7 * 5.0 / 230;
+  const auto after = camera.photograph(EvenMotion(aside), {});
+  double shifted = 0;
+  double beside = 0;
+  for (int v = 20; v < 220; ++v) {
+    for (int u = 40; u < 330; ++u) {
+      shifted += std::abs(at(*after, u, v) - at(*before, u + 7, v));
+      beside += std::abs(at(*after, u, v) - at(*before, u + 8, v));
+    }
+  }
+  EXPECT_LT(shifted, 0.1 * beside);
+}
+
 TEST(ImageCamera, PixelNoiseHasItsSigmaAndDiffersFromImageToImage) {
   CameraSimulation settings = clean_settings();
   StillCamera clean(small_camera(), settings);
@@ -147,7 +181,7 @@ DaylightConfig sunny_side() {
 
 TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
   StillCamera hall(small_camera(), clean_settings());
-  StillCamera outside(small_camera(), clean_settings(), {kSun, {-10, -10, -10}, {10, 10, 10}});
+  StillCamera outside(small_camera(), clean_settings(), "clutter", {kSun, {-10, -10, -10}, {10, 10, 10}});
   const EvenMotion still(facing_camera(1));
   const auto image = outside.photograph(still, {tag_at(3, 0.4)});
   const auto expected = hall.photograph(still, {tag_at(3, 0.4)});
@@ -158,7 +192,7 @@ TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
 TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
   CameraSimulation settings = clean_settings();
   settings.exposure_lag_s = 0.4;
-  StillCamera camera(small_camera(), settings, sunny_side());
+  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
   // A tag 1 m into the sun; the camera has just come out, or came long ago.
   const auto print_at = [&](double speed_m_s) {
     Pose place = facing_camera(1);
@@ -178,7 +212,7 @@ TEST(ImageCamera, WhoComesOutIntoTheSunSeesWhiteUntilTheExposureFollows) {
 
 TEST(ImageCamera, WhoComesInFromTheSunSeesNextToNothing) {
   CameraSimulation settings = clean_settings();
-  StillCamera camera(small_camera(), settings, sunny_side());
+  StillCamera camera(small_camera(), settings, "clutter", sunny_side());
   Pose place = facing_camera(1);
   place.p.x() = -1;
   const auto image =

@@ -1,0 +1,192 @@
+#include "detection/points/point_tracker.hpp"
+
+#include <algorithm>
+
+#include "detection/points/patch_flow.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr double kBack_px = 0.4;  // between a point and where the way there and back leads
+constexpr double kMotion_px =
+    1.2;  // from the epipolar line: noise, and a turning known to some tenths of a pixel
+constexpr double kApart_px = 14.0;  // closer neighbours tell the same
+constexpr double kTagReach = 1.5;   // of a tag's half edge: quiet zone and patch included
+constexpr int kNewPerImage = 12;    // cells searched for a new point
+constexpr float kLeastCorner = 2.5F * patch_flow::kLeastStructure;
+constexpr int kBorder_px = patch_flow::kHalf + 3;
+
+/// Ray (x, y, 1).
+Eigen::Vector3d ray(const CameraModel& model, const Eigen::Vector2d& ideal_px) {
+  return {(ideal_px.x() - model.cu) / model.fu, (ideal_px.y() - model.cv) / model.fv, 1.0};
+}
+
+}  // namespace
+
+PointTracker::PointTracker() {
+  points_.reserve(kMost);
+  ideal_before_.reserve(kMost);
+  pairs_.reserve(kMost);
+  out_.reserve(kMost);
+}
+
+std::span<const PointSighting> PointTracker::follow(
+    const CameraFrame& frame, const CameraModel& model,
+    const std::optional<Eigen::Quaterniond>& q_beforeNow, std::span<const TagSighting> tags) {
+  const bool same_size = !before_.empty() && before_.image().width == frame.image->width &&
+                         before_.image().height == frame.image->height;
+  now_.build(frame.image);
+  take_quads(tags);
+  if (!same_size) points_.clear();
+  corners_.reserve(static_cast<std::size_t>((frame.image->width / kColumns + 1) *
+                                            (frame.image->height / kRows + 1)));
+  follow_all(model, q_beforeNow);
+  drop_crowded();
+  begin_new(model);
+  std::swap(before_, now_);
+  ++statistics_.images;
+  return report();
+}
+
+void PointTracker::take_quads(std::span<const TagSighting> tags) {
+  quads_.clear();
+  for (const TagSighting& tag : tags) {
+    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2d& corner : tag.corners_px) middle += 0.25 * corner;
+    Quad quad;
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Eigen::Vector2d out = tag.corners_px[i] - middle;
+      quad.corners_px[i] =
+          middle + kTagReach * out + (patch_flow::kHalf / std::max(out.norm(), 1.0)) * out;
+    }
+    quads_.push_back(quad);
+  }
+}
+
+bool PointTracker::on_tag(const Eigen::Vector2d& px) const {
+  return std::any_of(quads_.begin(), quads_.end(), [&](const Quad& quad) {
+    for (std::size_t i = 0; i < 4; ++i) {
+      const Eigen::Vector2d a = quad.corners_px[(i + 1) % 4] - quad.corners_px[i];
+      const Eigen::Vector2d b = px - quad.corners_px[i];
+      if (a.x() * b.y() - a.y() * b.x() > 0)
+        return false;  // corners run counter-clockwise, v grows down
+    }
+    return true;
+  });
+}
+
+void PointTracker::follow_all(const CameraModel& model,
+                              const std::optional<Eigen::Quaterniond>& q_beforeNow) {
+  ideal_before_.clear();
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const Eigen::Vector2d ideal = points_[i].ideal_px;
+    if (!follow_one(points_[i], model, q_beforeNow)) continue;
+    ideal_before_.push_back(ideal);
+    points_[kept++] = points_[i];
+  }
+  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+  if (q_beforeNow) drop_moving(model, *q_beforeNow);
+  statistics_.followed += points_.size();
+}
+
+bool PointTracker::follow_one(Point& point, const CameraModel& model,
+                              const std::optional<Eigen::Quaterniond>& q_beforeNow) {
+  Eigen::Vector2d guess = point.raw_px;
+  if (q_beforeNow) {
+    const Eigen::Vector3d turned = q_beforeNow->conjugate() * ray(model, point.ideal_px);
+    if (!(turned.z() > 0)) return ++statistics_.lost, false;
+    guess = model.project(turned).value_or(guess);
+  }
+  const auto found = patch_flow::follow(before_, point.raw_px, now_, guess);
+  if (!found) return ++statistics_.lost, false;
+  // Back from where a motion like this one leads: a way of its own, not the end of the way there.
+  const auto back = patch_flow::follow(now_, *found, before_, point.raw_px);
+  if (!back || (*back - point.raw_px).norm() > kBack_px) return ++statistics_.not_back, false;
+  if (on_tag(*found)) return ++statistics_.on_tags, false;
+  const auto ideal = undistort(model, *found);
+  if (!ideal) return ++statistics_.lost, false;
+  point.raw_px = *found;
+  point.ideal_px = ideal->px;
+  return true;
+}
+
+void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaterniond& q_beforeNow) {
+  pairs_.clear();
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    pairs_.push_back({ray(model, ideal_before_[i]), q_beforeNow * ray(model, points_[i].ideal_px)});
+  }
+  const std::span<const char> fits = motion_.fitting(pairs_, kMotion_px / model.fu);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (fits[i] != 0) points_[kept++] = points_[i];
+  }
+  statistics_.moving += points_.size() - kept;
+  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+}
+
+void PointTracker::drop_crowded() {
+  std::size_t kept = 0;
+  for (const Point& point : points_) {
+    const bool crowded = std::any_of(
+        points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
+        [&](const Point& old) {
+          return (old.raw_px - point.raw_px).squaredNorm() < 0.25 * kApart_px * kApart_px;
+        });
+    if (!crowded) points_[kept++] = point;
+  }
+  points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
+}
+
+bool PointTracker::may_begin(const void* self, int u, int v) {
+  const auto& tracker = *static_cast<const PointTracker*>(self);
+  const Eigen::Vector2d px(u, v);
+  for (const Point& point : tracker.points_) {
+    if ((point.raw_px - px).squaredNorm() < kApart_px * kApart_px) return false;
+  }
+  return !tracker.on_tag(px);
+}
+
+void PointTracker::begin_new(const CameraModel& model) {
+  const GrayImage& image = now_.image();
+  std::array<int, kMost> taken{};
+  for (const Point& point : points_) {
+    const int column =
+        std::clamp(static_cast<int>(point.raw_px.x() * kColumns / image.width), 0, kColumns - 1);
+    const int row =
+        std::clamp(static_cast<int>(point.raw_px.y() * kRows / image.height), 0, kRows - 1);
+    ++taken[static_cast<std::size_t>(row * kColumns + column)];
+  }
+  int searched = 0;
+  for (std::size_t i = 0; i < kMost && searched < kNewPerImage && points_.size() < kMost; ++i) {
+    const int cell = next_cell_;
+    next_cell_ = (next_cell_ + 1) % static_cast<int>(kMost);
+    if (taken[static_cast<std::size_t>(cell)] > 0) continue;
+    ++searched;
+    const int column = cell % kColumns;
+    const int row = cell / kColumns;
+    const ImageRegion region{
+        std::max(column * image.width / kColumns, kBorder_px),
+        std::max(row * image.height / kRows, kBorder_px),
+        std::min((column + 1) * image.width / kColumns, image.width - kBorder_px),
+        std::min((row + 1) * image.height / kRows, image.height - kBorder_px)};
+    const auto corner = corners_.best(image, region, kLeastCorner, &PointTracker::may_begin, this);
+    const auto ideal = corner ? undistort(model, *corner) : std::nullopt;
+    if (!ideal) continue;
+    points_.push_back({next_track_++, 0, *corner, ideal->px});
+    ++statistics_.begun;
+  }
+}
+
+std::span<const PointSighting> PointTracker::report() {
+  out_.clear();
+  if (images_++ % kReportEvery != 0) return out_;
+  for (Point& point : points_) {
+    out_.push_back({point.track, point.reports, point.raw_px});
+    ++point.reports;
+  }
+  return out_;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "capture/imu_sample.hpp"
+#include "detection/tag_observation.hpp"
+#include "estimation/known_tag.hpp"
+
+namespace fiducap::world {
+
+/// All that went into the filter since it started, as long as it may have to start again with a better clock.
+class StartLog final {
+ public:
+  struct Image {
+    TagObservations seen;
+    std::vector<KnownTag> known;
+  };
+
+  void add(const ImuSample& imu);
+  /// Images before the first tag are not kept.
+  void add(const TagObservations& seen, std::span<const KnownTag> known);
+  /// Nothing is kept any more.
+  void close();
+  [[nodiscard]] bool is_open() const { return open_; }
+  /// 0 before the first tag.
+  [[nodiscard]] double seconds_since_first_tag(Instant now) const;
+  /// Puts other clock shifts into the images' times, one per camera, and the images in that order.
+  void shift_images(std::span<const double> shifts_s);
+  [[nodiscard]] const std::vector<ImuSample>& imu() const { return imu_; }
+  [[nodiscard]] const std::vector<Image>& images() const { return images_; }
+
+ private:
+  bool open_{true};
+  std::vector<ImuSample> imu_;
+  std::vector<Image> images_;
+};
+
+}  // namespace fiducap::world

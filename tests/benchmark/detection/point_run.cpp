@@ -1,0 +1,135 @@
+#include "detection/point_run.hpp"
+
+#include <cmath>
+#include <map>
+
+#include "app/system_clock.hpp"
+#include "capture/simulation/room_shape.hpp"
+#include "capture/simulation/simulation.hpp"
+
+namespace fiducap::bench {
+
+namespace {
+
+CameraMount camera_of(const PointRunSetup& setup) {
+  const double f = 460.0 * setup.width / 752;
+  CameraMount mount;
+  mount.model = {setup.width,
+                 setup.height,
+                 f,
+                 f,
+                 0.5 * (setup.width - 1),
+                 0.5 * (setup.height - 1),
+                 Distortion::kRadialTangential,
+                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.X_BV = simulation::forward_camera();
+  return mount;
+}
+
+/// Where a ray from inside a room meets its walls.
+Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& from,
+                        const Eigen::Vector3d& ray) {
+  double along = 1e9;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double wall = ray(axis) > 0 ? box.high(axis) : box.low(axis);
+    if (ray(axis) != 0) along = std::min(along, (wall - from(axis)) / ray(axis));
+  }
+  return from + along * ray;
+}
+
+std::vector<TagSighting> sighted(const std::vector<RecordedTag>& tags, const CameraModel& model,
+                                 const Pose& X_WV) {
+  std::vector<TagSighting> out;
+  for (const RecordedTag& tag : tags) {
+    const Eigen::Vector3d normal = tag.X_WT.q * Eigen::Vector3d::UnitZ();
+    if (normal.dot(X_WV.p - tag.X_WT.p) < 0) continue;
+    TagSighting sighting;
+    const auto corners = simulation::corners_of(tag);
+    bool seen = true;
+    for (std::size_t i = 0; i < 4 && seen; ++i) {
+      const auto px = model.project(X_WV.inverse() * corners[i]);
+      constexpr double kBeside_px = 100;
+      seen = px && px->x() > -kBeside_px && px->y() > -kBeside_px &&
+             px->x() < model.width + kBeside_px && px->y() < model.height + kBeside_px;
+      if (seen) sighting.corners_px[i] = *px;
+    }
+    if (seen) out.push_back(sighting);
+  }
+  return out;
+}
+
+/// The place on the wall that a track showed first, and how far off it was at its last report.
+struct Anchor {
+  Eigen::Vector3d p_W;
+  Eigen::Vector2d error_px{Eigen::Vector2d::Zero()};
+  bool bad{false};
+};
+
+}  // namespace
+
+PointRun run_points(const PointRunSetup& setup) {
+  simulation::RoomConfig room;
+  room.preset = setup.room;
+  room.texture = setup.texture;
+  const CameraMount mount = camera_of(setup);
+  simulation::SimulatedBodyConfig body;
+  body.cameras = {mount};
+  body.has_imu = false;
+  body.trajectory.kind = setup.room == "hall" ? "survey" : setup.room;
+  body.trajectory.duration_s = setup.images / mount.rate_hz;
+  body.trajectory.seed = body.seed = setup.seed;
+  const auto source = simulation::make_simulated_source(room, body, instant_from_ns(0), nullptr);
+  PointRun run;
+  if (!source) return run;
+  const auto tags = simulation::tags_of(room);
+  const auto box = simulation::box_of(room);
+  PointTracker tracker;
+  std::map<std::uint32_t, Anchor> anchors;
+  std::optional<Eigen::Quaterniond> q_before;
+  int reports = 0;
+  for (;;) {
+    const auto sample = (*source)->next({});
+    if (!sample || !*sample) break;
+    const auto& frame = std::get<CameraFrame>(**sample);
+    const Pose X_WV = (*source)->truth(frame.exposed_at).X_WB * mount.X_BV;
+    const auto seen = sighted(tags, mount.model, X_WV);
+    std::optional<Eigen::Quaterniond> turn;
+    if (q_before) turn = q_before->conjugate() * X_WV.q;
+    q_before = X_WV.q;
+    const Duration begin = thread_cpu_time();
+    const auto points = tracker.follow(frame, mount.model, turn, seen);
+    run.cpu_ms.push_back(1e3 * to_seconds(thread_cpu_time() - begin));
+    if (points.empty()) continue;
+    ++reports;
+    run.points += static_cast<double>(points.size());
+    for (const PointSighting& point : points) {
+      if (point.age == 0) {
+        const Eigen::Vector2d ideal = undistort(mount.model, point.px)->px;
+        const Eigen::Vector3d ray((ideal.x() - mount.model.cu) / mount.model.fu,
+                                  (ideal.y() - mount.model.cv) / mount.model.fv, 1);
+        anchors[point.track] = {on_wall(box, X_WV.p, X_WV.q * ray)};
+        continue;
+      }
+      Anchor& anchor = anchors.at(point.track);
+      if (anchor.bad || point.age >= PointRun::kAges) continue;
+      PointRun::AtAge& age = run.ages[static_cast<std::size_t>(point.age)];
+      const Eigen::Vector2d error =
+          point.px -
+          mount.model.project(X_WV.inverse() * anchor.p_W).value_or(Eigen::Vector2d(-1e3, -1e3));
+      if (!(error.cwiseAbs().maxCoeff() < PointRun::kGross_px)) {
+        anchor.bad = true;
+        ++age.gross;
+        continue;
+      }
+      age.squares_px2 += error.squaredNorm();
+      age.products_px2 += error.dot(anchor.error_px);
+      age.coordinates += 2;
+      anchor.error_px = error;
+    }
+  }
+  run.points /= std::max(1, reports);
+  run.statistics = tracker.statistics();
+  return run;
+}
+
+}  // namespace fiducap::bench
