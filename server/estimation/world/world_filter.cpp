@@ -85,26 +85,11 @@ void WorldFilter::restart_camera(int camera) {
   reopen_clock(camera);
 }
 
-void WorldFilter::reopen_clock(int camera) {
-  if (!config_.estimate_clocks || !has_imu()) return;
-  const int at = layout::clock(camera);
-  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
-  auto P = state_.P();
-  P.row(at).setZero();
-  P.col(at).setZero();
-  P(at, at) = sigma * sigma;
-  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
-}
-
 void WorldFilter::release_tag(int tag_id) {
   const int tag = state_.find(tag_id);
   if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace) return;
   state_.remove_tag(static_cast<std::size_t>(tag));
   memory_.forget_all();  // its states still hold the tag
-}
-
-void WorldFilter::look_at(const TagObservations& seen) {
-  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
 }
 
 void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
@@ -406,12 +391,6 @@ std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
     out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
   }
   return out;
-}
-
-ClockEstimate WorldFilter::clock(int camera) const {
-  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
-  const int at = layout::clock(camera);
-  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s, std::sqrt(state_.P()(at + 1, at + 1))};
 }
 
 }  // namespace fiducap::world

@@ -1,4 +1,4 @@
-// The world filter's start with a clock that turns out to be far off.
+// The world filter's clocks, and its start with a clock that turns out to be far off.
 //
 // A camera's time shift and the motion enter the images as a product. While both are vague, in a quick turn, a linear filter
 // becomes sure of wrong velocities and biases, and takes wrong branches. Its estimate of the shift itself moves the right way. So
@@ -24,6 +24,27 @@ constexpr double kMost_sigma = 6.0;
 // While a clock is worse known than this, the map is not told of tags: they may be taken back.
 constexpr double kVague_s = 0.002;
 }  // namespace
+
+void WorldFilter::look_at(const TagObservations& seen) {
+  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
+}
+
+ClockEstimate WorldFilter::clock(int camera) const {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
+  const int at = layout::clock(camera);
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s, std::sqrt(state_.P()(at + 1, at + 1))};
+}
+
+void WorldFilter::reopen_clock(int camera) {
+  if (!config_.estimate_clocks || !has_imu()) return;
+  const int at = layout::clock(camera);
+  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
+  auto P = state_.P();
+  P.row(at).setZero();
+  P.col(at).setZero();
+  P(at, at) = sigma * sigma;
+  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+}
 
 void WorldFilter::begin_log() {
   start_log_ = StartLog{};
