@@ -36,6 +36,7 @@ struct Options {
 std::string config_text(const Options& options) {
   std::string text = R"(
 simulation: {preset: hall}
+tags: {size_m: 0.4}
 map: {mode: mapping}
 streaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: {port: 42619}}
 bodies:
