@@ -6,25 +6,11 @@
 #include "app/system_clock.hpp"
 #include "capture/simulation/room_shape.hpp"
 #include "capture/simulation/simulation.hpp"
+#include "detection/barrel_camera.hpp"
 
 namespace fiducap::bench {
 
 namespace {
-
-CameraMount camera_of(const PointRunSetup& setup) {
-  const double f = 460.0 * setup.width / 752;
-  CameraMount mount;
-  mount.model = {setup.width,
-                 setup.height,
-                 f,
-                 f,
-                 0.5 * (setup.width - 1),
-                 0.5 * (setup.height - 1),
-                 Distortion::kRadialTangential,
-                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
-  mount.X_BV = simulation::forward_camera();
-  return mount;
-}
 
 /// Where a ray from inside a room meets its walls.
 Eigen::Vector3d on_wall(const simulation::RoomBox& box, const Eigen::Vector3d& from,
@@ -71,7 +57,7 @@ PointRun run_points(const PointRunSetup& setup) {
   simulation::RoomConfig room;
   room.preset = setup.room;
   room.texture = setup.texture;
-  const CameraMount mount = camera_of(setup);
+  const CameraMount mount = barrel_camera(setup.width, setup.height);
   simulation::SimulatedBodyConfig body;
   body.cameras = {mount};
   body.has_imu = false;

@@ -13,6 +13,7 @@
 #include "detection/observe.hpp"
 #include "detection/pixel_noise.hpp"
 #include "detection/side_bend.hpp"
+#include "detection/barrel_camera.hpp"
 
 namespace fiducap::bench {
 
@@ -33,26 +34,11 @@ constexpr double kGross_px = 1.0;
 constexpr double kPredictedOff_m = 0.005;
 constexpr double kPredictedOff_rad = 0.0052;
 
-CameraMount camera_of(const TrackingRunSetup& setup) {
-  const double f = 460.0 * setup.width / 752;
-  CameraMount mount;
-  mount.model = {setup.width,
-                 setup.height,
-                 f,
-                 f,
-                 0.5 * (setup.width - 1),
-                 0.5 * (setup.height - 1),
-                 Distortion::kRadialTangential,
-                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
-  mount.X_BV = simulation::forward_camera();
-  return mount;
-}
-
 class TrackingRun final {
  public:
   explicit TrackingRun(const TrackingRunSetup& setup)
       : setup_(setup),
-        mount_(camera_of(setup)),
+        mount_(barrel_camera(setup.width, setup.height)),
         tags_(simulation::tags_of(room())),
         arms_{{"libapriltag, decimate 1"},
               {"  with adapted contrast"},

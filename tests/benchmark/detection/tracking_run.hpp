@@ -11,7 +11,7 @@ namespace fiducap::bench {
 /// One way to find the tags of the same images.
 struct SearchArm {
   std::string name;
-  std::vector<double> cpu_us;  ///< One per image, thread CPU time.
+  std::vector<double> cpu_us{};  ///< One per image, thread CPU time.
   int found{};                 ///< Of the tags that are truly in view …
   int in_view{};
   int found_of_reference{};  ///< … and of those that the reference found.

@@ -1,11 +1,23 @@
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include "estimation/options.hpp"
 
 namespace fiducap::bench {
+
+/// Root of the mean square of what was added; NaN when nothing was.
+struct MeanSquare {
+  double square{};
+  int count{};
+  void add(double value) {
+    square += value * value;
+    ++count;
+  }
+  [[nodiscard]] double rms() const { return count == 0 ? Nees::kNone : std::sqrt(square / count); }
+};
 
 /// One seed: the bound and one run per filter over the same data.
 struct SeedRuns {

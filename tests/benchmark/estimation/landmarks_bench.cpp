@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "estimation/chi_square.hpp"
+#include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
 
@@ -38,22 +39,12 @@ EstimationData blinded(EstimationData data, const Gaps& gaps) {
   return data;
 }
 
-struct Sum {
-  double square{};
-  int count{};
-  void add(double value) {
-    square += value * value;
-    ++count;
-  }
-  [[nodiscard]] double rms() const { return count == 0 ? Nees::kNone : std::sqrt(square / count); }
-};
-
 /// One filter over all seeds of one class and gap length.
 struct Arm {
-  Sum end_m, end_rad, end_m_s, sigma;  ///< At the last image of each gap.
-  Sum all_m, all_rad;                  ///< At every image after the start.
+  MeanSquare end_m, end_rad, end_m_s, sigma;  ///< At the last image of each gap.
+  MeanSquare all_m, all_rad;                  ///< At every image after the start.
   std::vector<double> run_m;           ///< RMSE of each seed.
-  double nees{};                       ///< Sum over gap ends, of 6.
+  double nees{};                       ///< MeanSquare over gap ends, of 6.
   double nees_all{};
   int images{};
   int covered{};
@@ -66,7 +57,7 @@ struct Arm {
 
 void add(Arm& arm, const FilterRun& run, const Gaps& gaps) {
   static const double kCovered = chi_square_quantile(6, 0.95);
-  Sum own;
+  MeanSquare own;
   for (std::size_t i = 0; i < run.at.size(); ++i) {
     const At& at = run.at[i];
     if (at.t_s < kSettled_s) continue;

@@ -32,21 +32,11 @@ EstimationData blinded(EstimationData data, double length_s) {
   return data;
 }
 
-struct Sum {
-  double square{};
-  int count{};
-  void add(double value) {
-    square += value * value;
-    ++count;
-  }
-  [[nodiscard]] double rms() const { return count == 0 ? Nees::kNone : std::sqrt(square / count); }
-};
-
 /// What all outages of all seeds show together.
 struct Outages {
-  Sum position, rotation, velocity, sigma, bound, before;
+  MeanSquare position, rotation, velocity, sigma, bound, before;
   int covered{};
-  std::vector<Sum> after;  ///< By image since the return.
+  std::vector<MeanSquare> after;  ///< By image since the return.
   [[nodiscard]] double recovery_s() const {
     for (std::size_t i = 0; i < after.size(); ++i) {
       if (after[i].rms() <= kRecovered * before.rms()) return 0.05 * static_cast<double>(i);
