@@ -8,7 +8,6 @@ namespace fiducap::world {
 
 namespace {
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
 /// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the
