@@ -14,7 +14,7 @@ namespace fiducap {
 ///
 /// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`, `held_tags()`, and next to it
 ///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const TagToUse>, const CornerNoise&,
-///                ImageMeasurement&)`
+///                ImageMeasurement&)` and `void carry_covariance(State&, correction, int camera)`
 template <class State>
 class CornerUpdate final {
  public:
@@ -57,6 +57,7 @@ class CornerUpdate final {
       state.add_error(update_.correction());
     }
     update_.shrink(state.P(), state.held_tags());
+    carry_covariance(state, update_.correction(), camera);
     report.nis_dof = update_.degrees_of_freedom();
     measure_image(state, camera, model, tags, noise, image_);
     report.reprojection_px = update_.rms_px(image_);
