@@ -14,7 +14,9 @@ constexpr Duration kSecond = std::chrono::seconds(1);
 constexpr double kBadSecond = 0.2;
 constexpr int kBadSeconds = 7;
 
-double share_of(int rejected, int used) { return static_cast<double>(rejected) / std::max(1, rejected + used); }
+double share_of(int rejected, int used) {
+  return static_cast<double>(rejected) / std::max(1, rejected + used);
+}
 }  // namespace
 
 std::optional<double> RejectionWatch::add(const UpdateReport& report) {
@@ -43,7 +45,8 @@ std::optional<double> RejectionWatch::judge() {
   }
   const double share = share_of(sum.rejected, sum.used);
   if (share < kSmallAgain) said_ = false;
-  if (said_ || bad < kBadSeconds || share < kLarge || sum.used + sum.rejected < kFewest) return std::nullopt;
+  if (said_ || bad < kBadSeconds || share < kLarge || sum.used + sum.rejected < kFewest)
+    return std::nullopt;
   said_ = true;
   return share;
 }

@@ -8,12 +8,14 @@
 
 namespace fiducap {
 
-/// Notices when a large share of the tags in view has contradicted the rest for many seconds: then something that all of them
-/// have in common is wrong (sizes, lens, extrinsics), and no single tag is to blame.
+/// Notices when a large share of the tags in view has contradicted the rest for many seconds: then
+/// something that all of them have in common is wrong (sizes, lens, extrinsics), and no single tag
+/// is to blame.
 class RejectionWatch final {
  public:
   /// Every image, in order of time.
-  /// @return the share, once, when it has been above 30 % over ten seconds; again only after it was below 15 % in between
+  /// @return the share, once, when it has been above 30 % over ten seconds; again only after it was
+  /// below 15 % in between
   [[nodiscard]] std::optional<double> add(const UpdateReport& report);
 
  private:

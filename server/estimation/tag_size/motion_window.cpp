@@ -11,10 +11,11 @@ constexpr double kBridging = 2.0;
 constexpr double kGapAccel_m_s2_rtHz = 3.0;
 }  // namespace
 
-MotionWindow::MotionWindow(const ImuNoise& noise) : noise_(noise), imu_(noise, kLongestGap_s, kGapAccel_m_s2_rtHz) {}
+MotionWindow::MotionWindow(const ImuNoise& noise)
+    : noise_(noise), imu_(noise, kLongestGap_s, kGapAccel_m_s2_rtHz) {}
 
-void MotionWindow::restart(Instant at, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& bias_w,
-                           const Eigen::Vector3d& gravity_W) {
+void MotionWindow::restart(Instant at, const Eigen::Quaterniond& q_WB,
+                           const Eigen::Vector3d& bias_w, const Eigen::Vector3d& gravity_W) {
   begin_ = time_ = at;
   q_WB_ = q_WB;
   bias_w_ = bias_w;
@@ -37,7 +38,8 @@ bool MotionWindow::move_to(Instant at) {
 void MotionWindow::step_to(Instant to) {
   const InertialInput input = imu_.input_between(time_, to);
   const double dt = to_seconds(to - time_);
-  const bool bridged = !input.has_accelerometer || input.gyro_noise > kBridging * noise_.gyro_noise_rad_s_rtHz ||
+  const bool bridged = !input.has_accelerometer ||
+                       input.gyro_noise > kBridging * noise_.gyro_noise_rad_s_rtHz ||
                        input.accel_noise > kBridging * noise_.accel_noise_m_s2_rtHz;
   if (bridged) believable_ = false;
   rate_B_ = input.w_B - bias_w_;

@@ -8,8 +8,8 @@
 
 namespace fiducap {
 
-/// How a body moved by its IMU alone since some moment, up to what a constant velocity, a constant force and a constant
-/// bias explain. Nothing that a camera says about places is in it.
+/// How a body moved by its IMU alone since some moment, up to what a constant velocity, a constant
+/// force and a constant bias explain. Nothing that a camera says about places is in it.
 class MotionWindow final {
  public:
   explicit MotionWindow(const ImuNoise& noise);
@@ -18,8 +18,10 @@ class MotionWindow final {
   bool push(const ImuSample& imu) { return imu_.push(imu); }
   /// @param q_WB  attitude now; how level it is does not matter, a constant force is left open
   /// @param gravity_W  e.g. (0, 0, -9.81)
-  void restart(Instant at, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& bias_w, const Eigen::Vector3d& gravity_W);
-  /// @return false when the readings on the way are not to be believed (hole, end of range) or missing
+  void restart(Instant at, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& bias_w,
+               const Eigen::Vector3d& gravity_W);
+  /// @return false when the readings on the way are not to be believed (hole, end of range) or
+  /// missing
   bool move_to(Instant at);
 
   /// No look is going on: old readings are not needed.
@@ -27,8 +29,10 @@ class MotionWindow final {
 
   [[nodiscard]] double seconds() const { return to_seconds(time_ - begin_); }
   [[nodiscard]] const Eigen::Quaterniond& q_WB() const { return q_WB_; }
-  [[nodiscard]] const Eigen::Vector3d& way() const { return way_; }      ///< m, W axes; started at rest
-  [[nodiscard]] const Eigen::Vector3d& speed() const { return speed_; }  ///< m/s, W axes; started at 0
+  [[nodiscard]] const Eigen::Vector3d& way() const { return way_; }  ///< m, W axes; started at rest
+  [[nodiscard]] const Eigen::Vector3d& speed() const {
+    return speed_;
+  }  ///< m/s, W axes; started at 0
   [[nodiscard]] const Eigen::Vector3d& rate_B() const { return rate_B_; }
   /// ∂ way / ∂ constant force in B axes
   [[nodiscard]] const Eigen::Matrix3d& way_by_bias() const { return way_by_bias_; }

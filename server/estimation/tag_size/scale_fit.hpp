@@ -9,7 +9,8 @@
 
 namespace fiducap {
 
-/// By what a tag's configured size must be multiplied, as seen over some time: natural logarithm, 1-sigma.
+/// By what a tag's configured size must be multiplied, as seen over some time: natural logarithm,
+/// 1-sigma.
 struct LogScale {
   double value{};
   double sigma{};
@@ -17,8 +18,9 @@ struct LogScale {
 
 /// Linear least squares over the sightings of one tag: z = J x + noise, three rows per sighting.
 ///
-/// The first unknown is κ = 1 / scale; it stands at how far the body moved in metres, z is where the tag was seen in units
-/// of its configured size. So the noise of the images is all in z, and κ is not pulled towards zero by it.
+/// The first unknown is κ = 1 / scale; it stands at how far the body moved in metres, z is where
+/// the tag was seen in units of its configured size. So the noise of the images is all in z, and κ
+/// is not pulled towards zero by it.
 ///
 /// @tparam N  number of unknowns
 template <int N>
@@ -39,13 +41,15 @@ class ScaleFit final {
   }
 
   /// @param prior       information (1/σ²) about each unknown beforehand, around zero
-  /// @param worst_cost  chi-square per degree of freedom above which no single scale explains what was seen; below, the
+  /// @param worst_cost  chi-square per degree of freedom above which no single scale explains what
+  /// was seen; below, the
   ///                    sigma grows with it
   /// @return nullopt when too few sightings, no motion, or no single scale explains what was seen
   [[nodiscard]] std::optional<LogScale> solve(const Vector& prior, double worst_cost) const {
     constexpr int kFewestSightings = 8;
     constexpr double kLeastCertain = 0.3;
-    constexpr double kSmallest = 0.2;    // of κ: beyond five times the size nothing is linear any more
+    constexpr double kSmallest =
+        0.2;  // of κ: beyond five times the size nothing is linear any more
     if (sightings_ < kFewestSightings || 3 * sightings_ <= N) return std::nullopt;
     Eigen::Matrix<double, N, N> A = A_;
     A.diagonal() += prior;

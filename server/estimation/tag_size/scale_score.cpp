@@ -25,14 +25,17 @@ std::optional<LogScale> ScaleScore::guess() const {
   if (count_ == 0) return std::nullopt;
   std::array<LogScale, kMost> sorted = looks_;
   const auto end = sorted.begin() + static_cast<std::ptrdiff_t>(count_);
-  std::sort(sorted.begin(), end, [](const LogScale& a, const LogScale& b) { return a.value < b.value; });
+  std::sort(sorted.begin(), end,
+            [](const LogScale& a, const LogScale& b) { return a.value < b.value; });
   double total = 0;
   for (auto look = sorted.begin(); look != end; ++look) total += weight_of(*look);
   auto middle = sorted.begin();
   for (double sum = weight_of(*middle); sum < total / 2; sum += weight_of(*middle)) ++middle;
   double scatter = 0;
   for (auto look = sorted.begin(); look != end; ++look) {
-    const double off = std::min(kHuber * kHuber, (look->value - middle->value) * (look->value - middle->value) * weight_of(*look));
+    const double off =
+        std::min(kHuber * kHuber,
+                 (look->value - middle->value) * (look->value - middle->value) * weight_of(*look));
     scatter += off / static_cast<double>(std::max<std::size_t>(1, count_ - 1));
   }
   return LogScale{middle->value, kMedianLoss * std::sqrt(std::max(1.0, scatter) / total)};
@@ -43,7 +46,8 @@ double ScaleScore::agreement(double value) const {
   double same = 0;
   for (std::size_t i = 0; i < count_; ++i) {
     total += weight_of(looks_[i]);
-    if (value > 0 ? looks_[i].value > kSameSide : looks_[i].value < -kSameSide) same += weight_of(looks_[i]);
+    if (value > 0 ? looks_[i].value > kSameSide : looks_[i].value < -kSameSide)
+      same += weight_of(looks_[i]);
   }
   return total > 0 ? same / total : 0.0;
 }

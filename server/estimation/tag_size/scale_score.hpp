@@ -8,8 +8,9 @@
 
 namespace fiducap {
 
-/// What several independent looks at one scale say together: their weighted median, and how far it can be trusted by how much
-/// they differ. A few looks that went wrong (a tag that was moved, a reading at its end) change neither. The newest 32 count.
+/// What several independent looks at one scale say together: their weighted median, and how far it
+/// can be trusted by how much they differ. A few looks that went wrong (a tag that was moved, a
+/// reading at its end) change neither. The newest 32 count.
 class ScaleScore final {
  public:
   struct Rules {
@@ -21,7 +22,9 @@ class ScaleScore final {
   void add(const LogScale& look);
   [[nodiscard]] std::size_t looks() const { return count_; }
   /// nullopt with fewer looks than the rules ask for.
-  [[nodiscard]] std::optional<LogScale> result() const { return count_ < rules_.fewest_looks ? std::nullopt : guess(); }
+  [[nodiscard]] std::optional<LogScale> result() const {
+    return count_ < rules_.fewest_looks ? std::nullopt : guess();
+  }
   /// The same with any number of looks; nullopt without any.
   [[nodiscard]] std::optional<LogScale> guess() const;
   /// Share of the looks' weight that lies on the same side of zero as `value`, by 2 % at least.

@@ -15,7 +15,8 @@ namespace {
 constexpr double kLook_s = 2.0;
 // The IMU's drift within a look, what a lens model leaves: no sighting is more exact than this.
 constexpr double kFloor_m = 2e-3;
-// A sighting that fits its own tag worse than this (sigmas of one coordinate) is a wrong id or half covered.
+// A sighting that fits its own tag worse than this (sigmas of one coordinate) is a wrong id or half
+// covered.
 constexpr double kWorstFit = 5.0;
 // With so many tags in a look, most of them are right.
 constexpr std::size_t kEnoughTags = 3;
@@ -36,19 +37,21 @@ constexpr double kAnyKappa = 1e3;
 constexpr double kTolerance = 0.05;
 constexpr double kSigmas = 5.0;
 constexpr double kAgreement = 0.8;
-// A tag counts at most this much (squared sigmas) for or against all tags being alike, so that one cannot decide …
+// A tag counts at most this much (squared sigmas) for or against all tags being alike, so that one
+// cannot decide …
 constexpr double kMostOfOne = 16.0;
 // … and all of them together must speak this clearly.
 constexpr double kAllEvidence = 20.0;
 constexpr double kTagSystematic = 0.02;
-// Chi-square per degree of freedom: the IMU's noise is in the floor. A filter that is torn between tags is worse, and the
-// sigma says so.
+// Chi-square per degree of freedom: the IMU's noise is in the floor. A filter that is torn between
+// tags is worse, and the sigma says so.
 constexpr double kWorstByImu = 6.0;
-constexpr double kWorstByOthers = 50.0;
+constexpr double kWorstByOthers = 20.0;
 constexpr double kChanged = 0.05;
 
 bool is_beyond(const LogScale& found, const ScaleScore& score) {
-  return std::abs(found.value) > std::max(kTolerance, kSigmas * found.sigma) && score.agreement(found.value) >= kAgreement;
+  return std::abs(found.value) > std::max(kTolerance, kSigmas * found.sigma) &&
+         score.agreement(found.value) >= kAgreement;
 }
 
 double information(double sigma) { return 1 / (sigma * sigma); }
@@ -68,12 +71,15 @@ struct Sighted {
   Eigen::Matrix3d covariance;
 };
 
-std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& model, const Eigen::Quaterniond& q_VT, double sigma_px) {
-  const Eigen::Vector2d centre = (tag.corners_px[0] + tag.corners_px[1] + tag.corners_px[2] + tag.corners_px[3]) / 4;
+std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& model,
+                              const Eigen::Quaterniond& q_VT, double sigma_px) {
+  const Eigen::Vector2d centre =
+      (tag.corners_px[0] + tag.corners_px[1] + tag.corners_px[2] + tag.corners_px[3]) / 4;
   const double diagonal_px = (tag.corners_px[2] - tag.corners_px[0]).norm();
   if (!(diagonal_px > 1)) return std::nullopt;
   const double far = std::sqrt(2.0) * tag.edge_m * model.fu / diagonal_px;
-  const Eigen::Vector3d start(far * (centre.x() - model.cu) / model.fu, far * (centre.y() - model.cv) / model.fv, far);
+  const Eigen::Vector3d start(far * (centre.x() - model.cu) / model.fu,
+                              far * (centre.y() - model.cv) / model.fv, far);
   const Pose X_VT = place_turned_tag(tag, model, q_VT, start);
   const CornerResidual fit = corner_residual(tag, X_VT, model);
   if (!fit.in_front || fit.rms_px() > kWorstFit * std::sqrt(2.0) * sigma_px) return std::nullopt;
@@ -84,7 +90,9 @@ std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& mode
 }  // namespace
 
 SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
-    : sensors_(std::move(sensors)), corner_noise_px_(corner_noise_px), motion_(sensors_.imu.value_or(ImuNoise{})) {
+    : sensors_(std::move(sensors)),
+      corner_noise_px_(corner_noise_px),
+      motion_(sensors_.imu.value_or(ImuNoise{})) {
   scores_.reserve(kFirstTags);
 }
 
@@ -110,11 +118,14 @@ void SizeCheck::begin(const Image& image) {
   camera_ = image.seen.camera;
   p_WB_begin_ = image.estimate.X_WB.p;
   others_hold_ = true;
-  const auto bias = image.estimate.covariance.block<3, 3>(estimate_block::kBiasW, estimate_block::kBiasW);
+  const auto bias =
+      image.estimate.covariance.block<3, 3>(estimate_block::kBiasW, estimate_block::kBiasW);
   // Wrong sizes make a filter start again and again: what it once knew of the gyro still holds.
-  if (bias.diagonal().maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s) bias_w_ = image.estimate.bias_w;
+  if (bias.diagonal().maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s)
+    bias_w_ = image.estimate.bias_w;
   imu_holds_ = has_imu() && bias_w_;
-  if (imu_holds_) motion_.restart(begun_at_, image.estimate.X_WB.q, *bias_w_, {0, 0, -sensors_.gravity_m_s2});
+  if (imu_holds_)
+    motion_.restart(begun_at_, image.estimate.X_WB.q, *bias_w_, {0, 0, -sensors_.gravity_m_s2});
   for (Look& look : looks_) {
     look.tag_id = -1;
     look.by_imu.restart();
@@ -122,18 +133,21 @@ void SizeCheck::begin(const Image& image) {
   }
 }
 
-SizeCheck::Look* SizeCheck::look_of(const TagObservation& tag, const Image& image, const Eigen::Quaterniond& q_MV) {
+SizeCheck::Look* SizeCheck::look_of(const TagObservation& tag, const Image& image,
+                                    const Eigen::Quaterniond& q_MV) {
   Look* free = nullptr;
   for (Look& look : looks_) {
     if (look.tag_id == tag.tag_id) return &look;
     if (look.tag_id < 0 && free == nullptr) free = &look;
   }
   if (free == nullptr) return nullptr;
+  const Eigen::Quaterniond* q_WT = attitude_of(tag.tag_id, image);
+  if (q_WT == nullptr && !(image.own.empty() && image.known.empty())) return nullptr;
   free->tag_id = tag.tag_id;
   free->edge_m = tag.edge_m;
   const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera_)];
-  const Eigen::Quaterniond* q_WT = attitude_of(tag.tag_id, image);
-  // A filter that starts again has no tags at first; which of the two planar poses is right hardly matters for the distance.
+  // Wrong sizes make a filter start again and again, and then it tells of no tag for seconds. Which
+  // of the two planar poses is right hardly matters for the distance.
   free->q_MT = q_WT != nullptr ? q_MV * (image.estimate.X_WB.q * mount.X_BV.q).conjugate() * *q_WT
                                : q_MV * solve_tag_pose(tag, mount.model)[0].X_VT.q;
   return free;
@@ -141,15 +155,18 @@ SizeCheck::Look* SizeCheck::look_of(const TagObservation& tag, const Image& imag
 
 void SizeCheck::look_at(const TagObservation& tag, const Image& image) {
   const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera_)];
-  const Eigen::Quaterniond q_MV = (imu_holds_ ? motion_.q_WB() : image.estimate.X_WB.q) * mount.X_BV.q;
+  const Eigen::Quaterniond q_MV =
+      (imu_holds_ ? motion_.q_WB() : image.estimate.X_WB.q) * mount.X_BV.q;
   Look* look = look_of(tag, image, q_MV);
   if (look == nullptr) return;
   const double sigma_px = std::hypot(corner_noise_px_, tag.corner_sigma_px);
   const auto sighted = locate(tag, mount.model, q_MV.conjugate() * look->q_MT, sigma_px);
   if (!sighted) return;
-  const Eigen::Matrix3d covariance = sighted->covariance + kFloor_m * kFloor_m * Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d covariance =
+      sighted->covariance + kFloor_m * kFloor_m * Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d weight_V = covariance.inverse();
-  const auto put = [&](auto& fit, auto& J, const Eigen::Quaterniond& q_WB, const Eigen::Vector3d& p_WB) {
+  const auto put = [&](auto& fit, auto& J, const Eigen::Quaterniond& q_WB,
+                       const Eigen::Vector3d& p_WB) {
     const Eigen::Matrix3d R_WB = q_WB.toRotationMatrix();
     const Eigen::Matrix3d R_WV = R_WB * mount.X_BV.rotation();
     J.col(0) = -(p_WB + R_WB * mount.X_BV.p);
@@ -180,7 +197,8 @@ void SizeCheck::finish() {
   prior << information(kAnyKappa), Eigen::Vector3d::Constant(information(kAnywhere_m)),
       Eigen::Vector3d::Constant(information(std::max(1e-3, mount.position_sigma_m))),
       Eigen::Vector3d::Constant(information(std::max(1e-3, mount.rotation_sigma_rad))),
-      Eigen::Vector3d::Constant(information(kVelocity_m_s)), Eigen::Vector3d::Constant(information(kForce_m_s2)),
+      Eigen::Vector3d::Constant(information(kVelocity_m_s)),
+      Eigen::Vector3d::Constant(information(kForce_m_s2)),
       Eigen::Vector3d::Constant(information(kBias_m_s2)), information(kClock_s);
   compare_with_imu(prior);
   if (others_hold_) compare_with_others(prior.head<kNearUnknowns>());
@@ -220,7 +238,8 @@ void SizeCheck::compare_with_others(const ScaleFit<kNearUnknowns>::Vector& prior
 }
 
 SizeCheck::Score* SizeCheck::score_of(const Look& look) {
-  const auto found = std::find_if(scores_.begin(), scores_.end(), [&](const Score& s) { return s.tag_id == look.tag_id; });
+  const auto found = std::find_if(scores_.begin(), scores_.end(),
+                                  [&](const Score& s) { return s.tag_id == look.tag_id; });
   if (found != scores_.end()) return &*found;
   if (scores_.size() >= kMostTags) return nullptr;
   scores_.push_back({.tag_id = look.tag_id, .edge_m = look.edge_m});
@@ -233,7 +252,9 @@ bool SizeCheck::all_alike(const LogScale& common) const {
     const auto own = score.by_imu.guess();
     if (!own) continue;
     const double variance = own->sigma * own->sigma + kTagSystematic * kTagSystematic;
-    const auto against = [&](double value) { return std::min(kMostOfOne, (own->value - value) * (own->value - value) / variance); };
+    const auto against = [&](double value) {
+      return std::min(kMostOfOne, (own->value - value) * (own->value - value) / variance);
+    };
     evidence += against(0) - against(common.value);
   }
   return evidence > kAllEvidence;
@@ -250,7 +271,9 @@ std::optional<LogScale> SizeCheck::verdict_on(const Score& score) const {
 std::optional<SizeFinding> SizeCheck::take_news() {
   if (!fresh_) return std::nullopt;
   fresh_ = false;
-  if (const auto common = common_.result(); common && is_beyond(*common, common_) && all_alike(*common)) return news_of_all();
+  if (const auto common = common_.result();
+      common && is_beyond(*common, common_) && all_alike(*common))
+    return news_of_all();
   return news_of_one();
 }
 

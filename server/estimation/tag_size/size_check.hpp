@@ -24,13 +24,14 @@ struct SizeFinding {
   double sigma{};             ///< 1-sigma of `ratio`.
 };
 
-/// Compares how far tags seem to move, in units of their configured size, with how far the body moved, in metres.
+/// Compares how far tags seem to move, in units of their configured size, with how far the body
+/// moved, in metres.
 ///
-/// The metres come from the accelerometer (each tag for itself; the filter's places are not used, because wrong sizes spoil
-/// them first), and, when three tags are seen, from the
-/// filter, whose place they hold together. Looks of two
-/// seconds each; what a look cannot know (velocity, tilt, bias, lever arm, clock) is left open in it. Slow motion says nothing, and then
-/// nothing is said. Warns only: the filter never hears of it. Allocates nothing but for a tag's first look.
+/// The metres come from the accelerometer (each tag for itself; the filter's places are not used,
+/// because wrong sizes spoil them first), and, when three tags are seen, from the filter, whose
+/// place they hold together. Looks of two seconds each; what a look cannot know (velocity, tilt,
+/// bias, lever arm, clock) is left open in it. Slow motion says nothing, and then nothing is said.
+/// Warns only: the filter never hears of it. Allocates nothing but for a tag's first look.
 class SizeCheck final {
  public:
   SizeCheck(BodySensors sensors, double corner_noise_px);
@@ -40,7 +41,7 @@ class SizeCheck final {
   /// What the filter made of an image.
   struct Image {
     const TagObservations& seen;
-    const BodyEstimate& estimate;     ///< At the image, after its update.
+    const BodyEstimate& estimate;  ///< At the image, after its update.
     const UpdateReport& report;
     std::span<const TagBelief> own;   ///< The filter's tags …
     std::span<const KnownTag> known;  ///< … and the map's: their attitudes are used, if there.
@@ -48,8 +49,8 @@ class SizeCheck final {
   /// Every image for which the filter has an estimate, in order of time.
   void add(const Image& image);
 
-  /// The worst tag of those that no finding was made of yet, or all; each is said once, and again when its ratio has changed by
-  /// more than 5 %.
+  /// The worst tag of those that no finding was made of yet, or all; each is said once, and again
+  /// when its ratio has changed by more than 5 %.
   [[nodiscard]] std::optional<SizeFinding> take_news();
 
   /// For tests and benches: what is known by now. By the accelerometer, all tags together, …
@@ -59,23 +60,26 @@ class SizeCheck final {
 
  private:
   static constexpr int kNearUnknowns = 10;  ///< κ, place of the tag, lever arm, turn of the camera
-  static constexpr int kFarUnknowns = 20;   ///< and velocity, constant force, accelerometer bias, clock
-  static constexpr std::size_t kMostAtOnce = 8;
+  static constexpr int kFarUnknowns =
+      20;  ///< and velocity, constant force, accelerometer bias, clock
+  static constexpr std::size_t kMostAtOnce = 16;
 
   // Places of a filter are much better known than accelerations.
+  static constexpr ScaleScore::Rules kByImu{6, 0.03};
   static constexpr ScaleScore::Rules kAgainstOthers{3, 0.015};
 
   struct Look {
     int tag_id{-1};  ///< -1: free
     double edge_m{};
-    Eigen::Quaterniond q_MT{};  ///< As it stands, in the axes in which the body's attitude is followed.
+    Eigen::Quaterniond
+        q_MT{};  ///< As it stands, in the axes in which the body's attitude is followed.
     ScaleFit<kFarUnknowns> by_imu;
     ScaleFit<kNearUnknowns> by_others;
   };
   struct Score {
     int tag_id{};
     double edge_m{};
-    ScaleScore by_imu{ScaleScore::Rules{}};
+    ScaleScore by_imu{kByImu};
     ScaleScore by_others{kAgainstOthers};
     double said{0};  ///< Logarithm; 0: nothing.
   };
@@ -85,7 +89,8 @@ class SizeCheck final {
   void finish();
   void look_at(const TagObservation& tag, const Image& image);
   /// nullptr: too many tags at once
-  [[nodiscard]] Look* look_of(const TagObservation& tag, const Image& image, const Eigen::Quaterniond& q_MV);
+  [[nodiscard]] Look* look_of(const TagObservation& tag, const Image& image,
+                              const Eigen::Quaterniond& q_MV);
   void compare_with_imu(const ScaleFit<kFarUnknowns>::Vector& prior);
   void compare_with_others(const ScaleFit<kNearUnknowns>::Vector& prior);
   [[nodiscard]] Score* score_of(const Look& look);
@@ -97,16 +102,16 @@ class SizeCheck final {
   BodySensors sensors_;
   double corner_noise_px_;
   MotionWindow motion_;
-  bool open_{false};         ///< A look is going on …
-  bool imu_holds_{false};    ///< … and the IMU's readings in it are good …
-  bool others_hold_{false};  ///< … and the filter's workspace stayed the same.
+  bool open_{false};                       ///< A look is going on …
+  bool imu_holds_{false};                  ///< … and the IMU's readings in it are good …
+  bool others_hold_{false};                ///< … and the filter's workspace stayed the same.
   std::optional<Eigen::Vector3d> bias_w_;  ///< When the filter last knew it well.
   Instant begun_at_{};
   int camera_{};  ///< The one that began the look: a look is one camera's.
   Eigen::Vector3d p_WB_begin_{Eigen::Vector3d::Zero()};
   std::array<Look, kMostAtOnce> looks_{};
   std::vector<Score> scores_;  ///< By order of first look.
-  ScaleScore common_{ScaleScore::Rules{6}};
+  ScaleScore common_{kByImu};
   double common_said_{0};
   bool fresh_{false};  ///< A look has ended since news were taken.
 };
