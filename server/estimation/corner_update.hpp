@@ -13,7 +13,8 @@ namespace fiducap {
 /// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its memory between images.
 ///
 /// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`, `held_tags()`, and next to it
-///                `TagMeasurement measure(const State&, int camera, const CameraModel&, const TagToUse&, double noise_px)`
+///                `TagMeasurement measure(const State&, int camera, const CameraModel&, const TagToUse&, double noise_px)` and
+///                `void carry_covariance(State&, correction, int camera)`
 template <class State>
 class CornerUpdate final {
  public:
@@ -53,6 +54,7 @@ class CornerUpdate final {
       state.add_error(update_.correction());
     }
     update_.shrink(state.P(), state.held_tags());
+    carry_covariance(state, update_.correction(), camera);
     report.nis_dof = update_.rows();
     build(state, camera, model, tags, noise);
     report.reprojection_px = update_.rms_px(measurements_);

@@ -65,4 +65,7 @@ struct FilterState {
 /// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and `anchored` are left alone.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
 
+/// Nothing to do: a tag's place is in camera or body axes, no error has a lever arm that a correction changes.
+inline void carry_covariance(FilterState& /*state*/, const Eigen::Ref<const Eigen::VectorXd>& /*correction*/, int /*camera*/) {}
+
 }  // namespace fiducap::robocentric

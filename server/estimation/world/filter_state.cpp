@@ -8,6 +8,9 @@ namespace fiducap::world {
 
 namespace {
 
+// A lever arm that changed by less stays what it was: with errors of turning below 0.1 rad that is a micrometre.
+constexpr double kNoticeable_m = 1e-5;
+
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
@@ -18,6 +21,12 @@ void add_world_error(Pose& X, const ErrorRef& error) {
   const Eigen::Quaterniond turn = exp_so3(phi);
   X.q = (turn * X.q).normalized();
   X.p = turn * X.p + left_jacobian_so3(phi) * error.head<3>();
+}
+
+/// Where add_world_error has moved the point to p from.
+Eigen::Vector3d before_error(const Eigen::Vector3d& p, const ErrorRef& error) {
+  const Eigen::Vector3d phi = error.tail<3>();
+  return exp_so3(-phi) * (p - left_jacobian_so3(phi) * error.head<3>());
 }
 
 /// Inverse of add_world_error. @return the left Jacobian of the turning
@@ -160,6 +169,28 @@ void extrinsics_to_camera_errors(FilterState& state) {
       P.row(k).segment<6>(at) = turned.transpose() + P.row(k).segment<6>(layout::kPosition);
     }
   }
+}
+
+void carry_covariance(FilterState& state, const ErrorRef& correction, int camera) {
+  auto P = state.P();
+  const int turn_V = layout::camera(camera) + 3;
+  const auto carry = [&](int at, const Eigen::Vector3d& p) {
+    const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
+    if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
+    const Eigen::Matrix3d J = skew(moved);
+    // Column by column, then row by row: nothing is allocated.
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      const Eigen::Vector3d apart = P.col(k).segment<3>(at + 3) - P.col(k).segment<3>(turn_V);
+      P.col(k).segment<3>(at) += J * apart;
+    }
+    for (Eigen::Index k = 0; k < P.rows(); ++k) {
+      const Eigen::Vector3d apart = P.row(k).segment<3>(at + 3) - P.row(k).segment<3>(turn_V);
+      P.row(k).segment<3>(at) += (J * apart).transpose();
+    }
+  };
+  carry(layout::kPosition, state.X_WB.p);
+  for (int c = 0; c < state.cameras(); ++c) carry(layout::camera(c), state.X_WV(c).p);
+  for (std::size_t i = 0; i < state.tags.size(); ++i) carry(state.tag_at(i), state.tags[i].X_WT.p);
 }
 
 Matrix6d extrinsics_covariance(const FilterState& state, int camera) {

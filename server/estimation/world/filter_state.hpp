@@ -109,6 +109,15 @@ void extrinsics_to_camera_errors(FilterState& state);
 
 /// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left alone.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
+/// The covariance goes along when an update with an image of `camera` has moved the mean by `correction` (add_error).
+///
+/// What images said so far is about lever arms as they were then: seen from a camera, the place of a tag is off by
+/// ρ_T − ρ_V + (φ_T − φ_V) × p_T. Corrections move p_T, above all along the line of sight of a tag just met. With ρ_T left
+/// alone that expression would change its meaning, and the tilt of the tag against the camera, (φ_T − φ_V), seem known from
+/// the difference. So ρ_T gives way. Body and other cameras likewise. (The point form of the right-invariant error does
+/// this by itself, at the price of an IMU step that touches every tag.)
+void carry_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction, int camera);
+
 /// Position (additive) and rotation vector of X_BV, both in B axes.
 [[nodiscard]] Matrix6d extrinsics_covariance(const FilterState& state, int camera);
 /// A tag with its covariance.

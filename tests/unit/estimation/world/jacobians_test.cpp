@@ -144,6 +144,39 @@ TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
 
 INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, WorldMeasurement, testing::Combine(testing::Values(0, 1), testing::Bool()));
 
+/// How much the place of point `at` (mean p), seen from camera c, is uncertain; W axes.
+Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at, const Eigen::Vector3d& p) {
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3, state.size());
+  A.middleCols<3>(at) += Eigen::Matrix3d::Identity();
+  A.middleCols<3>(at + 3) -= skew(p);
+  A.middleCols<3>(layout::camera(c)) -= Eigen::Matrix3d::Identity();
+  A.middleCols<3>(layout::camera(c) + 3) += skew(p);
+  return A * state.P() * A.transpose();
+}
+
+TEST(WorldCorrection, WhatACameraKnowsAboutPlacesStaysWhenTheyMove) {
+  for (int camera = 0; camera < 2; ++camera) {
+    const FilterState before = example_state();
+    FilterState after = before;
+    const Eigen::VectorXd correction = 0.2 * Eigen::VectorXd::LinSpaced(before.size(), -1, 1.3);
+    after.add_error(correction);
+    carry_covariance(after, correction, camera);
+
+    EXPECT_LT((after.P() - after.P().transpose()).norm(), 1e-12 * after.P().norm());
+    const auto expect_same = [&](int at, const Eigen::Vector3d& p_before, const Eigen::Vector3d& p_after) {
+      const Eigen::Matrix3d known = seen_from_camera(before, camera, at, p_before);
+      EXPECT_LT((seen_from_camera(after, camera, at, p_after) - known).norm(), 1e-11 * known.norm());
+      // … and would not stay by itself.
+      EXPECT_GT((seen_from_camera(before, camera, at, p_after) - known).norm(), 1e-2 * known.norm());
+    };
+    expect_same(layout::kPosition, before.X_WB.p, after.X_WB.p);
+    expect_same(layout::camera(1 - camera), before.X_WV(1 - camera).p, after.X_WV(1 - camera).p);
+    for (std::size_t i = 0; i < before.tags.size(); ++i) {
+      expect_same(before.tag_at(i), before.tags[i].X_WT.p, after.tags[i].X_WT.p);
+    }
+  }
+}
+
 TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
   for (const bool level : {true, false}) {
     HeadingRule rule;
