@@ -1,7 +1,5 @@
 #include "simulation/size_run.hpp"
 
-#include <algorithm>
-#include <map>
 #include <memory>
 
 #include "capture/sample_merger.hpp"
@@ -11,20 +9,6 @@
 namespace fiducap {
 
 namespace {
-
-int most_seen(const EstimationData& data) {
-  std::map<int, int> count;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    for (const TagSighting& tag : image->tags) {
-      if (tag.tag_id != data.reference_tag) ++count[tag.tag_id];
-    }
-  }
-  const auto most = std::max_element(
-      count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  return most == count.end() ? -1 : most->first;
-}
 
 BodySensors sensors_of(const EstimationData& data) {
   BodySensors sensors;
@@ -93,7 +77,7 @@ class Runner {
 
 SizeRun run_sizes(SimulatedDataSetup setup, const std::string& filter, const Misprint& misprint) {
   EstimationData data = simulate(setup);
-  const int tag = most_seen(data);
+  const int tag = most_seen_tag(data);
   if (misprint.fault) {
     misprint.fault(setup.faults, tag, setup.seconds);
     data = simulate(setup);
