@@ -49,6 +49,18 @@ constexpr double kWorstByImu = 6.0;
 constexpr double kWorstByOthers = 20.0;
 constexpr double kChanged = 0.05;
 
+// First columns of the unknowns of a look; blocks of three but for κ and the clock.
+namespace column {
+constexpr int kKappa = 0;
+constexpr int kPlace = 1;     ///< of the tag
+constexpr int kLeverArm = 4;  ///< B axes
+constexpr int kTurn = 7;      ///< of the camera, V axes
+constexpr int kVelocity = 10;
+constexpr int kForce = 13;  ///< W axes: tilt, and a bias while the body turns little
+constexpr int kBias = 16;   ///< B axes
+constexpr int kClock = 19;
+}  // namespace column
+
 bool is_beyond(const LogScale& found, const ScaleScore& score) {
   return std::abs(found.value) > std::max(kTolerance, kSigmas * found.sigma) &&
          score.agreement(found.value) >= kAgreement;
@@ -105,11 +117,18 @@ void SizeCheck::add(const ImuSample& imu) {
 void SizeCheck::add(const Image& image) {
   if (image.report.gauge_shift) others_hold_ = false;
   if (open_ && to_seconds(image.seen.exposed_at - begun_at_) > kLook_s) finish();
+  note_bias(image.estimate);
   if (image.seen.tags.empty() || image.estimate.at != image.seen.exposed_at) return;
   if (!open_) begin(image);
   if (image.seen.camera != camera_) return;
   if (imu_holds_) imu_holds_ = motion_.move_to(image.seen.exposed_at);
   for (const TagObservation& tag : image.seen.tags) look_at(tag, image);
+}
+
+void SizeCheck::note_bias(const BodyEstimate& estimate) {
+  // Wrong sizes make a filter start again and again: what it once knew of the gyro still holds.
+  const auto variance = estimate.covariance.diagonal().segment<3>(estimate_block::kBiasW);
+  if (variance.maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s) bias_w_ = estimate.bias_w;
 }
 
 void SizeCheck::begin(const Image& image) {
@@ -118,11 +137,6 @@ void SizeCheck::begin(const Image& image) {
   camera_ = image.seen.camera;
   p_WB_begin_ = image.estimate.X_WB.p;
   others_hold_ = true;
-  const auto bias =
-      image.estimate.covariance.block<3, 3>(estimate_block::kBiasW, estimate_block::kBiasW);
-  // Wrong sizes make a filter start again and again: what it once knew of the gyro still holds.
-  if (bias.diagonal().maxCoeff() < kKnownBias_rad_s * kKnownBias_rad_s)
-    bias_w_ = image.estimate.bias_w;
   imu_holds_ = has_imu() && bias_w_;
   if (imu_holds_)
     motion_.restart(begun_at_, image.estimate.X_WB.q, *bias_w_, {0, 0, -sensors_.gravity_m_s2});
@@ -169,31 +183,31 @@ void SizeCheck::look_at(const TagObservation& tag, const Image& image) {
                        const Eigen::Vector3d& p_WB) {
     const Eigen::Matrix3d R_WB = q_WB.toRotationMatrix();
     const Eigen::Matrix3d R_WV = R_WB * mount.X_BV.rotation();
-    J.col(0) = -(p_WB + R_WB * mount.X_BV.p);
-    J.template middleCols<3>(1).setIdentity();
-    J.template middleCols<3>(4) = -R_WB;
-    J.template middleCols<3>(7) = R_WV * skew(sighted->p_VT);
+    J.col(column::kKappa) = -(p_WB + R_WB * mount.X_BV.p);
+    J.template middleCols<3>(column::kPlace).setIdentity();
+    J.template middleCols<3>(column::kLeverArm) = -R_WB;
+    J.template middleCols<3>(column::kTurn) = R_WV * skew(sighted->p_VT);
     fit.add(J, R_WV * sighted->p_VT, R_WV * weight_V * R_WV.transpose());
   };
   if (others_hold_) {
-    ScaleFit<kNearUnknowns>::Columns J;
+    ScaleFit<kUnknownsByOthers>::Columns J;
     put(look->by_others, J, image.estimate.X_WB.q, image.estimate.X_WB.p - p_WB_begin_);
   }
   if (!imu_holds_) return;
   const double t = motion_.seconds();
-  ScaleFit<kFarUnknowns>::Columns J;
-  J.middleCols<3>(10) = -t * Eigen::Matrix3d::Identity();
-  J.middleCols<3>(13) = -0.5 * t * t * Eigen::Matrix3d::Identity();
-  J.middleCols<3>(16) = -motion_.way_by_bias();
+  ScaleFit<kUnknownsByImu>::Columns J;
+  J.middleCols<3>(column::kVelocity) = -t * Eigen::Matrix3d::Identity();
+  J.middleCols<3>(column::kForce) = -0.5 * t * t * Eigen::Matrix3d::Identity();
+  J.middleCols<3>(column::kBias) = -motion_.way_by_bias();
   const Eigen::Vector3d p_BT = mount.X_BV * sighted->p_VT;
-  J.col(19) = -(motion_.q_WB() * motion_.rate_B().cross(p_BT) + motion_.speed());
+  J.col(column::kClock) = -(motion_.q_WB() * motion_.rate_B().cross(p_BT) + motion_.speed());
   put(look->by_imu, J, motion_.q_WB(), motion_.way());
 }
 
 void SizeCheck::finish() {
   open_ = false;
   const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(camera_)];
-  ScaleFit<kFarUnknowns>::Vector prior;
+  ScaleFit<kUnknownsByImu>::Vector prior;
   prior << information(kAnyKappa), Eigen::Vector3d::Constant(information(kAnywhere_m)),
       Eigen::Vector3d::Constant(information(std::max(1e-3, mount.position_sigma_m))),
       Eigen::Vector3d::Constant(information(std::max(1e-3, mount.rotation_sigma_rad))),
@@ -201,11 +215,11 @@ void SizeCheck::finish() {
       Eigen::Vector3d::Constant(information(kForce_m_s2)),
       Eigen::Vector3d::Constant(information(kBias_m_s2)), information(kClock_s);
   compare_with_imu(prior);
-  if (others_hold_) compare_with_others(prior.head<kNearUnknowns>());
+  if (others_hold_) compare_with_others(prior.head<kUnknownsByOthers>());
   fresh_ = true;
 }
 
-void SizeCheck::compare_with_imu(const ScaleFit<kFarUnknowns>::Vector& prior) {
+void SizeCheck::compare_with_imu(const ScaleFit<kUnknownsByImu>::Vector& prior) {
   double weights = 0;
   double sum = 0;
   for (const Look& look : looks_) {
@@ -219,7 +233,7 @@ void SizeCheck::compare_with_imu(const ScaleFit<kFarUnknowns>::Vector& prior) {
   if (weights > 0) common_.add({sum / weights, 1 / std::sqrt(weights)});
 }
 
-void SizeCheck::compare_with_others(const ScaleFit<kNearUnknowns>::Vector& prior) {
+void SizeCheck::compare_with_others(const ScaleFit<kUnknownsByOthers>::Vector& prior) {
   std::array<std::optional<LogScale>, kMostAtOnce> found;
   std::array<double, kMostAtOnce> sorted{};
   std::size_t count = 0;
@@ -290,11 +304,12 @@ std::optional<SizeFinding> SizeCheck::news_of_one() {
   LogScale how{};
   for (Score& score : scores_) {
     const auto found = verdict_on(score);
-    if (!found || (worst != nullptr && std::abs(found->value) <= std::abs(how.value))) continue;
+    if (!found || std::abs(found->value - score.said) < kChanged) continue;
+    if (worst != nullptr && std::abs(found->value) <= std::abs(how.value)) continue;
     worst = &score;
     how = *found;
   }
-  if (worst == nullptr || std::abs(how.value - worst->said) < kChanged) return std::nullopt;
+  if (worst == nullptr) return std::nullopt;
   worst->said = how.value;
   const double ratio = std::exp(how.value);
   return SizeFinding{worst->tag_id, worst->edge_m, ratio, ratio * how.sigma};

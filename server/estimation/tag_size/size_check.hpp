@@ -49,7 +49,7 @@ class SizeCheck final {
   /// Every image for which the filter has an estimate, in order of time.
   void add(const Image& image);
 
-  /// The worst tag of those that no finding was made of yet, or all; each is said once, and again
+  /// All tags, or the worst of those that nothing was said of yet; each is said once, and again
   /// when its ratio has changed by more than 5 %.
   [[nodiscard]] std::optional<SizeFinding> take_news();
 
@@ -59,9 +59,10 @@ class SizeCheck final {
   [[nodiscard]] std::optional<LogScale> of_tag(int tag_id, bool by_imu) const;
 
  private:
-  static constexpr int kNearUnknowns = 10;  ///< κ, place of the tag, lever arm, turn of the camera
-  static constexpr int kFarUnknowns =
-      20;  ///< and velocity, constant force, accelerometer bias, clock
+  // κ, place of the tag, lever arm, turn of the camera …
+  static constexpr int kUnknownsByOthers = 10;
+  // … and velocity, constant force, accelerometer bias, clock.
+  static constexpr int kUnknownsByImu = 20;
   static constexpr std::size_t kMostAtOnce = 16;
 
   // Places of a filter are much better known than accelerations.
@@ -71,10 +72,9 @@ class SizeCheck final {
   struct Look {
     int tag_id{-1};  ///< -1: free
     double edge_m{};
-    Eigen::Quaterniond
-        q_MT{};  ///< As it stands, in the axes in which the body's attitude is followed.
-    ScaleFit<kFarUnknowns> by_imu;
-    ScaleFit<kNearUnknowns> by_others;
+    Eigen::Quaterniond q_MT{};  ///< In the axes in which the body's attitude is followed.
+    ScaleFit<kUnknownsByImu> by_imu;
+    ScaleFit<kUnknownsByOthers> by_others;
   };
   struct Score {
     int tag_id{};
@@ -85,14 +85,15 @@ class SizeCheck final {
   };
 
   [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
+  void note_bias(const BodyEstimate& estimate);
   void begin(const Image& image);
   void finish();
   void look_at(const TagObservation& tag, const Image& image);
-  /// nullptr: too many tags at once
+  /// nullptr: too many tags at once, or nobody knows how it stands
   [[nodiscard]] Look* look_of(const TagObservation& tag, const Image& image,
                               const Eigen::Quaterniond& q_MV);
-  void compare_with_imu(const ScaleFit<kFarUnknowns>::Vector& prior);
-  void compare_with_others(const ScaleFit<kNearUnknowns>::Vector& prior);
+  void compare_with_imu(const ScaleFit<kUnknownsByImu>::Vector& prior);
+  void compare_with_others(const ScaleFit<kUnknownsByOthers>::Vector& prior);
   [[nodiscard]] Score* score_of(const Look& look);
   [[nodiscard]] bool all_alike(const LogScale& common) const;
   [[nodiscard]] std::optional<LogScale> verdict_on(const Score& score) const;

@@ -141,6 +141,18 @@ TEST_F(SizeCheckTest, NamesTheOneTagThatIsOff) {
   EXPECT_NEAR(news.front().edge_m, kEdge_m / 1.1, 1e-12);
 }
 
+TEST_F(SizeCheckTest, NamesEveryTagThatIsOffTheWorstFirst) {
+  tags_[3] = {tags_[0].q, {0.5, -0.9, 4.2}};
+  tags_[4] = {tags_[1].q, {-0.4, -0.5, 3.8}};
+  printed_ = {{1, 1.1}, {3, 0.8}};
+  const auto news = run(40);
+  ASSERT_EQ(news.size(), 2u);
+  EXPECT_EQ(news[0].tag_id, 3);
+  EXPECT_NEAR(news[0].ratio, 0.8, kExact);
+  EXPECT_EQ(news[1].tag_id, 1);
+  EXPECT_NEAR(news[1].ratio, 1.1, kExact);
+}
+
 TEST_F(SizeCheckTest, NamesItWithoutImuByTheOtherTags) {
   told_.imu.reset();
   printed_ = {{2, 0.9}};
