@@ -96,7 +96,10 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] std::vector<SightedTag> sighted(int camera) const;
   bool move_to(const TagObservations& seen);
   bool move_by_corners(const TagObservations& seen);
+  [[nodiscard]] bool has_turned_blindly() const;
   bool come_back(const TagObservations& seen);
+  /// One tag whose views since, compared with the gyro, decide its branch.
+  bool come_back_by_views(const TagObservations& seen);
   void jump(const Pose& X_WB, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(UpdateReport& report);
@@ -150,6 +153,7 @@ class WorldFilter final : public BodyFilter {
   int barren_updates_{0};    ///< In a row: tags to use, none accepted.
   int strained_updates_{0};  ///< In a row: at least half of the tags not accepted.
   int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
+  bool is_attitude_lost_{false};  ///< Adrift, and the gyro does not say how the body turned since.
 };
 
 }  // namespace fiducap::world
