@@ -26,8 +26,10 @@ inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;
 // Images in a row in which at least half of the usable tags contradict, before the camera's clock is thought to have jumped.
 inline constexpr int kStrainedToReopenClock = 5;
-// Images in a row with usable tags and none accepted, before everything is given up.
+// Images in a row with usable tags and none accepted, before everything is given up …
 inline constexpr int kBarrenToRestart = 20;
+// … and when they all show one and the same tag, which may just have been moved, and an IMU bridges the time.
+inline constexpr int kBarrenToRestartByOneTag = 80;
 // A tag is believed to be there after so many views.
 inline constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.

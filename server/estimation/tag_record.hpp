@@ -16,11 +16,13 @@ struct TagRecord {
   int sightings{};
   Instant first_seen{};
   Instant last_seen{};
-  int rejected_in_row{};
+  int rejected_in_row{};  ///< By images that accepted other tags.
+  int rejected_alone{};   ///< By images that accepted none, since one last did.
 };
 
 /// Notes which tags an update accepted. A tag that keeps contradicting the others is gone from its place: it leaves the
-/// state, and may join again like a new one. An update that accepts none blames no tag.
+/// state, and may join again like a new one. An update that accepts none blames no tag yet: the filter may be wrong itself.
+/// If the next tag then fits, it was not.
 /// @param state  has `tags` (of TagRecord) and `remove_tag(i)`
 /// @return ids of the tags that left
 template <class State>
@@ -28,21 +30,25 @@ template <class State>
                                           const std::vector<bool>& accepted, Instant at) {
   constexpr int kRejectionsToDrop = 10;  // contradictions in a row before a tag is given up
   const bool any = std::find(accepted.begin(), accepted.end(), true) != accepted.end();
-  for (std::size_t i = 0; any && i < used.size(); ++i) {
+  for (std::size_t i = 0; i < used.size(); ++i) {
     if (used[i].local < 0) continue;
     TagRecord& tag = state.tags[static_cast<std::size_t>(used[i].local)];
     if (accepted[i]) {
       ++tag.sightings;
       tag.last_seen = at;
-      tag.rejected_in_row = 0;
+      tag.rejected_in_row = tag.rejected_alone = 0;
     } else {
-      ++tag.rejected_in_row;
+      ++(any ? tag.rejected_in_row : tag.rejected_alone);
     }
   }
+  if (!any) return {};
   std::vector<int> left;
   for (std::size_t i = state.tags.size(); i-- > 0;) {
-    if (state.tags[i].rejected_in_row < kRejectionsToDrop) continue;
-    left.push_back(state.tags[i].tag_id);
+    TagRecord& tag = state.tags[i];
+    const bool is_gone = tag.rejected_in_row >= kRejectionsToDrop || tag.rejected_alone >= kRejectionsToDrop;
+    tag.rejected_alone = 0;
+    if (!is_gone) continue;
+    left.push_back(tag.tag_id);
     state.remove_tag(i);
   }
   return left;

@@ -234,6 +234,19 @@ TEST(WorldFilterClock, AKnownRollingShutterCostsNothing) {
   EXPECT_LT(cost_of(data, [](const ClockEstimate&) {}), 1.25);
 }
 
+TEST(WorldFilterMovedTag, ThatIsSeenAloneLeavesAndTheOthersStay) {
+  for (const std::uint64_t seed : {2, 3, 6, 7}) {
+    SimulatedDataSetup data{.world = "sparse", .seconds = 50.0, .seed = seed};
+    data.faults.moved_tag = most_seen_tag(simulate(data));
+    data.faults.moved_at_s = 30.0;
+    data.faults.moved_by_m = {0.2, 0.2, 0.1};
+    const FilterRun one = run({.filter = "world", .data = data});
+    EXPECT_EQ(one.tags_dropped, 1) << "seed " << seed;
+    EXPECT_GT(one.frames_with_pose, 0.97 * one.frames_with_tags) << "seed " << seed;
+    EXPECT_LT(one.scored_after(32.0).mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 3.0) << "seed " << seed;
+  }
+}
+
 TEST(WorldFilterBlindness, AGyroAtItsEndInQuickMotionLeavesNoWrongPlaceBehind) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SimulatedDataSetup data{.world = "sparse", .seconds = 40.0, .seed = seed};

@@ -22,8 +22,6 @@ namespace {
 constexpr std::size_t kHeldOutOfView = 12;
 // A map tag that moved more than this has got a new place from the map.
 constexpr double kSamePlace = 1e-9;
-// A gyro that was blind for so long that the attitude may be off by this, 1-sigma, leaves nothing to linearise at.
-constexpr double kBlindTurn_rad = 0.4;
 
 bool same_place(const Pose& a, const Pose& b) {
   return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
@@ -102,18 +100,6 @@ void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
 
 bool WorldFilter::running() const {
   return mode_ == Mode::kRunning && (anchor_ != Anchor::kNone || !state_.tags.empty());
-}
-
-void WorldFilter::lose_motion() {
-  if (mode_ != Mode::kRunning) return;
-  if (!running()) return restart();
-  mode_ = Mode::kAdrift;
-  motion_.restart();
-  attitude_.restart();
-  candidates_.forget_all();
-  memory_.forget_all();
-  state_.forget_clones();
-  return_attempts_ = 0;
 }
 
 void WorldFilter::start(Instant at) {
@@ -276,7 +262,7 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
   // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
   if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
-  if (barren_updates_ >= kBarrenToRestart) restart();
+  if (barren_updates_ >= (is_one_tag_against_all() ? kBarrenToRestartByOneTag : kBarrenToRestart)) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
   charge(seen, report);
@@ -316,47 +302,6 @@ bool WorldFilter::move_by_corners(const TagObservations& seen) {
   // … and the prior mean is where the old velocity and rate would have led.
   state_.add_error(moved);
   return true;
-}
-
-bool WorldFilter::has_turned_blindly() const {
-  return has_imu() && state_.P().diagonal().segment<3>(kAttitude).maxCoeff() > kBlindTurn_rad * kBlindTurn_rad;
-}
-
-bool WorldFilter::come_back(const TagObservations& seen) {
-  PlaceGuess guess{state_.X_WB, kUnknownPosition_m, kUnknownAngle_rad};
-  if (has_imu()) {
-    if (!attitude_.ready()) return false;
-    guess.X_AB.q = state_.X_WB.q * attitude_.q_LB(seen.exposed_at, state_.bias_w);
-    if (!is_attitude_lost_) guess.rotation_sigma_rad = kGyroTurn_rad;
-  }
-  const auto found = find_place(sighted(seen.camera), guess, config_.corner_noise_px);
-  ++return_attempts_;
-  const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
-  if (found && (found->evidence >= config_.branch_evidence || forced)) {
-    jump(found->X_AB, seen.exposed_at);
-    return true;
-  }
-  return has_imu() && come_back_by_views(seen);
-}
-
-bool WorldFilter::come_back_by_views(const TagObservations& seen) {
-  for (const TagToUse& tag : usable_) {
-    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, Patience{});
-    if (!verdict) continue;
-    const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
-    jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);
-    return true;
-  }
-  return false;
-}
-
-void WorldFilter::jump(const Pose& X_WB, Instant at) {
-  forget_motion(state_, X_WB, has_imu());
-  motion_.restart();
-  state_.time = at;
-  mode_ = Mode::kRunning;
-  is_attitude_lost_ = false;
 }
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {

@@ -97,6 +97,8 @@ class WorldFilter final : public BodyFilter {
   bool move_to(const TagObservations& seen);
   bool move_by_corners(const TagObservations& seen);
   [[nodiscard]] bool has_turned_blindly() const;
+  /// Images contradict, but all by the same tag.
+  [[nodiscard]] bool is_one_tag_against_all() const;
   bool come_back(const TagObservations& seen);
   /// One tag whose views since, compared with the gyro, decide its branch.
   bool come_back_by_views(const TagObservations& seen);
