@@ -37,26 +37,29 @@ void TagCandidates::forget(int tag_id) {
   std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
 }
 
-std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                         const std::optional<CameraAttitude>& attitude, const Patience& patience) {
+std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen, const CameraModel& model, double noise_px,
+                                               const std::optional<CameraAttitude>& attitude, const Patience& patience) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
   ++candidate.seen_times;
   const bool forced = patience.forced_after > 0 && candidate.seen_times >= patience.forced_after;
-  const auto decided = attitude ? judge_turning(candidate, seen, model, poses, attitude->q_WV, forced)
-                                : judge_alone(candidate, poses, forced);
+  const double noise = std::max(noise_px, config_.corner_noise_px);
+  const double weight = 1.0 / (noise * noise);
+  const auto decided = attitude ? judge_turning(candidate, seen, model, weight, poses, attitude->q_WV, forced)
+                                : judge_alone(candidate, weight, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
   forget(seen.tag_id);
   return decided;
 }
 
 std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, const TagObservation& seen,
-                                                 const CameraModel& model, const std::array<TagPose, 2>& poses,
-                                                 const Eigen::Quaterniond& q_WV, bool forced) {
+                                                       const CameraModel& model, double weight,
+                                                       const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
+                                                       bool forced) {
   auto& views = candidate.views;
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
-  views.push_back({seen, q_WV, poses[0].X_VT.p});
+  views.push_back({seen, weight, q_WV, poses[0].X_VT.p});
   Branch best = fit(views, model, q_WV * poses[0].X_VT.q, true);
   const auto mirror = [&] { return q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p); };
   Branch rival = fit(views, model, mirror(), true);
@@ -80,7 +83,6 @@ std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, con
 
 TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
                                          Eigen::Quaterniond q_WT, bool turns) const {
-  const double weight = 1.0 / (config_.corner_noise_px * config_.corner_noise_px);
   double cost = 0;
   for (int step = 0; step < kFitSteps; ++step) {
     // Normal equations of the shared attitude, each view's own position eliminated (Schur complement).
@@ -96,9 +98,9 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
       const Eigen::LDLT<Eigen::Matrix3d> pp((H_p.transpose() * H_p).eval());
       const Eigen::Matrix3d pq = H_p.transpose() * H_q;
       const Eigen::Vector3d own = pp.solve(H_p.transpose() * r.y);
-      A += H_q.transpose() * H_q - pq.transpose() * pp.solve(pq);
-      b += H_q.transpose() * r.y - pq.transpose() * own;
-      cost += weight * (r.y - H_p * own).squaredNorm();
+      A += view.weight * (H_q.transpose() * H_q - pq.transpose() * pp.solve(pq));
+      b += view.weight * (H_q.transpose() * r.y - pq.transpose() * own);
+      cost += view.weight * (r.y - H_p * own).squaredNorm();
       view.p_VT += own;
     }
     if (!turns) continue;
@@ -111,8 +113,8 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
   return {q_WT, cost};
 }
 
-std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced) {
-  const double weight = 4.0 / (config_.corner_noise_px * config_.corner_noise_px);
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, double weight, const std::array<TagPose, 2>& poses,
+                                                     bool forced) {
   // Follow the branch that turned least since the last view; the first view follows its better one.
   bool follows_better = true;
   if (candidate.seen_times > 1) {
@@ -122,8 +124,8 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];
   candidate.followed_q_VT = followed.X_VT.q;
-  candidate.followed_cost += weight * followed.rms_px * followed.rms_px;
-  candidate.rival_cost += weight * rival.rms_px * rival.rms_px;
+  candidate.followed_cost += 4 * weight * followed.rms_px * followed.rms_px;  // rms over four corners
+  candidate.rival_cost += 4 * weight * rival.rms_px * rival.rms_px;
   const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
   const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their difference does.

@@ -37,10 +37,12 @@ class TagCandidates final {
  public:
   explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
 
+  /// @param noise_px     of this sighting's corners, 1-sigma; at least the configured noise is reckoned with: what sharp
+  ///                     corners leave is shared by the views of a tag, and many of them must not add up to certainty
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is added up
   /// @return nullopt while its branch is not certain
-  [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen, const CameraModel& model,
-                                          const std::optional<CameraAttitude>& attitude, const Patience& patience);
+  [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen, const CameraModel& model, double noise_px,
+                                                const std::optional<CameraAttitude>& attitude, const Patience& patience);
   void forget(int tag_id);
   void forget_all() { candidates_.clear(); }
   [[nodiscard]] std::size_t size() const { return candidates_.size(); }
@@ -48,6 +50,7 @@ class TagCandidates final {
  private:
   struct View {
     TagObservation seen;
+    double weight{};  ///< 1/px²
     Eigen::Quaterniond q_WV;
     Eigen::Vector3d p_VT;
   };
@@ -65,9 +68,9 @@ class TagCandidates final {
   /// @param turns  false: the attitude is given, only the views' distances are fitted
   [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model, Eigen::Quaterniond q_WT, bool turns) const;
   [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, const TagObservation& seen, const CameraModel& model,
-                                                  const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV,
-                                                  bool forced);
-  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const std::array<TagPose, 2>& poses, bool forced);
+                                                        double weight, const std::array<TagPose, 2>& poses,
+                                                        const Eigen::Quaterniond& q_WV, bool forced);
+  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, double weight, const std::array<TagPose, 2>& poses, bool forced);
 
   EstimatorConfig config_;
   std::map<std::pair<int, int>, Candidate> candidates_;  ///< By tag id and camera.

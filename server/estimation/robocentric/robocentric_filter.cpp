@@ -263,7 +263,7 @@ void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateRepor
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude,
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), corner_noise_.of(*tag.seen), attitude,
                                            {.at_least = at_least, .forced_after = forced_after});
     if (!verdict || !admit(seen, tag, verdict->X_VT, report)) ++report.tags_pending;
   }

@@ -59,9 +59,10 @@ bool WorldFilter::come_back(const TagObservations& seen) {
 }
 
 bool WorldFilter::come_back_by_views(const TagObservations& seen) {
+  const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : usable_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, Patience{});
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), noise.of(*tag.seen), attitude, Patience{});
     if (!verdict) continue;
     const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
     jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);

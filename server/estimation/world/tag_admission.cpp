@@ -35,9 +35,10 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
   patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   decided_.clear();
+  const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, patience);
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), noise.of(*tag.seen), attitude, patience);
     if (verdict) {
       decided_.emplace_back(tag, *verdict);
     } else {
