@@ -45,7 +45,10 @@ class CpuMeter final {
 }  // namespace
 
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
-    : parts_(std::move(parts)), shared_(shared), inbox_(merger_config(parts_.sensors)) {
+    : parts_(std::move(parts)),
+      shared_(shared),
+      inbox_(merger_config(parts_.sensors)),
+      doubts_(parts_.sensors, shared.estimator) {
   for (int camera = 0; camera < static_cast<int>(parts_.sensors.cameras.size()); ++camera)
     inbox_.set_clock_shift(camera, shift_to_apply(parts_.filter->clock(camera), Duration{0}));
 }
@@ -100,6 +103,7 @@ void BodyWorker::work_samples(std::stop_token stop) {
       const CpuMeter meter(statistics_.propagate_cpu);
       parts_.filter->propagate(*imu);
       if (search_) search_->add_imu(*imu);
+      doubts_.add(*imu);
       shared_.recorder.take(parts_.index, delivery->sample);
       ++statistics_.imu_samples;
       continue;
@@ -140,11 +144,17 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   const std::uint64_t dropped = inbox_.statistics().images_dropped;
   shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived,
                        dropped);
+  doubt(report, estimate);
   ++statistics_.frames;
   statistics_.lateness.add(shared_.clock.now() - seen_.exposed_at);
   statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
   if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
   if (filter.running()) remember_extrinsics(seen_.exposed_at);
+}
+
+void BodyWorker::doubt(const UpdateReport& report, const std::optional<BodyEstimate>& estimate) {
+  const std::string news = doubts_.add(seen_, report, estimate, beliefs_, known_);
+  if (!news.empty()) log::warning("estimation", parts_.name + ": " + news);
 }
 
 void BodyWorker::hand_over_tags(Instant now) {

@@ -11,6 +11,7 @@
 #include "app/body_inbox.hpp"
 #include "app/guided_search.hpp"
 #include "app/session_recorder.hpp"
+#include "app/tag_doubts.hpp"
 #include "base/clock.hpp"
 #include "base/duration_histogram.hpp"
 #include "capture/sensor_source.hpp"
@@ -80,6 +81,8 @@ class BodyWorker final {
   [[nodiscard]] std::vector<ExtrinsicsEstimate> learned() const;
   /// What was learned about the cameras, in words; a line per camera.
   [[nodiscard]] std::vector<std::string> learned_text() const;
+  /// What was said about tags that do not fit together. From any thread.
+  [[nodiscard]] std::vector<std::string> doubts() const { return doubts_.said(); }
 
  private:
   void read_samples(std::stop_token stop);
@@ -89,6 +92,7 @@ class BodyWorker final {
   void remember_extrinsics(Instant now);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
   void hand_over_tags(Instant now);
+  void doubt(const UpdateReport& report, const std::optional<BodyEstimate>& estimate);
 
   BodyParts parts_;
   SharedParts shared_;
@@ -99,6 +103,7 @@ class BodyWorker final {
   std::vector<KnownTag> known_;
   std::vector<TagBelief> beliefs_;
   BodyStatistics statistics_;
+  TagDoubts doubts_;
   std::atomic<bool> reading_{true};
   std::atomic<bool> ended_{false};
   mutable std::mutex learned_mutex_;

@@ -20,6 +20,8 @@ class ImuBuffer final {
   /// @return false for a reading that is not newer than the last one, or not finite: it is left out.
   bool push(const ImuSample& imu);
   [[nodiscard]] std::optional<ImuSample> newest() const;
+  /// The newest rate is at the end of the gyro's range.
+  [[nodiscard]] bool is_gyro_blind() const { return !samples_.empty() && samples_.back().saturated.gyro; }
   /// @pre at least two readings
   [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
   /// So many readings that somebody must use them.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <random>
 #include <stdexcept>
 
@@ -214,6 +215,20 @@ double EstimationData::path_m(Instant at) const {
     length += (truth[i].X_WB.p - truth[i - 1].X_WB.p).norm();
   }
   return length;
+}
+
+int most_seen_tag(const EstimationData& data) {
+  std::map<int, int> count;
+  for (const SensorSample& sample : data.samples) {
+    const auto* image = std::get_if<CornerFrame>(&sample);
+    if (image == nullptr) continue;
+    for (const TagSighting& tag : image->tags) {
+      if (tag.tag_id != data.reference_tag) ++count[tag.tag_id];
+    }
+  }
+  const auto most = std::max_element(
+      count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  return most == count.end() ? -1 : most->first;
 }
 
 EstimationData simulate(const SimulatedDataSetup& setup) {

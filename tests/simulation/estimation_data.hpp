@@ -65,6 +65,9 @@ struct SimulatedDataSetup {
   double readout_sigma_s{0};  ///< … with this sigma.
 };
 
+/// The tag that is seen most, but not the reference; -1: no other is seen.
+[[nodiscard]] int most_seen_tag(const EstimationData& data);
+
 [[nodiscard]] EstimationData simulate(const SimulatedDataSetup& setup);
 
 /// A recording in the extended EuRoC layout with truth of everything. @return Error naming what is

@@ -181,6 +181,30 @@ TEST(WorldFilterClock, FindsImagesThatAreStampedFiftyMillisecondsOff) {
   }
 }
 
+TEST(WorldFilterClock, ASoundClockCostsNoStartInQuickMotion) {
+  // Starts in which a clock left free from the beginning made the filter sure of a wrong motion.
+  for (const std::uint64_t seed : {1007, 1038, 1067, 1079}) {
+    const EstimationData data = simulate({.world = "sparse", .seconds = 20.0, .seed = seed});
+    FilterChoice choice{.filter = "world"};
+    const double learned = run_filter(data, choice).scored_after(kSettled_s).position_rmse_m();
+    choice.estimator.estimate_clocks = false;
+    const double told = run_filter(data, choice).scored_after(kSettled_s).position_rmse_m();
+    EXPECT_LT(learned, 1.25 * told) << "seed " << seed;
+  }
+}
+
+TEST(WorldFilterClock, IsFoundAlsoWhenTheBodyStartsInQuickMotion) {
+  for (const double off_s : {0.05, -0.05}) {
+    for (const std::uint64_t seed : {4, 6, 9}) {
+      SimulatedDataSetup data{.world = "sparse", .seconds = 30.0, .seed = seed};
+      data.faults.image_stamp_error_s = off_s;
+      const FilterRun one = run({.filter = "world", .data = data});
+      EXPECT_NEAR(one.clock.shift_s, -off_s, 5 * one.clock.shift_sigma_s) << "seed " << seed;
+      EXPECT_LT(one.clock.shift_sigma_s, 2e-4) << "seed " << seed;
+    }
+  }
+}
+
 TEST(WorldFilterClock, FollowsAClockThatJumps) {
   for (const double jump_s : {0.03, -0.03}) {
     EstimationData data = simulate({.world = "table"});
@@ -208,6 +232,18 @@ TEST(WorldFilterClock, FindsHowLongARollingShutterReads) {
 TEST(WorldFilterClock, AKnownRollingShutterCostsNothing) {
   const SimulatedDataSetup data{.world = "table", .readout_s = 0.02, .readout_told_s = 0.02};
   EXPECT_LT(cost_of(data, [](const ClockEstimate&) {}), 1.25);
+}
+
+TEST(WorldFilterBlindness, AGyroAtItsEndInQuickMotionLeavesNoWrongPlaceBehind) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    SimulatedDataSetup data{.world = "sparse", .seconds = 40.0, .seed = seed};
+    data.faults.saturation_at_s = 15.0;
+    data.faults.saturation_s = 3.0;
+    const FilterRun one = run({.filter = "world", .data = data}).scored_after(20.0);
+    EXPECT_LT(one.mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 2.0) << "seed " << seed;
+    // No pose is told while it is lost, and that is shorter than the gyro was blind (20 images a second).
+    EXPECT_LT(one.frames_with_tags - one.frames_with_pose, 60) << "seed " << seed;
+  }
 }
 
 TEST_P(FilterFaults, AnImuAtTheEndOfItsRangeIsNotBelieved) {

@@ -26,85 +26,109 @@ struct Outcome {
   int landmarks{};
 };
 
-Outcome run(const std::string& room_name, double seconds, DetectorConfig detector, EstimatorConfig estimator = {}, const std::string& texture = "clutter") {
+CameraMount small_camera() {
   CameraMount mount;
-  mount.model = {376,
-                 240,
-                 230,
-                 230,
-                 187.5,
-                 119.5,
-                 Distortion::kRadialTangential,
-                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.model = {376, 240, 230, 230, 187.5, 119.5, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
   mount.X_BV = simulation::forward_camera();
-  BodySensors sensors{{mount}, simulation::ImuErrors{}.noise};
+  return mount;
+}
+
+TagSetConfig print_of(const std::vector<RecordedTag>& tags) {
+  TagSetConfig print;
+  for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
+  return print;
+}
+
+/// A body in a room: its samples through search and filter, what was found against the truth.
+class Loop {
+ public:
+  Loop(const simulation::RoomConfig& room, const DetectorConfig& detector, const EstimatorConfig& estimator)
+      : tags_(simulation::tags_of(room)),
+        print_(print_of(tags_)),
+        detector_(detector),
+        sensors_{{small_camera()}, simulation::ImuErrors{}.noise},
+        filter_(make_body_filter("world", sensors_, {}, estimator)),
+        search_(sensors_, print_, detector_, estimator) {}
+
+  Outcome run(simulation::SimulatedSource& source) {
+    SampleMerger merger({});
+    for (bool more = true; more;) {
+      auto next = source.next({});
+      more = next && next->has_value();
+      if (more) {
+        (void)merger.push(std::move(**next));
+      } else {
+        merger.finish();
+      }
+      while (auto sample = merger.pop()) take(*sample, source);
+    }
+    outcome_.settled = search_.statistics();
+    outcome_.settled.whole_images -= start_.whole_images;
+    outcome_.settled.images -= start_.images;
+    outcome_.settled.expected -= start_.expected;
+    outcome_.settled.found -= start_.found;
+    return outcome_;
+  }
+
+ private:
+  void take(const SensorSample& sample, simulation::SimulatedSource& source) {
+    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+      filter_->propagate(*imu);
+      search_.add_imu(*imu);
+      return;
+    }
+    const auto& image = std::get<CameraFrame>(sample);
+    const CornerFrame& found = search_.search(image, beliefs_, map_);
+    observe(found, mount().model, print_, detector_, seen_);
+    outcome_.landmarks += filter_->update(seen_, {}).landmarks_used;
+    outcome_.points += static_cast<int>(found.points.size());
+    search_.corrected(*filter_, filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
+    filter_->tag_beliefs(beliefs_);
+    if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
+      start_ = search_.statistics();
+      return;
+    }
+    ++outcome_.images;
+    const Pose X_VW = (source.truth(image.exposed_at).X_WB * mount().X_BV).inverse();
+    for (const TagSighting& tag : found.tags) compare(tag, X_VW);
+  }
+
+  void compare(const TagSighting& tag, const Pose& X_VW) {
+    const auto truth = std::find_if(tags_.begin(), tags_.end(), [&](const auto& t) { return t.tag_id == tag.tag_id; });
+    ASSERT_NE(truth, tags_.end());
+    const auto corners = unbend_corners(mount().model, tag.corners_px);
+    const auto corners_W = simulation::corners_of(*truth);
+    ++outcome_.found;
+    for (std::size_t i = 0; i < 4; ++i) {
+      outcome_.squares_px2 += (corners[i] - *mount().model.project(X_VW * corners_W[i])).squaredNorm() / 8;
+    }
+  }
+  [[nodiscard]] const CameraMount& mount() const { return sensors_.cameras.front(); }
+
+  std::vector<RecordedTag> tags_;
+  TagSetConfig print_;
+  DetectorConfig detector_;
+  BodySensors sensors_;
+  std::unique_ptr<BodyFilter> filter_;
+  GuidedSearch search_;
+  TagMap map_;
+  std::vector<TagBelief> beliefs_;
+  TagObservations seen_;
+  Outcome outcome_;
+  SearchStatistics start_;
+};
+
+Outcome run(const std::string& room_name, double seconds, const DetectorConfig& detector, const EstimatorConfig& estimator = {},
+            const std::string& texture = "clutter") {
   simulation::RoomConfig room;
   room.preset = room_name;
   room.texture = texture;
   simulation::SimulatedBodyConfig body;
-  body.cameras = {mount};
+  body.cameras = {small_camera()};
   body.trajectory.kind = room_name == "hall" ? "survey" : room_name;
   body.trajectory.duration_s = seconds;
   const auto source = simulation::make_simulated_source(room, body, instant_from_ns(0), nullptr);
-  const auto tags = simulation::tags_of(room);
-  TagSetConfig print;
-  for (const RecordedTag& tag : tags) print.sizes_m[tag.tag_id] = tag.edge_m;
-  const auto filter = make_body_filter("world", sensors, {}, estimator);
-  GuidedSearch search(sensors, print, detector, estimator);
-  SampleMerger merger({});
-  const TagMap map;
-  std::vector<TagBelief> beliefs;
-  TagObservations seen;
-  Outcome outcome;
-  SearchStatistics start;
-  const auto take = [&](const SensorSample& sample) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      filter->propagate(*imu);
-      search.add_imu(*imu);
-      return;
-    }
-    const auto& image = std::get<CameraFrame>(sample);
-    const CornerFrame& found = search.search(image, beliefs, map);
-    observe(found, mount.model, print, detector, seen);
-    outcome.landmarks += filter->update(seen, {}).landmarks_used;
-    outcome.points += static_cast<int>(found.points.size());
-    search.corrected(*filter, filter->running() ? std::optional(filter->estimate()) : std::nullopt);
-    filter->tag_beliefs(beliefs);
-    if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
-      start = search.statistics();
-      return;
-    }
-    ++outcome.images;
-    const Pose X_VW = ((*source)->truth(image.exposed_at).X_WB * mount.X_BV).inverse();
-    for (const TagSighting& tag : found.tags) {
-      const auto truth = std::find_if(tags.begin(), tags.end(),
-                                      [&](const auto& t) { return t.tag_id == tag.tag_id; });
-      ASSERT_NE(truth, tags.end());
-      const auto corners = unbend_corners(mount.model, tag.corners_px);
-      const auto corners_W = simulation::corners_of(*truth);
-      ++outcome.found;
-      for (std::size_t i = 0; i < 4; ++i) {
-        outcome.squares_px2 +=
-            (corners[i] - *mount.model.project(X_VW * corners_W[i])).squaredNorm() / 8;
-      }
-    }
-  };
-  for (bool more = true; more;) {
-    auto next = (*source)->next({});
-    more = next && next->has_value();
-    if (more) {
-      (void)merger.push(std::move(**next));
-    } else {
-      merger.finish();
-    }
-    while (auto sample = merger.pop()) take(*sample);
-  }
-  outcome.settled = search.statistics();
-  outcome.settled.whole_images -= start.whole_images;
-  outcome.settled.images -= start.images;
-  outcome.settled.expected -= start.expected;
-  outcome.settled.found -= start.found;
-  return outcome;
+  return Loop(room, detector, estimator).run(**source);
 }
 
 TEST(GuidedSearch, FindsWhatWholeImagesShowAndLooksAtFewOfThem) {

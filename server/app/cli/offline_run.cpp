@@ -10,6 +10,7 @@
 #include "app/cli/settled_trajectory.hpp"
 #include "app/cli/stage_clock.hpp"
 #include "app/guided_search.hpp"
+#include "app/tag_doubts.hpp"
 #include "detection/observe.hpp"
 
 namespace fiducap {
@@ -36,7 +37,8 @@ class OfflineRun final {
         source_(source),
         merger_({.has_imu = setup.sensors.imu.has_value()}),
         filter_(make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator)),
-        settled_(setup.estimator.corner_noise_px) {
+        settled_(setup.estimator.corner_noise_px),
+        doubts_(setup.sensors, setup.estimator) {
     filter_->set_tag_priors(setup.priors);
     for (const KnownTag& tag : setup.known) known_.emplace(tag.tag_id, tag);
     for (const auto& [id, tag] : known_) map_.tags.push_back({tag, TagState::kSurveyed, 0, 0, 0, 0});
@@ -48,7 +50,10 @@ class OfflineRun final {
       const auto more = read_batch();
       if (!more) return tl::unexpected(more.error());
       clock_.enter(Stage::kPropagate);
-      for (const ImuSample& imu : imu_batch_) filter_->propagate(imu);
+      for (const ImuSample& imu : imu_batch_) {
+        filter_->propagate(imu);
+        doubts_.add(imu);
+      }
       clock_.enter(Stage::kDetect);
       if (search_) for (const ImuSample& imu : imu_batch_) search_->add_imu(imu);
       if (image_) take_image();
@@ -112,7 +117,9 @@ class OfflineRun final {
     for (const TagObservation& tag : seen_.tags)
       if (const auto found = known_.find(tag.tag_id); found != known_.end())
         visible_known_.push_back(found->second);
-    count(filter_->update(seen_, visible_known_));
+    const UpdateReport report = filter_->update(seen_, visible_known_);
+    count(report);
+    doubt(report);
     merger_.set_clock_shift(seen_.camera, shift_to_apply(filter_->clock(seen_.camera), seen_.clock_shift));
     if (search_) guide();
     if (!setup_.sensors.imu) remember_for_settling();
@@ -121,6 +128,12 @@ class OfflineRun final {
   void detect(const CameraFrame& image) {
     if (!search_) search_.emplace(setup_.sensors, setup_.tags, setup_.detector, setup_.estimator);
     corners_ = search_->search(image, beliefs_, map_);
+  }
+
+  void doubt(const UpdateReport& report) {
+    filter_->tag_beliefs(beliefs_);
+    const auto estimate = filter_->running() ? std::optional(filter_->estimate()) : std::nullopt;
+    (void)doubts_.add(seen_, report, estimate, beliefs_, visible_known_);
   }
 
   /// Tells the search what the filter made of the image.
@@ -194,6 +207,7 @@ class OfflineRun final {
     result_.trajectory.resize(placed_poses_);  // the rest never learned where the workspace is
     result_.known = setup_.known;
     filter_->tag_beliefs(result_.tags);
+    result_.doubts = doubts_.said();
     result_.extrinsics = filter_->extrinsics();
     if (!setup_.sensors.imu)
       if (auto settled = settle(); !settled) return tl::unexpected(settled.error());
@@ -224,6 +238,7 @@ class OfflineRun final {
   SampleMerger merger_;
   std::unique_ptr<BodyFilter> filter_;
   SettledTrajectory settled_;
+  TagDoubts doubts_;
   std::vector<TagBelief> beliefs_;
   std::optional<GuidedSearch> search_;
   std::map<int, KnownTag> known_;

@@ -61,6 +61,7 @@ struct OfflineResult {
   std::vector<KnownTag> known;  ///< As given.
   std::vector<TagBelief> tags;  ///< As the filter saw them at the end; without IMU refined.
   std::vector<ExtrinsicsEstimate> extrinsics;
+  std::vector<std::string> doubts;  ///< About tags that do not fit together, in words (TagDoubts).
   OfflineStatistics statistics;
 };
 

@@ -89,6 +89,10 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
                << arguments.recording << "\n";
 }
 
+void print_doubts(const Terminal& terminal, const OfflineResult& result) {
+  for (const std::string& doubt : result.doubts) terminal.out << "  warning: " << doubt << "\n";
+}
+
 }  // namespace
 
 Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const RecordingInfo& info) {
@@ -120,10 +124,12 @@ int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
   if (!result) return report(terminal, result.error());
   if (auto written = write_run_files(arguments.out, info->name, *setup, *result); !written)
     return report(terminal, written.error());
-  if (arguments.json)
+  if (arguments.json) {
     terminal.out << run_report(info->name, *setup, *result);
-  else
+  } else {
     print_summary(terminal, arguments, *info, *result);
+    print_doubts(terminal, *result);
+  }
   if (result->statistics.frames == 0)
     return report(terminal,
                   {ErrorCode::kNotFound, "has neither images nor detections", arguments.recording});

@@ -8,6 +8,19 @@
 
 namespace fiducap {
 
+namespace {
+
+Duration half_median_step(std::span<const StampedPose> poses) {
+  std::vector<Duration> steps;
+  for (std::size_t i = 1; i < poses.size(); ++i) steps.push_back(poses[i].at - poses[i - 1].at);
+  if (steps.empty()) return Duration{0};
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return *middle / 2;
+}
+
+}  // namespace
+
 double quantile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
   std::sort(values.begin(), values.end());
@@ -21,7 +34,7 @@ double quantile(std::vector<double> values, double share) {
 ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
                                      std::span<const StampedPose> poses,
                                      std::span<const TagPlace> map)
-    : cameras_(std::move(cameras)), poses_(poses) {
+    : cameras_(std::move(cameras)), poses_(poses), half_period_(half_median_step(poses)) {
   for (const TagPlace& tag : map) map_.emplace(tag.tag_id, tag);
 }
 
@@ -30,9 +43,8 @@ void ReprojectionMeter::add(const CornerFrame& frame) {
   if (frame.tags.empty()) return;
   ++counts_.frames_with_tags;
   counts_.detections += static_cast<int>(frame.tags.size());
-  const auto pose = std::lower_bound(poses_.begin(), poses_.end(), frame.exposed_at,
-                                     [](const StampedPose& p, Instant at) { return p.at < at; });
-  if (pose == poses_.end() || pose->at != frame.exposed_at) {
+  const StampedPose* pose = pose_near(frame.exposed_at);
+  if (pose == nullptr) {
     counts_.without_pose += static_cast<int>(frame.tags.size());
     return;
   }
@@ -40,6 +52,18 @@ void ReprojectionMeter::add(const CornerFrame& frame) {
   const CameraMount& camera = cameras_.at(static_cast<std::size_t>(frame.camera));
   const Pose X_VW = (pose->X_WB * camera.X_BV).inverse();
   for (const TagSighting& seen : frame.tags) score(seen, camera, X_VW);
+}
+
+const StampedPose* ReprojectionMeter::pose_near(Instant at) const {
+  const auto after = std::lower_bound(poses_.begin(), poses_.end(), at,
+                                      [](const StampedPose& p, Instant t) { return p.at < t; });
+  auto nearest = after;
+  if (after == poses_.end() || (after != poses_.begin() && at - (after - 1)->at < after->at - at)) {
+    if (after == poses_.begin()) return nullptr;
+    nearest = after - 1;
+  }
+  const Duration apart = nearest->at < at ? at - nearest->at : nearest->at - at;
+  return apart <= half_period_ ? &*nearest : nullptr;
 }
 
 void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera,

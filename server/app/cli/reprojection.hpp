@@ -32,7 +32,8 @@ struct ReprojectionSummary {
   }
 };
 
-/// Collects frame by frame. Poses must carry the very stamps of the images.
+/// Collects frame by frame. An image's pose is the one nearest to its stamp within half a frame
+/// period: a run that learned the camera's clock gives poses at corrected times.
 class ReprojectionMeter final {
  public:
   /// @param cameras  X_BV is what is tested
@@ -46,9 +47,12 @@ class ReprojectionMeter final {
 
  private:
   void score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW);
+  /// nullptr: the image has no pose.
+  [[nodiscard]] const StampedPose* pose_near(Instant at) const;
 
   std::vector<CameraMount> cameras_;
   std::span<const StampedPose> poses_;
+  Duration half_period_{0};  ///< Of the poses; half the median step.
   std::map<int, TagPlace> map_;
   ReprojectionSummary counts_;
   std::vector<double> errors_px_;

@@ -95,8 +95,7 @@ Eigen::Vector2d CornerFinder::meeting_point(const GrayImage& image, const Eigen:
 }
 
 std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const ImageRegion& region,
-                                                  float least, Allowed allowed,
-                                                  const void* context) {
+                                                  float least, const Allowed& allowed) {
   const int width = region.width();
   const int height = region.height();
   if (width <= kSide || height <= kSide) return std::nullopt;
@@ -112,7 +111,7 @@ std::optional<Eigen::Vector2d> CornerFinder::best(const GrayImage& image, const 
       const float difference = xx_[i] - yy_[i];
       const float root = std::sqrt(difference * difference + 4 * xy_[i] * xy_[i]);
       const float value = 0.5F * (xx_[i] + yy_[i] - root);
-      if (value <= score || !allowed(context, region.left + c, region.top + r)) continue;
+      if (value <= score || !allowed(region.left + c, region.top + r)) continue;
       score = value;
       found = Eigen::Vector2d(region.left + c, region.top + r);
     }

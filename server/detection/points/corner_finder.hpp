@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -16,7 +17,7 @@ namespace fiducap {
 class CornerFinder final {
  public:
   /// A point of the region may be taken when this says so.
-  using Allowed = bool (*)(const void* context, int u, int v);
+  using Allowed = std::function<bool(int u, int v)>;
 
   /// Memory for regions of so many pixels.
   void reserve(std::size_t pixels);
@@ -27,7 +28,7 @@ class CornerFinder final {
   ///         surroundings are seen larger or turned
   [[nodiscard]] std::optional<Eigen::Vector2d> best(const GrayImage& image,
                                                     const ImageRegion& region, float least,
-                                                    Allowed allowed, const void* context);
+                                                    const Allowed& allowed);
 
  private:
   void differentiate(const GrayImage& image, const ImageRegion& region);

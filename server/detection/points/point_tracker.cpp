@@ -11,7 +11,8 @@ namespace {
 constexpr double kBack_px = 0.4;  // between a point and where the way there and back leads
 constexpr double kMotion_px =
     1.2;  // from the epipolar line: noise, and a turning known to some tenths of a pixel
-constexpr double kApart_px = 14.0;  // closer neighbours tell the same
+constexpr double kApart_px = 14.0;  // of new points: closer neighbours tell the same
+constexpr double kCrowded_px = 0.5 * kApart_px;  // of followed ones: the younger of two goes
 constexpr double kTagReach = 1.5;   // of a tag's half edge: quiet zone and patch included
 constexpr int kNewPerImage = 12;    // cells searched for a new point
 constexpr float kLeastCorner = 2.5F * patch_flow::kLeastStructure;
@@ -93,20 +94,24 @@ void PointTracker::follow_all(const CameraModel& model,
 
 bool PointTracker::follow_one(Point& point, const CameraModel& model,
                               const std::optional<Eigen::Quaterniond>& q_beforeNow) {
+  const auto drop = [](std::uint64_t& count) {
+    ++count;
+    return false;
+  };
   Eigen::Vector2d guess = point.raw_px;
   if (q_beforeNow) {
     const Eigen::Vector3d turned = q_beforeNow->conjugate() * ray(model, point.ideal_px);
-    if (!(turned.z() > 0)) return ++statistics_.lost, false;
+    if (!(turned.z() > 0)) return drop(statistics_.lost);
     guess = model.project(turned).value_or(guess);
   }
   const auto found = patch_flow::follow(before_, point.raw_px, now_, guess);
-  if (!found) return ++statistics_.lost, false;
+  if (!found) return drop(statistics_.lost);
   // Back from where a motion like this one leads: a way of its own, not the end of the way there.
   const auto back = patch_flow::follow(now_, *found, before_, point.raw_px);
-  if (!back || (*back - point.raw_px).norm() > kBack_px) return ++statistics_.not_back, false;
-  if (on_tag(*found)) return ++statistics_.on_tags, false;
+  if (!back || (*back - point.raw_px).norm() > kBack_px) return drop(statistics_.not_back);
+  if (on_tag(*found)) return drop(statistics_.on_tags);
   const auto ideal = undistort(model, *found);
-  if (!ideal) return ++statistics_.lost, false;
+  if (!ideal) return drop(statistics_.lost);
   point.raw_px = *found;
   point.ideal_px = ideal->px;
   return true;
@@ -132,20 +137,19 @@ void PointTracker::drop_crowded() {
     const bool crowded = std::any_of(
         points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
         [&](const Point& old) {
-          return (old.raw_px - point.raw_px).squaredNorm() < 0.25 * kApart_px * kApart_px;
+          return (old.raw_px - point.raw_px).squaredNorm() < kCrowded_px * kCrowded_px;
         });
     if (!crowded) points_[kept++] = point;
   }
   points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());
 }
 
-bool PointTracker::may_begin(const void* self, int u, int v) {
-  const auto& tracker = *static_cast<const PointTracker*>(self);
+bool PointTracker::may_begin(int u, int v) const {
   const Eigen::Vector2d px(u, v);
-  for (const Point& point : tracker.points_) {
+  for (const Point& point : points_) {
     if ((point.raw_px - px).squaredNorm() < kApart_px * kApart_px) return false;
   }
-  return !tracker.on_tag(px);
+  return !on_tag(px);
 }
 
 void PointTracker::begin_new(const CameraModel& model) {
@@ -171,7 +175,8 @@ void PointTracker::begin_new(const CameraModel& model) {
         std::max(row * image.height / kRows, kBorder_px),
         std::min((column + 1) * image.width / kColumns, image.width - kBorder_px),
         std::min((row + 1) * image.height / kRows, image.height - kBorder_px)};
-    const auto corner = corners_.best(image, region, kLeastCorner, &PointTracker::may_begin, this);
+    const auto corner = corners_.best(image, region, kLeastCorner,
+                                      [this](int u, int v) { return may_begin(u, v); });
     const auto ideal = corner ? undistort(model, *corner) : std::nullopt;
     if (!ideal) continue;
     points_.push_back({next_track_++, 0, *corner, ideal->px});

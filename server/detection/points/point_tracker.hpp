@@ -73,7 +73,7 @@ class PointTracker final {
   void drop_moving(const CameraModel& model, const Eigen::Quaterniond& q_beforeNow);
   void drop_crowded();
   void begin_new(const CameraModel& model);
-  static bool may_begin(const void* self, int u, int v);
+  [[nodiscard]] bool may_begin(int u, int v) const;
   std::span<const PointSighting> report();
 
   ImagePyramid before_;

@@ -22,6 +22,8 @@ namespace {
 constexpr std::size_t kHeldOutOfView = 12;
 // A map tag that moved more than this has got a new place from the map.
 constexpr double kSamePlace = 1e-9;
+// A gyro that was blind for so long that the attitude may be off by this, 1-sigma, leaves nothing to linearise at.
+constexpr double kBlindTurn_rad = 0.4;
 
 bool same_place(const Pose& a, const Pose& b) {
   return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
@@ -63,6 +65,7 @@ void WorldFilter::restart() {
   heading_rule_.reset();
   gauge_tag_.reset();
   last_used_at_.reset();
+  is_attitude_lost_ = false;
   barren_updates_ = 0;
   strained_updates_ = 0;
 }
@@ -78,11 +81,11 @@ void WorldFilter::restart_camera(int camera) {
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
   }
   const auto k = static_cast<std::size_t>(camera);
-  state_.clocks[k] = {.shift_s = start_shifts_s_[k], .readout_s = mount.readout_s};
+  state_.clocks[k] = {.shift_s = life_.shifts_s[k], .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
-  reopen_clock(camera);
+  open_clock(camera, start_sigma_s(k));
 }
 
 void WorldFilter::release_tag(int tag_id) {
@@ -142,6 +145,11 @@ void WorldFilter::propagate(const ImuSample& imu) {
   const std::optional<ImuSample> before = imu_.newest();
   if (!imu_.push(imu)) return;
   if (before) attitude_.add(*before, state_.bias_w, state_.bias_f);
+  if (mode_ == Mode::kAdrift && imu_.is_gyro_blind()) {
+    is_attitude_lost_ = true;
+    attitude_.restart();
+    candidates_.forget_all();
+  }
   if (mode_ != Mode::kRunning) {
     imu_.keep_newest_pair();
   } else if (imu_.is_full()) {
@@ -248,8 +256,13 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (mode_ == Mode::kRunning) {
     at_image = move_to(seen);
     if (linearisation_) iterations = kCornerStepIterations;
-  } else if (mode_ == Mode::kAdrift && !usable_.empty()) {
-    at_image = come_back(seen);
+    if (at_image && has_turned_blindly()) {
+      lose_motion();
+      is_attitude_lost_ = true;
+    }
+  }
+  if (mode_ == Mode::kAdrift) {
+    at_image = !usable_.empty() && come_back(seen);
     iterations = kFirstIterations;
   }
   if (at_image && !usable_.empty()) correct(seen, report, iterations);
@@ -266,6 +279,7 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
+  charge(seen, report);
   return report;
 }
 
@@ -304,19 +318,37 @@ bool WorldFilter::move_by_corners(const TagObservations& seen) {
   return true;
 }
 
+bool WorldFilter::has_turned_blindly() const {
+  return has_imu() && state_.P().diagonal().segment<3>(kAttitude).maxCoeff() > kBlindTurn_rad * kBlindTurn_rad;
+}
+
 bool WorldFilter::come_back(const TagObservations& seen) {
   PlaceGuess guess{state_.X_WB, kUnknownPosition_m, kUnknownAngle_rad};
   if (has_imu()) {
     if (!attitude_.ready()) return false;
     guess.X_AB.q = state_.X_WB.q * attitude_.q_LB(seen.exposed_at, state_.bias_w);
-    guess.rotation_sigma_rad = kGyroTurn_rad;
+    if (!is_attitude_lost_) guess.rotation_sigma_rad = kGyroTurn_rad;
   }
   const auto found = find_place(sighted(seen.camera), guess, config_.corner_noise_px);
   ++return_attempts_;
   const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
-  if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
-  jump(found->X_AB, seen.exposed_at);
-  return true;
+  if (found && (found->evidence >= config_.branch_evidence || forced)) {
+    jump(found->X_AB, seen.exposed_at);
+    return true;
+  }
+  return has_imu() && come_back_by_views(seen);
+}
+
+bool WorldFilter::come_back_by_views(const TagObservations& seen) {
+  for (const TagToUse& tag : usable_) {
+    const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), attitude, Patience{});
+    if (!verdict) continue;
+    const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
+    jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);
+    return true;
+  }
+  return false;
 }
 
 void WorldFilter::jump(const Pose& X_WB, Instant at) {
@@ -324,6 +356,7 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
   motion_.restart();
   state_.time = at;
   mode_ = Mode::kRunning;
+  is_attitude_lost_ = false;
 }
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {

@@ -120,7 +120,7 @@ void Server::publish(const std::shared_ptr<const SceneFrame>& frame) {
 }
 
 void Server::send_frame(Session& session, const SceneFrame& frame) {
-  session.batched = {};
+  session.datagrams.clear();
   const auto profile = session.connection().stream_of(frame);
   if (!profile) return;
   const auto encoded = room_->frames.encoded(*profile);
@@ -128,27 +128,21 @@ void Server::send_frame(Session& session, const SceneFrame& frame) {
     return session.offer(net::SharedBytes(encoded, &encoded->packet));
   }
   const sockaddr_in& target = session.udp_target();
-  session.batched.begin = batch_.size();
+  session.datagrams.open(batch_);
   std::size_t begin = 0;
   for (const std::size_t end : encoded->datagram_ends) {
     batch_.add(encoded->datagrams().subspan(begin, end - begin),
                reinterpret_cast<const sockaddr*>(&target), sizeof(target));
     begin = end;
   }
-  session.batched.end = batch_.size();
-  if (encoded->datagram_ends.empty()) session.count_udp(false);  // too long for any datagram
+  session.datagrams.close(batch_);
+  if (encoded->datagram_ends.empty()) session.datagrams.drop();  // too long for any datagram
 }
 
 void Server::send_datagrams() {
   if (batch_.size() == 0) return;
   batch_.send(udp_->native_handle());
-  for (const auto& session : sessions_) {
-    const auto [begin, end] = session->batched;
-    if (begin == end) continue;
-    bool whole = true;
-    for (std::size_t i = begin; i < end; ++i) whole = whole && batch_.sent(i);
-    session->count_udp(whole);
-  }
+  for (const auto& session : sessions_) session->datagrams.settle(batch_);
 }
 
 void Server::tell_all(Event event) {

@@ -47,20 +47,15 @@ void Session::ticked(Instant now) {
   }
 }
 
-const sockaddr_in& Session::udp_target() {
-  udp_target_.sin_family = AF_INET;
-  udp_target_.sin_port = htons(connection_.udp_port().value_or(0));
-  udp_target_.sin_addr.s_addr = htonl(endpoint().address().to_v4().to_uint());
-  return udp_target_;
-}
+const sockaddr_in& Session::udp_target() { return datagrams.aim(endpoint(), connection_.udp_port().value_or(0)); }
 
 ClientStatus Session::status(Instant now) const {
   ClientStatus status;
   status.protocol = "qualisys";
   status.peer = peer() + (connection_.udp_port() ? " + udp" : "");
   status.detail = connection_.detail();
-  status.frames_sent = frames_sent() + udp_offered_ - udp_dropped_;
-  status.frames_dropped = frames_dropped() + udp_dropped_;
+  status.frames_sent = frames_sent() + datagrams.frames_sent();
+  status.frames_dropped = frames_dropped() + datagrams.frames_dropped();
   status.connected_s = to_seconds(now - since());
   return status;
 }

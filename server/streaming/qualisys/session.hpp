@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "streaming/net/datagram_batch.hpp"
+#include "streaming/net/datagram_share.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/qualisys/connection.hpp"
 #include "streaming/streamer.hpp"
@@ -27,14 +27,8 @@ class Session final : public net::TcpSession {
 
   /// Where UDP goes: the TCP peer's address and the port that it named.
   [[nodiscard]] const sockaddr_in& udp_target();
-  void count_udp(bool whole) { ++udp_offered_, udp_dropped_ += whole ? 0 : 1; }
   [[nodiscard]] ClientStatus status(Instant now) const;
-  /// Set when the last batch holds datagrams of this client.
-  struct Batched {
-    std::size_t begin{0};
-    std::size_t end{0};
-  };
-  Batched batched;
+  net::DatagramShare datagrams;
 
  private:
   void received(std::span<const std::byte> bytes) override;
@@ -42,9 +36,6 @@ class Session final : public net::TcpSession {
 
   std::shared_ptr<Room> room_;
   Connection connection_;
-  sockaddr_in udp_target_{};
-  std::uint64_t udp_offered_{0};
-  std::uint64_t udp_dropped_{0};
 };
 
 }  // namespace fiducap::qualisys

@@ -155,12 +155,12 @@ void Server::publish(const std::shared_ptr<const SceneFrame>& newest) {
 }
 
 void Server::send_frame(Session& session, const std::shared_ptr<const EncodedFrame>& reports) {
-  session.batched = {};
+  session.datagrams.clear();
   if (!session.open()) return;
   if (!session.by_udp()) return session.offer(net::SharedBytes(reports, &reports->bytes));
   const sockaddr_in& target = session.udp_target();
   const auto* address = reinterpret_cast<const sockaddr*>(&target);
-  session.batched.begin = batch_.size();
+  session.datagrams.open(batch_);
   if (const std::size_t cut = reports->equal_cut(); cut > 0) {
     batch_.add_cut(reports->bytes, cut, address, sizeof(target));
   } else {
@@ -170,19 +170,13 @@ void Server::send_frame(Session& session, const std::shared_ptr<const EncodedFra
       begin = end;
     }
   }
-  session.batched.end = batch_.size();
+  session.datagrams.close(batch_);
 }
 
 void Server::send_datagrams() {
   if (batch_.size() == 0) return;
   batch_.send(reports_->native_handle());
-  for (const auto& session : sessions_) {
-    const auto [begin, end] = session->batched;
-    if (begin == end) continue;
-    bool whole = true;
-    for (std::size_t i = begin; i < end; ++i) whole = whole && batch_.sent(i);
-    session->count_udp(whole);
-  }
+  for (const auto& session : sessions_) session->datagrams.settle(batch_);
 }
 
 void Server::append_clients(std::vector<ClientStatus>& out) const {

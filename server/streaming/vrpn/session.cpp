@@ -55,12 +55,7 @@ void Session::describe_new_senders() {
   flush();
 }
 
-const sockaddr_in& Session::udp_target() {
-  udp_target_.sin_family = AF_INET;
-  udp_target_.sin_port = htons(*connection_.udp_port());
-  udp_target_.sin_addr.s_addr = htonl(endpoint().address().to_v4().to_uint());
-  return udp_target_;
-}
+const sockaddr_in& Session::udp_target() { return datagrams.aim(endpoint(), *connection_.udp_port()); }
 
 void Session::ticked(Instant now) {
   if (!open() && now - since() > kCookieTime) close("is closed: sent no VRPN cookie within 5 s");
@@ -75,8 +70,8 @@ ClientStatus Session::status(Instant now) const {
   status.protocol = "vrpn";
   status.peer = peer_text();
   status.detail = detail;
-  status.frames_sent = frames_sent() + udp_offered_ - udp_dropped_;
-  status.frames_dropped = frames_dropped() + udp_dropped_;
+  status.frames_sent = frames_sent() + datagrams.frames_sent();
+  status.frames_dropped = frames_dropped() + datagrams.frames_dropped();
   status.connected_s = to_seconds(now - open_since_.value_or(since()));
   return status;
 }

@@ -9,6 +9,7 @@
 #include <span>
 #include <string>
 
+#include "streaming/net/datagram_share.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/streamer.hpp"
 #include "streaming/vrpn/connection.hpp"
@@ -50,15 +51,9 @@ class Session final : public net::TcpSession {
   /// Where reports go: the TCP peer's address, whatever address the client named, and its port. Nobody
   /// can aim reports at a third party. @pre by_udp()
   [[nodiscard]] const sockaddr_in& udp_target();
-  void count_udp(bool whole) { ++udp_offered_, udp_dropped_ += whole ? 0 : 1; }
   [[nodiscard]] ClientStatus status(Instant now) const;
 
-  /// Which datagrams of the batch under way are this client's.
-  struct Batched {
-    std::size_t begin{0};
-    std::size_t end{0};
-  };
-  Batched batched;
+  net::DatagramShare datagrams;
 
  private:
   void received(std::span<const std::byte> bytes) override;
@@ -69,9 +64,6 @@ class Session final : public net::TcpSession {
   Origin origin_;
   Connection connection_;
   std::optional<Instant> open_since_;
-  sockaddr_in udp_target_{};
-  std::uint64_t udp_offered_{0};
-  std::uint64_t udp_dropped_{0};
 };
 
 }  // namespace fiducap::vrpn

@@ -51,6 +51,43 @@ struct Anchor {
   bool bad{false};
 };
 
+/// Compares every report of a point with where the place on the wall, that it showed first, truly is.
+class AnchorCheck {
+ public:
+  AnchorCheck(const simulation::RoomConfig& room, const CameraModel& model)
+      : box_(simulation::box_of(room)), model_(model) {}
+
+  void take(const PointSighting& point, const Pose& X_WV, PointRun& run) {
+    if (point.age == 0) {
+      const Eigen::Vector2d ideal = undistort(model_, point.px)->px;
+      const Eigen::Vector3d ray((ideal.x() - model_.cu) / model_.fu,
+                                (ideal.y() - model_.cv) / model_.fv, 1);
+      anchors_[point.track] = {on_wall(box_, X_WV.p, X_WV.q * ray)};
+      return;
+    }
+    Anchor& anchor = anchors_.at(point.track);
+    if (anchor.bad || point.age >= PointRun::kAges) return;
+    PointRun::AtAge& age = run.ages[static_cast<std::size_t>(point.age)];
+    const Eigen::Vector2d truth =
+        model_.project(X_WV.inverse() * anchor.p_W).value_or(Eigen::Vector2d(-1e3, -1e3));
+    const Eigen::Vector2d error = point.px - truth;
+    if (!(error.cwiseAbs().maxCoeff() < PointRun::kGross_px)) {
+      anchor.bad = true;
+      ++age.gross;
+      return;
+    }
+    age.squares_px2 += error.squaredNorm();
+    age.products_px2 += error.dot(anchor.error_px);
+    age.coordinates += 2;
+    anchor.error_px = error;
+  }
+
+ private:
+  simulation::RoomBox box_;
+  const CameraModel& model_;
+  std::map<std::uint32_t, Anchor> anchors_;
+};
+
 }  // namespace
 
 PointRun run_points(const PointRunSetup& setup) {
@@ -68,9 +105,8 @@ PointRun run_points(const PointRunSetup& setup) {
   PointRun run;
   if (!source) return run;
   const auto tags = simulation::tags_of(room);
-  const auto box = simulation::box_of(room);
+  AnchorCheck check(room, mount.model);
   PointTracker tracker;
-  std::map<std::uint32_t, Anchor> anchors;
   std::optional<Eigen::Quaterniond> q_before;
   int reports = 0;
   for (;;) {
@@ -88,30 +124,7 @@ PointRun run_points(const PointRunSetup& setup) {
     if (points.empty()) continue;
     ++reports;
     run.points += static_cast<double>(points.size());
-    for (const PointSighting& point : points) {
-      if (point.age == 0) {
-        const Eigen::Vector2d ideal = undistort(mount.model, point.px)->px;
-        const Eigen::Vector3d ray((ideal.x() - mount.model.cu) / mount.model.fu,
-                                  (ideal.y() - mount.model.cv) / mount.model.fv, 1);
-        anchors[point.track] = {on_wall(box, X_WV.p, X_WV.q * ray)};
-        continue;
-      }
-      Anchor& anchor = anchors.at(point.track);
-      if (anchor.bad || point.age >= PointRun::kAges) continue;
-      PointRun::AtAge& age = run.ages[static_cast<std::size_t>(point.age)];
-      const Eigen::Vector2d error =
-          point.px -
-          mount.model.project(X_WV.inverse() * anchor.p_W).value_or(Eigen::Vector2d(-1e3, -1e3));
-      if (!(error.cwiseAbs().maxCoeff() < PointRun::kGross_px)) {
-        anchor.bad = true;
-        ++age.gross;
-        continue;
-      }
-      age.squares_px2 += error.squaredNorm();
-      age.products_px2 += error.dot(anchor.error_px);
-      age.coordinates += 2;
-      anchor.error_px = error;
-    }
+    for (const PointSighting& point : points) check.take(point, X_WV, run);
   }
   run.points /= std::max(1, reports);
   run.statistics = tracker.statistics();

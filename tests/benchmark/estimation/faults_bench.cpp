@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
@@ -18,21 +17,6 @@ struct Fault {
   std::function<void(SimulatedDataSetup&, const EstimationData& clean)> put;
 };
 
-/// The tag that is seen most, but not the reference.
-int most_seen(const EstimationData& data) {
-  std::map<int, int> count;
-  for (const SensorSample& sample : data.samples) {
-    const auto* image = std::get_if<CornerFrame>(&sample);
-    if (image == nullptr) continue;
-    for (const TagSighting& tag : image->tags) {
-      if (tag.tag_id != data.reference_tag) ++count[tag.tag_id];
-    }
-  }
-  const auto most = std::max_element(
-      count.begin(), count.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  return most == count.end() ? -1 : most->first;
-}
-
 std::vector<Fault> faults() {
   return {
       {"none", [](SimulatedDataSetup&, const EstimationData&) {}},
@@ -42,7 +26,7 @@ std::vector<Fault> faults() {
        [](SimulatedDataSetup& s, const EstimationData&) { s.faults.occlude_corner = 0.1; }},
       {"tag moved 0.3 m",
        [](SimulatedDataSetup& s, const EstimationData& clean) {
-         s.faults.moved_tag = most_seen(clean);
+         s.faults.moved_tag = most_seen_tag(clean);
          s.faults.moved_at_s = 0.5 * s.seconds;
          s.faults.moved_by_m = {0.2, 0.2, 0.1};
        }},

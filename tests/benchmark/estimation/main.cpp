@@ -49,7 +49,8 @@ const std::vector<Verb>& verbs() {
        10,
        bench_faults},
       {"starloc", "real stereo runs with Vicon: clocks, and tag centres as measurements", {}, "A", 1, bench_starloc},
-      {"landmarks", "followed image points: gaps of 1, 2, 5 and 10 s, CPU", {"hall", "loop"}, "A", 5, bench_landmarks}};
+      {"landmarks", "followed image points: gaps of 1, 2, 5 and 10 s, CPU", {"hall", "loop"}, "A", 5, bench_landmarks},
+      {"sizes", "wrong tag sizes: whether it is said, of whom, when, and whether nothing is said otherwise", {"table", "sparse", "loop", "hall"}, "A", 10, bench_sizes}};
   return all;
 }
 

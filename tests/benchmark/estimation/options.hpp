@@ -70,5 +70,6 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_sizes(const EstimationOptions& options);
 
 }  // namespace fiducap::bench

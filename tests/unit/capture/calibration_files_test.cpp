@@ -4,7 +4,7 @@
 #include "capture/camera_calibration_file.hpp"
 #include "capture/kalibr_file.hpp"
 #include "support/shared_data.hpp"
-#include "temp_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -59,7 +59,7 @@ class CalibrationFileTest : public testing::Test {
     text.replace(text.find(from), from.size(), to);
     return text;
   }
-  TempFolder folder_;
+  TemporaryFolder folder_;
 };
 
 TEST_F(CalibrationFileTest, KalibrsTcamImuIsTurnedAround) {

@@ -9,7 +9,7 @@
 #include "capture/camera_calibration_file.hpp"
 #include "support/fake_clock.hpp"
 #include "support/shared_data.hpp"
-#include "temp_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -56,7 +56,7 @@ class CameraDeviceTest : public testing::Test {
     return source ? "none" : source.error().text();
   }
 
-  TempFolder folder_;
+  TemporaryFolder folder_;
   CameraDeviceConfig config_;
   CameraModel camera_{64, 48, 60, 60, 31.5, 23.5, Distortion::kNone, {}};
   FakeClock clock_{instant_from_ns(7'000'000'000)};

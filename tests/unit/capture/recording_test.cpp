@@ -9,7 +9,7 @@
 #include "base/log.hpp"
 #include "base/so3.hpp"
 #include "support/fake_clock.hpp"
-#include "temp_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -100,7 +100,7 @@ class RecordingTest : public testing::Test {
     return all;
   }
 
-  TempFolder folder_;
+  TemporaryFolder folder_;
   FakeClock clock_{instant_from_ns(5'000'000'000)};
 
  private:

@@ -5,7 +5,7 @@
 
 #include "base/so3.hpp"
 #include "support/fake_clock.hpp"
-#include "temp_folder.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -75,7 +75,7 @@ class RecordingWriterTest : public testing::Test {
     EXPECT_NEAR(angle_between(a.q, b.q), 0, rotation);
   }
 
-  TempFolder folder_;
+  TemporaryFolder folder_;
   RecordingInfo info_;
   FakeClock clock_;
 };

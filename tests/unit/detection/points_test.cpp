@@ -85,8 +85,8 @@ TEST(PatchFlow, RefusesWhatLooksDifferentThere) {
   EXPECT_FALSE(patch_flow::follow(a, {80, 60}, b, {80, 60}));
 }
 
-bool anywhere(const void*, int, int) { return true; }
-bool left_half(const void*, int u, int) { return u < 40; }
+bool anywhere(int, int) { return true; }
+bool left_half(int u, int) { return u < 40; }
 
 TEST(CornerFinder, FindsTheCornerOfASquareAndNotItsSides) {
   GrayImage image;
@@ -95,11 +95,11 @@ TEST(CornerFinder, FindsTheCornerOfASquareAndNotItsSides) {
     for (int u = 50; u < 80; ++u) image.pixels[static_cast<std::size_t>(v * 80 + u)] = 200;
   }
   CornerFinder finder;
-  const auto found = finder.best(image, {5, 5, 75, 55}, 9, anywhere, nullptr);
+  const auto found = finder.best(image, {5, 5, 75, 55}, 9, anywhere);
   ASSERT_TRUE(found);
   EXPECT_LT((*found - Eigen::Vector2d(49.5, 29.5)).norm(), 0.3);
-  EXPECT_FALSE(finder.best(image, {60, 20, 75, 40}, 9, anywhere, nullptr));  // a side only
-  EXPECT_FALSE(finder.best(image, {5, 5, 75, 55}, 9, left_half, nullptr));
+  EXPECT_FALSE(finder.best(image, {60, 20, 75, 40}, 9, anywhere));  // a side only
+  EXPECT_FALSE(finder.best(image, {5, 5, 75, 55}, 9, left_half));
 }
 
 TEST(MotionCheck, KeepsWhatFitsOneShiftAndDropsWhatMovesOnItsOwn) {

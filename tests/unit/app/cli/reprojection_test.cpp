@@ -76,6 +76,33 @@ TEST_F(ReprojectionTest, SaysWhyADetectionIsNotScored) {
   EXPECT_DOUBLE_EQ(summary.coverage(), 0.5);
 }
 
+// The clock of the camera was found to be 20 ms late: poses stand at the corrected times.
+TEST_F(ReprojectionTest, GivesAnImageThePoseNearestToItsStampWithinHalfAFramePeriod) {
+  constexpr Duration kShift = std::chrono::milliseconds(20);
+  const TagSighting seen = sighting({0.3, 0.4});
+  const Pose X_WB = poses_[0].X_WB;
+  const Pose elsewhere = X_WB * Pose{Eigen::Quaterniond::Identity(), {0.1, 0, 0}};
+  poses_ = {{at(0) + kShift, elsewhere}, {at(1) + kShift, X_WB}, {at(2) + kShift, elsewhere}};
+  for (const Duration stamp_error : {kShift, -kShift, Duration{0}}) {
+    ReprojectionMeter meter({camera_}, poses_, map_);
+    meter.add({0, at(1) + kShift - stamp_error, {seen}});
+    EXPECT_DOUBLE_EQ(meter.summary().coverage(), 1.0);
+    EXPECT_NEAR(meter.summary().median_px, 0.5, kRounding_px);
+  }
+}
+
+TEST_F(ReprojectionTest, AnImageFartherThanHalfAPeriodFromEveryPoseHasNone) {
+  const TagSighting seen = sighting({0, 0});
+  for (int frame = 1; frame < 9; ++frame) poses_.push_back({at(frame), poses_[0].X_WB});
+  poses_.erase(poses_.begin() + 4);
+  ReprojectionMeter meter({camera_}, poses_, map_);
+  meter.add({0, at(4), {seen}});
+  meter.add({0, at(0) - std::chrono::milliseconds(26), {seen}});
+  meter.add({0, at(8) + std::chrono::milliseconds(26), {seen}});
+  EXPECT_EQ(meter.summary().without_pose, 3);
+  EXPECT_DOUBLE_EQ(meter.summary().coverage(), 0.0);
+}
+
 TEST(Quantile, InterpolatesBetweenNeighbours) {
   EXPECT_DOUBLE_EQ(quantile({3, 1, 2}, 0.5), 2);
   EXPECT_DOUBLE_EQ(quantile({0, 10}, 0.95), 9.5);

@@ -6,7 +6,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
 #include <functional>
@@ -15,9 +14,8 @@
 #include "fake_desk.hpp"
 #include "rt_client.hpp"
 #include "support/allocation_counter.hpp"
-#include "support/fake_clock.hpp"
 #include "support/hex.hpp"
-#include "support/scene_builder.hpp"
+#include "support/server_stage.hpp"
 
 namespace fiducap::qualisys {
 namespace {
@@ -26,10 +24,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-// A test that hangs has failed; nothing below waits this long otherwise.
-constexpr auto kHang = std::chrono::seconds(20);
-
-class QualisysServer : public testing::Test {
+class QualisysServer : public ServerStage<RtClient> {
  protected:
   ~QualisysServer() override {
     if (server_) server_->stop();
@@ -45,21 +40,7 @@ class QualisysServer : public testing::Test {
     server_ = std::move(*server);
     base_ = server_->base_port();
   }
-  std::shared_ptr<SceneFrame> frame() { return make_scene_frame(names_, ++number_); }
   void publish() { server_->publish(frame()); }
-  void step() {
-    io_.restart();
-    io_.run_for(std::chrono::milliseconds(1));
-    for (auto* client : clients_) client->pump();
-  }
-  [[nodiscard]] bool until(const std::function<bool()>& holds) {
-    const auto end = std::chrono::steady_clock::now() + kHang;
-    while (!holds()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      step();
-    }
-    return true;
-  }
   /// Speaks version 1.28 and asks for a stream.
   void begin(RtClient& client, const std::string& stream) {
     clients_.push_back(&client);
@@ -74,16 +55,11 @@ class QualisysServer : public testing::Test {
     return all;
   }
 
-  boost::asio::io_context io_;
-  FakeClock clock_{instant_from_ns(1'000'000'000)};
   FakeDesk desk_;
   QualisysConfig config_;
   std::uint16_t discovery_{0};
   std::uint16_t base_{0};
-  std::vector<std::string> names_{"arm", "drone"};
-  std::uint64_t number_{0};
   std::unique_ptr<QualisysStreamer> server_;
-  std::vector<RtClient*> clients_;
 };
 
 TEST_F(QualisysServer, StreamsByTcpInBothByteOrders) {

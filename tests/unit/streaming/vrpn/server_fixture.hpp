@@ -2,25 +2,18 @@
 
 #include <gtest/gtest.h>
 
-#include <boost/asio/io_context.hpp>
-#include <chrono>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "strict_client.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
-#include "support/fake_clock.hpp"
-#include "support/scene_builder.hpp"
+#include "support/server_stage.hpp"
 
 namespace fiducap::vrpn {
 
-// A test that hangs has failed; nothing below waits this long otherwise.
-inline constexpr auto kHang = std::chrono::seconds(20);
-
 /// Server and clients on real loopback sockets, all in this thread.
-class VrpnServerTest : public testing::Test {
+class VrpnServerTest : public ServerStage<StrictClient> {
  protected:
   ~VrpnServerTest() override {
     if (server_) server_->stop();
@@ -37,44 +30,17 @@ class VrpnServerTest : public testing::Test {
     port_ = server_->port();
     ASSERT_GT(port_, 0);
   }
-  std::shared_ptr<SceneFrame> frame() { return make_scene_frame(names_, ++number_); }
   void publish() { server_->publish(frame()); }
 
-  void step() {
-    io_.restart();
-    io_.run_for(std::chrono::milliseconds(1));
-    for (auto* client : clients_) client->pump();
-  }
-  [[nodiscard]] bool until(const std::function<bool()>& holds) {
-    const auto end = std::chrono::steady_clock::now() + kHang;
-    while (!holds()) {
-      if (std::chrono::steady_clock::now() > end) return false;
-      step();
-    }
-    return true;
-  }
-  void steps(int n) {
-    for (int i = 0; i < n; ++i) step();
-  }
-  /// Time passes for the server only; its housekeeping runs every 100 ms of real time.
-  void pass(Duration d) {
-    clock_.advance(d);
-    steps(150);
-  }
   [[nodiscard]] std::vector<ClientStatus> status() const {
     std::vector<ClientStatus> all;
     server_->append_clients(all);
     return all;
   }
 
-  boost::asio::io_context io_;
-  FakeClock clock_{instant_from_ns(1'000'000'000)};
   VrpnConfig config_;
   std::uint16_t port_{0};
-  std::vector<std::string> names_;
-  std::uint64_t number_{0};
   std::unique_ptr<VrpnStreamer> server_;
-  std::vector<StrictClient*> clients_;
 };
 
 }  // namespace fiducap::vrpn
