@@ -23,6 +23,10 @@ double CornerNoise::of(const TagObservation& seen) const {
   return learns_ ? std::hypot(seen.corner_sigma_px, unexplained_px_) : start_px_;
 }
 
+double CornerNoise::growth(const TagObservation& seen) const {
+  return learns_ ? of(seen) / std::hypot(seen.corner_sigma_px, start_px_) : 1.0;
+}
+
 void CornerNoise::learn(double distance, double share) {
   if (!learns_ || !(share > 0) || std::isnan(distance)) return;
   unexplained_px_ *= std::exp(distance > kMedian ? step_ * share : -step_ * share);

@@ -16,6 +16,8 @@ class CornerNoise final {
   explicit CornerNoise(const EstimatorConfig& config, bool learns);
 
   [[nodiscard]] double of(const TagObservation& seen) const;
+  /// of() as a multiple of what it was before anything was learned.
+  [[nodiscard]] double growth(const TagObservation& seen) const;
   /// What one tag of an image says, used or not.
   /// @param distance  its squared Mahalanobis distance, 8 degrees of freedom
   /// @param share     of its innovation covariance that is corner noise, 0 … 1

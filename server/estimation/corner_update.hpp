@@ -13,8 +13,8 @@ namespace fiducap {
 /// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its memory between images.
 ///
 /// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`, `held_tags()`, and next to it
-///                `TagMeasurement measure(const State&, int camera, const CameraModel&, const TagToUse&, double noise_px)` and
-///                `void carry_covariance(State&, correction, int camera)`
+///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const TagToUse>, const CornerNoise&,
+///                ImageMeasurement&)` and `void carry_covariance(State&, correction, int camera)`
 template <class State>
 class CornerUpdate final {
  public:
@@ -33,9 +33,10 @@ class CornerUpdate final {
     const bool moves = options.iterations > 1 || options.start != nullptr;
     if (moves) prior_.copy_mean(state);
     if (options.start != nullptr) state.copy_mean(*options.start);
-    build(state, camera, model, tags, noise);
-    if (moves) refer_to(prior_, state);
-    update_.gate(state.P(), measurements_, options.gate, accepted);
+    measure_image(state, camera, model, tags, noise, image_);
+    if (moves) image_.take_off(state.error_to(prior_));
+    update_.prepare(state.P(), image_);
+    update_.gate(state.P(), image_, options.gate, accepted);
     for (const auto& tag : update_.judged()) noise.learn(tag.distance, tag.noise_share);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
@@ -45,39 +46,27 @@ class CornerUpdate final {
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (iteration > 0) {
-        build(state, camera, model, tags, noise);
-        refer_to(prior_, state);
+        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
+        measure_image(state, camera, model, tags, noise, image_);
+        image_.take_off(state.error_to(prior_));
+        update_.prepare(state.P(), image_);
       }
-      const double nis = update_.solve(state.P(), measurements_, state.held_tags());
+      const double nis = update_.solve(state.P(), image_, state.held_tags());
       if (iteration == 0) report.nis = nis;
       if (moves) state.copy_mean(prior_);
       state.add_error(update_.correction());
     }
     update_.shrink(state.P(), state.held_tags());
     carry_covariance(state, update_.correction(), camera);
-    report.nis_dof = update_.rows();
-    build(state, camera, model, tags, noise);
-    report.reprojection_px = update_.rms_px(measurements_);
+    report.nis_dof = update_.degrees_of_freedom();
+    measure_image(state, camera, model, tags, noise, image_);
+    report.reprojection_px = update_.rms_px(image_);
     return report;
   }
 
  private:
-  void build(const State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-             const CornerNoise& noise) {
-    measurements_.clear();
-    for (const TagToUse& tag : tags) measurements_.push_back(measure(state, camera, model, tag, noise.of(*tag.seen)));
-  }
-
-  /// Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
-  void refer_to(const State& prior, const State& state) {
-    const Eigen::VectorXd back = state.error_to(prior);
-    for (TagMeasurement& m : measurements_) {
-      for (std::size_t b = 0; b < m.block_count; ++b) m.y -= m.blocks[b].H * back.segment<3>(m.blocks[b].at);
-    }
-  }
-
   State prior_;  ///< mean only
-  std::vector<TagMeasurement> measurements_;
+  ImageMeasurement image_;
   StackedUpdate update_;
 };
 

@@ -47,10 +47,14 @@ class GrowingCovariance final {
 
   /// Takes six numbers out (marginalises them).
   void erase(int at) {
-    auto P = live();
-    for (int k = at; k + 6 < size_; ++k) P.row(k) = P.row(k + 6);
-    for (int k = at; k + 6 < size_; ++k) P.col(k) = P.col(k + 6);
-    size_ -= 6;
+    const int kept = size_ - 6;
+    for (int k = 0; k < kept; ++k) {
+      const double* const from = memory_.col(k < at ? k : k + 6).data();
+      double* const to = memory_.col(k).data();
+      if (to != from) std::copy_n(from, at, to);
+      std::copy(from + at + 6, from + size_, to + at);
+    }
+    size_ = kept;
   }
 
  private:

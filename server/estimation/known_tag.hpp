@@ -7,6 +7,7 @@
 namespace fiducap {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 /// A tag whose place in the workspace is an input of the filter, not its state (RCARS II-D4, last paragraph).
 struct KnownTag {

@@ -84,4 +84,10 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   return m;
 }
 
+void measure_image(const FilterState& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
+                   const CornerNoise& noise, ImageMeasurement& out) {
+  out.tags.clear();
+  for (const TagToUse& tag : tags) out.tags.push_back(measure(state, camera, model, tag, noise.of(*tag.seen)));
+}
+
 }  // namespace fiducap::robocentric

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <span>
+
 #include "base/pose.hpp"
 #include "capture/camera_model.hpp"
+#include "estimation/corner_noise.hpp"
 #include "estimation/robocentric/filter_state.hpp"
 #include "estimation/tag_measurement.hpp"
 
@@ -11,6 +14,10 @@ namespace fiducap::robocentric {
 /// (that is what robocentric is good for); another camera adds both extrinsics; a known tag depends on the body.
 [[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
                                      double corner_noise_px);
+
+/// All tags of an image.
+void measure_image(const FilterState& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
+                   const CornerNoise& noise, ImageMeasurement& out);
 
 /// Where the tag stands in the axes of `camera`, by the state's mean.
 [[nodiscard]] Pose predicted_tag(const FilterState& state, int camera, const TagToUse& tag);

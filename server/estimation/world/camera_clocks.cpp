@@ -1,12 +1,14 @@
-// The world filter's clocks, and its start with a clock that turns out to be far off.
+// The world filter's clocks, and its start while they are unknown.
 //
 // A camera's time shift and the motion enter the images as a product. While both are vague, in a quick turn, a linear filter
-// becomes sure of wrong velocities and biases, and takes wrong branches. Its estimate of the shift itself moves the right way. So
-// what came in since the start is kept for some seconds, and when the shift has moved far since then, all of it is lived through
-// again from there, until it moves no more: as if the shift had been known from the beginning (an iterated filter over the start).
+// becomes sure of wrong velocities and biases, and takes wrong branches. So what came in since the start is kept for some
+// seconds and lived through again from several guesses of the shift: the configured one, held; the same, free; the shift that
+// the free one found, until it moves no more; and others when all of these explain the images badly. The one that explains them
+// best goes on (an iterated filter over the start, from many beginnings).
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "estimation/filter_rules.hpp"
 #include "estimation/world/world_filter.hpp"
@@ -16,11 +18,26 @@ namespace fiducap::world {
 namespace {
 // When the start is looked at, after the first tag.
 constexpr std::array kLooks_s{1.0, 2.0, 4.0, 6.0};
-constexpr int kMostLivesPerLook = 6;
+constexpr int kMostLooks = 8;
+// A shift is found again from where it was found last, at most so often and while it moves by more than this.
+constexpr int kMostRefinements = 3;
 constexpr double kFarOff_s = 0.003;
 constexpr double kSure_sigma = 3.0;
 // No shift is believed that the prior calls impossible.
 constexpr double kMost_sigma = 6.0;
+// A clock that is held may be off by so much.
+constexpr double kHeld_s = 0.001;
+// Less than this does not tell two lives apart.
+constexpr double kClearlyBetter = 10.0;
+// Cost per number of a life that explains its images badly: 1 is expected, covered corners make it 1.2, and few numbers scatter.
+constexpr double kPoorCost = 1.25;
+constexpr double kPoorScatter = 4.0;
+// Then the shift is searched from so many sigmas of the prior below to so many above.
+constexpr int kSearched_sigma = 4;
+constexpr double kFoundSpread_sigma = 0.5;
+// A sighting that nothing explains yet costs a little more than one that is explained well.
+constexpr double kNumbers = 8.0;
+constexpr double kUnexplained = 10.0;
 // While a clock is worse known than this, the map is not told of tags: they may be taken back.
 constexpr double kVague_s = 0.002;
 }  // namespace
@@ -36,46 +53,142 @@ ClockEstimate WorldFilter::clock(int camera) const {
 }
 
 void WorldFilter::reopen_clock(int camera) {
+  open_clock(camera, sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s);
+  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+}
+
+void WorldFilter::open_clock(int camera, double sigma_s) {
   if (!config_.estimate_clocks || !has_imu()) return;
   const int at = layout::clock(camera);
-  const double sigma = sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s;
   auto P = state_.P();
   P.row(at).setZero();
   P.col(at).setZero();
-  P(at, at) = sigma * sigma;
-  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+  P(at, at) = sigma_s * sigma_s;
 }
 
 void WorldFilter::begin_log() {
   start_log_ = StartLog{};
   if (!has_imu() || !config_.estimate_clocks) start_log_.close();
   looks_at_start_ = 0;
-  start_shifts_s_.clear();
-  for (std::size_t k = 0; k < sensors_.cameras.size(); ++k) start_shifts_s_.push_back(first_shift_of(k));
+  due_looks_ = 0;
+  life_ = first_guess(1.0);
 }
 
 void WorldFilter::log_start(const TagObservations& seen, std::span<const KnownTag> known) {
   if (!start_log_.is_open()) return;
-  if (looks_at_start_ == kLooks_s.size()) return start_log_.close();
-  start_log_.add(seen, known);
+  if (due_looks_ < kLooks_s.size()) return start_log_.add(seen, known);
+  start_log_.close();
+  for (int camera = 0; camera < state_.cameras(); ++camera) {
+    if (life_.spread < 1.0) reopen_clock(camera);
+  }
+}
+
+WorldFilter::StartLife WorldFilter::first_guess(double spread) const {
+  StartLife life;
+  life.spread = spread;
+  for (std::size_t k = 0; k < sensors_.cameras.size(); ++k) life.shifts_s.push_back(first_shift_of(k));
+  return life;
+}
+
+double WorldFilter::start_sigma_s(std::size_t camera) const {
+  return std::max(std::min(kHeld_s, sensors_.cameras[camera].time_shift_sigma_s), life_.spread * sensors_.cameras[camera].time_shift_sigma_s);
+}
+
+void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report) {
+  if (!start_log_.is_open() && !reliving_) return;
+  const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
+  life_.cost += report.nis + gate_ * report.tags_rejected + kUnexplained * unexplained;
+  life_.numbers += kNumbers * report.tags_seen;
+  // Who calls his corners noisy has small distances: the likelihood's other term.
+  const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
+  for (const TagObservation& tag : seen.tags) life_.cost += 2.0 * kNumbers * std::log(noise.growth(tag));
 }
 
 UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report) {
-  if (!start_log_.is_open() || looks_at_start_ == kLooks_s.size() || mode_ != Mode::kRunning) return report;
-  const bool due = start_log_.seconds_since_first_tag(report.exposed_at) >= kLooks_s[looks_at_start_];
+  if (!start_log_.is_open() || looks_at_start_ == kMostLooks || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning) return report;
+  const bool due = start_log_.seconds_since_first_tag(report.exposed_at) >= kLooks_s[due_looks_];
   const bool strained = strained_updates_ == filter_rules::kStrainedToReopenClock;
   if (!due && !strained) return report;
-  looks_at_start_ += due ? 1 : 0;
-  UpdateReport last = report;
-  for (int life = 0; life < kMostLivesPerLook && clock_was_far_off(); ++life) last = relive_start(last);
+  due_looks_ += due ? 1 : 0;
+  ++looks_at_start_;
+  return live_best_start(report);
+}
+
+UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
+  const Pose X_WB_before = state_.X_WB;
+  const bool was_anchored = anchor_ != Anchor::kNone;
+  StartLife present = first_guess(kFoundSpread_sigma);
+  for (int camera = 0; camera < state_.cameras(); ++camera) present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
+  UpdateReport last = live_start(first_guess(0.0), report);
+  StartLife best = life_;
+  last = live_refined(first_guess(1.0), best, last);
+  last = live_refined(present, best, last);
+  if (best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers)) {
+    last = live_refined(search_shift(last), best, last);
+  }
+  if (best.shifts_s != life_.shifts_s || best.spread != life_.spread) last = live_start(best, last);
+  last.gauge_shift.reset();
+  if (!was_anchored) last.gauge_shift = state_.X_WB * X_WB_before.inverse();
   return last;
+}
+
+UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best, const UpdateReport& report) {
+  UpdateReport last = report;
+  bool is_best = false;
+  for (int k = 0; k <= kMostRefinements; ++k) {
+    last = live_start(guess, last);
+    // Another shift must be clearly better; the same one refined, as good: it began nearer to where it ended.
+    is_best = life_.cost < best.cost + (is_best ? kClearlyBetter : -kClearlyBetter);
+    if (is_best) best = life_;
+    if (!clock_was_far_off()) break;
+    for (int camera = 0; camera < state_.cameras(); ++camera) guess.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
+  }
+  return last;
+}
+
+WorldFilter::StartLife WorldFilter::search_shift(const UpdateReport& report) {
+  const auto guess_at = [&](double sigmas, double spread) {
+    StartLife guess = first_guess(spread);
+    for (std::size_t k = 0; k < guess.shifts_s.size(); ++k) guess.shifts_s[k] += sigmas * sensors_.cameras[k].time_shift_sigma_s;
+    return guess;
+  };
+  const auto cost_at = [&](double sigmas) {
+    live_start(guess_at(sigmas, 0.0), report);
+    return life_.cost;
+  };
+  double lowest = 0;
+  double lowest_cost = std::numeric_limits<double>::infinity();
+  for (int sigmas = -kSearched_sigma; sigmas <= kSearched_sigma; ++sigmas) {
+    const double cost = cost_at(sigmas);
+    if (cost < lowest_cost) lowest = sigmas;
+    lowest_cost = std::min(cost, lowest_cost);
+  }
+  for (const double step : {0.5, 0.25}) {
+    // The parabola through the lowest and its neighbours says where it is lower still.
+    const double below = cost_at(lowest - step);
+    const double above = cost_at(lowest + step);
+    const double bend = below - 2.0 * lowest_cost + above;
+    if (bend > 0) lowest += std::clamp(0.5 * (below - above) / bend, -1.0, 1.0) * step;
+    lowest_cost = cost_at(lowest);
+  }
+  return guess_at(lowest, kFoundSpread_sigma);
+}
+
+double WorldFilter::cost_of_shifts() const {
+  double cost = 0;
+  for (int camera = 0; camera < state_.cameras(); ++camera) {
+    const auto k = static_cast<std::size_t>(camera);
+    const double sigmas = (state_.clocks[k].shift_s - first_shift_of(k)) / sensors_.cameras[k].time_shift_sigma_s;
+    cost += sigmas * sigmas;
+  }
+  return cost;
 }
 
 bool WorldFilter::clock_was_far_off() const {
   for (int camera = 0; camera < state_.cameras(); ++camera) {
     const auto k = static_cast<std::size_t>(camera);
     const ClockEstimate now = clock(camera);
-    const double moved_s = std::abs(now.shift_s - start_shifts_s_[k]);
+    const double moved_s = std::abs(now.shift_s - life_.shifts_s[k]);
     const bool possible = std::abs(now.shift_s - first_shift_of(k)) < kMost_sigma * sensors_.cameras[k].time_shift_sigma_s;
     if (possible && moved_s > std::max(kFarOff_s, kSure_sigma * now.shift_sigma_s)) return true;
   }
@@ -89,17 +202,16 @@ bool WorldFilter::clock_is_vague() const {
   return false;
 }
 
-UpdateReport WorldFilter::relive_start(const UpdateReport& report) {
-  const bool was_anchored = anchor_ != Anchor::kNone;
-  const Pose X_WB_before = state_.X_WB;
-  for (int camera = 0; camera < state_.cameras(); ++camera) start_shifts_s_[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
+UpdateReport WorldFilter::live_start(const StartLife& guess, const UpdateReport& report) {
+  life_ = guess;
+  life_.cost = life_.numbers = 0;
   StartLog log = std::move(start_log_);
   start_log_.close();
   reliving_ = true;
   restart();
   imu_.forget_all();
   corner_noise_.assign(corner_noise_.size(), CornerNoise(config_, config_.learn_corner_noise));
-  log.shift_images(start_shifts_s_);
+  log.shift_images(life_.shifts_s);
   UpdateReport last = report;
   auto imu = log.imu().begin();
   for (const StartLog::Image& image : log.images()) {
@@ -111,10 +223,9 @@ UpdateReport WorldFilter::relive_start(const UpdateReport& report) {
     last = process(image.seen, image.known);
   }
   for (; imu != log.imu().end(); ++imu) propagate(*imu);
+  life_.cost += cost_of_shifts();
   reliving_ = false;
   start_log_ = std::move(log);
-  last.gauge_shift.reset();
-  if (!was_anchored) last.gauge_shift = state_.X_WB * X_WB_before.inverse();
   return last;
 }
 

@@ -22,4 +22,19 @@ CameraAt camera_at(const FilterState& state, int camera, double seconds) {
   return out;
 }
 
+SharedPose error_of(const CameraAt& at, int camera) {
+  SharedPose out;
+  Matrix63d on_clock = Matrix63d::Zero();
+  on_clock.col(0) = at.on_time;
+  out.add(layout::camera(camera), at.on_camera.leftCols<3>());
+  out.add(layout::camera(camera) + 3, at.on_camera.rightCols<3>());
+  out.add(layout::clock(camera), on_clock);
+  if (!at.moved()) return out;
+  out.add(layout::kPosition, at.on_body.leftCols<3>());
+  out.add(layout::kAttitude, at.on_body.rightCols<3>());
+  out.add(layout::kVelocity, at.on_velocity);
+  out.add(layout::kBiasW, at.on_gyro_bias);
+  return out;
+}
+
 }  // namespace fiducap::world

@@ -4,12 +4,12 @@
 
 #include <Eigen/Core>
 
+#include "estimation/tag_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
 
 using Matrix63d = Eigen::Matrix<double, 6, 3>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 /// A camera's pose at a moment near the state's, and how its world-side error depends on the
 /// state's errors.
@@ -31,5 +31,8 @@ struct CameraAt {
 
 /// @param seconds  after the state's instant, or before it
 [[nodiscard]] CameraAt camera_at(const FilterState& state, int camera, double seconds);
+
+/// The error of that pose as a function of the state's errors.
+[[nodiscard]] SharedPose error_of(const CameraAt& at, int camera);
 
 }  // namespace fiducap::world

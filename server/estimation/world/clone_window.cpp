@@ -1,7 +1,7 @@
 #include "estimation/world/clone_window.hpp"
 
 #include <algorithm>
-#include <array>
+#include <span>
 
 #include "estimation/linear_term.hpp"
 #include "estimation/world/camera_moment.hpp"
@@ -34,17 +34,9 @@ void CloneWindow::clone(FilterState& state, int camera, long image) {
   const int at = state.clone_at(static_cast<std::size_t>(oldest - state.clones.begin()));
   // The error of a camera is that of X_WV already: but for its clock, the clone's error is the same
   // number.
-  Matrix63d on_clock = Matrix63d::Zero();
-  on_clock.col(0) = at_exposure.on_time;
-  const std::array<LinearTerm, 7> terms{
-      {{layout::camera(camera), at_exposure.on_camera.leftCols<3>()},
-       {layout::camera(camera) + 3, at_exposure.on_camera.rightCols<3>()},
-       {layout::clock(camera), on_clock},
-       {layout::kPosition, at_exposure.on_body.leftCols<3>()},
-       {layout::kAttitude, at_exposure.on_body.rightCols<3>()},
-       {layout::kVelocity, at_exposure.on_velocity},
-       {layout::kBiasW, at_exposure.on_gyro_bias}}};
-  redefine(state.covariance, at, at + 3, terms, Matrix6d::Zero());
+  const SharedPose error = error_of(at_exposure, camera);
+  redefine(state.covariance, at, at + 3, std::span(error.terms).first(error.term_count),
+           Matrix6d::Zero());
 }
 
 LandmarkReport CloneWindow::correct(FilterState& state, ImageMemory& memory,

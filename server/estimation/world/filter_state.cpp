@@ -11,7 +11,6 @@ namespace {
 // A lever arm that changed by less stays what it was: with errors of turning below 0.1 rad that is a micrometre.
 constexpr double kNoticeable_m = 1e-5;
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
 /// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the

@@ -110,7 +110,7 @@ LandmarkReport LandmarkUpdate::apply(FilterState& state) {
   S.diagonal().array() += 1;
   report_.nis = kalman::solve(PHt, S, y_.head(rows_), state.held_tags(), dx);
   report_.nis_dof = rows_;
-  kalman::shrink(state.P(), PHt, state.held_tags());
+  kalman::shrink(state.P(), PHt, state.held_tags(), held_);
   state.add_error(dx);
   return report_;
 }

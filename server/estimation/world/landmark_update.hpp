@@ -2,6 +2,7 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -60,6 +61,7 @@ class LandmarkUpdate final {
   Eigen::MatrixXd S_;
   Eigen::MatrixXd PHt_;  ///< n × rows
   Eigen::VectorXd dx_;
+  std::vector<unsigned char> held_;  ///< Memory of kalman::shrink.
 };
 
 }  // namespace fiducap::world

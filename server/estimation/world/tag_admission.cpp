@@ -14,8 +14,10 @@ using namespace filter_rules;  // NOLINT: short names for what both filters go b
 
 namespace {
 
-// The reference tag is tied again when linearisation has let it slip this far (m and rad together).
-constexpr double kSlack = 1e-7;
+// The reference tag is tied again when linearisation has let it slip this far (m and rad together), or when it seems as
+// unsure as that: every image makes it so by a micrometre, which is nothing but what tying costs.
+constexpr double kSlipped = 1e-6;
+constexpr double kUnsure = 1e-5;
 
 }  // namespace
 
@@ -169,9 +171,8 @@ void WorldFilter::tie_workspace(UpdateReport& report) {
   const int tag = state_.find(*gauge_tag_);
   if (tag < 0) return;
   const auto i = static_cast<std::size_t>(tag);
-  if (slack_of_reference(state_, i, *heading_rule_, has_imu()) > kSlack) {
-    tie_to_reference(state_, i, *heading_rule_, has_imu());
-  }
+  const ReferenceSlack slack = slack_of_reference(state_, i, *heading_rule_, has_imu());
+  if (slack.moved > kSlipped || slack.sigma > kUnsure) tie_to_reference(state_, i, *heading_rule_, has_imu());
 }
 
 }  // namespace fiducap::world

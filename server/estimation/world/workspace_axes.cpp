@@ -51,49 +51,51 @@ int pose_at(const FilterState& state, std::size_t k) {
 }
 std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size(); }
 
-/// Every pose's error loses the shift that the reference tag's own error shows: ξ ← ξ + N L ξ_T.
-void take_back_shift(FilterState& state, const RoomShift& shift, int tag_at) {
+/// How errors change with the axes: every pose's is turned by `turn` and moved by `shift` of what the tag's was.
+struct ErrorChange {
+  Matrix6d turn;
+  Eigen::Matrix3d turn_velocity;
+  int tag_at{-1};  ///< −1: no shift.
+  Matrix6d shift{Matrix6d::Zero()};
+};
+
+/// P ← T P, column by column.
+void change_rows(FilterState& state, const ErrorChange& change) {
   auto P = state.P();
-  auto g = state.covariance.six_rows();  // covariance of the shift with everything
-  g.noalias() = shift.L * P.middleRows<6>(tag_at);
-  const Matrix6d own = g.middleCols<6>(tag_at) * shift.L.transpose();
-  for (std::size_t k = 0; k < poses(state); ++k) P.middleRows<6>(pose_at(state, k)) += shift.N * g;
-  for (std::size_t k = 0; k < poses(state); ++k) {
-    for (Eigen::Index row = 0; row < P.rows(); ++row) {
-      P.row(row).segment<6>(pose_at(state, k)) += (shift.N * g.col(row)).transpose();
+  for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    auto column = P.col(k);
+    Vector6d shift = Vector6d::Zero();
+    if (change.tag_at >= 0) shift.noalias() = change.shift * column.segment<6>(change.tag_at);
+    for (std::size_t i = 0; i < poses(state); ++i) {
+      auto error = column.segment<6>(pose_at(state, i));
+      const Vector6d turned = shift + change.turn * error;
+      error = turned;
     }
-  }
-  const Matrix6d both = shift.N * own * shift.N.transpose();
-  for (std::size_t a = 0; a < poses(state); ++a) {
-    for (std::size_t b = 0; b < poses(state); ++b) P.block<6, 6>(pose_at(state, a), pose_at(state, b)) += both;
+    const Eigen::Vector3d velocity = change.turn_velocity * column.segment<3>(kVelocity);
+    column.segment<3>(kVelocity) = velocity;
   }
 }
 
-}  // namespace
+/// P ← T P Tᵀ: twice the rows, because P is symmetric.
+void change_errors(FilterState& state, const ErrorChange& change) {
+  change_rows(state, change);
+  state.P().transposeInPlace();
+  change_rows(state, change);
+}
 
-void move_axes(FilterState& state, const Pose& G) {
+void move_mean(FilterState& state, const Pose& G) {
   state.X_WB = G * state.X_WB;
   state.v_WB = G.q * state.v_WB;
   for (Clone& clone : state.clones) clone.X_WV = G * clone.X_WV;
   state.a_WB = G.q * state.a_WB;
   for (WorldTag& tag : state.tags) tag.X_WT = G * tag.X_WT;
-  const Eigen::Matrix3d R = G.rotation();
-  Matrix6d Ad = Matrix6d::Zero();
-  Ad << R, skew(G.p) * R, Eigen::Matrix3d::Zero(), R;
-  auto P = state.P();
-  auto rows = state.covariance.six_rows();
-  for (std::size_t k = 0; k < poses(state); ++k) {
-    const int at = pose_at(state, k);
-    rows.noalias() = Ad * P.middleRows<6>(at);
-    P.middleRows<6>(at) = rows;
-  }
-  P.middleRows<3>(kVelocity) = (R * P.middleRows<3>(kVelocity)).eval();
-  for (std::size_t k = 0; k < poses(state); ++k) {
-    const int at = pose_at(state, k);
-    rows.noalias() = Ad * P.middleCols<6>(at).transpose();
-    P.middleCols<6>(at) = rows.transpose();
-  }
-  P.middleCols<3>(kVelocity) = (P.middleCols<3>(kVelocity) * R.transpose()).eval();
+}
+
+}  // namespace
+
+void move_axes(FilterState& state, const Pose& G) {
+  move_mean(state, G);
+  change_errors(state, {.turn = adjoint(G), .turn_velocity = G.rotation()});
 }
 
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
@@ -101,19 +103,22 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
   Pose G;
   G.q = level ? turn_to_heading(rule, X_WT.q) : (rule.X_WT.q * X_WT.q.conjugate()).normalized();
   G.p = rule.X_WT.p - G.q * X_WT.p;
-  move_axes(state, G);
-  take_back_shift(state, shift_for(state.tags[tag].X_WT, rule, level), state.tag_at(tag));
+  move_mean(state, G);
+  // Then every pose's error loses the shift of the room that the tag's own error shows: ξ ← ξ + N L ξ_T.
+  const RoomShift shift = shift_for(state.tags[tag].X_WT, rule, level);
+  const Matrix6d turn = adjoint(G);
+  change_errors(state, {turn, G.rotation(), state.tag_at(tag), shift.N * shift.L * turn});
   return G;
 }
 
-double slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const WorldTag& reference = state.tags[tag];
   const RoomShift shift = shift_for(reference.X_WT, rule, level);
   const Matrix6d own = state.P().block<6, 6>(state.tag_at(tag), state.tag_at(tag));
   const double variance = (shift.L * own * shift.L.transpose()).trace();
   const double turn = level ? log_so3(turn_to_heading(rule, reference.X_WT.q)).norm()
                             : angle_between(rule.X_WT.q, reference.X_WT.q);
-  return std::sqrt(std::max(0.0, variance)) + turn + (reference.X_WT.p - rule.X_WT.p).norm();
+  return {turn + (reference.X_WT.p - rule.X_WT.p).norm(), std::sqrt(std::max(0.0, variance))};
 }
 
 Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level) {

@@ -13,8 +13,12 @@ void move_axes(FilterState& state, const Pose& G);
 /// @return X_WnewWold
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
 
-/// How far, 1-sigma (m and rad together), the tag's place and heading are from exact: what linearisation let slip.
-[[nodiscard]] double slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
+/// How far the tag's place and heading are from exact (m and rad together): what linearisation let slip.
+struct ReferenceSlack {
+  double moved{};
+  double sigma{};
+};
+[[nodiscard]] ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
 
 /// Re-defines W by a tag with a place in the map that `camera` sees at X_VT: mean from this sighting; where the room is
 /// (position and heading; without gravity: the whole attitude) is unknown until the update that follows.

@@ -78,11 +78,11 @@ void WorldFilter::restart_camera(int camera) {
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
   }
   const auto k = static_cast<std::size_t>(camera);
-  state_.clocks[k] = {.shift_s = start_shifts_s_[k], .readout_s = mount.readout_s};
+  state_.clocks[k] = {.shift_s = life_.shifts_s[k], .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
-  reopen_clock(camera);
+  open_clock(camera, start_sigma_s(k));
 }
 
 void WorldFilter::release_tag(int tag_id) {
@@ -266,6 +266,7 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
+  charge(seen, report);
   return report;
 }
 

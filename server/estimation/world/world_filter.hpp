@@ -59,6 +59,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   void restart();
   void restart_camera(int camera);
+  void open_clock(int camera, double sigma_s);
   void reopen_clock(int camera);
   void begin_log();
   void log_start(const TagObservations& seen, std::span<const KnownTag> known);
@@ -68,8 +69,22 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] double first_shift_of(std::size_t camera) const {
     return camera < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[camera] : 0.0;
   }
+  /// One way to live through the start: the clocks' shifts guessed, and how much they may learn.
+  struct StartLife {
+    std::vector<double> shifts_s;  ///< One per camera.
+    double spread{};               ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
+    double cost{};                 ///< How badly it explains the images, −2 log likelihood but for a constant …
+    double numbers{};              ///< … of so many numbers.
+  };
+  [[nodiscard]] StartLife first_guess(double spread) const;
+  [[nodiscard]] double start_sigma_s(std::size_t camera) const;
+  [[nodiscard]] double cost_of_shifts() const;
+  void charge(const TagObservations& seen, const UpdateReport& report);
   UpdateReport relive_start_if_due(const UpdateReport& report);
-  UpdateReport relive_start(const UpdateReport& report);
+  UpdateReport live_best_start(const UpdateReport& report);
+  UpdateReport live_refined(StartLife guess, StartLife& best, const UpdateReport& report);
+  [[nodiscard]] StartLife search_shift(const UpdateReport& report);
+  UpdateReport live_start(const StartLife& guess, const UpdateReport& report);
   UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
   void look_at(const TagObservations& seen);
   void start(Instant at);
@@ -111,9 +126,10 @@ class WorldFilter final : public BodyFilter {
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
-  std::vector<double> start_shifts_s_;     ///< Of each camera's clock; where the estimate starts.
+  StartLife life_;  ///< How the present start is lived.
   StartLog start_log_;
-  std::size_t looks_at_start_{0};  ///< At the log, since it began.
+  int looks_at_start_{0};      ///< At the log, since it began …
+  std::size_t due_looks_{0};   ///< … and those of them whose time had come.
   bool reliving_{false};
   AttitudeStart attitude_;
   TagCandidates candidates_;

@@ -1,0 +1,152 @@
+// Six numbers of a tag say what its eight do.
+#include "estimation/stacked_update.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "estimation/chi_square.hpp"
+#include "estimation/world/corner_measurement.hpp"
+#include "world/example_state.hpp"
+
+namespace fiducap::world {
+namespace {
+
+// Two ways through the same algebra in double precision, relative to the largest number.
+constexpr double kSame = 1e-12;
+constexpr double kNoise_px = 0.4;
+
+struct Outcome {
+  double nis{};
+  int degrees_of_freedom{};
+  double rms_px{};
+  std::vector<StackedUpdate::Judged> judged;
+  std::vector<bool> accepted;
+  Eigen::VectorXd correction;
+  Eigen::MatrixXd P;
+};
+
+Outcome update(const FilterState& state, const ImageMeasurement& image, std::span<const int> held) {
+  Outcome out;
+  out.P = state.P();
+  StackedUpdate update;
+  update.prepare(out.P, image);
+  update.gate(out.P, image, chi_square_quantile(8, 0.999), out.accepted);
+  out.judged.assign(update.judged().begin(), update.judged().end());
+  out.nis = update.solve(out.P, image, held);
+  out.degrees_of_freedom = update.degrees_of_freedom();
+  out.rms_px = update.rms_px(image);
+  out.correction = update.correction();
+  update.shrink(out.P, held);
+  return out;
+}
+
+/// Camera 0, a global shutter, sees the three tags of the example, one that is given, and one that
+/// is not where it should be.
+class TurnedTag : public testing::TestWithParam<double> {
+ protected:
+  TurnedTag() : state_(example_state()) {
+    state_.P() *= 1e-4;
+    const int readout = layout::clock(0) + 1;
+    state_.P().row(readout).setZero();
+    state_.P().col(readout).setZero();
+    state_.clocks[0].shift_s += GetParam();
+    given_ = {13, 0.2, state_.tags[0].X_WT, Matrix6d::Zero()};
+    for (std::size_t i = 0; i < seen_.size(); ++i) {
+      const Pose& X_WT = state_.tags[i % 3].X_WT;
+      seen_[i] = example_observation(10 + static_cast<int>(i), 0.2, state_.X_WV(0).inverse() * X_WT,
+                                     example_camera());
+      const double way = 0.1 * static_cast<double>(i);
+      for (Eigen::Vector2d& corner : seen_[i].corners_px)
+        corner += Eigen::Vector2d(0.4 - 7 * way * way, way - 0.3);
+      seen_[i].corners_px[i % 4] += Eigen::Vector2d(-0.5, 0.6);
+      use_[i] = {&seen_[i], static_cast<int>(i), nullptr};
+    }
+    use_[3] = {&seen_[3], -1, &given_};
+    use_[4] = {&seen_[4], 1, nullptr};
+    for (Eigen::Vector2d& corner : seen_[4].corners_px) corner.x() += 60;
+  }
+
+  [[nodiscard]] ImageMeasurement turned() const {
+    EstimatorConfig config;
+    config.corner_noise_px = kNoise_px;
+    ImageMeasurement image;
+    measure_image(state_, 0, example_camera(), use_, CornerNoise(config, false), image);
+    return image;
+  }
+
+  [[nodiscard]] ImageMeasurement whole() const {
+    ImageMeasurement image;
+    for (const TagToUse& tag : use_)
+      image.tags.push_back(measure(state_, 0, example_camera(), tag, kNoise_px));
+    return image;
+  }
+
+  void expect_same(const Outcome& a, const Outcome& b) {
+    EXPECT_NEAR(a.nis, b.nis, kSame * b.nis);
+    EXPECT_EQ(a.degrees_of_freedom, b.degrees_of_freedom);
+    EXPECT_NEAR(a.rms_px, b.rms_px, kSame * b.rms_px);
+    EXPECT_EQ(a.accepted, b.accepted);
+    ASSERT_EQ(a.judged.size(), b.judged.size());
+    for (std::size_t i = 0; i < a.judged.size(); ++i) {
+      EXPECT_NEAR(a.judged[i].distance, b.judged[i].distance, kSame * b.judged[i].distance);
+      EXPECT_NEAR(a.judged[i].noise_share, b.judged[i].noise_share, kSame);
+    }
+    EXPECT_LT((a.correction - b.correction).norm(), kSame * b.correction.norm());
+    EXPECT_LT((a.P - b.P).cwiseAbs().maxCoeff(), kSame * state_.P().cwiseAbs().maxCoeff());
+    EXPECT_EQ(a.P, a.P.transpose());
+  }
+
+  FilterState state_;
+  KnownTag given_;
+  std::array<TagObservation, 5> seen_;
+  std::array<TagToUse, 5> use_;
+};
+
+TEST_P(TurnedTag, SaysWithSixNumbersWhatEightSay) {
+  const ImageMeasurement image = turned();
+  for (const TagMeasurement& m : image.tags) ASSERT_TRUE(m.relative);
+  const Outcome six = update(state_, image, {});
+  EXPECT_EQ(six.accepted, (std::vector<bool>{true, true, true, true, false}));
+  EXPECT_GT((six.P - state_.P()).norm(), 0.01 * state_.P().norm()) << "it learned something";
+  expect_same(six, update(state_, whole(), {}));
+}
+
+TEST_P(TurnedTag, SaysTheSameToHeldTags) {
+  const std::array<int, 2> held{state_.tag_at(0), state_.tag_at(2)};
+  const Outcome six = update(state_, turned(), held);
+  for (const int a : held) {
+    EXPECT_TRUE(six.correction.segment<6>(a).isZero(0));
+    for (const int b : held) EXPECT_EQ((six.P.block<6, 6>(a, b)), (state_.P().block<6, 6>(a, b)));
+  }
+  expect_same(six, update(state_, whole(), held));
+}
+
+TEST_P(TurnedTag, IsReferredToAnotherPointLikeAWholeOne) {
+  const Eigen::VectorXd error = Eigen::VectorXd::LinSpaced(state_.size(), -1e-3, 2e-3);
+  ImageMeasurement six = turned();
+  ImageMeasurement eight = whole();
+  six.take_off(error);
+  eight.take_off(error);
+  for (std::size_t i = 0; i < six.tags.size(); ++i) {
+    EXPECT_LT((six.tags[i].y - eight.tags[i].y).norm(), kSame * eight.tags[i].y.norm());
+    EXPECT_GT((six.tags[i].y - turned().tags[i].y).norm(), 1e-3);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(AtAndBesideTheStatesInstant, TurnedTag, testing::Values(0.0, 0.004));
+
+TEST(RollingShutter, KeepsEightNumbersPerTag) {
+  FilterState state = example_state();
+  const TagObservation seen =
+      example_observation(10, 0.2, state.X_WV(0).inverse() * state.tags[0].X_WT, example_camera());
+  const std::array<TagToUse, 1> use{TagToUse{&seen, 0, nullptr}};
+  ImageMeasurement image;
+  measure_image(state, 0, example_camera(), use, CornerNoise(EstimatorConfig{}, false), image);
+  EXPECT_FALSE(image.tags[0].relative) << "its readout time is not certain";
+  measure_image(state, 1, example_camera(), use, CornerNoise(EstimatorConfig{}, false), image);
+  EXPECT_FALSE(image.tags[0].relative) << "its rows are exposed in turn";
+}
+
+}  // namespace
+}  // namespace fiducap::world
