@@ -47,7 +47,8 @@ constexpr double kTagSystematic = 0.02;
 // tags is worse, and the sigma says so.
 constexpr double kWorstByImu = 6.0;
 constexpr double kWorstByOthers = 20.0;
-constexpr double kChanged = 0.05;
+// A ratio is told again when it has changed by so much (logarithm).
+constexpr double kChanged = 0.1;
 
 // First columns of the unknowns of a look; blocks of three but for κ and the clock.
 namespace column {
@@ -65,6 +66,9 @@ bool is_beyond(const LogScale& found, const ScaleScore& score) {
   return std::abs(found.value) > std::max(kTolerance, kSigmas * found.sigma) &&
          score.agreement(found.value) >= kAgreement;
 }
+
+/// @param said  0: nothing yet
+bool is_old(double value, double said) { return said != 0 && std::abs(value - said) < kChanged; }
 
 double information(double sigma) { return 1 / (sigma * sigma); }
 
@@ -117,7 +121,6 @@ void SizeCheck::add(const ImuSample& imu) {
 void SizeCheck::add(const Image& image) {
   if (image.report.gauge_shift) others_hold_ = false;
   if (open_ && to_seconds(image.seen.exposed_at - begun_at_) > kLook_s) finish();
-  note_bias(image.estimate);
   if (image.seen.tags.empty() || image.estimate.at != image.seen.exposed_at) return;
   if (!open_) begin(image);
   if (image.seen.camera != camera_) return;
@@ -137,6 +140,7 @@ void SizeCheck::begin(const Image& image) {
   camera_ = image.seen.camera;
   p_WB_begin_ = image.estimate.X_WB.p;
   others_hold_ = true;
+  note_bias(image.estimate);
   imu_holds_ = has_imu() && bias_w_;
   if (imu_holds_)
     motion_.restart(begun_at_, image.estimate.X_WB.q, *bias_w_, {0, 0, -sensors_.gravity_m_s2});
@@ -293,7 +297,7 @@ std::optional<SizeFinding> SizeCheck::take_news() {
 
 std::optional<SizeFinding> SizeCheck::news_of_all() {
   const LogScale common = *common_.result();
-  if (std::abs(common.value - common_said_) < kChanged) return std::nullopt;
+  if (is_old(common.value, common_said_)) return std::nullopt;
   common_said_ = common.value;
   const double ratio = std::exp(common.value);
   return SizeFinding{std::nullopt, 0.0, ratio, ratio * common.sigma};
@@ -304,7 +308,7 @@ std::optional<SizeFinding> SizeCheck::news_of_one() {
   LogScale how{};
   for (Score& score : scores_) {
     const auto found = verdict_on(score);
-    if (!found || std::abs(found->value - score.said) < kChanged) continue;
+    if (!found || is_old(found->value, score.said)) continue;
     if (worst != nullptr && std::abs(found->value) <= std::abs(how.value)) continue;
     worst = &score;
     how = *found;

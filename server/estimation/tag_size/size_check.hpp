@@ -50,7 +50,7 @@ class SizeCheck final {
   void add(const Image& image);
 
   /// All tags, or the worst of those that nothing was said of yet; each is said once, and again
-  /// when its ratio has changed by more than 5 %.
+  /// when its ratio has changed by more than 10 %.
   [[nodiscard]] std::optional<SizeFinding> take_news();
 
   /// For tests and benches: what is known by now. By the accelerometer, all tags together, …
