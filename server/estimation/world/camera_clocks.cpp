@@ -35,6 +35,8 @@ constexpr double kPoorScatter = 4.0;
 // Then the shift is searched from so many sigmas of the prior below to so many above.
 constexpr int kSearched_sigma = 4;
 constexpr double kFoundSpread_sigma = 0.5;
+// When so many searches in a row did not help, no clock is to blame (wrong sizes or lens, say): starts cost little again.
+constexpr int kMostVainSearches = 6;
 // A sighting that nothing explains yet costs a little more than one that is explained well.
 constexpr double kNumbers = 8.0;
 constexpr double kUnexplained = 10.0;
@@ -123,7 +125,10 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   StartLife best = life_;
   last = live_refined(first_guess(1.0), best, last);
   last = live_refined(present, best, last);
-  if (best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers)) {
+  const bool is_poor = best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers);
+  if (!is_poor) vain_searches_ = 0;
+  if (is_poor && vain_searches_ < kMostVainSearches) {
+    ++vain_searches_;
     last = live_refined(search_shift(last), best, last);
   }
   if (best.shifts_s != life_.shifts_s || best.spread != life_.spread) last = live_start(best, last);

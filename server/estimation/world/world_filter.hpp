@@ -133,6 +133,7 @@ class WorldFilter final : public BodyFilter {
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
   StartLife life_;  ///< How the present start is lived.
   StartLog start_log_;
+  int vain_searches_{0};       ///< For another clock, since a start was last explained well.
   int looks_at_start_{0};      ///< At the log, since it began …
   std::size_t due_looks_{0};   ///< … and those of them whose time had come.
   bool reliving_{false};
