@@ -177,14 +177,13 @@ void carry_covariance(FilterState& state, const ErrorRef& correction, int camera
     const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
     if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
     const Eigen::Matrix3d J = skew(moved);
-    // Column by column, then row by row: nothing is allocated.
+    // Rows, then columns: nothing is allocated.
     for (Eigen::Index k = 0; k < P.cols(); ++k) {
       const Eigen::Vector3d apart = P.col(k).segment<3>(at + 3) - P.col(k).segment<3>(turn_V);
       P.col(k).segment<3>(at) += J * apart;
     }
-    for (Eigen::Index k = 0; k < P.rows(); ++k) {
-      const Eigen::Vector3d apart = P.row(k).segment<3>(at + 3) - P.row(k).segment<3>(turn_V);
-      P.row(k).segment<3>(at) += (J * apart).transpose();
+    for (Eigen::Index j = 0; j < 3; ++j) {
+      for (Eigen::Index i = 0; i < 3; ++i) P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
     }
   };
   carry(layout::kPosition, state.X_WB.p);
