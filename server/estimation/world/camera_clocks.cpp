@@ -17,7 +17,7 @@ namespace fiducap::world {
 
 namespace {
 // When the start is looked at, after the first tag.
-constexpr std::array kLooks_s{1.0, 2.0, 4.0, 6.0};
+constexpr std::array kLooks_s{2.0, 4.0, 6.0};
 constexpr int kMostLooks = 8;
 // A shift is found again from where it was found last, at most so often and while it moves by more than this.
 constexpr int kMostRefinements = 3;
@@ -121,10 +121,13 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   const bool was_anchored = anchor_ != Anchor::kNone;
   StartLife present = first_guess(kFoundSpread_sigma);
   for (int camera = 0; camera < state_.cameras(); ++camera) present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
-  UpdateReport last = live_start(first_guess(0.0), report);
-  StartLife best = life_;
-  last = live_refined(first_guess(1.0), best, last);
-  last = live_refined(present, best, last);
+  const bool has_moved = clock_was_far_off(first_guess(0.0));
+  StartLife best;
+  best.cost = std::numeric_limits<double>::infinity();
+  UpdateReport last = live_refined(first_guess(1.0), best, report);
+  if (has_moved) last = live_refined(present, best, last);
+  last = live_start(first_guess(0.0), last);
+  if (life_.cost < best.cost + kClearlyBetter) best = life_;
   const bool is_poor = best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers);
   if (!is_poor) vain_searches_ = 0;
   if (is_poor && vain_searches_ < kMostVainSearches) {
@@ -145,7 +148,7 @@ UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best, const U
     // Another shift must be clearly better; the same one refined, as good: it began nearer to where it ended.
     is_best = life_.cost < best.cost + (is_best ? kClearlyBetter : -kClearlyBetter);
     if (is_best) best = life_;
-    if (!clock_was_far_off()) break;
+    if (!clock_was_far_off(life_)) break;
     for (int camera = 0; camera < state_.cameras(); ++camera) guess.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
   }
   return last;
@@ -189,11 +192,11 @@ double WorldFilter::cost_of_shifts() const {
   return cost;
 }
 
-bool WorldFilter::clock_was_far_off() const {
+bool WorldFilter::clock_was_far_off(const StartLife& guess) const {
   for (int camera = 0; camera < state_.cameras(); ++camera) {
     const auto k = static_cast<std::size_t>(camera);
     const ClockEstimate now = clock(camera);
-    const double moved_s = std::abs(now.shift_s - life_.shifts_s[k]);
+    const double moved_s = std::abs(now.shift_s - guess.shifts_s[k]);
     const bool possible = std::abs(now.shift_s - first_shift_of(k)) < kMost_sigma * sensors_.cameras[k].time_shift_sigma_s;
     if (possible && moved_s > std::max(kFarOff_s, kSure_sigma * now.shift_sigma_s)) return true;
   }

@@ -63,7 +63,6 @@ class WorldFilter final : public BodyFilter {
   void reopen_clock(int camera);
   void begin_log();
   void log_start(const TagObservations& seen, std::span<const KnownTag> known);
-  [[nodiscard]] bool clock_was_far_off() const;
   [[nodiscard]] bool clock_is_vague() const;
   /// As configured or stored.
   [[nodiscard]] double first_shift_of(std::size_t camera) const {
@@ -79,6 +78,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] StartLife first_guess(double spread) const;
   [[nodiscard]] double start_sigma_s(std::size_t camera) const;
   [[nodiscard]] double cost_of_shifts() const;
+  [[nodiscard]] bool clock_was_far_off(const StartLife& guess) const;
   void charge(const TagObservations& seen, const UpdateReport& report);
   UpdateReport relive_start_if_due(const UpdateReport& report);
   UpdateReport live_best_start(const UpdateReport& report);
