@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "app/system_clock.hpp"
+#include "app/urgency.hpp"
 
 namespace fiducap {
 
@@ -17,6 +18,7 @@ Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const 
       utc_offset_(utc_offset()) {}
 
 void Publisher::run(std::stop_token stop) {
+  run_urgently();
   Instant next = clock_.now();
   while (clock_.wait_until(next, stop)) {
     publish();

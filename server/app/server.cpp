@@ -20,6 +20,7 @@
 #include "app/publisher.hpp"
 #include "app/session_recorder.hpp"
 #include "app/system_clock.hpp"
+#include "app/urgency.hpp"
 #include "base/log.hpp"
 #include "scene/scene.hpp"
 #include "streaming/stream_hub.hpp"
@@ -228,6 +229,10 @@ bool Server::Impl::run() {
 }
 
 void Server::Impl::serve() {
+  if (!run_urgently()) {
+    log::info("app", "no right to real-time scheduling: with all cores busy a frame may wait for a millisecond or two "
+                     "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
+  }
   for (;;) {
     try {
       io_.run();
