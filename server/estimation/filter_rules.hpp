@@ -28,8 +28,8 @@ inline constexpr int kCornerStepIterations = 2;
 inline constexpr int kStrainedToReopenClock = 5;
 // Images in a row with usable tags and none accepted, before everything is given up …
 inline constexpr int kBarrenToRestart = 20;
-// … and when they all show one and the same tag, which may just have been moved, and an IMU bridges the time.
-inline constexpr int kBarrenToRestartByOneTag = 80;
+// … but not so soon when they all show one and the same tag, which may just have been moved, and an IMU bridges the time.
+inline constexpr double kOneTagPatience_s = 8.0;
 // A tag is believed to be there after so many views.
 inline constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.

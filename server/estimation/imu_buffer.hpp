@@ -27,7 +27,10 @@ class ImuBuffer final {
   /// So many readings that somebody must use them.
   [[nodiscard]] bool is_full() const;
   /// Older readings may come again.
-  void forget_all() { samples_.clear(); }
+  void forget_all() {
+    samples_.clear();
+    watch_ = SaturationWatch(noise_);
+  }
   /// Forgets all but the last two.
   void keep_newest_pair();
   /// Forgets what no interval after `at` needs; the last reading at or before `at` opens the next interval and stays.

@@ -11,6 +11,8 @@ namespace fiducap {
 
 /// A tag in a filter's state: who it is and how it fared.
 struct TagRecord {
+  static constexpr int kContradictions = 3;  ///< Fewer may be a bad image.
+
   int tag_id{};
   double edge_m{};
   int sightings{};
@@ -18,11 +20,14 @@ struct TagRecord {
   Instant last_seen{};
   int rejected_in_row{};  ///< By images that accepted other tags.
   int rejected_alone{};   ///< By images that accepted none, since one last did.
+
+  /// It contradicts, or the filter is wrong.
+  [[nodiscard]] bool is_doubted() const { return rejected_alone >= kContradictions; }
 };
 
 /// Notes which tags an update accepted. A tag that keeps contradicting the others is gone from its place: it leaves the
 /// state, and may join again like a new one. An update that accepts none blames no tag yet: the filter may be wrong itself.
-/// If the next tag then fits, it was not.
+/// If it was one tag all the time, and then another fits, that one is to blame.
 /// @param state  has `tags` (of TagRecord) and `remove_tag(i)`
 /// @return ids of the tags that left
 template <class State>
@@ -42,16 +47,23 @@ template <class State>
     }
   }
   if (!any) return {};
+  const auto doubted = std::count_if(state.tags.begin(), state.tags.end(), [](const TagRecord& tag) { return tag.is_doubted(); });
   std::vector<int> left;
   for (std::size_t i = state.tags.size(); i-- > 0;) {
     TagRecord& tag = state.tags[i];
-    const bool is_gone = tag.rejected_in_row >= kRejectionsToDrop || tag.rejected_alone >= kRejectionsToDrop;
+    const bool is_gone = tag.rejected_in_row >= kRejectionsToDrop || (doubted == 1 && tag.rejected_alone >= kRejectionsToDrop);
     tag.rejected_alone = 0;
     if (!is_gone) continue;
     left.push_back(tag.tag_id);
     state.remove_tag(i);
   }
   return left;
+}
+
+/// What they were blamed for was something else.
+template <class Tags>
+void forgive(Tags& tags) {
+  for (TagRecord& tag : tags) tag.rejected_in_row = tag.rejected_alone = 0;
 }
 
 /// Index of a tag in `tags`, or -1.

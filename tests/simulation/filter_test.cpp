@@ -193,6 +193,23 @@ TEST(WorldFilterClock, ASoundClockCostsNoStartInQuickMotion) {
   }
 }
 
+TEST(WorldFilterClock, ThatIsHeldAtTheStartIsFreedAfterIt) {
+  // Too little to be noticed in the first seconds, more than a held clock may learn.
+  SimulatedDataSetup data{.world = "hall", .seconds = 60.0, .seed = 3};
+  data.faults.image_stamp_error_s = 0.005;
+  const FilterRun one = run({.filter = "world", .data = data});
+  EXPECT_NEAR(one.clock.shift_s, -0.005, 5 * one.clock.shift_sigma_s);
+  EXPECT_LT(one.clock.shift_sigma_s, 6e-4);
+}
+
+TEST(WorldFilterClock, MayBeKnownExactly) {
+  EstimationData data = simulate({.world = "sparse", .seconds = 15.0, .seed = 2});
+  data.camera.time_shift_sigma_s = 0;
+  const FilterRun one = run_filter(data, {.filter = "world"}).scored_after(kSettled_s);
+  EXPECT_EQ(one.clock.shift_s, 0);
+  EXPECT_LT(one.mean_nees() / 15, 2.0);
+}
+
 TEST(WorldFilterClock, IsFoundAlsoWhenTheBodyStartsInQuickMotion) {
   for (const double off_s : {0.05, -0.05}) {
     for (const std::uint64_t seed : {4, 6, 9}) {

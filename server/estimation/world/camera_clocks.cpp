@@ -18,7 +18,8 @@ namespace fiducap::world {
 namespace {
 // When the start is looked at, after the first tag.
 constexpr std::array kLooks_s{2.0, 4.0, 6.0};
-constexpr int kMostLooks = 8;
+// … and besides, when its images contradict each other.
+constexpr std::size_t kMostStrainedLooks = 5;
 // A shift is found again from where it was found last, at most so often and while it moves by more than this.
 constexpr int kMostRefinements = 3;
 constexpr double kFarOff_s = 0.003;
@@ -35,13 +36,13 @@ constexpr double kPoorScatter = 4.0;
 // Then the shift is searched from so many sigmas of the prior below to so many above.
 constexpr int kSearched_sigma = 4;
 constexpr double kFoundSpread_sigma = 0.5;
-// When so many searches in a row did not help, no clock is to blame (wrong sizes or lens, say): starts cost little again.
+// No search when so many in a row did not help: no clock is to blame then (but sizes or lens, say).
 constexpr int kMostVainSearches = 6;
+// Nor with so many sightings that living through them a dozen times would take seconds.
+constexpr double kMostSearchedNumbers = 8 * 1200.0;
 // A sighting that nothing explains yet costs a little more than one that is explained well.
 constexpr double kNumbers = 8.0;
 constexpr double kUnexplained = 10.0;
-// While a clock is worse known than this, the map is not told of tags: they may be taken back.
-constexpr double kVague_s = 0.002;
 }  // namespace
 
 void WorldFilter::look_at(const TagObservations& seen) {
@@ -56,7 +57,8 @@ ClockEstimate WorldFilter::clock(int camera) const {
 
 void WorldFilter::reopen_clock(int camera) {
   open_clock(camera, sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s);
-  for (WorldTag& tag : state_.tags) tag.rejected_in_row = 0;  // the clock is to blame, not they
+  forgive(state_.tags);    // the clock is to blame, not they
+  memory_.forget_all();    // its states still believe in the clock
 }
 
 void WorldFilter::open_clock(int camera, double sigma_s) {
@@ -71,21 +73,20 @@ void WorldFilter::open_clock(int camera, double sigma_s) {
 void WorldFilter::begin_log() {
   start_log_ = StartLog{};
   if (!has_imu() || !config_.estimate_clocks) start_log_.close();
-  looks_at_start_ = 0;
   due_looks_ = 0;
+  strained_looks_ = 0;
   life_ = first_guess(1.0);
 }
 
 void WorldFilter::log_start(const TagObservations& seen, std::span<const KnownTag> known) {
-  if (!start_log_.is_open()) return;
-  if (due_looks_ < kLooks_s.size()) return start_log_.add(seen, known);
-  start_log_.close();
-  for (int camera = 0; camera < state_.cameras(); ++camera) {
-    if (life_.spread < 1.0) reopen_clock(camera);
-  }
+  if (due_looks_ == kLooks_s.size()) start_log_.close();
+  if (start_log_.is_open()) return start_log_.add(seen, known);
+  if (life_.spread > 0) return;
+  for (int camera = 0; camera < state_.cameras(); ++camera) reopen_clock(camera);
+  life_.spread = 1.0;
 }
 
-WorldFilter::StartLife WorldFilter::first_guess(double spread) const {
+StartLife WorldFilter::first_guess(double spread) const {
   StartLife life;
   life.spread = spread;
   for (std::size_t k = 0; k < sensors_.cameras.size(); ++k) life.shifts_s.push_back(first_shift_of(k));
@@ -97,7 +98,7 @@ double WorldFilter::start_sigma_s(std::size_t camera) const {
 }
 
 void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report) {
-  if (!start_log_.is_open() && !reliving_) return;
+  if (!reliving_) return;
   const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
   life_.cost += report.nis + gate_ * report.tags_rejected + kUnexplained * unexplained;
   life_.numbers += kNumbers * report.tags_seen;
@@ -107,22 +108,22 @@ void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report
 }
 
 UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report) {
-  if (!start_log_.is_open() || looks_at_start_ == kMostLooks || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning) return report;
+  if (!start_log_.is_open() || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning) return report;
   const bool due = start_log_.seconds_since_first_tag(report.exposed_at) >= kLooks_s[due_looks_];
-  const bool strained = strained_updates_ == filter_rules::kStrainedToReopenClock;
+  const bool strained = strained_updates_ == filter_rules::kStrainedToReopenClock && strained_looks_ < kMostStrainedLooks;
   if (!due && !strained) return report;
-  due_looks_ += due ? 1 : 0;
-  ++looks_at_start_;
+  ++(due ? due_looks_ : strained_looks_);
   return live_best_start(report);
 }
 
 UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   const Pose X_WB_before = state_.X_WB;
   const bool was_anchored = anchor_ != Anchor::kNone;
+  const std::optional<int> gauge_before = gauge_tag_;
   StartLife present = first_guess(kFoundSpread_sigma);
   for (int camera = 0; camera < state_.cameras(); ++camera) present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
   const bool has_moved = clock_was_far_off(first_guess(0.0));
-  StartLife best;
+  StartLife best = first_guess(1.0);
   best.cost = std::numeric_limits<double>::infinity();
   UpdateReport last = live_refined(first_guess(1.0), best, report);
   if (has_moved) last = live_refined(present, best, last);
@@ -130,13 +131,13 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   if (life_.cost < best.cost + kClearlyBetter) best = life_;
   const bool is_poor = best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers);
   if (!is_poor) vain_searches_ = 0;
-  if (is_poor && vain_searches_ < kMostVainSearches) {
+  if (is_poor && vain_searches_ < kMostVainSearches && best.numbers < kMostSearchedNumbers) {
     ++vain_searches_;
     last = live_refined(search_shift(last), best, last);
   }
   if (best.shifts_s != life_.shifts_s || best.spread != life_.spread) last = live_start(best, last);
   last.gauge_shift.reset();
-  if (!was_anchored) last.gauge_shift = state_.X_WB * X_WB_before.inverse();
+  if (!was_anchored || gauge_tag_ != gauge_before) last.gauge_shift = state_.X_WB * X_WB_before.inverse();
   return last;
 }
 
@@ -154,7 +155,8 @@ UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best, const U
   return last;
 }
 
-WorldFilter::StartLife WorldFilter::search_shift(const UpdateReport& report) {
+// All cameras by the same number of sigmas: they hang on one computer more often than not.
+StartLife WorldFilter::search_shift(const UpdateReport& report) {
   const auto guess_at = [&](double sigmas, double spread) {
     StartLife guess = first_guess(spread);
     for (std::size_t k = 0; k < guess.shifts_s.size(); ++k) guess.shifts_s[k] += sigmas * sensors_.cameras[k].time_shift_sigma_s;
@@ -186,6 +188,7 @@ double WorldFilter::cost_of_shifts() const {
   double cost = 0;
   for (int camera = 0; camera < state_.cameras(); ++camera) {
     const auto k = static_cast<std::size_t>(camera);
+    if (!(sensors_.cameras[k].time_shift_sigma_s > 0)) continue;  // known exactly
     const double sigmas = (state_.clocks[k].shift_s - first_shift_of(k)) / sensors_.cameras[k].time_shift_sigma_s;
     cost += sigmas * sigmas;
   }
@@ -199,13 +202,6 @@ bool WorldFilter::clock_was_far_off(const StartLife& guess) const {
     const double moved_s = std::abs(now.shift_s - guess.shifts_s[k]);
     const bool possible = std::abs(now.shift_s - first_shift_of(k)) < kMost_sigma * sensors_.cameras[k].time_shift_sigma_s;
     if (possible && moved_s > std::max(kFarOff_s, kSure_sigma * now.shift_sigma_s)) return true;
-  }
-  return false;
-}
-
-bool WorldFilter::clock_is_vague() const {
-  for (int camera = 0; camera < state_.cameras(); ++camera) {
-    if (clock(camera).shift_sigma_s > kVague_s) return true;
   }
   return false;
 }

@@ -19,10 +19,12 @@ constexpr int kSightingsToVouch = 20;
 }  // namespace
 
 bool WorldFilter::is_one_tag_against_all() const {
-  const auto contradicts = [](const WorldTag& tag) { return tag.rejected_alone > 0; };
-  const auto vouches = [](const WorldTag& tag) { return tag.held || tag.sightings >= kSightingsToVouch; };
-  return has_imu() && !start_log_.is_open() && std::count_if(state_.tags.begin(), state_.tags.end(), contradicts) == 1 &&
-         std::count_if(state_.tags.begin(), state_.tags.end(), vouches) > kVouchers;
+  const auto contradicts = [](const WorldTag& tag) { return tag.is_doubted(); };
+  const auto vouches = [](const WorldTag& tag) { return !tag.is_doubted() && (tag.held || tag.sightings >= kSightingsToVouch); };
+  const auto is_local = [](const TagToUse& tag) { return tag.local >= 0; };
+  return has_imu() && !start_log_.is_open() && !reliving_ && std::all_of(usable_.begin(), usable_.end(), is_local) &&
+         std::count_if(state_.tags.begin(), state_.tags.end(), contradicts) == 1 &&
+         std::count_if(state_.tags.begin(), state_.tags.end(), vouches) >= kVouchers;
 }
 
 void WorldFilter::lose_motion() {
@@ -77,6 +79,10 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
   state_.time = at;
   mode_ = Mode::kRunning;
   is_attitude_lost_ = false;
+  candidates_.forget_all();
+  forgive(state_.tags);
+  barren_updates_ = 0;
+  strained_updates_ = 0;
 }
 
 }  // namespace fiducap::world

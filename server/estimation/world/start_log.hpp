@@ -10,6 +10,14 @@
 
 namespace fiducap::world {
 
+/// One way to live through the start: the clocks' shifts guessed, and how much they may learn.
+struct StartLife {
+  std::vector<double> shifts_s;  ///< One per camera.
+  double spread{};               ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
+  double cost{};                 ///< How badly it explains the images, −2 log likelihood but for a constant …
+  double numbers{};              ///< … of so many numbers.
+};
+
 /// All that went into the filter since it started, as long as it may have to start again with a better clock.
 class StartLog final {
  public:

@@ -75,6 +75,8 @@ bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, Upd
 }
 
 void WorldFilter::live_again(long from, UpdateReport& report) {
+  const int barren = barren_updates_;  // these images were counted
+  const int strained = strained_updates_;
   state_ = *memory_.state_at(from);
   for (long number = from; number <= memory_.newest(); ++number) {
     ImageMemory::Image& image = memory_.image(number);
@@ -89,6 +91,8 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
     }
     for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);
   }
+  barren_updates_ = barren;
+  strained_updates_ = strained;
 }
 
 void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {

@@ -244,7 +244,8 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
     if (linearisation_) iterations = kCornerStepIterations;
     if (at_image && has_turned_blindly()) {
       lose_motion();
-      is_attitude_lost_ = true;
+      is_attitude_lost_ = mode_ == Mode::kAdrift;
+      at_image = false;
     }
   }
   if (mode_ == Mode::kAdrift) {
@@ -260,13 +261,19 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (at_image) memory_.add(seen, known);
   if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
   if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
-  // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
-  if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
-  if (barren_updates_ >= (is_one_tag_against_all() ? kBarrenToRestartByOneTag : kBarrenToRestart)) restart();
+  answer_contradictions(seen);
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
   charge(seen, report);
   return report;
+}
+
+void WorldFilter::answer_contradictions(const TagObservations& seen) {
+  // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
+  if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
+  if (barren_updates_ < kBarrenToRestart) return;
+  const bool is_patient = last_used_at_ && to_seconds(seen.exposed_at - *last_used_at_) < kOneTagPatience_s;
+  if (!is_patient || !is_one_tag_against_all()) restart();
 }
 
 bool WorldFilter::move_to(const TagObservations& seen) {
@@ -356,7 +363,7 @@ BodyEstimate WorldFilter::estimate() const {
 
 void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   out.clear();
-  if (anchor_ == Anchor::kNone || (start_log_.is_open() && clock_is_vague())) return;
+  if (anchor_ == Anchor::kNone || start_log_.is_open()) return;  // a start may be taken back, the map's knowledge not
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const WorldTag& tag = state_.tags[i];
     if (!tag.held) out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});

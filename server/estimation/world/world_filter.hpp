@@ -63,18 +63,10 @@ class WorldFilter final : public BodyFilter {
   void reopen_clock(int camera);
   void begin_log();
   void log_start(const TagObservations& seen, std::span<const KnownTag> known);
-  [[nodiscard]] bool clock_is_vague() const;
   /// As configured or stored.
   [[nodiscard]] double first_shift_of(std::size_t camera) const {
     return camera < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[camera] : 0.0;
   }
-  /// One way to live through the start: the clocks' shifts guessed, and how much they may learn.
-  struct StartLife {
-    std::vector<double> shifts_s;  ///< One per camera.
-    double spread{};               ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
-    double cost{};                 ///< How badly it explains the images, −2 log likelihood but for a constant …
-    double numbers{};              ///< … of so many numbers.
-  };
   [[nodiscard]] StartLife first_guess(double spread) const;
   [[nodiscard]] double start_sigma_s(std::size_t camera) const;
   [[nodiscard]] double cost_of_shifts() const;
@@ -94,6 +86,7 @@ class WorldFilter final : public BodyFilter {
   void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known);
   void sort_tags(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] std::vector<SightedTag> sighted(int camera) const;
+  void answer_contradictions(const TagObservations& seen);
   bool move_to(const TagObservations& seen);
   bool move_by_corners(const TagObservations& seen);
   [[nodiscard]] bool has_turned_blindly() const;
@@ -134,8 +127,8 @@ class WorldFilter final : public BodyFilter {
   StartLife life_;  ///< How the present start is lived.
   StartLog start_log_;
   int vain_searches_{0};       ///< For another clock, since a start was last explained well.
-  int looks_at_start_{0};      ///< At the log, since it began …
-  std::size_t due_looks_{0};   ///< … and those of them whose time had come.
+  std::size_t due_looks_{0};       ///< At the log, since it began …
+  std::size_t strained_looks_{0};  ///< … and those because images contradicted each other.
   bool reliving_{false};
   AttitudeStart attitude_;
   TagCandidates candidates_;
