@@ -26,8 +26,6 @@ constexpr double kFarOff_s = 0.003;
 constexpr double kSure_sigma = 3.0;
 // No shift is believed that the prior calls impossible.
 constexpr double kMost_sigma = 6.0;
-// A clock that is held may be off by so much.
-constexpr double kHeld_s = 0.001;
 // Less than this does not tell two lives apart.
 constexpr double kClearlyBetter = 10.0;
 // Cost per number of a life that explains its images badly: 1 is expected, covered corners make it 1.2, and few numbers scatter.
@@ -72,7 +70,9 @@ void WorldFilter::open_clock(int camera, double sigma_s) {
 
 void WorldFilter::begin_log() {
   start_log_ = StartLog{};
-  if (!has_imu() || !config_.estimate_clocks) start_log_.close();
+  const auto is_known = [](const CameraMount& mount) { return !(mount.time_shift_sigma_s > 0); };
+  const bool all_known = std::all_of(sensors_.cameras.begin(), sensors_.cameras.end(), is_known);
+  if (!has_imu() || !config_.estimate_clocks || all_known) start_log_.close();
   due_looks_ = 0;
   strained_looks_ = 0;
   life_ = first_guess(1.0);
@@ -93,8 +93,9 @@ StartLife WorldFilter::first_guess(double spread) const {
   return life;
 }
 
-double WorldFilter::start_sigma_s(std::size_t camera) const {
-  return std::max(std::min(kHeld_s, sensors_.cameras[camera].time_shift_sigma_s), life_.spread * sensors_.cameras[camera].time_shift_sigma_s);
+/// As configured or stored.
+double WorldFilter::first_shift_of(std::size_t camera) const {
+  return camera < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[camera] : 0.0;
 }
 
 void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report) {
@@ -173,15 +174,16 @@ StartLife WorldFilter::search_shift(const UpdateReport& report) {
     if (cost < lowest_cost) lowest = sigmas;
     lowest_cost = std::min(cost, lowest_cost);
   }
-  for (const double step : {0.5, 0.25}) {
-    // The parabola through the lowest and its neighbours says where it is lower still.
+  // The parabola through the lowest and its neighbours says where it is lower still.
+  const auto vertex = [&](double step) {
     const double below = cost_at(lowest - step);
     const double above = cost_at(lowest + step);
     const double bend = below - 2.0 * lowest_cost + above;
-    if (bend > 0) lowest += std::clamp(0.5 * (below - above) / bend, -1.0, 1.0) * step;
-    lowest_cost = cost_at(lowest);
-  }
-  return guess_at(lowest, kFoundSpread_sigma);
+    return bend > 0 ? lowest + std::clamp(0.5 * (below - above) / bend, -1.0, 1.0) * step : lowest;
+  };
+  lowest = vertex(0.5);
+  lowest_cost = cost_at(lowest);
+  return guess_at(vertex(0.25), kFoundSpread_sigma);
 }
 
 double WorldFilter::cost_of_shifts() const {

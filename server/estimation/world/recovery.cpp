@@ -18,6 +18,7 @@ constexpr int kVouchers = 2;
 constexpr int kSightingsToVouch = 20;
 }  // namespace
 
+/// Images contradict, but all by the same tag.
 bool WorldFilter::is_one_tag_against_all() const {
   const auto contradicts = [](const WorldTag& tag) { return tag.is_doubted(); };
   const auto vouches = [](const WorldTag& tag) { return !tag.is_doubted() && (tag.held || tag.sightings >= kSightingsToVouch); };

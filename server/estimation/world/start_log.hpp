@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <span>
 #include <vector>
@@ -16,6 +17,12 @@ struct StartLife {
   double spread{};               ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
   double cost{};                 ///< How badly it explains the images, −2 log likelihood but for a constant …
   double numbers{};              ///< … of so many numbers.
+
+  /// @param configured_s  1-sigma of a camera's shift
+  [[nodiscard]] double sigma_s(double configured_s) const {
+    constexpr double kHeld_s = 0.001;  // a clock that is held may be off by so much
+    return std::max(std::min(kHeld_s, configured_s), spread * configured_s);
+  }
 };
 
 /// All that went into the filter since it started, as long as it may have to start again with a better clock.

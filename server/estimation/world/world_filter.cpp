@@ -83,7 +83,7 @@ void WorldFilter::restart_camera(int camera) {
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
-  open_clock(camera, start_sigma_s(k));
+  open_clock(camera, life_.sigma_s(mount.time_shift_sigma_s));
 }
 
 void WorldFilter::release_tag(int tag_id) {

@@ -63,12 +63,8 @@ class WorldFilter final : public BodyFilter {
   void reopen_clock(int camera);
   void begin_log();
   void log_start(const TagObservations& seen, std::span<const KnownTag> known);
-  /// As configured or stored.
-  [[nodiscard]] double first_shift_of(std::size_t camera) const {
-    return camera < sensors_.start_shifts_s.size() ? sensors_.start_shifts_s[camera] : 0.0;
-  }
+  [[nodiscard]] double first_shift_of(std::size_t camera) const;
   [[nodiscard]] StartLife first_guess(double spread) const;
-  [[nodiscard]] double start_sigma_s(std::size_t camera) const;
   [[nodiscard]] double cost_of_shifts() const;
   [[nodiscard]] bool clock_was_far_off(const StartLife& guess) const;
   void charge(const TagObservations& seen, const UpdateReport& report);
@@ -90,7 +86,6 @@ class WorldFilter final : public BodyFilter {
   bool move_to(const TagObservations& seen);
   bool move_by_corners(const TagObservations& seen);
   [[nodiscard]] bool has_turned_blindly() const;
-  /// Images contradict, but all by the same tag.
   [[nodiscard]] bool is_one_tag_against_all() const;
   bool come_back(const TagObservations& seen);
   /// One tag whose views since, compared with the gyro, decide its branch.
