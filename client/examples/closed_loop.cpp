@@ -1,6 +1,7 @@
-// Holds a body at a place: closed_loop BODY X Y Z [host] [port] [seconds]. Commands go to stdout as t,ax,ay,az; put
-// your robot where they are printed. Three rules of a loop that flies: wait for frames instead of a timer of your own;
-// use the pose of the instant when the command takes effect; and without a valid, fresh pose do the safe thing.
+// Holds a body at a place: closed_loop BODY X Y Z [host] [port] [seconds]. Commands go to stdout as
+// t,ax,ay,az; put your robot where they are printed. Three rules of a loop that flies: wait for
+// frames instead of a timer of your own; use the pose of the instant when the command takes effect;
+// and without a valid, fresh pose do the safe thing.
 #include <fiducap/client.hpp>
 
 #include <chrono>
@@ -33,7 +34,8 @@ int main(int argc, char** argv) {
     return 2;
   }
   const std::string name = argv[1];
-  const fiducap::examples::Vector target{std::atof(argv[2]), std::atof(argv[3]), std::atof(argv[4])};
+  const fiducap::examples::Vector target{std::atof(argv[2]), std::atof(argv[3]),
+                                         std::atof(argv[4])};
   fiducap::ClientOptions options;
   options.name = "closed_loop";
   options.bodies = {name};
@@ -59,7 +61,7 @@ int main(int argc, char** argv) {
       continue;
     }
     const auto command = cascade.update(target, body.position_m, body.velocity_m_s, dt_s);
-    std::printf("%.6f,%.4f,%.4f,%.4f\n", std::chrono::duration<double>(now - start).count(), command[0], command[1],
-                command[2]);
+    std::printf("%.6f,%.4f,%.4f,%.4f\n", std::chrono::duration<double>(now - start).count(),
+                command[0], command[1], command[2]);
   }
 }

@@ -13,10 +13,14 @@ volatile std::sig_atomic_t stop_requested = 0;
 
 const char* word(fiducap::Tracking tracking) {
   switch (tracking) {
-    case fiducap::Tracking::kSearching: return "searching";
-    case fiducap::Tracking::kTracking: return "tracking";
-    case fiducap::Tracking::kCoasting: return "coasting";
-    case fiducap::Tracking::kLost: return "lost";
+    case fiducap::Tracking::kSearching:
+      return "searching";
+    case fiducap::Tracking::kTracking:
+      return "tracking";
+    case fiducap::Tracking::kCoasting:
+      return "coasting";
+    case fiducap::Tracking::kLost:
+      return "lost";
   }
   return "";
 }
@@ -27,8 +31,8 @@ void print(const fiducap::Frame& frame) {
     if (body.valid) {
       const auto& p = body.position_m;
       const auto& q = body.orientation_wxyz;
-      std::printf("  p %8.3f %8.3f %8.3f m  q %7.4f %7.4f %7.4f %7.4f  +/- %.1f mm", p[0], p[1], p[2], q[0], q[1],
-                  q[2], q[3], body.position_sigma_m * 1e3);
+      std::printf("  p %8.3f %8.3f %8.3f m  q %7.4f %7.4f %7.4f %7.4f  +/- %.1f mm", p[0], p[1],
+                  p[2], q[0], q[1], q[2], q[3], body.position_sigma_m * 1e3);
     }
     std::printf("\n");
   }

@@ -15,8 +15,8 @@ int main() {
     } else if (client.latest(frame)) {
       for (const auto& body : frame.bodies) {
         if (!body.valid) continue;  // never fly with a pose that is not valid
-        std::printf("%s at %.3f %.3f %.3f\n", body.name.c_str(), body.position_m[0], body.position_m[1],
-                    body.position_m[2]);
+        std::printf("%s at %.3f %.3f %.3f\n", body.name.c_str(), body.position_m[0],
+                    body.position_m[1], body.position_m[2]);
       }
     }
   }

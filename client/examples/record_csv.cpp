@@ -1,4 +1,5 @@
-// Writes every pose of every frame as CSV until Ctrl-C or for some seconds: record_csv FILE [seconds] [host] [port]
+// Writes every pose of every frame as CSV until Ctrl-C or for some seconds: record_csv FILE
+// [seconds] [host] [port]
 #include <fiducap/client.hpp>
 
 #include <chrono>
@@ -17,9 +18,10 @@ void write(std::FILE* file, const fiducap::Frame& frame) {
     const auto& p = body.position_m;
     const auto& q = body.orientation_wxyz;
     std::fprintf(file, "%lld,%lld,%llu,%s,%.6f,%.6f,%.6f,%.8f,%.8f,%.8f,%.8f,%.6f,%.6f\n",
-                 static_cast<long long>(frame.at_server_ns), static_cast<long long>(frame.at_utc_ns),
-                 static_cast<unsigned long long>(frame.number), body.name.c_str(), p[0], p[1], p[2], q[0], q[1], q[2],
-                 q[3], body.position_sigma_m, body.rotation_sigma_rad);
+                 static_cast<long long>(frame.at_server_ns),
+                 static_cast<long long>(frame.at_utc_ns),
+                 static_cast<unsigned long long>(frame.number), body.name.c_str(), p[0], p[1], p[2],
+                 q[0], q[1], q[2], q[3], body.position_sigma_m, body.rotation_sigma_rad);
   }
 }
 
@@ -35,7 +37,9 @@ int main(int argc, char** argv) {
     std::perror(argv[1]);
     return 1;
   }
-  std::fprintf(file, "server_ns,utc_ns,frame,body,px,py,pz,qw,qx,qy,qz,position_sigma_m,rotation_sigma_rad\n");
+  std::fprintf(
+      file,
+      "server_ns,utc_ns,frame,body,px,py,pz,qw,qx,qy,qz,position_sigma_m,rotation_sigma_rad\n");
   const double seconds = argc > 2 ? std::atof(argv[2]) : std::numeric_limits<double>::infinity();
   fiducap::ClientOptions options;
   options.name = "record_csv";
@@ -47,11 +51,14 @@ int main(int argc, char** argv) {
   fiducap::Frame frame;
   const auto start = std::chrono::steady_clock::now();
   while (stop_requested == 0 &&
-         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() < seconds) {
-    if (client.wait_for_frame(frame.number, std::chrono::milliseconds(100)) && client.latest(frame)) write(file, frame);
+         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() <
+             seconds) {
+    if (client.wait_for_frame(frame.number, std::chrono::milliseconds(100)) && client.latest(frame))
+      write(file, frame);
   }
   const auto statistics = client.statistics();
-  std::fprintf(stderr, "%llu frames, %llu lost on the way\n", static_cast<unsigned long long>(statistics.frames),
+  std::fprintf(stderr, "%llu frames, %llu lost on the way\n",
+               static_cast<unsigned long long>(statistics.frames),
                static_cast<unsigned long long>(statistics.lost));
   return std::fclose(file) == 0 ? 0 : 1;
 }

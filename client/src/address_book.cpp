@@ -83,7 +83,8 @@ void AddressBook::start_lookup() {
   };
   try {
     std::thread(work).detach();
-  } catch (const std::system_error&) {  // no thread left: the same as a name server that does not answer
+  } catch (
+      const std::system_error&) {  // no thread left: the same as a name server that does not answer
     lookup_->code = EAI_AGAIN;
     lookup_->done = true;
   }

@@ -72,7 +72,8 @@ fiducap_frame to_c(const Frame& frame, std::uint32_t body_size) {
   return out;
 }
 
-void give_bodies(const Frame& frame, std::uint32_t body_size, fiducap_body* bodies, std::uint32_t capacity) {
+void give_bodies(const Frame& frame, std::uint32_t body_size, fiducap_body* bodies,
+                 std::uint32_t capacity) {
   auto* at = reinterpret_cast<unsigned char*>(bodies);
   const std::size_t count = std::min<std::size_t>(capacity, frame.bodies.size());
   for (std::size_t i = 0; i < count; ++i, at += body_size) {
@@ -82,7 +83,8 @@ void give_bodies(const Frame& frame, std::uint32_t body_size, fiducap_body* bodi
   }
 }
 
-int predict(const LatestFrame& latest, const char* name, std::int64_t ahead_ns, bool from_now, fiducap_body* out) {
+int predict(const LatestFrame& latest, const char* name, std::int64_t ahead_ns, bool from_now,
+            fiducap_body* out) {
   if (name == nullptr || out == nullptr) return 0;
   thread_local Body carried;  // keeps the memory of its name: no allocation but the first time
   bool found = false;
@@ -137,7 +139,8 @@ std::uint32_t fiducap_abi_version(void) { return FIDUCAP_ABI_VERSION; }
 
 const char* fiducap_version(void) { return FIDUCAP_CLIENT_VERSION; }
 
-fiducap_client* fiducap_connect(const fiducap_options* options, char* problem, size_t problem_size) {
+fiducap_client* fiducap_connect(const fiducap_options* options, char* problem,
+                                size_t problem_size) {
   try {
     return new fiducap_client(sdk::to_options(options));
   } catch (const std::exception& why) {
@@ -148,7 +151,8 @@ fiducap_client* fiducap_connect(const fiducap_options* options, char* problem, s
 
 void fiducap_disconnect(fiducap_client* client) { delete client; }
 
-int fiducap_latest(const fiducap_client* client, fiducap_frame* frame, fiducap_body* bodies, uint32_t capacity) {
+int fiducap_latest(const fiducap_client* client, fiducap_frame* frame, fiducap_body* bodies,
+                   uint32_t capacity) {
   if (client == nullptr || frame == nullptr) return 0;
   const std::uint32_t stride = sdk::take(frame).body_size;
   const bool has_room = bodies != nullptr && stride >= sizeof(std::uint32_t);
@@ -159,24 +163,31 @@ int fiducap_latest(const fiducap_client* client, fiducap_frame* frame, fiducap_b
   return any ? 1 : 0;
 }
 
-int fiducap_predict(const fiducap_client* client, const char* name, int64_t ahead_ns, fiducap_body* body) {
-  return client != nullptr ? sdk::predict(client->receiver.latest(), name, ahead_ns, false, body) : 0;
+int fiducap_predict(const fiducap_client* client, const char* name, int64_t ahead_ns,
+                    fiducap_body* body) {
+  return client != nullptr ? sdk::predict(client->receiver.latest(), name, ahead_ns, false, body)
+                           : 0;
 }
 
-int fiducap_predict_now(const fiducap_client* client, const char* name, int64_t ahead_ns, fiducap_body* body) {
-  return client != nullptr ? sdk::predict(client->receiver.latest(), name, ahead_ns, true, body) : 0;
+int fiducap_predict_now(const fiducap_client* client, const char* name, int64_t ahead_ns,
+                        fiducap_body* body) {
+  return client != nullptr ? sdk::predict(client->receiver.latest(), name, ahead_ns, true, body)
+                           : 0;
 }
 
-int fiducap_wait_for_frame(const fiducap_client* client, uint64_t after_number, uint32_t timeout_ms) {
+int fiducap_wait_for_frame(const fiducap_client* client, uint64_t after_number,
+                           uint32_t timeout_ms) {
   if (client == nullptr) return 0;
-  return client->receiver.wait_for_frame(after_number, std::chrono::milliseconds(timeout_ms)) ? 1 : 0;
+  return client->receiver.wait_for_frame(after_number, std::chrono::milliseconds(timeout_ms)) ? 1
+                                                                                              : 0;
 }
 
 void fiducap_get_statistics(const fiducap_client* client, fiducap_statistics* statistics) {
   if (client != nullptr) sdk::give(sdk::to_c(client->receiver.statistics()), statistics);
 }
 
-uint32_t fiducap_discover(uint32_t timeout_ms, uint16_t port, fiducap_found* found, uint32_t capacity) {
+uint32_t fiducap_discover(uint32_t timeout_ms, uint16_t port, fiducap_found* found,
+                          uint32_t capacity) {
   try {
     const auto all = sdk::discover(std::chrono::milliseconds(timeout_ms), port != 0 ? port : 21600);
     std::uint32_t count = 0;

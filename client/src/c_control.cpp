@@ -32,7 +32,8 @@ fiducap_controlled_body to_c(const ControlledBody& body) {
   out.id = body.id;
   out.enabled = body.enabled ? 1 : 0;
   std::copy(body.pivot_position_m.begin(), body.pivot_position_m.end(), out.pivot_position_m);
-  std::copy(body.pivot_orientation_wxyz.begin(), body.pivot_orientation_wxyz.end(), out.pivot_orientation_wxyz);
+  std::copy(body.pivot_orientation_wxyz.begin(), body.pivot_orientation_wxyz.end(),
+            out.pivot_orientation_wxyz);
   give_text(body.name, out.name, sizeof(out.name));
   return out;
 }
@@ -52,7 +53,8 @@ void give_bodies(const ControlState& state, fiducap_controlled_body* bodies, std
 
 namespace sdk = fiducap::sdk;
 
-fiducap_control* fiducap_control_open(const char* server, uint16_t port, const char* token, uint32_t timeout_ms) {
+fiducap_control* fiducap_control_open(const char* server, uint16_t port, const char* token,
+                                      uint32_t timeout_ms) {
   try {
     fiducap::ControlOptions options;
     options.server = sdk::text_or(server, "127.0.0.1");
@@ -67,8 +69,8 @@ fiducap_control* fiducap_control_open(const char* server, uint16_t port, const c
 
 void fiducap_control_close(fiducap_control* control) { delete control; }
 
-int fiducap_control_list(fiducap_control* control, fiducap_controlled_body* bodies, uint32_t* count, int* mapping,
-                         char* recording, char* problem, size_t problem_size) {
+int fiducap_control_list(fiducap_control* control, fiducap_controlled_body* bodies, uint32_t* count,
+                         int* mapping, char* recording, char* problem, size_t problem_size) {
   return sdk::run(control, problem, problem_size, [&](fiducap::Control& open) {
     fiducap::ControlState state;
     fiducap::Outcome outcome = open.list(state);
@@ -80,42 +82,50 @@ int fiducap_control_list(fiducap_control* control, fiducap_controlled_body* bodi
   });
 }
 
-int fiducap_control_set_enabled(fiducap_control* control, int32_t body_id, int enabled, char* problem,
-                                size_t problem_size) {
+int fiducap_control_set_enabled(fiducap_control* control, int32_t body_id, int enabled,
+                                char* problem, size_t problem_size) {
   return sdk::run(control, problem, problem_size,
                   [&](fiducap::Control& open) { return open.set_enabled(body_id, enabled != 0); });
 }
 
-int fiducap_control_rename(fiducap_control* control, int32_t body_id, const char* name, char* problem,
-                           size_t problem_size) {
-  return sdk::run(control, problem, problem_size,
-                  [&](fiducap::Control& open) { return open.rename(body_id, sdk::text_or(name, "")); });
+int fiducap_control_rename(fiducap_control* control, int32_t body_id, const char* name,
+                           char* problem, size_t problem_size) {
+  return sdk::run(control, problem, problem_size, [&](fiducap::Control& open) {
+    return open.rename(body_id, sdk::text_or(name, ""));
+  });
 }
 
 int fiducap_control_set_pivot(fiducap_control* control, int32_t body_id, const double position_m[3],
-                              const double orientation_wxyz[4], char* problem, size_t problem_size) {
+                              const double orientation_wxyz[4], char* problem,
+                              size_t problem_size) {
   return sdk::run(control, problem, problem_size, [&](fiducap::Control& open) {
-    if (position_m == nullptr || orientation_wxyz == nullptr) return fiducap::Outcome{false, "no pivot was given"};
+    if (position_m == nullptr || orientation_wxyz == nullptr)
+      return fiducap::Outcome{false, "no pivot was given"};
     const auto& p = position_m;
     const auto& q = orientation_wxyz;
     return open.set_pivot(body_id, {p[0], p[1], p[2]}, {q[0], q[1], q[2], q[3]});
   });
 }
 
-int fiducap_control_set_mapping(fiducap_control* control, int mapping, char* problem, size_t problem_size) {
+int fiducap_control_set_mapping(fiducap_control* control, int mapping, char* problem,
+                                size_t problem_size) {
   return sdk::run(control, problem, problem_size,
                   [&](fiducap::Control& open) { return open.set_mapping(mapping != 0); });
 }
 
 int fiducap_control_commit_map(fiducap_control* control, char* problem, size_t problem_size) {
-  return sdk::run(control, problem, problem_size, [](fiducap::Control& open) { return open.commit_map(); });
+  return sdk::run(control, problem, problem_size,
+                  [](fiducap::Control& open) { return open.commit_map(); });
 }
 
-int fiducap_control_start_recording(fiducap_control* control, const char* name, char* problem, size_t problem_size) {
-  return sdk::run(control, problem, problem_size,
-                  [&](fiducap::Control& open) { return open.start_recording(sdk::text_or(name, "")); });
+int fiducap_control_start_recording(fiducap_control* control, const char* name, char* problem,
+                                    size_t problem_size) {
+  return sdk::run(control, problem, problem_size, [&](fiducap::Control& open) {
+    return open.start_recording(sdk::text_or(name, ""));
+  });
 }
 
 int fiducap_control_stop_recording(fiducap_control* control, char* problem, size_t problem_size) {
-  return sdk::run(control, problem, problem_size, [](fiducap::Control& open) { return open.stop_recording(); });
+  return sdk::run(control, problem, problem_size,
+                  [](fiducap::Control& open) { return open.stop_recording(); });
 }

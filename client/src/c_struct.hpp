@@ -22,7 +22,8 @@ bool give(Struct from, Struct* to) {
 template <typename Struct>
 Struct take(const Struct* from) {
   Struct taken{};
-  if (from != nullptr) std::memcpy(&taken, from, std::min<std::size_t>(from->struct_size, sizeof(Struct)));
+  if (from != nullptr)
+    std::memcpy(&taken, from, std::min<std::size_t>(from->struct_size, sizeof(Struct)));
   return taken;
 }
 
@@ -30,11 +31,14 @@ Struct take(const Struct* from) {
 inline void give_text(const std::string& text, char* to, std::size_t room) {
   if (to == nullptr || room == 0) return;
   std::size_t size = std::min(text.size(), room - 1);
-  while (size < text.size() && size > 0 && (static_cast<unsigned char>(text[size]) & 0xc0) == 0x80) --size;
+  while (size < text.size() && size > 0 && (static_cast<unsigned char>(text[size]) & 0xc0) == 0x80)
+    --size;
   std::memcpy(to, text.data(), size);
   to[size] = '\0';
 }
 
-inline std::string text_or(const char* text, const char* otherwise) { return text != nullptr ? text : otherwise; }
+inline std::string text_or(const char* text, const char* otherwise) {
+  return text != nullptr ? text : otherwise;
+}
 
 }  // namespace fiducap::sdk

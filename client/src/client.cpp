@@ -41,7 +41,8 @@ bool Client::predict(const std::string& name, std::chrono::nanoseconds ahead, Bo
   return found;
 }
 
-bool Client::predict_now(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const {
+bool Client::predict_now(const std::string& name, std::chrono::nanoseconds ahead,
+                         Body& body) const {
   bool found = false;
   const auto target = std::chrono::nanoseconds(sdk::monotonic_now()) + ahead;
   impl_->latest().read([&](const Frame& newest) {
@@ -57,9 +58,13 @@ bool Client::wait_for_frame(std::uint64_t after_number, std::chrono::millisecond
   return impl_->wait_for_frame(after_number, timeout);
 }
 
-void Client::on_frame(std::function<void(const Frame&)> callback) { impl_->on_frame(std::move(callback)); }
+void Client::on_frame(std::function<void(const Frame&)> callback) {
+  impl_->on_frame(std::move(callback));
+}
 
-void Client::on_connection(std::function<void(bool)> callback) { impl_->on_connection(std::move(callback)); }
+void Client::on_connection(std::function<void(bool)> callback) {
+  impl_->on_connection(std::move(callback));
+}
 
 ClientStatistics Client::statistics() const { return impl_->statistics(); }
 

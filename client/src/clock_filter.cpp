@@ -44,7 +44,8 @@ void ClockFilter::add(const ClockSample& sample) {
   }
   keep(taken);
   fit();
-  if (edges_.upper_s < edges_.lower_s - kLeastContradiction_s) {  // no line fits between: it is not a clock's
+  if (edges_.upper_s <
+      edges_.lower_s - kLeastContradiction_s) {  // no line fits between: it is not a clock's
     reset();
     add(sample);
   }
@@ -55,9 +56,11 @@ void ClockFilter::keep(const Sample& sample) {
   next_ = (next_ + 1) % kKept;
   count_ = std::min(count_ + 1, kKept);
   const double oldest_s = sample.at_s - kWindow_s;
-  // Order does not matter to the fit: what is too old is replaced by the newest that is still last in the array.
-  const auto end = std::remove_if(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(count_),
-                                  [&](const Sample& s) { return s.at_s < oldest_s; });
+  // Order does not matter to the fit: what is too old is replaced by the newest that is still last
+  // in the array.
+  const auto end =
+      std::remove_if(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(count_),
+                     [&](const Sample& s) { return s.at_s < oldest_s; });
   const auto left = static_cast<std::size_t>(end - samples_.begin());
   if (left == count_) return;
   count_ = left;
@@ -102,16 +105,20 @@ void ClockFilter::fit() {
   span_s_ = last_s - first_s;
   // The mean excess hardly depends on the slope; the newest one is good enough.
   const Edges before = edges(drift_);
-  // From the median: of an exponential waiting time it is ln 2 of the mean, and a few that stood in a jam do not count.
+  // From the median: of an exponential waiting time it is ln 2 of the mean, and a few that stood in
+  // a jam do not count.
   std::array<double, kKept> excess{};
   const auto middle_of = [&](auto&& excess_of) {
-    for (std::size_t i = 0; i < count_; ++i) excess[i] = excess_of(samples_[i], drift_ * (samples_[i].at_s - mean_at_s_));
+    for (std::size_t i = 0; i < count_; ++i)
+      excess[i] = excess_of(samples_[i], drift_ * (samples_[i].at_s - mean_at_s_));
     const auto middle = excess.begin() + static_cast<std::ptrdiff_t>(count_ / 2);
     std::nth_element(excess.begin(), middle, excess.begin() + static_cast<std::ptrdiff_t>(count_));
     return std::max(kLeastJitter_s, *middle / M_LN2);
   };
-  upper_jitter_s_ = middle_of([&](const Sample& s, double moved_s) { return s.upper_s - moved_s - before.upper_s; });
-  lower_jitter_s_ = middle_of([&](const Sample& s, double moved_s) { return before.lower_s - s.lower_s + moved_s; });
+  upper_jitter_s_ = middle_of(
+      [&](const Sample& s, double moved_s) { return s.upper_s - moved_s - before.upper_s; });
+  lower_jitter_s_ = middle_of(
+      [&](const Sample& s, double moved_s) { return before.lower_s - s.lower_s + moved_s; });
   drift_ = most_probable_drift();
   edges_ = edges(drift_);
 }
@@ -150,7 +157,8 @@ ClockEstimate ClockFilter::at(Nanoseconds own_time) const {
   const auto n = static_cast<double>(count_);
   const double since_mean_s = to_s(own_time - origin_) - mean_at_s_;
   const double offset_s = 0.5 * (edges_.upper_s + edges_.lower_s) + drift_ * since_mean_s;
-  // Least of n waiting times with a flat density at zero: mean and spread 2 jitter / n; half of it from each way.
+  // Least of n waiting times with a flat density at zero: mean and spread 2 jitter / n; half of it
+  // from each way.
   const double edge_sigma_s = std::hypot(upper_jitter_s_, lower_jitter_s_) / n;
   // The slope hangs on the edges of the earlier and the later half, half a span apart.
   const double slope_sigma = 4.0 * edge_sigma_s / std::max(1e-3, 0.5 * span_s_);

@@ -19,22 +19,24 @@ struct ClockSample {
 struct ClockEstimate {
   bool known{};
   Nanoseconds offset{};
-  double drift{};         ///< Seconds per second that the offset grows.
-  double sigma_s{};       ///< 1-sigma of what jitter leaves; nothing about ways of different length.
-  double bound_s{};       ///< The error is never larger, however different the two ways are: half the least round trip.
+  double drift{};    ///< Seconds per second that the offset grows.
+  double sigma_s{};  ///< 1-sigma of what jitter leaves; nothing about ways of different length.
+  double bound_s{};  ///< The error is never larger, however different the two ways are: half the
+                     ///< least round trip.
   double round_trip_s{};  ///< The least one of the window.
   int samples{};
 };
 
 /// Offset and drift between two clocks from four-timestamp samples over ways with jitter.
 ///
-/// Delays are never negative: t2 - t1 lies above the offset and t3 - t4 below. Both lower edges move with the drift, so
-/// one slope and two edges are fitted to the samples of the last half minute; the offset is midway between the edges.
-/// Against one edge per direction jitter averages out like 1/n, where the shortest round trip of n gives 1/sqrt(n).
-/// The slope is the most probable one if waiting times are exponential and crystals within 100 ppm (1-sigma); for a
-/// known slope that is the linear programme of S. Moon, P. Skelly, D. Towsley, "Estimation and removal of clock skew
-/// from network delay measurements", INFOCOM 1999, in both directions at once.
-/// A sample that contradicts the estimate (faster than light) says that a clock was set: everything starts again.
+/// Delays are never negative: t2 - t1 lies above the offset and t3 - t4 below. Both lower edges
+/// move with the drift, so one slope and two edges are fitted to the samples of the last half
+/// minute; the offset is midway between the edges. Against one edge per direction jitter averages
+/// out like 1/n, where the shortest round trip of n gives 1/sqrt(n). The slope is the most probable
+/// one if waiting times are exponential and crystals within 100 ppm (1-sigma); for a known slope
+/// that is the linear programme of S. Moon, P. Skelly, D. Towsley, "Estimation and removal of clock
+/// skew from network delay measurements", INFOCOM 1999, in both directions at once. A sample that
+/// contradicts the estimate (faster than light) says that a clock was set: everything starts again.
 class ClockFilter {
  public:
   void reset();
@@ -45,9 +47,9 @@ class ClockFilter {
  private:
   static constexpr std::size_t kKept = 320;
   struct Sample {
-    double at_s;       ///< Own time since `origin_`, middle of the way there and back.
-    double upper_s;    ///< t2 - t1 - base_: not below the offset.
-    double lower_s;    ///< t3 - t4 - base_: not above it.
+    double at_s;     ///< Own time since `origin_`, middle of the way there and back.
+    double upper_s;  ///< t2 - t1 - base_: not below the offset.
+    double lower_s;  ///< t3 - t4 - base_: not above it.
   };
   struct Edges {
     double upper_s;

@@ -37,7 +37,8 @@ void ClockSync::on(const ClockReply& reply, Nanoseconds now) {
 
 ClockEstimate ClockSync::at(Nanoseconds now, bool same_machine) const {
   ClockEstimate estimate = filter_.at(now);
-  if (same_machine && estimate.known && std::abs(static_cast<double>(estimate.offset)) * 1e-9 <= estimate.bound_s) {
+  if (same_machine && estimate.known &&
+      std::abs(static_cast<double>(estimate.offset)) * 1e-9 <= estimate.bound_s) {
     estimate.offset = 0;
     estimate.drift = 0;
     estimate.sigma_s = 0;

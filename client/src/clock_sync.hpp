@@ -21,7 +21,8 @@ class ClockSync {
   std::uint64_t ask(Nanoseconds now);
   void on(const ClockReply& reply, Nanoseconds now);
 
-  /// @param same_machine  then the clocks are one, unless the answers say otherwise (another time namespace)
+  /// @param same_machine  then the clocks are one, unless the answers say otherwise (another time
+  /// namespace)
   ClockEstimate at(Nanoseconds now, bool same_machine) const;
 
  private:

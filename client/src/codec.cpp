@@ -24,8 +24,8 @@ template <typename Message>
 bool read_place(const Message& in, PartPlace& out) {
   out = {in.part_index(), in.part_count(), in.first_body(), in.body_count()};
   const auto here = static_cast<std::uint64_t>(in.bodies_size());
-  return out.count >= 1 && out.count <= kMaxParts && out.index < out.count && out.body_count <= kMaxBodies &&
-         out.first_body + here <= out.body_count;
+  return out.count >= 1 && out.count <= kMaxParts && out.index < out.count &&
+         out.body_count <= kMaxBodies && out.first_body + here <= out.body_count;
 }
 
 template <typename Vector>
@@ -35,7 +35,8 @@ bool read_vector(const Vector& in, std::array<double, 3>& out) {
 }
 
 bool read_orientation(const v1::Quaternion& in, std::array<double, 4>& out) {
-  const double norm = std::sqrt(in.w() * in.w() + in.x() * in.x() + in.y() * in.y() + in.z() * in.z());
+  const double norm =
+      std::sqrt(in.w() * in.w() + in.x() * in.x() + in.y() * in.y() + in.z() * in.z());
   if (!(std::abs(norm - 1.0) <= kUnitTolerance)) return false;
   out = {in.w(), in.x(), in.y(), in.z()};
   return true;
@@ -61,8 +62,10 @@ bool read_sigma(float in, double& out) {
 
 bool read_pose(const v1::Body& in, Body& out) {
   if (!in.has_position() || !in.has_orientation() || !read_covariance(in, out)) return false;
-  return read_vector(in.position(), out.position_m) && read_orientation(in.orientation(), out.orientation_wxyz) &&
-         read_vector(in.velocity(), out.velocity_m_s) && read_vector(in.body_rate(), out.body_rate_rad_s) &&
+  return read_vector(in.position(), out.position_m) &&
+         read_orientation(in.orientation(), out.orientation_wxyz) &&
+         read_vector(in.velocity(), out.velocity_m_s) &&
+         read_vector(in.body_rate(), out.body_rate_rad_s) &&
          read_vector(in.acceleration(), out.acceleration_m_s2) &&
          read_sigma(in.position_sigma(), out.position_sigma_m) &&
          read_sigma(in.rotation_sigma(), out.rotation_sigma_rad) &&
@@ -85,14 +88,20 @@ void clear_pose(Body& out) {
 
 Tracking read_state(v1::Body::State state) {
   switch (state) {
-    case v1::Body::STATE_SEARCHING: return Tracking::kSearching;
-    case v1::Body::STATE_TRACKING: return Tracking::kTracking;
-    case v1::Body::STATE_COASTING: return Tracking::kCoasting;
-    default: return Tracking::kLost;  // STATE_LOST, and whatever a later version invents: do not trust it
+    case v1::Body::STATE_SEARCHING:
+      return Tracking::kSearching;
+    case v1::Body::STATE_TRACKING:
+      return Tracking::kTracking;
+    case v1::Body::STATE_COASTING:
+      return Tracking::kCoasting;
+    default:
+      return Tracking::kLost;  // STATE_LOST, and whatever a later version invents: do not trust it
   }
 }
 
-bool fits_int(std::uint32_t value) { return value <= static_cast<std::uint32_t>(std::numeric_limits<int>::max()); }
+bool fits_int(std::uint32_t value) {
+  return value <= static_cast<std::uint32_t>(std::numeric_limits<int>::max());
+}
 
 bool read_body(const v1::Body& in, Body& out) {
   if (in.id() == 0 || !fits_int(in.id()) || !fits_int(in.tags_in_view())) return false;
@@ -107,7 +116,9 @@ bool read_body(const v1::Body& in, Body& out) {
 }
 
 bool read_frame(const v1::Frame& in, FramePart& out) {
-  if (in.session() == 0 || in.number() == 0 || in.model_generation() == 0 || !read_place(in, out.place)) return false;
+  if (in.session() == 0 || in.number() == 0 || in.model_generation() == 0 ||
+      !read_place(in, out.place))
+    return false;
   out.session = in.session();
   out.model_generation = in.model_generation();
   out.profile = in.profile();
@@ -155,7 +166,8 @@ bool read_lease(const v1::Lease& in, Lease& out) {
   if (in.multicast_port() > 0xffff) return false;
   if (in.multicast_port() != 0) {
     const std::string& group = in.multicast_group();
-    if (group.size() != out.group.size() || (group[0] & '\xf0') != '\xe0') return false;  // 224.0.0.0/4
+    if (group.size() != out.group.size() || (group[0] & '\xf0') != '\xe0')
+      return false;  // 224.0.0.0/4
     std::copy(group.begin(), group.end(), out.group.begin());
     out.group_port = static_cast<std::uint16_t>(in.multicast_port());
   }
@@ -163,8 +175,14 @@ bool read_lease(const v1::Lease& in, Lease& out) {
 }
 
 bool read_discovery(const v1::DiscoveryReply& in, DiscoveryReply& out) {
-  if (in.session() == 0 || in.port() == 0 || in.port() > 0xffff || !std::isfinite(in.rate_hz())) return false;
-  out = {in.nonce(), in.session(), in.host(), in.version(), 0, in.rate_hz(),
+  if (in.session() == 0 || in.port() == 0 || in.port() > 0xffff || !std::isfinite(in.rate_hz()))
+    return false;
+  out = {in.nonce(),
+         in.session(),
+         in.host(),
+         in.version(),
+         0,
+         in.rate_hz(),
          static_cast<std::uint16_t>(in.port())};
   out.body_count = static_cast<int>(std::min(in.body_count(), kMaxBodies));
   return true;
@@ -172,7 +190,8 @@ bool read_discovery(const v1::DiscoveryReply& in, DiscoveryReply& out) {
 
 void put(const Profile& profile, v1::Profile& out) {
   out.set_up_axis(profile.y_up ? v1::Profile::UP_AXIS_Y : v1::Profile::UP_AXIS_Z);
-  out.set_axes_scope(profile.turn_bodies ? v1::Profile::AXES_SCOPE_WORLD_AND_BODY : v1::Profile::AXES_SCOPE_WORLD);
+  out.set_axes_scope(profile.turn_bodies ? v1::Profile::AXES_SCOPE_WORLD_AND_BODY
+                                         : v1::Profile::AXES_SCOPE_WORLD);
   out.set_max_rate_hz(profile.max_rate_hz);
   out.set_without_covariance(profile.without_covariance);
   for (const auto& name : profile.bodies) out.add_bodies(name);
@@ -189,7 +208,8 @@ std::vector<std::uint8_t> to_bytes(v1::Envelope& envelope) {
 
 }  // namespace
 
-/// One arena in one block that fits every honest datagram; a dishonest one makes it grow for that one datagram.
+/// One arena in one block that fits every honest datagram; a dishonest one makes it grow for that
+/// one datagram.
 class Decoder::Scratch {
  public:
   Scratch() : block_(32 * 1024), arena_(options(block_)) {}
@@ -198,7 +218,8 @@ class Decoder::Scratch {
   const v1::Envelope* parse(const std::uint8_t* bytes, std::size_t size) {
     arena_.Reset();
     envelope_ = google::protobuf::Arena::CreateMessage<v1::Envelope>(&arena_);
-    if (size > kMaxDatagram || !envelope_->ParseFromArray(bytes, static_cast<int>(size))) return nullptr;
+    if (size > kMaxDatagram || !envelope_->ParseFromArray(bytes, static_cast<int>(size)))
+      return nullptr;
     return envelope_->protocol() == kProtocol ? envelope_ : nullptr;
   }
   const v1::Envelope& envelope() const { return *envelope_; }
@@ -230,10 +251,14 @@ MessageKind Decoder::read(const Scratch& scratch) {
   switch (in.message_case()) {
     case v1::Envelope::kChallenge:
       challenge_ = {in.challenge().token(), in.challenge().nonce(), in.challenge().session()};
-      return challenge_.token != 0 && challenge_.session != 0 ? MessageKind::kChallenge : MessageKind::kNone;
-    case v1::Envelope::kLease: return read_lease(in.lease(), lease_) ? MessageKind::kLease : MessageKind::kNone;
-    case v1::Envelope::kModel: return read_model(in.model(), model_) ? MessageKind::kModel : MessageKind::kNone;
-    case v1::Envelope::kFrame: return read_frame(in.frame(), frame_) ? MessageKind::kFrame : MessageKind::kNone;
+      return challenge_.token != 0 && challenge_.session != 0 ? MessageKind::kChallenge
+                                                              : MessageKind::kNone;
+    case v1::Envelope::kLease:
+      return read_lease(in.lease(), lease_) ? MessageKind::kLease : MessageKind::kNone;
+    case v1::Envelope::kModel:
+      return read_model(in.model(), model_) ? MessageKind::kModel : MessageKind::kNone;
+    case v1::Envelope::kFrame:
+      return read_frame(in.frame(), frame_) ? MessageKind::kFrame : MessageKind::kNone;
     case v1::Envelope::kNotice:
       notice_ = {in.notice().session(), in.notice().nonce(),
                  in.notice().reason() == v1::Notice::REASON_SHUTTING_DOWN, in.notice().text()};
@@ -244,8 +269,10 @@ MessageKind Decoder::read(const Scratch& scratch) {
       return clock_reply_.session != 0 ? MessageKind::kClockReply : MessageKind::kNone;
     }
     case v1::Envelope::kDiscoveryReply:
-      return read_discovery(in.discovery_reply(), discovery_reply_) ? MessageKind::kDiscoveryReply : MessageKind::kNone;
-    default: return MessageKind::kNone;
+      return read_discovery(in.discovery_reply(), discovery_reply_) ? MessageKind::kDiscoveryReply
+                                                                    : MessageKind::kNone;
+    default:
+      return MessageKind::kNone;
   }
 }
 

@@ -10,15 +10,26 @@
 
 namespace fiducap::sdk {
 
-enum class MessageKind { kNone, kChallenge, kLease, kModel, kFrame, kNotice, kClockReply, kDiscoveryReply };
+enum class MessageKind {
+  kNone,
+  kChallenge,
+  kLease,
+  kModel,
+  kFrame,
+  kNotice,
+  kClockReply,
+  kDiscoveryReply
+};
 
-/// Datagrams of a server → messages. Keeps its memory: decoding frames allocates nothing after warm-up.
+/// Datagrams of a server → messages. Keeps its memory: decoding frames allocates nothing after
+/// warm-up.
 class Decoder {
  public:
   Decoder();
   ~Decoder();
 
-  /// @return what came, readable below until the next call; kNone for whatever no server would send: wrong protocol,
+  /// @return what came, readable below until the next call; kNone for whatever no server would
+  /// send: wrong protocol,
   ///         cut, places outside their list, a valid body without a finite pose.
   MessageKind decode(const std::uint8_t* bytes, std::size_t size);
 

@@ -21,7 +21,8 @@ ControlledBody to_body(const v1::ControlBody& in) {
     for (int i = 0; i < 3; ++i) out.pivot_position_m[static_cast<std::size_t>(i)] = in.position(i);
   }
   if (in.orientation_wxyz_size() == 4) {
-    for (int i = 0; i < 4; ++i) out.pivot_orientation_wxyz[static_cast<std::size_t>(i)] = in.orientation_wxyz(i);
+    for (int i = 0; i < 4; ++i)
+      out.pivot_orientation_wxyz[static_cast<std::size_t>(i)] = in.orientation_wxyz(i);
   }
   return out;
 }
@@ -59,7 +60,8 @@ class Control::Impl {
     std::string bytes(4, '\0');
     request.AppendToString(&bytes);
     for (std::size_t i = 0; i < 4; ++i) bytes[i] = static_cast<char>((bytes.size() - 4) >> (8 * i));
-    if (auto problem = stream_.write(bytes.data(), bytes.size(), deadline); !problem.empty()) return problem;
+    if (auto problem = stream_.write(bytes.data(), bytes.size(), deadline); !problem.empty())
+      return problem;
     auto problem = read(reply, deadline);
     if (problem.empty() && reply.sequence() != sequence_) {
       stream_.close();
@@ -69,7 +71,8 @@ class Control::Impl {
   }
 
   std::string connect(Deadline deadline) {
-    if (auto problem = stream_.open(options_.server, options_.port, deadline); !problem.empty()) return problem;
+    if (auto problem = stream_.open(options_.server, options_.port, deadline); !problem.empty())
+      return problem;
     v1::ControlReply hello;
     if (auto problem = read(hello, deadline); !problem.empty()) {
       return problem + " (too many connections or wrong tokens from here, or not a Fiducap server)";
@@ -87,8 +90,8 @@ class Control::Impl {
     std::array<std::uint8_t, 4> length{};
     auto problem = stream_.read(length.data(), length.size(), deadline);
     if (!problem.empty()) return problem;
-    const std::uint32_t size = length[0] | std::uint32_t{length[1]} << 8 | std::uint32_t{length[2]} << 16 |
-                               std::uint32_t{length[3]} << 24;
+    const std::uint32_t size = length[0] | std::uint32_t{length[1]} << 8 |
+                               std::uint32_t{length[2]} << 16 | std::uint32_t{length[3]} << 24;
     std::string bytes(size <= kMaxMessage ? size : 0, '\0');
     if (size <= kMaxMessage) problem = stream_.read(bytes.data(), bytes.size(), deadline);
     if (!problem.empty()) return problem;

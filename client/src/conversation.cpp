@@ -18,8 +18,8 @@ constexpr Nanoseconds kChallengePause = 50 * kMillisecond;
 
 }  // namespace
 
-Conversation::Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name, Profile profile,
-                           bool multicast)
+Conversation::Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name,
+                           Profile profile, bool multicast)
     : retry_(retry),
       nonce_(nonce),
       client_name_(std::move(client_name)),
@@ -105,7 +105,8 @@ void Conversation::tick(Nanoseconds now) {
 SubscribeRequest Conversation::question(std::uint64_t model_generation, Nanoseconds now) {
   ++unanswered_;
   asked_at_ = now;
-  ask_at_ = now + pause_after_question(model_generation != 0 && model_generation == model_generation_);
+  ask_at_ =
+      now + pause_after_question(model_generation != 0 && model_generation == model_generation_);
   if (!leased_ && unanswered_ > 1 && problem_.empty()) problem_ = "no answer";
   SubscribeRequest request;
   request.token = token_;

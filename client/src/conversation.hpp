@@ -7,13 +7,14 @@
 
 namespace fiducap::sdk {
 
-/// When to ask the server for what: challenge, lease, renewal, restart, silence. No socket; time is passed in.
+/// When to ask the server for what: challenge, lease, renewal, restart, silence. No socket; time is
+/// passed in.
 class Conversation {
  public:
   /// @param retry  pause between questions while nobody answers
   /// @param nonce  random; answers to somebody else's question are ignored
-  Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name, Profile profile = {},
-               bool multicast = false);
+  Conversation(Nanoseconds retry, std::uint64_t nonce, std::string client_name,
+               Profile profile = {}, bool multicast = false);
 
   /// A new socket: ask at once.
   void start(Nanoseconds now);

@@ -42,7 +42,9 @@ std::vector<in_addr> targets() {
   ifaddrs* interfaces = nullptr;
   if (::getifaddrs(&interfaces) != 0) return all;
   for (const ifaddrs* it = interfaces; it != nullptr; it = it->ifa_next) {
-    if (it->ifa_addr == nullptr || it->ifa_addr->sa_family != AF_INET || (it->ifa_flags & IFF_UP) == 0) continue;
+    if (it->ifa_addr == nullptr || it->ifa_addr->sa_family != AF_INET ||
+        (it->ifa_flags & IFF_UP) == 0)
+      continue;
     // The own address, too: a broadcast does not come back to a socket that is bound to it.
     all.push_back(reinterpret_cast<const sockaddr_in*>(it->ifa_addr)->sin_addr);
     if ((it->ifa_flags & IFF_BROADCAST) != 0 && it->ifa_broadaddr != nullptr) {
@@ -60,7 +62,8 @@ void ask(int fd, std::uint16_t port, const std::vector<std::uint8_t>& query) {
     to.sin_port = htons(port);
     to.sin_addr = address;
     // A network that does not take it has no server for us.
-    ::sendto(fd, query.data(), query.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
+    ::sendto(fd, query.data(), query.size(), MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&to),
+             sizeof(to));
   }
 }
 
@@ -73,16 +76,18 @@ std::string printable(std::string text) {
 
 /// Waits for one answer to our question, not longer than `until`. @return false when none came
 bool hear(int fd, std::chrono::steady_clock::time_point until, Decoder& decoder, in_addr& from) {
-  const auto pause = std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now());
+  const auto pause = std::chrono::duration_cast<std::chrono::milliseconds>(
+      until - std::chrono::steady_clock::now());
   pollfd wanted{fd, POLLIN, 0};
   ::poll(&wanted, 1, std::max(0, static_cast<int>(pause.count())) + 1);
   std::array<std::uint8_t, kMaxDatagram + 1> bytes;
   sockaddr_in sender{};
   socklen_t sender_size = sizeof(sender);
-  const auto size =
-      ::recvfrom(fd, bytes.data(), bytes.size(), 0, reinterpret_cast<sockaddr*>(&sender), &sender_size);
+  const auto size = ::recvfrom(fd, bytes.data(), bytes.size(), 0,
+                               reinterpret_cast<sockaddr*>(&sender), &sender_size);
   from = sender.sin_addr;
-  return size >= 0 && decoder.decode(bytes.data(), static_cast<std::size_t>(size)) == MessageKind::kDiscoveryReply;
+  return size >= 0 && decoder.decode(bytes.data(), static_cast<std::size_t>(size)) ==
+                          MessageKind::kDiscoveryReply;
 }
 
 std::string text_of(const in_addr& address) {
@@ -98,7 +103,9 @@ std::vector<Client::Found> discover(std::chrono::milliseconds timeout, std::uint
   std::vector<Client::Found> found;
   const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   const int on = 1;
-  if (socket.get() < 0 || ::setsockopt(socket.get(), SOL_SOCKET, SO_BROADCAST, &on, sizeof(on)) != 0) return found;
+  if (socket.get() < 0 ||
+      ::setsockopt(socket.get(), SOL_SOCKET, SO_BROADCAST, &on, sizeof(on)) != 0)
+    return found;
   std::random_device random;
   const std::uint64_t nonce = std::uint64_t{random()} << 32 | random();
   const auto query = encode_discovery_query(nonce);

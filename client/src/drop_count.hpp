@@ -9,15 +9,16 @@
 
 namespace fiducap::sdk {
 
-/// Asks the kernel to count what it drops because this socket's buffer is full. Where it cannot, the count stays 0.
+/// Asks the kernel to count what it drops because this socket's buffer is full. Where it cannot,
+/// the count stays 0.
 inline void count_drops(int fd) {
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof(on));
 }
 
 /// As recvfrom. @param dropped  set when the kernel says how many were dropped so far
-inline ssize_t receive_counting_drops(int fd, std::uint8_t* bytes, std::size_t size, sockaddr_storage* from,
-                                      std::uint32_t& dropped) {
+inline ssize_t receive_counting_drops(int fd, std::uint8_t* bytes, std::size_t size,
+                                      sockaddr_storage* from, std::uint32_t& dropped) {
   iovec piece{bytes, size};
   alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t))];
   msghdr message{};

@@ -12,7 +12,8 @@ void PartList::start(const PartPlace& place) {
 }
 
 bool PartList::add(const PartPlace& place, std::size_t bodies) {
-  if (place.count != count_ || place.body_count != body_count_ || seen_.test(place.index)) return false;
+  if (place.count != count_ || place.body_count != body_count_ || seen_.test(place.index))
+    return false;
   seen_.set(place.index);
   bodies_ += bodies;
   return true;
@@ -45,7 +46,8 @@ void FrameAssembler::add(const ModelPart& part) {
 }
 
 Frame* FrameAssembler::add(const FramePart& part) {
-  if (part.session != session_ || generation_ == 0 || part.model_generation != generation_) return nullptr;
+  if (part.session != session_ || generation_ == 0 || part.model_generation != generation_)
+    return nullptr;
   Unfinished* place = place_for(part);
   if (place == nullptr || !place->parts.add(part.place, part.frame.bodies.size())) return nullptr;
   if (!put(part, place->frame)) {
@@ -72,8 +74,9 @@ FrameAssembler::Unfinished* FrameAssembler::place_for(const FramePart& part) {
   for (auto& place : unfinished_) {
     if (place.number == number) return &place;
   }
-  auto* oldest = &*std::min_element(unfinished_.begin(), unfinished_.end(),
-                                    [](const auto& a, const auto& b) { return a.number < b.number; });
+  auto* oldest =
+      &*std::min_element(unfinished_.begin(), unfinished_.end(),
+                         [](const auto& a, const auto& b) { return a.number < b.number; });
   if (oldest->number > number) return nullptr;
   oldest->number = number;
   oldest->step = part.step;
@@ -94,10 +97,12 @@ bool FrameAssembler::put(const FramePart& part, Frame& frame) const {
   for (std::size_t i = 0; i < part.frame.bodies.size(); ++i) {
     const Body& from = part.frame.bodies[i];
     const std::size_t at = part.place.first_body + i;
-    if (at >= model_.size() || model_[at].first != from.id) return false;  // not the bodies of this model
+    if (at >= model_.size() || model_[at].first != from.id)
+      return false;  // not the bodies of this model
     Body& to = frame.bodies[at];
-    if (to.id != 0) return false;  // two parts for one place would leave another place with an old pose
-    to = from;  // the name is empty in a part
+    if (to.id != 0)
+      return false;  // two parts for one place would leave another place with an old pose
+    to = from;       // the name is empty in a part
     to.name = model_[at].second;
   }
   return true;

@@ -15,7 +15,8 @@ namespace fiducap::sdk {
 class PartList {
  public:
   void start(const PartPlace& place);
-  /// @return false for a part that is there already or that disagrees with the first one about the list.
+  /// @return false for a part that is there already or that disagrees with the first one about the
+  /// list.
   bool add(const PartPlace& place, std::size_t bodies);
   /// All parts are there.
   bool complete() const { return count_ > 0 && seen_.count() == count_; }
@@ -29,14 +30,16 @@ class PartList {
   std::size_t bodies_{0};
 };
 
-/// Parts of models and frames → whole frames with names. Remembers two unfinished frames at most, so that parts that
-/// overtake each other do no harm; whatever is older than a finished frame is dropped. Nothing grows without limit.
+/// Parts of models and frames → whole frames with names. Remembers two unfinished frames at most,
+/// so that parts that overtake each other do no harm; whatever is older than a finished frame is
+/// dropped. Nothing grows without limit.
 class FrameAssembler {
  public:
   /// A new run of the server: numbers and names start again.
   void begin(std::uint64_t session);
   void add(const ModelPart& part);
-  /// @return the frame this part finished, to be taken or changed by the caller before the next call; else nullptr.
+  /// @return the frame this part finished, to be taken or changed by the caller before the next
+  /// call; else nullptr.
   ///         Frames of another session or of a model that is not complete are ignored.
   Frame* add(const FramePart& part);
 

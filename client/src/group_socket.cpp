@@ -17,14 +17,16 @@ constexpr int kStrangersPerCall = 64;
 
 }  // namespace
 
-bool GroupSocket::open(const std::array<std::uint8_t, 4>& group, std::uint16_t port, const UdpSocket& towards_server) {
+bool GroupSocket::open(const std::array<std::uint8_t, 4>& group, std::uint16_t port,
+                       const UdpSocket& towards_server) {
   close();
   sockaddr_in own{};
   sockaddr_in server{};
   socklen_t own_size = sizeof(own);
   socklen_t server_size = sizeof(server);
   const int towards = towards_server.descriptor();
-  if (::getsockname(towards, reinterpret_cast<sockaddr*>(&own), &own_size) != 0 || own.sin_family != AF_INET ||
+  if (::getsockname(towards, reinterpret_cast<sockaddr*>(&own), &own_size) != 0 ||
+      own.sin_family != AF_INET ||
       ::getpeername(towards, reinterpret_cast<sockaddr*>(&server), &server_size) != 0) {
     return false;
   }
@@ -37,7 +39,8 @@ bool GroupSocket::open(const std::array<std::uint8_t, 4>& group, std::uint16_t p
   sockaddr_in local{};
   local.sin_family = AF_INET;
   local.sin_port = htons(port);
-  std::memcpy(&local.sin_addr, group.data(), group.size());  // bound to the group: nothing else arrives
+  std::memcpy(&local.sin_addr, group.data(),
+              group.size());  // bound to the group: nothing else arrives
   ip_mreq membership{};
   membership.imr_multiaddr = local.sin_addr;
   membership.imr_interface = own.sin_addr;
@@ -63,7 +66,9 @@ bool GroupSocket::receive(std::uint8_t* bytes, std::size_t& size) {
     sockaddr_storage from{};
     const auto received = receive_counting_drops(fd_, bytes, size, &from, dropped_);
     if (received < 0) return false;
-    if (from.ss_family != AF_INET || reinterpret_cast<const sockaddr_in&>(from).sin_addr.s_addr != server_) continue;
+    if (from.ss_family != AF_INET ||
+        reinterpret_cast<const sockaddr_in&>(from).sin_addr.s_addr != server_)
+      continue;
     size = static_cast<std::size_t>(received);
     return true;
   }

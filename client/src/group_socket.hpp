@@ -8,7 +8,8 @@
 
 namespace fiducap::sdk {
 
-/// Listens to one IPv4 multicast group; datagrams of other hosts than the server are dropped. Never waits.
+/// Listens to one IPv4 multicast group; datagrams of other hosts than the server are dropped. Never
+/// waits.
 class GroupSocket {
  public:
   GroupSocket() = default;
@@ -16,8 +17,10 @@ class GroupSocket {
   GroupSocket(const GroupSocket&) = delete;
   GroupSocket& operator=(const GroupSocket&) = delete;
 
-  /// Joins on the interface that `towards_server` uses. @return false when this machine cannot (no IPv4, no route)
-  bool open(const std::array<std::uint8_t, 4>& group, std::uint16_t port, const UdpSocket& towards_server);
+  /// Joins on the interface that `towards_server` uses. @return false when this machine cannot (no
+  /// IPv4, no route)
+  bool open(const std::array<std::uint8_t, 4>& group, std::uint16_t port,
+            const UdpSocket& towards_server);
   void close();
   bool is_open() const { return fd_ >= 0; }
   bool listens_to(const std::array<std::uint8_t, 4>& group, std::uint16_t port) const {

@@ -11,13 +11,15 @@ namespace fiducap::sdk {
 
 /// The newest frame: one writer, any number of readers, nobody waits for anybody.
 ///
-/// One word holds the place of the newest frame and how many readers took it there, so that one `fetch_add` both finds
-/// the frame and keeps the writer away from it: readers are wait-free. The writer fills a place whose readers have all
-/// left. Only when readers stand still in every other place (seven of them in the middle of a copy) it skips a frame.
+/// One word holds the place of the newest frame and how many readers took it there, so that one
+/// `fetch_add` both finds the frame and keeps the writer away from it: readers are wait-free. The
+/// writer fills a place whose readers have all left. Only when readers stand still in every other
+/// place (seven of them in the middle of a copy) it skips a frame.
 class LatestFrame {
  public:
   /// Writer only. Swaps `frame` with an old one, whose memory comes back for the next frame.
-  /// @return the published frame, untouched until the next call; nullptr when no place was free (`frame` is unchanged).
+  /// @return the published frame, untouched until the next call; nullptr when no place was free
+  /// (`frame` is unchanged).
   const Frame* publish(Frame& frame) {
     const std::uint64_t current = current_.load(std::memory_order_relaxed) >> kIndexShift;
     for (std::uint64_t i = 0; i < kPlaces; ++i) {
@@ -32,7 +34,8 @@ class LatestFrame {
     return nullptr;
   }
 
-  /// Any thread. Calls `use(const Frame&)` with the newest frame. @return false before the first frame.
+  /// Any thread. Calls `use(const Frame&)` with the newest frame. @return false before the first
+  /// frame.
   template <typename Use>
   bool read(Use&& use) const {
     const Reading reading(*this);
@@ -55,7 +58,8 @@ class LatestFrame {
 
   struct Reading {
     explicit Reading(const LatestFrame& latest)
-        : place(latest.places_[latest.current_.fetch_add(1, std::memory_order_acq_rel) >> kIndexShift]) {}
+        : place(latest.places_[latest.current_.fetch_add(1, std::memory_order_acq_rel) >>
+                               kIndexShift]) {}
     ~Reading() { place.left.fetch_add(1, std::memory_order_release); }
     Reading(const Reading&) = delete;
     Reading& operator=(const Reading&) = delete;

@@ -29,7 +29,7 @@ inline constexpr Nanoseconds kSecond = 1'000'000'000;
 /// What one client wants to receive; the default is everything.
 struct Profile {
   bool y_up{};
-  bool turn_bodies{};  ///< The bodies' own axes turn with the world's.
+  bool turn_bodies{};   ///< The bodies' own axes turn with the world's.
   float max_rate_hz{};  ///< 0: every frame.
   bool without_covariance{};
   std::vector<std::string> bodies;  ///< Empty: all.

@@ -45,7 +45,8 @@ void grow_sigmas(Body& body, double dt) {
   std::size_t at = 0;
   for (int row = 0; row < 6; ++row) {
     for (int column = row; column < 6; ++column) {
-      const double scale = (row < 3 ? by_position : by_rotation) * (column < 3 ? by_position : by_rotation);
+      const double scale =
+          (row < 3 ? by_position : by_rotation) * (column < 3 ? by_position : by_rotation);
       body.pose_covariance[at] = static_cast<float>(body.pose_covariance[at] * scale);
       ++at;
     }
@@ -66,7 +67,8 @@ void carry(Body& body, std::chrono::nanoseconds ahead) {
     body.position_m[i] += body.velocity_m_s[i] * dt + dv * (dt - 0.5 * held_s);
     body.velocity_m_s[i] += dv;
   }
-  body.orientation_wxyz = normalized(product(body.orientation_wxyz, exponential(body.body_rate_rad_s, dt)));
+  body.orientation_wxyz =
+      normalized(product(body.orientation_wxyz, exponential(body.body_rate_rad_s, dt)));
   body.age_s += dt;
   grow_sigmas(body, dt);
 }

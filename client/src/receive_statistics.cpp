@@ -14,12 +14,13 @@ void ReceiveStatistics::add(Nanoseconds received, double latency_s) {
 
 double ReceiveStatistics::rate_hz(Nanoseconds now) const {
   const auto end = arrivals_.begin() + static_cast<std::ptrdiff_t>(count_);
-  const auto recent =
-      std::count_if(arrivals_.begin(), end, [now](const Arrival& a) { return now - a.received < kSecond; });
+  const auto recent = std::count_if(arrivals_.begin(), end,
+                                    [now](const Arrival& a) { return now - a.received < kSecond; });
   if (static_cast<std::size_t>(recent) < kKept) return static_cast<double>(recent);
   // More than a thousand in this second: the time they took says how many.
   const Nanoseconds oldest = arrivals_[next_].received;
-  return static_cast<double>(kKept) * kSecond / static_cast<double>(std::max<Nanoseconds>(1, now - oldest));
+  return static_cast<double>(kKept) * kSecond /
+         static_cast<double>(std::max<Nanoseconds>(1, now - oldest));
 }
 
 double ReceiveStatistics::latency_quantile_s(double share) const {

@@ -31,7 +31,8 @@ Nanoseconds retry_of(const ClientOptions& options) {
 
 /// @throw std::invalid_argument when it does not fit a datagram
 Profile profile_of(const ClientOptions& options) {
-  constexpr std::size_t kBytesForNames = 900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
+  constexpr std::size_t kBytesForNames =
+      900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
   Profile profile;
   profile.y_up = options.up == WorldUp::kY;
   profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
@@ -42,12 +43,14 @@ Profile profile_of(const ClientOptions& options) {
   std::size_t bytes = 0;
   for (const auto& name : profile.bodies) {
     if (name.empty() || name.size() > kMaxBodyName) {
-      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " + std::to_string(name.size()));
+      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " +
+                                  std::to_string(name.size()));
     }
     bytes += name.size() + 3;
   }
   if (profile.bodies.size() > kMaxChosenBodies || bytes > kBytesForNames) {
-    throw std::invalid_argument("fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
+    throw std::invalid_argument(
+        "fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
   }
   return profile;
 }
@@ -102,7 +105,8 @@ Receiver::~Receiver() {
 bool Receiver::wait_for_frame(std::uint64_t after_number, std::chrono::milliseconds timeout) const {
   std::unique_lock<std::mutex> lock(mutex_);
   return newer_frame_.wait_for(lock, timeout, [&] {
-    const bool before_restart = after_number > newest_number_ && after_number <= highest_before_restart_;
+    const bool before_restart =
+        after_number > newest_number_ && after_number <= highest_before_restart_;
     return newest_number_ > after_number || before_restart;
   });
 }
@@ -155,7 +159,8 @@ void Receiver::run() {
     read_datagrams();
     read_group();
   }
-  if (socket_.is_open() && conversation_.leased()) socket_.send(encode_unsubscribe(conversation_.token()));
+  if (socket_.is_open() && conversation_.leased())
+    socket_.send(encode_unsubscribe(conversation_.token()));
 }
 
 void Receiver::open_socket(Nanoseconds now) {
@@ -185,7 +190,8 @@ void Receiver::ask(Nanoseconds now) {
     give_up_address(now);
     return;
   }
-  const bool same_run = conversation_.session() == session_;  // else names and numbers are those of a server gone
+  const bool same_run =
+      conversation_.session() == session_;  // else names and numbers are those of a server gone
   auto question = conversation_.question(same_run ? assembler_.model_generation() : 0, now);
   question.frames_received = assembler_.received();
   question.frames_lost = assembler_.lost();
@@ -223,8 +229,9 @@ void Receiver::wait(Nanoseconds now) {
   if (socket_.is_open() && conversation_.leased()) until = std::min(until, clock_.due_at());
   const Nanoseconds pause = std::clamp<Nanoseconds>(until - now, 0, kSecond);
   const timespec timeout{pause / kSecond, pause % kSecond};
-  std::array<pollfd, 3> wanted{
-      {{wake_->descriptor(), POLLIN, 0}, {socket_.descriptor(), POLLIN, 0}, {group_.descriptor(), POLLIN, 0}}};
+  std::array<pollfd, 3> wanted{{{wake_->descriptor(), POLLIN, 0},
+                                {socket_.descriptor(), POLLIN, 0},
+                                {group_.descriptor(), POLLIN, 0}}};
   if (::ppoll(wanted.data(), wanted.size(), &timeout, nullptr) > 0 && wanted[0].revents != 0) {
     wake_->drain();
     open_at_ = std::min(open_at_, now);  // a look-up has ended
@@ -232,7 +239,8 @@ void Receiver::wait(Nanoseconds now) {
 }
 
 void Receiver::read_datagrams() {
-  std::array<std::uint8_t, kMaxDatagram + 1> bytes;  // one more: a longer datagram is seen as too long
+  std::array<std::uint8_t, kMaxDatagram + 1>
+      bytes;  // one more: a longer datagram is seen as too long
   for (int i = 0; i < kDatagramsPerTurn && socket_.is_open(); ++i) {
     std::size_t size = bytes.size();
     const auto result = socket_.receive(bytes.data(), size);
@@ -254,26 +262,33 @@ void Receiver::read_group() {
     std::size_t size = bytes.size();
     if (!group_.receive(bytes.data(), size)) return;
     // Anybody may listen and many may speak there: only frames are taken from it.
-    if (decoder_.decode(bytes.data(), size) == MessageKind::kFrame) take_frame(monotonic_now(), true);
+    if (decoder_.decode(bytes.data(), size) == MessageKind::kFrame)
+      take_frame(monotonic_now(), true);
   }
 }
 
 void Receiver::take(const std::uint8_t* bytes, std::size_t size, Nanoseconds now) {
   switch (decoder_.decode(bytes, size)) {
-    case MessageKind::kChallenge: return conversation_.on(decoder_.challenge(), now);
-    case MessageKind::kNotice: return conversation_.on(decoder_.notice(), now);
-    case MessageKind::kLease: return take_lease(now);
+    case MessageKind::kChallenge:
+      return conversation_.on(decoder_.challenge(), now);
+    case MessageKind::kNotice:
+      return conversation_.on(decoder_.notice(), now);
+    case MessageKind::kLease:
+      return take_lease(now);
     case MessageKind::kModel:
       if (decoder_.model().profile != conversation_.profile()) return;
       if (conversation_.heard(decoder_.model().session, now)) assembler_.add(decoder_.model());
       return;
-    case MessageKind::kFrame: return take_frame(now, false);
+    case MessageKind::kFrame:
+      return take_frame(now, false);
     case MessageKind::kClockReply:
       if (!conversation_.heard(decoder_.clock_reply().session, now)) return;
       clock_.on(decoder_.clock_reply(), now);
       return report_clock(now);
-    case MessageKind::kDiscoveryReply: return;
-    case MessageKind::kNone: return;
+    case MessageKind::kDiscoveryReply:
+      return;
+    case MessageKind::kNone:
+      return;
   }
 }
 
@@ -328,7 +343,8 @@ void Receiver::place_in_own_time(Frame& frame, Nanoseconds now) const {
   const ClockEstimate clock = clock_.at(now, socket_.server_is_local());
   frame.at_client_ns = 0;
   frame.clock_sigma_s = std::numeric_limits<double>::quiet_NaN();
-  if (!clock.known && !socket_.server_is_local()) return;  // before the first answer: here both clocks are one
+  if (!clock.known && !socket_.server_is_local())
+    return;  // before the first answer: here both clocks are one
   const Nanoseconds at = frame.at_server_ns - clock.offset;
   if (std::abs(static_cast<double>(now - at)) * 1e-9 > kPlausibleLatency_s) return;
   frame.at_client_ns = at;
@@ -339,8 +355,9 @@ void Receiver::deliver(Frame& frame, Nanoseconds now) {
   report_connection();  // a connection comes before its first frame
   frame.received_ns = now;
   place_in_own_time(frame, now);
-  const double latency_s = frame.at_client_ns != 0 ? static_cast<double>(now - frame.at_client_ns) * 1e-9
-                                                   : std::numeric_limits<double>::quiet_NaN();
+  const double latency_s = frame.at_client_ns != 0
+                               ? static_cast<double>(now - frame.at_client_ns) * 1e-9
+                               : std::numeric_limits<double>::quiet_NaN();
   const std::uint64_t number = frame.number;
   const Frame* published = latest_.publish(frame);
   std::shared_ptr<const std::function<void(const Frame&)>> callback;
@@ -348,9 +365,11 @@ void Receiver::deliver(Frame& frame, Nanoseconds now) {
     const std::lock_guard<std::mutex> lock(mutex_);
     received_.add(now, latency_s);
     ++counters_.frames;
-    if (number < newest_number_) highest_before_restart_ = std::max(highest_before_restart_, newest_number_);
+    if (number < newest_number_)
+      highest_before_restart_ = std::max(highest_before_restart_, newest_number_);
     counters_.lost = lost_before_session_ + assembler_.lost();
-    counters_.dropped_here = drops_of_closed_sockets_ + socket_.dropped() + (group_.is_open() ? group_.dropped() : 0);
+    counters_.dropped_here =
+        drops_of_closed_sockets_ + socket_.dropped() + (group_.is_open() ? group_.dropped() : 0);
     newest_number_ = number;
     callback = frame_callback_;
   }
@@ -361,7 +380,8 @@ void Receiver::deliver(Frame& frame, Nanoseconds now) {
 void Receiver::report_connection() {
   const bool connected = conversation_.leased() && assembler_.model_generation() != 0;
   if (!connected && socket_.is_open()) set_problem(where_ + ": " + conversation_.problem());
-  const bool is_new = connection_callback_is_new_.load() && connection_callback_is_new_.exchange(false);
+  const bool is_new =
+      connection_callback_is_new_.load() && connection_callback_is_new_.exchange(false);
   const bool changed = connected != connected_;
   if (!changed && !(is_new && connected)) return;
   connected_ = connected;

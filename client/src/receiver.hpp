@@ -24,7 +24,8 @@ namespace fiducap::sdk {
 /// CLOCK_MONOTONIC, the clock of a server on the same machine.
 Nanoseconds monotonic_now();
 
-/// The thread behind a client: keeps the subscription, turns datagrams into frames, tells who waits.
+/// The thread behind a client: keeps the subscription, turns datagrams into frames, tells who
+/// waits.
 class Receiver {
  public:
   explicit Receiver(const ClientOptions& options);
@@ -72,8 +73,8 @@ class Receiver {
   Conversation conversation_;
   ClockSync clock_;
   GroupSocket group_;
-  Nanoseconds group_since_{0};   ///< When we began to listen to it.
-  bool group_is_alive_{false};   ///< A frame came by it.
+  Nanoseconds group_since_{0};  ///< When we began to listen to it.
+  bool group_is_alive_{false};  ///< A frame came by it.
   Decoder decoder_;
   FrameAssembler assembler_;
   std::uint64_t session_{0};
@@ -85,7 +86,8 @@ class Receiver {
 
   LatestFrame latest_;
 
-  mutable std::mutex mutex_;  ///< Guards the rest; never held while sending, receiving or calling back.
+  mutable std::mutex
+      mutex_;  ///< Guards the rest; never held while sending, receiving or calling back.
   mutable std::condition_variable newer_frame_;
   std::uint64_t newest_number_{0};
   std::uint64_t highest_before_restart_{0};

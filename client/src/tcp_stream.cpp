@@ -20,7 +20,8 @@ std::string text_of(int error) { return std::generic_category().message(error); 
 /// @return false when the deadline came first
 bool wait_for(int fd, short events, TcpStream::Deadline deadline) {
   for (;;) {
-    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(
+        deadline - std::chrono::steady_clock::now());
     pollfd wanted{fd, events, 0};
     const int ready = ::poll(&wanted, 1, std::max(0, static_cast<int>(left.count())));
     if (ready > 0) return true;

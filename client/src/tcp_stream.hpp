@@ -17,7 +17,8 @@ class TcpStream {
   TcpStream(const TcpStream&) = delete;
   TcpStream& operator=(const TcpStream&) = delete;
 
-  /// Every address of the host, one after the other. The look-up of a name alone may take longer than the deadline.
+  /// Every address of the host, one after the other. The look-up of a name alone may take longer
+  /// than the deadline.
   /// @return empty, or why not.
   std::string open(const std::string& host, std::uint16_t port, Deadline deadline);
   void close();

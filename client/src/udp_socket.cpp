@@ -13,12 +13,14 @@ namespace fiducap::sdk {
 
 namespace {
 
-// Some frames of a big scene while the thread is busy; the kernel grants what net.core.rmem_max allows.
+// Some frames of a big scene while the thread is busy; the kernel grants what net.core.rmem_max
+// allows.
 constexpr int kReceiveBuffer = 4 << 20;
 
 std::string text_of_errno() { return std::generic_category().message(errno); }
 
-// The system takes the very address of a server as the source towards it only when the server is here.
+// The system takes the very address of a server as the source towards it only when the server is
+// here.
 bool is_same_address(const sockaddr_storage& a, const sockaddr_storage& b) {
   if (a.ss_family != b.ss_family) return false;
   if (a.ss_family == AF_INET) {

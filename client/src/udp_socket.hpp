@@ -38,7 +38,8 @@ class UdpSocket {
   }
   /// @param size  in: room; out: bytes of the datagram, never more than the room
   Result receive(std::uint8_t* bytes, std::size_t& size);
-  /// Datagrams that found this socket's buffer full, as known at the last `receive`; starts again with every `open`.
+  /// Datagrams that found this socket's buffer full, as known at the last `receive`; starts again
+  /// with every `open`.
   std::uint32_t dropped() const { return dropped_; }
 
  private:

@@ -118,10 +118,12 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   return setup;
 }
 
-RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags, std::optional<int> reference_tag) {
+RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
+                           std::optional<int> reference_tag) {
   RecordingInfo info;
   info.cameras = sensors.cameras;
-  for (CameraMount& camera : info.cameras) camera.time_shift = {};  // stamps are on the server's clock already
+  for (CameraMount& camera : info.cameras)
+    camera.time_shift = {};  // stamps are on the server's clock already
   info.imu = sensors.imu;
   info.tag_family = tags.family;
   info.tag_size_m = tags.size_m;
@@ -132,14 +134,13 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   return info;
 }
 
-Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body, const BodySetup& setup,
-                                                    const simulation::RoomConfig& room,
-                                                    Instant start, const Clock& clock,
-                                                    std::unique_ptr<simulation::Trajectory> motion) {
+Expected<std::unique_ptr<SensorSource>> open_source(
+    const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
+    Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion) {
   switch (body.source.type) {
     case SourceType::kSimulator:
-      return as_source(
-          simulation::make_simulated_source(room, robot_of(body, setup), start, &clock, std::move(motion)));
+      return as_source(simulation::make_simulated_source(room, robot_of(body, setup), start, &clock,
+                                                         std::move(motion)));
     case SourceType::kRecording: {
       const auto& recording = body.source.recording;
       return open_recording(*setup.recording, {true, recording.loop, recording.speed}, clock);

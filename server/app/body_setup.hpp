@@ -36,8 +36,8 @@ struct BodySetup {
     const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
     Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion = nullptr);
 
-/// The samples of a body with a ros source. Lenses that the configuration does not describe are asked for and put into
-/// `setup`; without them there is no body, so this may take a while.
+/// The samples of a body with a ros source. Lenses that the configuration does not describe are
+/// asked for and put into `setup`; without them there is no body, so this may take a while.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_ros_body(
     const BodyConfig& body, BodySetup& setup, std::shared_ptr<dds::Participant> participant,
     const Clock& clock);

@@ -129,7 +129,8 @@ void BodyWorker::take_frame(const Delivery& delivery) {
   }
   shared_.map.snapshot()->known_among(seen_, known_);
   const UpdateReport report = filter.update(seen_, known_);
-  inbox_.set_clock_shift(seen_.camera, shift_to_apply(filter.clock(seen_.camera), seen_.clock_shift));
+  inbox_.set_clock_shift(seen_.camera,
+                         shift_to_apply(filter.clock(seen_.camera), seen_.clock_shift));
   filter.tag_beliefs(beliefs_);
   shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
   for (const auto& event : shared_.map.take_events()) {
@@ -166,14 +167,14 @@ void BodyWorker::hand_over_tags(Instant now) {
     if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
     if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
   }
-  if (oldest != nullptr && now - oldest->last_seen > kOutOfView) parts_.filter->release_tag(oldest->tag.tag_id);
+  if (oldest != nullptr && now - oldest->last_seen > kOutOfView)
+    parts_.filter->release_tag(oldest->tag.tag_id);
 }
 
 const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
   if (const auto* corners = std::get_if<CornerFrame>(&sample)) return *corners;
   const CpuMeter meter(statistics_.detect_cpu);
-  if (!search_)
-    search_.emplace(parts_.sensors, shared_.tags, shared_.detector, shared_.estimator);
+  if (!search_) search_.emplace(parts_.sensors, shared_.tags, shared_.detector, shared_.estimator);
   return search_->search(std::get<CameraFrame>(sample), beliefs_, *shared_.map.snapshot());
 }
 
@@ -187,12 +188,15 @@ void BodyWorker::remember_extrinsics(Instant now) {
 }
 
 void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras) {
-  const auto is_known = [](const ExtrinsicsEstimate& camera) { return camera.clock.shift_sigma_s < kKnownShift_s; };
+  const auto is_known = [](const ExtrinsicsEstimate& camera) {
+    return camera.clock.shift_sigma_s < kKnownShift_s;
+  };
   clocks_announced_ = std::all_of(cameras.begin(), cameras.end(), is_known);
   if (!clocks_announced_) return;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
-    log::info("estimation", parts_.name + ": " + calibration_text(k, cameras[k], parts_.sensors.cameras[k]) +
+    log::info("estimation", parts_.name + ": " +
+                                calibration_text(k, cameras[k], parts_.sensors.cameras[k]) +
                                 "; its stamps are corrected by that");
   }
 }

@@ -54,7 +54,7 @@ struct BodyStatistics {
   Duration propagate_cpu{};
   MergerStatistics merger{};
   DurationHistogram lateness{};  ///< Middle of exposure → corrected; for live sources.
-  SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
+  SearchStatistics search{};     ///< Of images; all zero when the source gives corners.
 
   [[nodiscard]] std::string text() const;  ///< One line for the log.
 };

@@ -25,8 +25,8 @@
 #include "streaming/mavlink/mavlink_config.hpp"
 #include "streaming/native/native_server.hpp"
 #include "streaming/natnet/natnet_config.hpp"
-#include "streaming/vicon/vicon_config.hpp"
 #include "streaming/qualisys/qualisys_server.hpp"
+#include "streaming/vicon/vicon_config.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
 #include "streaming/web/web_server.hpp"
 

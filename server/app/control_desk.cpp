@@ -34,19 +34,27 @@ std::vector<ConfigError> OperatorConfig::check() const {
 }
 
 bool is_body_name(const std::string& name) {
-  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.'; };
+  const auto good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
+  };
   return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
 }
 
-ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map, SessionRecorder& recorder,
-                         std::function<void()> commit)
-    : config_(std::move(config)), scene_(scene), map_(map), recorder_(recorder), commit_(std::move(commit)) {}
+ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
+                         SessionRecorder& recorder, std::function<void()> commit)
+    : config_(std::move(config)),
+      scene_(scene),
+      map_(map),
+      recorder_(recorder),
+      commit_(std::move(commit)) {}
 
 bool ControlDesk::admits(std::string_view token) const {
   if (config_.token.empty() || token.size() != config_.token.size()) return false;
-  unsigned difference = 0;  // every byte is looked at: the time says nothing about the first wrong one
+  unsigned difference =
+      0;  // every byte is looked at: the time says nothing about the first wrong one
   for (std::size_t i = 0; i < token.size(); ++i)
-    difference |= static_cast<unsigned char>(token[i]) ^ static_cast<unsigned char>(config_.token[i]);
+    difference |=
+        static_cast<unsigned char>(token[i]) ^ static_cast<unsigned char>(config_.token[i]);
   return difference == 0;
 }
 
@@ -68,7 +76,8 @@ Expected<void> ControlDesk::set_enabled(int body_id, bool enabled) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   scene_.set_enabled(*body, enabled);
-  log::info("app", "body " + std::to_string(body_id) + (enabled ? " is streamed again" : " is streamed no more"));
+  log::info("app", "body " + std::to_string(body_id) +
+                       (enabled ? " is streamed again" : " is streamed no more"));
   return {};
 }
 
@@ -76,12 +85,14 @@ Expected<void> ControlDesk::rename(int body_id, const std::string& name) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   if (!is_body_name(name))
-    return fail(ErrorCode::kInvalid, "a body's name must have 1 to 63 of a-z A-Z 0-9 _ - .", "\"" + name + "\"");
+    return fail(ErrorCode::kInvalid, "a body's name must have 1 to 63 of a-z A-Z 0-9 _ - .",
+                "\"" + name + "\"");
   for (const Scene::Listed& other : scene_.list())
     if (other.description.id != body_id && other.description.name == name)
       return fail(ErrorCode::kInvalid, "another body has this name", "\"" + name + "\"");
   scene_.rename(*body, name);
-  log::info("app", "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
+  log::info("app",
+            "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
   return {};
 }
 
@@ -102,7 +113,8 @@ Expected<void> ControlDesk::set_map_mode(MapMode mode) {
 
 Expected<void> ControlDesk::commit_map() {
   if (!commit_)
-    return fail(ErrorCode::kUnsupported, "the map has no store; set map.store to keep it from run to run");
+    return fail(ErrorCode::kUnsupported,
+                "the map has no store; set map.store to keep it from run to run");
   commit_();
   return {};
 }

@@ -36,7 +36,9 @@ class ControlDesk final : public OperatorDesk {
   Expected<void> commit_map() override;
   Expected<void> start_recording(const std::string& name) override;
   Expected<void> stop_recording() override { return recorder_.stop(); }
-  [[nodiscard]] std::optional<std::string> recording() const override { return recorder_.current(); }
+  [[nodiscard]] std::optional<std::string> recording() const override {
+    return recorder_.current();
+  }
 
  private:
   [[nodiscard]] Expected<std::size_t> index_of(int body_id) const;

@@ -40,7 +40,8 @@ void MapKeeper::run(std::stop_token stop) {
     }
     commit();
     if (const auto saved = store_learned(); !saved)
-      log::error("mapping", "what was learned about the cameras was not stored: " + saved.error().text());
+      log::error("mapping",
+                 "what was learned about the cameras was not stored: " + saved.error().text());
   } catch (const std::exception& failure) {
     log::error("mapping", std::string("the map is no longer stored: ") + failure.what());
   }

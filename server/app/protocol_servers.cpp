@@ -44,13 +44,14 @@ class Starter final {
     return server;
   }
   Started native() {
-    auto server = native::start_native_server(parts_.io, streaming_.native, parts_.model, parts_.clock, &parts_.desk);
+    auto server = native::start_native_server(parts_.io, streaming_.native, parts_.model,
+                                              parts_.clock, &parts_.desk);
     if (server) ports_.native = native::bound_port(**server);
     return server;
   }
   Started natnet() {
-    auto server = natnet::start_natnet_server(parts_.io, streaming_.natnet, parts_.model, parts_.clock, &parts_.desk,
-                                              streaming_.rate_hz);
+    auto server = natnet::start_natnet_server(parts_.io, streaming_.natnet, parts_.model,
+                                              parts_.clock, &parts_.desk, streaming_.rate_hz);
     if (server) ports_.natnet = (*server)->port();
     return server;
   }
@@ -60,8 +61,8 @@ class Starter final {
     return server;
   }
   Started qualisys() {
-    auto server =
-        qualisys::start_qualisys_server(parts_.io, streaming_.qualisys, &parts_.desk, parts_.model, parts_.clock);
+    auto server = qualisys::start_qualisys_server(parts_.io, streaming_.qualisys, &parts_.desk,
+                                                  parts_.model, parts_.clock);
     if (server) ports_.qualisys = (*server)->base_port();
     return server;
   }
@@ -78,7 +79,8 @@ class Starter final {
     sources.clients = [&hub = hub_] { return hub.clients(); };
     sources.version = FIDUCAP_VERSION;
     sources.map_mode = parts_.config.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
-    auto page = web::start_web_server(parts_.io, streaming_.web, std::move(sources), parts_.model, parts_.clock);
+    auto page = web::start_web_server(parts_.io, streaming_.web, std::move(sources), parts_.model,
+                                      parts_.clock);
     if (page) ports_.web = (*page)->port();
     return page;
   }

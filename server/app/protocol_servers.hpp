@@ -37,8 +37,8 @@ struct ProtocolParts {
 /// The names that `streaming.optional` may hold.
 [[nodiscard]] const std::vector<std::string>& protocol_names();
 
-/// Starts every enabled protocol and gives it to the hub. One of `streaming.optional` that cannot start is a warning with
-/// the remedy, any other an error.
+/// Starts every enabled protocol and gives it to the hub. One of `streaming.optional` that cannot
+/// start is a warning with the remedy, any other an error.
 [[nodiscard]] Expected<ServerPorts> start_protocols(const ProtocolParts& parts, StreamHub& hub);
 
 }  // namespace fiducap

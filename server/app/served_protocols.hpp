@@ -16,8 +16,8 @@ struct PortUse {
   bool udp{};
 };
 
-/// One protocol of a configuration: where it listens and in which axes it speaks. The rest of its conventions are in
-/// streaming/conventions/protocol_conventions.hpp.
+/// One protocol of a configuration: where it listens and in which axes it speaks. The rest of its
+/// conventions are in streaming/conventions/protocol_conventions.hpp.
 struct ServedProtocol {
   std::string_view name;
   bool enabled{};

@@ -13,9 +13,9 @@
 
 #include "app/body_setup.hpp"
 #include "app/body_threads.hpp"
+#include "app/control_desk.hpp"
 #include "app/frame_mailbox.hpp"
 #include "app/map_start.hpp"
-#include "app/control_desk.hpp"
 #include "app/protocol_servers.hpp"
 #include "app/publisher.hpp"
 #include "app/session_recorder.hpp"
@@ -123,14 +123,15 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
       return tl::unexpected(
           Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
-    if (config_.map.use_learned_extrinsics)
-      use_learned(start.learned, config.name, setup->sensors);
+    if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);
     auto motion = options_.motion ? options_.motion(config.name) : nullptr;
     auto source = config.source.type == SourceType::kRos
                       ? open_ros(config, *setup)
-                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_, std::move(motion));
+                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_,
+                                    std::move(motion));
     if (!source && config.source.type == SourceType::kRos) {
-      return tl::unexpected(Error{source.error().code, config.name + ": " + source.error().text(), {}});
+      return tl::unexpected(
+          Error{source.error().code, config.name + ": " + source.error().text(), {}});
     }
     if (source && options_.source) *source = options_.source(config.name, std::move(*source));
     if (source) {
@@ -146,7 +147,8 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   return bodies;
 }
 
-Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body, BodySetup& setup) {
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body,
+                                                               BodySetup& setup) {
   auto participant = join_dds();
   if (!participant) return tl::unexpected(participant.error());
   return open_ros_body(body, setup, *participant, clock_);
@@ -167,7 +169,8 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
   const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
-  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_, recorder_, config_.estimator};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_,
+                           recorder_,    config_.estimator};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     BodySensors& sensors = bodies[i].setup.sensors;
@@ -182,7 +185,8 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports = start_protocols({io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
+  auto ports = start_protocols(
+      {io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   mailbox_.emplace(io_,
@@ -230,8 +234,10 @@ bool Server::Impl::run() {
 
 void Server::Impl::serve() {
   if (!run_urgently()) {
-    log::info("app", "no right to real-time scheduling: with all cores busy a frame may wait for a millisecond or two "
-                     "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
+    log::info("app",
+              "no right to real-time scheduling: with all cores busy a frame may wait for a "
+              "millisecond or two "
+              "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
   }
   for (;;) {
     try {

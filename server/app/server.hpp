@@ -15,11 +15,13 @@ namespace fiducap {
 struct ServerOptions {
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
-  /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as configured. For robots that
-  /// answer to a controller.
+  /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as
+  /// configured. For robots that answer to a controller.
   std::function<std::unique_ptr<simulation::Trajectory>(const std::string& body)> motion;
   /// Stands in for, or around, the source of a body that was opened as configured; nullptr: none.
-  std::function<std::unique_ptr<SensorSource>(const std::string& body, std::unique_ptr<SensorSource> configured)> source{};
+  std::function<std::unique_ptr<SensorSource>(const std::string& body,
+                                              std::unique_ptr<SensorSource> configured)>
+      source{};
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.

@@ -12,8 +12,11 @@ namespace fiducap {
 namespace {
 
 bool is_folder_name(const std::string& name) {
-  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == ' '; };
-  return !name.empty() && name.size() <= 127 && name.front() != '.' && std::all_of(name.begin(), name.end(), good);
+  const auto good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == ' ';
+  };
+  return !name.empty() && name.size() <= 127 && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), good);
 }
 
 }  // namespace
@@ -27,15 +30,19 @@ void SessionRecorder::add_body(const std::string& name, RecordingInfo info) {
 
 Expected<void> SessionRecorder::start(const std::string& name) {
   if (const auto running = current())
-    return fail(ErrorCode::kUnavailable, "the recording \"" + *running + "\" is under way; stop it first");
+    return fail(ErrorCode::kUnavailable,
+                "the recording \"" + *running + "\" is under way; stop it first");
   if (!is_folder_name(name))
-    return fail(ErrorCode::kInvalid, "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
+    return fail(ErrorCode::kInvalid,
+                "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
   auto session = std::make_shared<Session>();
   session->name = name;
-  const auto folder = std::filesystem::path(config_.folder.empty() ? "recordings" : config_.folder) / name;
+  const auto folder =
+      std::filesystem::path(config_.folder.empty() ? "recordings" : config_.folder) / name;
   std::error_code error;
   if (std::filesystem::exists(folder, error))
-    return fail(ErrorCode::kInvalid, "there is a recording of this name; nothing is overwritten", folder.string());
+    return fail(ErrorCode::kInvalid, "there is a recording of this name; nothing is overwritten",
+                folder.string());
   for (RecordingInfo info : bodies_) {
     info.folder = (folder / info.name).string();
     auto writer = RecordingWriter::create(info);
@@ -104,7 +111,8 @@ void SessionRecorder::write(Item& item) {
     } else {
       for (auto& writer : session.writers)
         if (auto finished = writer.finish(); !finished) done = finished;
-      log::info("recorder", "recording \"" + session.name + "\" ended, " + std::to_string(session.dropped) +
+      log::info("recorder", "recording \"" + session.name + "\" ended, " +
+                                std::to_string(session.dropped) +
                                 " samples dropped because the disk was slow");
     }
   } catch (const std::exception& failure) {
@@ -112,7 +120,8 @@ void SessionRecorder::write(Item& item) {
   }
   if (done || session.failed) return;
   session.failed = true;
-  log::error("recorder", "recording \"" + session.name + "\" cannot be written any more: " + done.error().text());
+  log::error("recorder", "recording \"" + session.name +
+                             "\" cannot be written any more: " + done.error().text());
 }
 
 }  // namespace fiducap

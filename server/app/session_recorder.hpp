@@ -17,20 +17,23 @@
 namespace fiducap {
 
 struct RecorderConfig {
-  /// Each session is a folder in it, each body a recording in that. Empty: `recordings` in the working directory.
+  /// Each session is a folder in it, each body a recording in that. Empty: `recordings` in the
+  /// working directory.
   std::string folder;
-  bool images{false};                ///< False: the detected corners and the IMU, enough for `fiducap replay`.
+  bool images{false};  ///< False: the detected corners and the IMU, enough for `fiducap replay`.
 };
 
-/// Writes the sensors of all bodies to disk while the server runs. `take` costs one atomic read when nothing is
-/// recorded, and never waits for the disk: when the disk does not keep up, samples are dropped and counted.
+/// Writes the sensors of all bodies to disk while the server runs. `take` costs one atomic read
+/// when nothing is recorded, and never waits for the disk: when the disk does not keep up, samples
+/// are dropped and counted.
 class SessionRecorder final {
  public:
   static constexpr std::size_t kMaxWaiting = 20000;
 
   explicit SessionRecorder(RecorderConfig config) : config_(std::move(config)) {}
 
-  /// Before the first `take`, in the order of the bodies. @param info  `folder` and `has_…` are filled in here
+  /// Before the first `take`, in the order of the bodies. @param info  `folder` and `has_…` are
+  /// filled in here
   void add_body(const std::string& name, RecordingInfo info);
 
   /// @param name  of the session; a plain folder name, new

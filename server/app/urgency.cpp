@@ -5,7 +5,8 @@
 namespace fiducap {
 
 namespace {
-constexpr int kPriority = 10;  // any above none will do; lower than the kernel's own interrupt threads (50)
+constexpr int kPriority =
+    10;  // any above none will do; lower than the kernel's own interrupt threads (50)
 }  // namespace
 
 bool run_urgently() {

@@ -11,8 +11,9 @@
 
 namespace fiducap {
 
-/// Reads numbers from bytes that somebody else sent. Never reads past the end: the first short read makes the
-/// reader fail for good, later reads give zero, and `check()` says what was wanted and what was left.
+/// Reads numbers from bytes that somebody else sent. Never reads past the end: the first short read
+/// makes the reader fail for good, later reads give zero, and `check()` says what was wanted and
+/// what was left.
 template <std::endian Order>
 class ByteReader final {
  public:
@@ -40,8 +41,8 @@ class ByteReader final {
   [[nodiscard]] Expected<void> check(const std::string& context) const {
     if (!failed_) return {};
     return fail(ErrorCode::kTruncated,
-                "needs " + std::to_string(wanted_) + " bytes at offset " + std::to_string(at_) + ", only " +
-                    std::to_string(left()) + " left",
+                "needs " + std::to_string(wanted_) + " bytes at offset " + std::to_string(at_) +
+                    ", only " + std::to_string(left()) + " left",
                 context);
   }
 

@@ -11,7 +11,8 @@
 
 namespace fiducap {
 
-/// Appends numbers to a byte vector in one byte order. The vector is the caller's, so its capacity is reused.
+/// Appends numbers to a byte vector in one byte order. The vector is the caller's, so its capacity
+/// is reused.
 template <std::endian Order>
 class ByteWriter final {
  public:
@@ -30,7 +31,9 @@ class ByteWriter final {
     out_.insert(out_.end(), v.begin(), v.end());
     return *this;
   }
-  ByteWriter& text(std::string_view v) { return bytes(std::as_bytes(std::span(v.data(), v.size()))); }
+  ByteWriter& text(std::string_view v) {
+    return bytes(std::as_bytes(std::span(v.data(), v.size())));
+  }
   ByteWriter& zeros(std::size_t n) {
     out_.insert(out_.end(), n, std::byte{0});
     return *this;

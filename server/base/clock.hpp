@@ -6,7 +6,8 @@
 
 namespace fiducap {
 
-/// The only way a room learns what time it is. The real one lives in `app/`, tests drive a `FakeClock`.
+/// The only way a room learns what time it is. The real one lives in `app/`, tests drive a
+/// `FakeClock`.
 class Clock {
  public:
   virtual ~Clock() = default;

@@ -8,12 +8,12 @@ namespace fiducap {
 
 /// What kind of failure: decides what a caller can do about it.
 enum class ErrorCode {
-  kNotFound,       ///< File, device or name is not there.
-  kInvalid,        ///< Content breaks a rule of its format.
-  kTruncated,      ///< Content ends too early.
-  kUnsupported,    ///< Well formed, but not something we do.
-  kUnavailable,    ///< Device, port or disk cannot be used right now.
-  kClosed,         ///< The other side ended.
+  kNotFound,     ///< File, device or name is not there.
+  kInvalid,      ///< Content breaks a rule of its format.
+  kTruncated,    ///< Content ends too early.
+  kUnsupported,  ///< Well formed, but not something we do.
+  kUnavailable,  ///< Device, port or disk cannot be used right now.
+  kClosed,       ///< The other side ended.
 };
 
 /// A failure of the outside world (device, peer, file, bytes). Own bugs are FIDUCAP_ASSERT instead.
@@ -28,7 +28,8 @@ struct Error {
 template <typename T>
 using Expected = tl::expected<T, Error>;
 
-[[nodiscard]] inline tl::unexpected<Error> fail(ErrorCode code, std::string what, std::string context = {}) {
+[[nodiscard]] inline tl::unexpected<Error> fail(ErrorCode code, std::string what,
+                                                std::string context = {}) {
   return tl::unexpected<Error>(Error{code, std::move(what), std::move(context)});
 }
 

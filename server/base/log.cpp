@@ -38,10 +38,14 @@ spdlog::logger& terminal() {
 
 spdlog::level::level_enum to_spdlog(Level level) {
   switch (level) {
-    case Level::kDebug: return spdlog::level::debug;
-    case Level::kInfo: return spdlog::level::info;
-    case Level::kWarning: return spdlog::level::warn;
-    case Level::kError: return spdlog::level::err;
+    case Level::kDebug:
+      return spdlog::level::debug;
+    case Level::kInfo:
+      return spdlog::level::info;
+    case Level::kWarning:
+      return spdlog::level::warn;
+    case Level::kError:
+      return spdlog::level::err;
   }
   return spdlog::level::info;
 }
@@ -54,8 +58,9 @@ void write(Level level, std::string_view room, std::string_view text) {
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   auto& m = memory();
   const std::lock_guard lock(m.mutex);
-  m.lines.push_back({m.next_number++, std::chrono::duration_cast<std::chrono::milliseconds>(now).count(),
-                     level, std::string(room), std::string(text)});
+  m.lines.push_back({m.next_number++,
+                     std::chrono::duration_cast<std::chrono::milliseconds>(now).count(), level,
+                     std::string(room), std::string(text)});
   if (m.lines.size() > kKeptLines) m.lines.pop_front();
 }
 
@@ -73,10 +78,14 @@ std::vector<Line> lines_after(std::uint64_t number) {
 
 std::string_view name_of(Level level) {
   switch (level) {
-    case Level::kDebug: return "debug";
-    case Level::kInfo: return "info";
-    case Level::kWarning: return "warning";
-    case Level::kError: return "error";
+    case Level::kDebug:
+      return "debug";
+    case Level::kInfo:
+      return "info";
+    case Level::kWarning:
+      return "warning";
+    case Level::kError:
+      return "error";
   }
   return "info";
 }

@@ -21,10 +21,16 @@ struct Line {
 
 /// Thread-safe. Rare events only: never call it per sample or per frame.
 void write(Level level, std::string_view room, std::string_view text);
-inline void debug(std::string_view room, std::string_view text) { write(Level::kDebug, room, text); }
+inline void debug(std::string_view room, std::string_view text) {
+  write(Level::kDebug, room, text);
+}
 inline void info(std::string_view room, std::string_view text) { write(Level::kInfo, room, text); }
-inline void warning(std::string_view room, std::string_view text) { write(Level::kWarning, room, text); }
-inline void error(std::string_view room, std::string_view text) { write(Level::kError, room, text); }
+inline void warning(std::string_view room, std::string_view text) {
+  write(Level::kWarning, room, text);
+}
+inline void error(std::string_view room, std::string_view text) {
+  write(Level::kError, room, text);
+}
 
 /// Lines below this level go nowhere. Default: info.
 void set_level(Level level);

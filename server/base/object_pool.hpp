@@ -8,10 +8,11 @@
 
 namespace fiducap {
 
-/// Hands out objects that come back when the last reader lets go, with the capacity of their vectors kept.
+/// Hands out objects that come back when the last reader lets go, with the capacity of their
+/// vectors kept.
 ///
-/// After warm-up `acquire` allocates nothing: both the object and the control block of its shared_ptr are reused.
-/// Thread-safe; the pool may die before its objects.
+/// After warm-up `acquire` allocates nothing: both the object and the control block of its
+/// shared_ptr are reused. Thread-safe; the pool may die before its objects.
 template <typename T>
 class ObjectPool final {
  public:
@@ -76,7 +77,8 @@ class ObjectPool final {
     std::shared_ptr<Shelf> shelf;
     explicit BlockAllocator(std::shared_ptr<Shelf> s) : shelf(std::move(s)) {}
     template <typename V>
-    BlockAllocator(const BlockAllocator<V>& other) : shelf(other.shelf) {}  // NOLINT: allocator rebind
+    BlockAllocator(const BlockAllocator<V>& other)
+        : shelf(other.shelf) {}  // NOLINT: allocator rebind
     U* allocate(std::size_t n) { return static_cast<U*>(shelf->take_block(n * sizeof(U))); }
     void deallocate(U* p, std::size_t) { shelf->give_block(p); }
     template <typename V>

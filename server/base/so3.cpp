@@ -18,7 +18,8 @@ Eigen::Matrix3d skew(const Eigen::Vector3d& a) {
 Eigen::Quaterniond exp_so3(const Eigen::Vector3d& rotation_vector) {
   const double angle = rotation_vector.norm();
   const double half = 0.5 * angle;
-  const double sinc_half = angle < kSmallAngle_rad ? 0.5 - angle * angle / 48.0 : std::sin(half) / angle;
+  const double sinc_half =
+      angle < kSmallAngle_rad ? 0.5 - angle * angle / 48.0 : std::sin(half) / angle;
   const Eigen::Vector3d v = sinc_half * rotation_vector;
   return Eigen::Quaterniond(std::cos(half), v.x(), v.y(), v.z()).normalized();
 }

@@ -14,7 +14,8 @@ namespace fiducap {
 /// Rotation vector of a unit quaternion, angle in [0, π].
 [[nodiscard]] Eigen::Vector3d log_so3(const Eigen::Quaterniond& q);
 
-/// Left Jacobian: exp(φ + δ) ≈ exp(J_l(φ) δ) exp(φ). Barfoot, State Estimation for Robotics, eq. 7.77.
+/// Left Jacobian: exp(φ + δ) ≈ exp(J_l(φ) δ) exp(φ). Barfoot, State Estimation for Robotics,
+/// eq. 7.77.
 [[nodiscard]] Eigen::Matrix3d left_jacobian_so3(const Eigen::Vector3d& rotation_vector);
 
 /// Right Jacobian: exp(φ + δ) ≈ exp(φ) exp(J_r(φ) δ).

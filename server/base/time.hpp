@@ -8,7 +8,8 @@ namespace fiducap {
 /// A span of time, int64 nanoseconds. Never a double.
 using Duration = std::chrono::nanoseconds;
 
-/// The server's monotonic time line. Live sensors are stamped on it; recordings bring their own epoch.
+/// The server's monotonic time line. Live sensors are stamped on it; recordings bring their own
+/// epoch.
 struct ServerTimeline {
   using rep = std::int64_t;
   using period = std::nano;
@@ -24,7 +25,9 @@ using Instant = ServerTimeline::time_point;
 [[nodiscard]] constexpr std::int64_t to_ns(Instant at) { return at.time_since_epoch().count(); }
 
 /// Seconds as a double, for formulas only.
-[[nodiscard]] constexpr double to_seconds(Duration d) { return static_cast<double>(d.count()) * 1e-9; }
+[[nodiscard]] constexpr double to_seconds(Duration d) {
+  return static_cast<double>(d.count()) * 1e-9;
+}
 /// Rounds to the nearest nanosecond.
 [[nodiscard]] constexpr Duration from_seconds(double s) {
   return Duration{static_cast<std::int64_t>(s * 1e9 + (s < 0 ? -0.5 : 0.5))};

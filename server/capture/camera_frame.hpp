@@ -17,7 +17,8 @@ struct CameraFrame {
   int camera{};          ///< Index among the body's cameras.
   Instant exposed_at{};  ///< Middle of the exposure, camera–IMU time shift already applied.
   std::shared_ptr<const GrayImage> image;
-  /// So much of `exposed_at` is what the body's filter learned about the clock (SampleMerger::set_clock_shift).
+  /// So much of `exposed_at` is what the body's filter learned about the clock
+  /// (SampleMerger::set_clock_shift).
   Duration clock_shift{0};
 };
 
@@ -25,30 +26,34 @@ struct CameraFrame {
 struct TagSighting {
   int tag_id{};
   int hamming{};             ///< Corrected bits.
-  double decision_margin{};  ///< Contrast of the decoded bits, 0..255; higher is safer. 0 when the source has none.
+  double decision_margin{};  ///< Contrast of the decoded bits, 0..255; higher is safer. 0 when the
+                             ///< source has none.
   /// Raw (distorted) pixels, (0, 0) = *centre* of the upper-left pixel.
   /// Bottom-left, bottom-right, top-right, top-left of the printed tag.
   std::array<Eigen::Vector2d, 4> corners_px{};
-  /// How much of the step from black to white at the blurriest side falls within two pixels: 1 is sharp, 0 when the
-  /// source does not say.
+  /// How much of the step from black to white at the blurriest side falls within two pixels: 1 is
+  /// sharp, 0 when the source does not say.
   double sharpness{};
 };
 
-/// One followed image point in one image, before the lens is taken out. What it is of, nobody knows.
+/// One followed image point in one image, before the lens is taken out. What it is of, nobody
+/// knows.
 struct PointSighting {
   std::uint32_t track{};  ///< The same in every image that shows the point; never used again.
   int age{};              ///< Reports of this track before this one.
   Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Raw (distorted) pixel.
 };
 
-/// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot with a detector of
-/// its own delivers instead of images. `tags` may be empty: the image was there, no tag was.
+/// The tags of one image: what a detector makes of a CameraFrame, or what a recording or a robot
+/// with a detector of its own delivers instead of images. `tags` may be empty: the image was there,
+/// no tag was.
 struct CornerFrame {
   int camera{};
   Instant exposed_at{};
   std::vector<TagSighting> tags;
-  /// The corners are where straight lines fitted to the tag's sides meet (libapriltag). A lens bends the sides, so such
-  /// corners are off in a way that the lens model tells; `observe` takes it out.
+  /// The corners are where straight lines fitted to the tag's sides meet (libapriltag). A lens
+  /// bends the sides, so such corners are off in a way that the lens model tells; `observe` takes
+  /// it out.
   bool fitted_straight_sides{false};
   double pixel_noise{};  ///< 1-sigma of the image's pixels, of 255; 0 when the source does not say.
   Duration clock_shift{0};  ///< As in CameraFrame.

@@ -41,25 +41,29 @@ struct CameraModel {
 
 /// An ideal pinhole pixel and how it moves with the raw one.
 struct UndistortedPixel {
-  Eigen::Vector2d px;                       ///< In the pinhole camera of the same fu fv cu cv.
-  Eigen::Matrix2d ideal_from_raw;           ///< ∂ ideal / ∂ raw: carries pixel noise through the lens.
+  Eigen::Vector2d px;              ///< In the pinhole camera of the same fu fv cu cv.
+  Eigen::Matrix2d ideal_from_raw;  ///< ∂ ideal / ∂ raw: carries pixel noise through the lens.
 };
 
-/// Takes the lens out of raw pixels (OpenCV `undistortPoints` / `fisheye::undistortPoints`, iterated to convergence).
-/// @return one entry per pixel; nullopt where the ray is more than `max_angle_rad` off the axis or did not converge.
-[[nodiscard]] std::optional<UndistortedPixel> undistort(const CameraModel& camera, const Eigen::Vector2d& raw_px,
+/// Takes the lens out of raw pixels (OpenCV `undistortPoints` / `fisheye::undistortPoints`,
+/// iterated to convergence).
+/// @return one entry per pixel; nullopt where the ray is more than `max_angle_rad` off the axis or
+/// did not converge.
+[[nodiscard]] std::optional<UndistortedPixel> undistort(const CameraModel& camera,
+                                                        const Eigen::Vector2d& raw_px,
                                                         double max_angle_rad = 1.45);
 
 /// A camera on a body: lens, place, time.
 struct CameraMount {
   CameraModel model;
-  Pose X_BV;                        ///< Extrinsics: camera axes in body axes (EuRoC's T_BS).
-  double position_sigma_m{0.005};   ///< How far X_BV may be off, per axis, 1-sigma.
+  Pose X_BV;                       ///< Extrinsics: camera axes in body axes (EuRoC's T_BS).
+  double position_sigma_m{0.005};  ///< How far X_BV may be off, per axis, 1-sigma.
   double rotation_sigma_rad{0.00873};
-  Duration time_shift{0};           ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
+  Duration time_shift{0};  ///< t_imu = t_camera + time_shift (Kalibr timeshift_cam_imu).
   /// How far time_shift may be off, 1-sigma; 0: exact.
   double time_shift_sigma_s{0.02};
-  double readout_s{0.0};        ///< Rolling shutter: first row to last row; the stamp is that of the middle row. 0: global.
+  double readout_s{0.0};  ///< Rolling shutter: first row to last row; the stamp is that of the
+                          ///< middle row. 0: global.
   double readout_sigma_s{0.0};  ///< 0: readout_s is exact.
   double rate_hz{20.0};
 };

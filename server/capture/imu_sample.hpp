@@ -10,7 +10,8 @@ namespace fiducap {
 struct ImuSample {
   Instant sampled_at{};
   Eigen::Vector3d w_WB_B{Eigen::Vector3d::Zero()};  ///< Angular rate of B against W, rad/s.
-  Eigen::Vector3d f_B{Eigen::Vector3d::Zero()};     ///< Specific force, m/s²; at rest it points up with +9.81.
+  Eigen::Vector3d f_B{
+      Eigen::Vector3d::Zero()};  ///< Specific force, m/s²; at rest it points up with +9.81.
 };
 
 /// How noisy the unit is: continuous-time densities, 1-sigma, Kalibr's and EuRoC's meaning.

@@ -9,8 +9,9 @@
 
 namespace fiducap {
 
-/// Reads a Kalibr camchain YAML (`cam0`, `cam1`, …). Kalibr's `T_cam_imu` takes IMU axes to camera axes, so
-/// X_BV = T_cam_imu⁻¹; OpenVINS' `T_imu_cam` is accepted as its inverse, never guessed. `timeshift_cam_imu` is taken over.
+/// Reads a Kalibr camchain YAML (`cam0`, `cam1`, …). Kalibr's `T_cam_imu` takes IMU axes to camera
+/// axes, so X_BV = T_cam_imu⁻¹; OpenVINS' `T_imu_cam` is accepted as its inverse, never guessed.
+/// `timeshift_cam_imu` is taken over.
 [[nodiscard]] Expected<std::vector<CameraMount>> read_kalibr_camchain(const std::string& path);
 
 /// Reads a Kalibr imu.yaml (`accelerometer_noise_density` …, `update_rate`), flat or below `imu0`.

@@ -47,8 +47,9 @@ class SampleMerger final {
   /// ignored when the configuration has no IMU. Allocates nothing.
   /// @return false when the IMU queue is full: the consumer is dead.
   bool push(SensorSample sample);
-  /// What the filter has learned about a camera's clock: from now on added to the time of its images, so that they wait for
-  /// the IMU samples of the moment at which they were really exposed. Replaces the last one.
+  /// What the filter has learned about a camera's clock: from now on added to the time of its
+  /// images, so that they wait for the IMU samples of the moment at which they were really exposed.
+  /// Replaces the last one.
   void set_clock_shift(int camera, Duration shift);
   /// Nothing more will come: `pop` gives the rest without waiting.
   void finish();

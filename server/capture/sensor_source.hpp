@@ -29,13 +29,13 @@ using SensorSample = std::variant<ImuSample, CameraFrame, CornerFrame>;
   return corners != nullptr ? corners->clock_shift : Duration{0};
 }
 
-/// Where the samples of one rigid body come from: hardware, a recording, the simulator. What follows cannot tell
-/// them apart.
+/// Where the samples of one rigid body come from: hardware, a recording, the simulator. What
+/// follows cannot tell them apart.
 class SensorSource {
  public:
   virtual ~SensorSource() = default;
-  /// Waits for the next sample, in order of arrival. Times of one sensor strictly increase; between sensors a sample
-  /// may be late, SampleMerger puts that right.
+  /// Waits for the next sample, in order of arrival. Times of one sensor strictly increase; between
+  /// sensors a sample may be late, SampleMerger puts that right.
   /// @return nullopt when exhausted or stopped; Error when the device is lost.
   virtual Expected<std::optional<SensorSample>> next(std::stop_token stop) = 0;
 };

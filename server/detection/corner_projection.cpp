@@ -16,7 +16,8 @@ Eigen::Vector3d tag_corner(int i, double edge_m) {
   return {(i == 1 || i == 2) ? h : -h, i >= 2 ? h : -h, 0.0};
 }
 
-CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT, const CameraModel& camera) {
+CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
+                               const CameraModel& camera) {
   CornerResidual out;
   const Eigen::Matrix3d R_VT = X_VT.rotation();
   for (int i = 0; i < 4; ++i) {

@@ -11,10 +11,12 @@ namespace fiducap {
 using Vector8d = Eigen::Matrix<double, 8, 1>;
 using Matrix86d = Eigen::Matrix<double, 8, 6>;
 
-/// Corner i of a tag with this edge in tag axes T (x right, y up, z out of the face); lower-left first.
+/// Corner i of a tag with this edge in tag axes T (x right, y up, z out of the face); lower-left
+/// first.
 [[nodiscard]] Eigen::Vector3d tag_corner(int i, double edge_m);
 
-/// The four corners of one tag against what was seen: innovation y_i of RCARS II-D4 in raw pixels, and its derivative.
+/// The four corners of one tag against what was seen: innovation y_i of RCARS II-D4 in raw pixels,
+/// and its derivative.
 struct CornerResidual {
   /// seen − predicted, carried back through the lens into raw pixels, where the noise is white.
   Vector8d y{Vector8d::Zero()};
@@ -25,6 +27,7 @@ struct CornerResidual {
   [[nodiscard]] double rms_px() const { return std::sqrt(y.squaredNorm() / 4.0); }
 };
 
-[[nodiscard]] CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT, const CameraModel& camera);
+[[nodiscard]] CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
+                                             const CameraModel& camera);
 
 }  // namespace fiducap

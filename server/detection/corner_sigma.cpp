@@ -16,8 +16,8 @@ constexpr double kHalfModule = 0.125;
 
 // The fit, in pixels of this detector at any resolution.
 constexpr double kFinest_px = 0.0148;  // a large tag seen from the front
-constexpr double kSmall_px = 0.722;   // points along a side, pixels per module
-constexpr double kSmallPower = 2.03;  // of the variance, like the next two
+constexpr double kSmall_px = 0.722;    // points along a side, pixels per module
+constexpr double kSmallPower = 2.03;   // of the variance, like the next two
 constexpr double kTiltPower = 1.36;
 constexpr double kSmear_px = 0.248;
 constexpr double kSmearWidth_px = 16.0;

@@ -38,8 +38,8 @@ struct DetectorConfig {
   bool adapt_contrast{true};
   /// Look where tags are expected at full resolution, and at the whole image now and then.
   bool regions{true};
-  /// With `regions`: the whole image is searched for new tags this often, and a quarter of it at full
-  /// resolution.
+  /// With `regions`: the whole image is searched for new tags this often, and a quarter of it at
+  /// full resolution.
   double search_period_s{0.5};
   /// Of one body's detector: all its cameras share them.
   int threads{1};

@@ -8,7 +8,8 @@ namespace fiducap {
 namespace {
 
 constexpr int kPointsPerSide = 9;
-// The error is a small, slowly varying function of the corners: two rounds leave less than a thousandth of it.
+// The error is a small, slowly varying function of the corners: two rounds leave less than a
+// thousandth of it.
 constexpr int kRounds = 2;
 
 /// A line n·x = c, least squares through points.
@@ -22,7 +23,8 @@ Line fit(const std::array<Eigen::Vector2d, kPointsPerSide>& points) {
   for (const auto& p : points) mean += p / kPointsPerSide;
   Eigen::Matrix2d C = Eigen::Matrix2d::Zero();
   for (const auto& p : points) C += (p - mean) * (p - mean).transpose();
-  const double angle = 0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
+  const double angle =
+      0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
   const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
   return {n, n.dot(mean)};
 }
@@ -35,15 +37,17 @@ Eigen::Vector2d meet(const Line& a, const Line& b) {
 
 }  // namespace
 
-std::optional<std::array<Eigen::Vector2d, 4>> corners_of_fitted_sides(const CameraModel& camera,
-                                                                      const std::array<Eigen::Vector2d, 4>& ideal_px) {
+std::optional<std::array<Eigen::Vector2d, 4>> corners_of_fitted_sides(
+    const CameraModel& camera, const std::array<Eigen::Vector2d, 4>& ideal_px) {
   std::array<Line, 4> sides;
   for (std::size_t i = 0; i < 4; ++i) {
     std::array<Eigen::Vector2d, kPointsPerSide> points;
     for (int k = 0; k < kPointsPerSide; ++k) {
-      const double t = (k + 0.5) / kPointsPerSide;  // the detector samples the inside of a side, not its ends
+      const double t =
+          (k + 0.5) / kPointsPerSide;  // the detector samples the inside of a side, not its ends
       const Eigen::Vector2d px = ideal_px[i] + t * (ideal_px[(i + 1) % 4] - ideal_px[i]);
-      const auto raw = camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+      const auto raw =
+          camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
       if (!raw) return std::nullopt;
       points[static_cast<std::size_t>(k)] = *raw;
     }
@@ -54,7 +58,8 @@ std::optional<std::array<Eigen::Vector2d, 4>> corners_of_fitted_sides(const Came
   return corners;
 }
 
-std::array<Eigen::Vector2d, 4> unbend_corners(const CameraModel& camera, const std::array<Eigen::Vector2d, 4>& raw_px) {
+std::array<Eigen::Vector2d, 4> unbend_corners(const CameraModel& camera,
+                                              const std::array<Eigen::Vector2d, 4>& raw_px) {
   if (camera.distortion == Distortion::kNone) return raw_px;
   std::array<Eigen::Vector2d, 4> corrected = raw_px;
   for (int round = 0; round < kRounds; ++round) {

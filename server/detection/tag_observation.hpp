@@ -21,7 +21,8 @@ struct TagObservation {
   std::array<Eigen::Vector2d, 4> corners_px{};
   /// Per corner ∂ ideal / ∂ raw: noise is white in raw pixels, this carries it through the lens.
   std::array<Eigen::Matrix2d, 4> ideal_from_raw{};
-  /// Raw row of each corner, −0.5 at the first … +0.5 at the last row of the image: a rolling shutter exposes them in turn.
+  /// Raw row of each corner, −0.5 at the first … +0.5 at the last row of the image: a rolling
+  /// shutter exposes them in turn.
   std::array<double, 4> rows{};
   /// 1-sigma of each coordinate of each corner in *raw* pixels, as far as the detector causes it
   /// (see corner_sigma_px). 0: not known, take EstimatorConfig::corner_noise_px.
@@ -32,7 +33,7 @@ struct TagObservation {
 struct PointObservation {
   std::uint32_t track{};
   int age{};
-  Eigen::Vector2d px{Eigen::Vector2d::Zero()};  ///< Ideal pinhole pixel.
+  Eigen::Vector2d px{Eigen::Vector2d::Zero()};                  ///< Ideal pinhole pixel.
   Eigen::Matrix2d ideal_from_raw{Eigen::Matrix2d::Identity()};  ///< ∂ ideal / ∂ raw
 };
 
@@ -40,7 +41,8 @@ struct PointObservation {
 struct TagObservations {
   int camera{};
   Instant exposed_at{};
-  Duration clock_shift{0};  ///< So much of `exposed_at` was added by what the filter learned (see CameraFrame).
+  Duration clock_shift{
+      0};  ///< So much of `exposed_at` was added by what the filter learned (see CameraFrame).
   std::vector<TagObservation> tags;
   std::vector<PointObservation> points;  ///< Sorted by track.
 };

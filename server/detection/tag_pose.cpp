@@ -16,7 +16,8 @@ constexpr double kConverged = 1e-9;
 // IPPE_SQUARE wants upper-left, upper-right, lower-right, lower-left.
 constexpr std::array<std::size_t, 4> kIppeOrder{3, 2, 1, 0};
 
-/// Gauss–Newton on the four corners with a little damping: stays in its branch, ends at its least squares pose.
+/// Gauss–Newton on the four corners with a little damping: stays in its branch, ends at its least
+/// squares pose.
 TagPose polish(const TagObservation& tag, const CameraModel& camera, Pose X_VT) {
   CornerResidual residual = corner_residual(tag, X_VT, camera);
   if (!residual.in_front) return {X_VT, std::numeric_limits<double>::infinity()};
@@ -60,7 +61,8 @@ std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraMod
   const cv::Mat images(4, 1, CV_64FC2, image.data());
   std::vector<cv::Mat> rvecs;
   std::vector<cv::Mat> tvecs;
-  cv::solvePnPGeneric(objects, images, cv::Matx33d::eye(), cv::noArray(), rvecs, tvecs, false, cv::SOLVEPNP_IPPE_SQUARE);
+  cv::solvePnPGeneric(objects, images, cv::Matx33d::eye(), cv::noArray(), rvecs, tvecs, false,
+                      cv::SOLVEPNP_IPPE_SQUARE);
 
   std::array<TagPose, 2> out;
   out.fill({Pose{}, std::numeric_limits<double>::infinity()});
@@ -72,8 +74,8 @@ std::array<TagPose, 2> solve_tag_pose(const TagObservation& tag, const CameraMod
   return out;
 }
 
-Pose place_turned_tag(const TagObservation& tag, const CameraModel& camera, const Eigen::Quaterniond& q_VT,
-                      const Eigen::Vector3d& p_VT) {
+Pose place_turned_tag(const TagObservation& tag, const CameraModel& camera,
+                      const Eigen::Quaterniond& q_VT, const Eigen::Vector3d& p_VT) {
   Pose X_VT{q_VT, p_VT};
   for (int i = 0; i < kPolishSteps; ++i) {
     const CornerResidual residual = corner_residual(tag, X_VT, camera);

@@ -6,7 +6,8 @@
 
 namespace fiducap {
 
-void AttitudeStart::add(const ImuSample& imu, const Eigen::Vector3d& bias_w, const Eigen::Vector3d& bias_f) {
+void AttitudeStart::add(const ImuSample& imu, const Eigen::Vector3d& bias_w,
+                        const Eigen::Vector3d& bias_f) {
   double dt = 0;
   if (last_) {
     dt = to_seconds(imu.sampled_at - last_->sampled_at);

@@ -9,16 +9,19 @@
 
 namespace fiducap {
 
-/// How the body turns while there is no pose: gyro for the turning, the accelerometer's slow part for up.
+/// How the body turns while there is no pose: gyro for the turning, the accelerometer's slow part
+/// for up.
 ///
-/// Tilt is right to a few degrees when the body does not accelerate for long; heading is arbitrary and drifts.
+/// Tilt is right to a few degrees when the body does not accelerate for long; heading is arbitrary
+/// and drifts.
 class AttitudeStart final {
  public:
   void add(const ImuSample& imu, const Eigen::Vector3d& bias_w, const Eigen::Vector3d& bias_f);
   void restart() { *this = AttitudeStart{}; }
   /// Enough samples to know up.
   [[nodiscard]] bool ready() const { return samples_ >= kNeededSamples; }
-  /// Body in axes L that stand still (start of the turning), for comparing views. Beyond the newest sample its rate holds.
+  /// Body in axes L that stand still (start of the turning), for comparing views. Beyond the newest
+  /// sample its rate holds.
   [[nodiscard]] Eigen::Quaterniond q_LB(Instant at, const Eigen::Vector3d& bias_w) const;
   /// Body in level axes, heading as in L.
   [[nodiscard]] Eigen::Quaterniond q_WB(Instant at, const Eigen::Vector3d& bias_w) const;

@@ -16,7 +16,7 @@ inline constexpr int kPosition = 0;  ///< p_WB, m, W axes.
 inline constexpr int kAttitude = 3;  ///< rotation vector in W axes: q_WB = exp(δ) q̂_WB.
 inline constexpr int kVelocity = 6;  ///< v_WB, m/s, W axes.
 inline constexpr int kBiasF = 9;     ///< accelerometer bias, m/s², B axes.
-inline constexpr int kBiasW = 12;    ///< gyro bias, rad/s, B axes (without IMU: minus the body rate).
+inline constexpr int kBiasW = 12;  ///< gyro bias, rad/s, B axes (without IMU: minus the body rate).
 }  // namespace estimate_block
 
 /// The state of one body at one instant, mean and covariance.
@@ -25,7 +25,8 @@ struct BodyEstimate {
   Pose X_WB;
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};    ///< Velocity of B's origin, W axes, m/s.
   Eigen::Vector3d w_WB_B{Eigen::Vector3d::Zero()};  ///< Body rate, B axes, rad/s, bias removed.
-  Eigen::Vector3d a_WB{Eigen::Vector3d::Zero()};    ///< Coordinate acceleration, W axes, m/s² (at rest 0).
+  Eigen::Vector3d a_WB{
+      Eigen::Vector3d::Zero()};  ///< Coordinate acceleration, W axes, m/s² (at rest 0).
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   Matrix15d covariance{Matrix15d::Zero()};
@@ -37,19 +38,22 @@ struct UpdateReport {
   Instant exposed_at{};
   int tags_seen{};
   int tags_used{};
-  int tags_rejected{};        ///< Failed the chi-square gate.
-  int tags_added{};           ///< Entered the state with this image.
-  int tags_pending{};         ///< Waiting until their pose branch is certain.
-  double nis{};               ///< Normalised innovation squared of all used tags together.
+  int tags_rejected{};  ///< Failed the chi-square gate.
+  int tags_added{};     ///< Entered the state with this image.
+  int tags_pending{};   ///< Waiting until their pose branch is certain.
+  double nis{};         ///< Normalised innovation squared of all used tags together.
   int nis_dof{};
-  double reprojection_px{};   ///< RMS over the used corners after the update, raw pixels; 0 when none.
-  int tags_dropped{};         ///< Left the state because they kept contradicting the others (moved or wrong).
-  int landmarks_used{};       ///< Followed image points whose track ended with this image.
+  double
+      reprojection_px{};  ///< RMS over the used corners after the update, raw pixels; 0 when none.
+  int tags_dropped{};     ///< Left the state because they kept contradicting the others (moved or
+                          ///< wrong).
+  int landmarks_used{};   ///< Followed image points whose track ended with this image.
   int landmarks_rejected{};
-  double landmark_nis{};      ///< Normalised innovation squared of the used ones together.
+  double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
-  bool running{};             ///< The filter has started.
-  /// Set when W was re-defined (first reference or known tag): poses given out before are X_new = *gauge_shift * X_old.
+  bool running{};  ///< The filter has started.
+  /// Set when W was re-defined (first reference or known tag): poses given out before are X_new =
+  /// *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;
 };
 

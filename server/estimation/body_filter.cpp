@@ -12,11 +12,13 @@ namespace fiducap {
 Duration shift_to_apply(const ClockEstimate& clock, Duration applied) {
   constexpr double kLeast_s = 1e-3;
   if (std::abs(clock.shift_s) < std::max(kLeast_s, clock.shift_sigma_s)) return Duration{0};
-  return std::abs(clock.shift_s - to_seconds(applied)) > kLeast_s ? from_seconds(clock.shift_s) : applied;
+  return std::abs(clock.shift_s - to_seconds(applied)) > kLeast_s ? from_seconds(clock.shift_s)
+                                                                  : applied;
 }
 
 std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
-                                             const WorkspaceGauge& gauge, const EstimatorConfig& config) {
+                                             const WorkspaceGauge& gauge,
+                                             const EstimatorConfig& config) {
   if (name == "world") return std::make_unique<world::WorldFilter>(sensors, gauge, config);
   FIDUCAP_ASSERT(name == "robocentric");  // the configuration admits no other
   return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config);

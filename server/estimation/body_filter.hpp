@@ -21,7 +21,8 @@ struct BodySensors {
   std::vector<CameraMount> cameras;
   std::optional<ImuNoise> imu;  ///< nullopt: no IMU, motion by white noise acceleration.
   double gravity_m_s2{9.81};
-  /// What an earlier session learned about each camera's clock, beyond `time_shift`: where the estimate starts. May be empty.
+  /// What an earlier session learned about each camera's clock, beyond `time_shift`: where the
+  /// estimate starts. May be empty.
   std::vector<double> start_shifts_s{};
 };
 
@@ -33,44 +34,51 @@ struct ClockEstimate {
   double readout_sigma_s{};
 };
 
-/// What to add to the stamps of a camera's images, given what was added so far. Synchronized cameras keep their very stamps:
-/// less than a millisecond, or less than is certain, is left to the filter to bridge.
+/// What to add to the stamps of a camera's images, given what was added so far. Synchronized
+/// cameras keep their very stamps: less than a millisecond, or less than is certain, is left to the
+/// filter to bridge.
 [[nodiscard]] Duration shift_to_apply(const ClockEstimate& clock, Duration applied);
 
 /// The extrinsics as the filter sees them now.
 struct ExtrinsicsEstimate {
   Pose X_BV;
-  Matrix6d covariance{Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
+  Matrix6d covariance{
+      Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
   ClockEstimate clock{};
 };
 
-/// The filter of one rigid body. Two implementations stand side by side and are measured against each other
+/// The filter of one rigid body. Two implementations stand side by side and are measured against
+/// each other
 /// (`robocentric`: the paper's; `world`: production), therefore the interface.
 ///
-/// Samples come in the order of SampleMerger: an image exposed at t right after the first IMU sample at or after t.
+/// Samples come in the order of SampleMerger: an image exposed at t right after the first IMU
+/// sample at or after t.
 class BodyFilter {
  public:
   virtual ~BodyFilter() = default;
 
-  /// Takes one IMU reading. It is kept until the next image moves the state over it: the state always stands at an image.
+  /// Takes one IMU reading. It is kept until the next image moves the state over it: the state
+  /// always stands at an image.
   virtual void propagate(const ImuSample& imu) = 0;
 
   /// Moves the state to `seen.exposed_at` and corrects it with the corners.
   /// @param seen   tags of one image; may be empty (the state is moved all the same)
-  /// @param known  tags of `seen` with a place in the map; ids not in `seen` are ignored. A tag that is in the
+  /// @param known  tags of `seen` with a place in the map; ids not in `seen` are ignored. A tag
+  /// that is in the
   ///               filter's own state stays there: its knowledge is already in.
   virtual UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) = 0;
 
-  /// Survey knowledge of tags that are nevertheless estimated (RECORDING tags.yaml `known_tags`): when such a tag
-  /// enters the state, its prior is fused as a measurement of X_WT.
+  /// Survey knowledge of tags that are nevertheless estimated (RECORDING tags.yaml `known_tags`):
+  /// when such a tag enters the state, its prior is fused as a measurement of X_WT.
   virtual void set_tag_priors(std::vector<KnownTag> priors) = 0;
 
-  /// The motion is unknown from here on (body was lost): no estimate until a tag is seen again. Tags in the state,
-  /// extrinsics and biases stay.
+  /// The motion is unknown from here on (body was lost): no estimate until a tag is seen again.
+  /// Tags in the state, extrinsics and biases stay.
   virtual void lose_motion() = 0;
 
-  /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one when it is seen again.
-  /// Nothing happens to the tag that ties the workspace down, nor while the workspace is not the map's.
+  /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one
+  /// when it is seen again. Nothing happens to the tag that ties the workspace down, nor while the
+  /// workspace is not the map's.
   virtual void release_tag(int tag_id) = 0;
 
   [[nodiscard]] virtual bool running() const = 0;
@@ -79,13 +87,15 @@ class BodyFilter {
   /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
-  /// Whoever merges the samples adds shift_to_apply() to the camera's stamps (SampleMerger::set_clock_shift) and says so in
-  /// TagObservations::clock_shift; the filter bridges what is left.
+  /// Whoever merges the samples adds shift_to_apply() to the camera's stamps
+  /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter
+  /// bridges what is left.
   [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
 };
 
 /// @param name  `robocentric` or `world`
-[[nodiscard]] std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
+[[nodiscard]] std::unique_ptr<BodyFilter> make_body_filter(const std::string& name,
+                                                           const BodySensors& sensors,
                                                            const WorkspaceGauge& gauge,
                                                            const EstimatorConfig& config);
 

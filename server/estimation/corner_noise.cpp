@@ -7,17 +7,22 @@ namespace fiducap {
 
 namespace {
 constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
-// In the logarithm of f, per tag seen: quick at first, then slow enough that f wanders by two per cent.
+// In the logarithm of f, per tag seen: quick at first, then slow enough that f wanders by two per
+// cent.
 constexpr double kFirstStep = 0.02;
 constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.99;
-// No lens model is exact, and what it leaves is no white noise: f stays above this part of where it starts.
+// No lens model is exact, and what it leaves is no white noise: f stays above this part of where it
+// starts.
 constexpr double kLeast = 0.25;
 constexpr double kMost = 20.0;
 }  // namespace
 
 CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns)
-    : start_px_(config.corner_noise_px), unexplained_px_(config.corner_noise_px), step_(kFirstStep), learns_(learns) {}
+    : start_px_(config.corner_noise_px),
+      unexplained_px_(config.corner_noise_px),
+      step_(kFirstStep),
+      learns_(learns) {}
 
 double CornerNoise::of(const TagObservation& seen) const {
   return learns_ ? std::hypot(seen.corner_sigma_px, unexplained_px_) : start_px_;

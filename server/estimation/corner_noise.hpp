@@ -7,9 +7,10 @@ namespace fiducap {
 
 /// How well the corners of one camera are measured: 1-sigma of each coordinate, raw pixels.
 ///
-/// σ² = σ_detector² + f². The detector knows its part for each tag (size, blur, contrast: TagObservation::corner_sigma_px).
-/// The rest f, what lens model and print leave, is learned: it starts at `corner_noise_px` and follows the median of the
-/// tags' Mahalanobis distances, which wrong ids and covered corners do not move.
+/// σ² = σ_detector² + f². The detector knows its part for each tag (size, blur, contrast:
+/// TagObservation::corner_sigma_px). The rest f, what lens model and print leave, is learned: it
+/// starts at `corner_noise_px` and follows the median of the tags' Mahalanobis distances, which
+/// wrong ids and covered corners do not move.
 class CornerNoise final {
  public:
   /// @param learns  false: `corner_noise_px` for every corner, as in the paper

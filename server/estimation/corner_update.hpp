@@ -10,25 +10,31 @@
 
 namespace fiducap {
 
-/// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its memory between images.
+/// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its
+/// memory between images.
 ///
-/// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`, `held_tags()`, and next to it
-///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const TagToUse>, const CornerNoise&,
-///                ImageMeasurement&)` and `void carry_covariance(State&, correction, int camera)`
+/// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`,
+/// `held_tags()`, and next to it
+///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const
+///                TagToUse>, const CornerNoise&, ImageMeasurement&)` and `void
+///                carry_covariance(State&, correction, int camera)`
 template <class State>
 class CornerUpdate final {
  public:
   struct Options {
-    double gate{};        ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
-    int iterations{1};    ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
-    /// Where the first linearisation is done, when somebody knows better than the prior mean; nullptr: at the prior.
+    double gate{};  ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
+    int iterations{
+        1};  ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
+    /// Where the first linearisation is done, when somebody knows better than the prior mean;
+    /// nullptr: at the prior.
     const State* start{nullptr};
   };
 
   /// @param noise     of this camera's corners; learns from every tag
   /// @param accepted  out: per entry of `tags`, whether it was used
-  UpdateReport apply(State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-                     const Options& options, CornerNoise& noise, std::vector<bool>& accepted) {
+  UpdateReport apply(State& state, int camera, const CameraModel& model,
+                     std::span<const TagToUse> tags, const Options& options, CornerNoise& noise,
+                     std::vector<bool>& accepted) {
     UpdateReport report;
     const bool moves = options.iterations > 1 || options.start != nullptr;
     if (moves) prior_.copy_mean(state);
@@ -46,7 +52,8 @@ class CornerUpdate final {
     }
     for (int iteration = 0; iteration < options.iterations; ++iteration) {
       if (iteration > 0) {
-        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present point.
+        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present
+        // point.
         measure_image(state, camera, model, tags, noise, image_);
         image_.take_off(state.error_to(prior_));
         update_.prepare(state.P(), image_);

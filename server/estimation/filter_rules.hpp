@@ -11,28 +11,33 @@ namespace filter_rules {
 inline constexpr double kStartTilt_rad = 0.1;
 inline constexpr double kStartBiasF_m_s2 = 0.2;
 inline constexpr double kStartBiasW_rad_s = 0.02;
-// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model that knows nothing.
+// After this long without a used tag the motion counts as unknown: IMU drift, or a motion model
+// that knows nothing.
 inline constexpr double kAdriftWithImu_s = 10.0;
 inline constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 inline constexpr double kStepWithImu_s = 0.02;
 inline constexpr double kStepWithoutImu_s = 0.05;
-// Fewer points than this cannot vouch for each other: a bare room's few, on edges and half-seen tags, do more harm than good.
+// Fewer points than this cannot vouch for each other: a bare room's few, on edges and half-seen
+// tags, do more harm than good.
 inline constexpr std::size_t kFewestPoints = 10;
 // An image with so many landmarks says how the body moved, with or without a tag.
 inline constexpr int kLandmarksToStay = 3;
 // An update far from the linearisation point is iterated.
 inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;
-// Images in a row in which at least half of the usable tags contradict, before the camera's clock is thought to have jumped.
+// Images in a row in which at least half of the usable tags contradict, before the camera's clock
+// is thought to have jumped.
 inline constexpr int kStrainedToReopenClock = 5;
 // Images in a row with usable tags and none accepted, before everything is given up …
 inline constexpr int kBarrenToRestart = 20;
-// … but not so soon when they all show one and the same tag, which may just have been moved, and an IMU bridges the time.
+// … but not so soon when they all show one and the same tag, which may just have been moved, and an
+// IMU bridges the time.
 inline constexpr double kOneTagPatience_s = 8.0;
 // A tag is believed to be there after so many views.
 inline constexpr int kViewsToBelieve = 3;
-// Images after which a branch is taken although the evidence is thin, because there is no pose otherwise.
+// Images after which a branch is taken although the evidence is thin, because there is no pose
+// otherwise.
 inline constexpr int kForceWithImu = 40;
 inline constexpr int kForceWithoutImu = 4;
 // After being adrift the gyro still says how the body turned.

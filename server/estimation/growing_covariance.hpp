@@ -8,8 +8,8 @@
 
 namespace fiducap {
 
-/// The covariance of a state whose tail grows and shrinks by six numbers per tag. Memory stays, so that a steady state
-/// allocates nothing.
+/// The covariance of a state whose tail grows and shrinks by six numbers per tag. Memory stays, so
+/// that a steady state allocates nothing.
 class GrowingCovariance final {
  public:
   /// All zero, n × n.

@@ -31,7 +31,8 @@ Eigen::Quaterniond turn_to_heading(const HeadingRule& rule, const Eigen::Quatern
   return yaw(rule.yaw_rad - std::atan2(h.y(), h.x()));
 }
 
-Eigen::Quaterniond turn_closest(const Eigen::Quaterniond& wanted_q_WT, const Eigen::Quaterniond& q_WT) {
+Eigen::Quaterniond turn_closest(const Eigen::Quaterniond& wanted_q_WT,
+                                const Eigen::Quaterniond& q_WT) {
   const Eigen::Matrix3d M = (wanted_q_WT * q_WT.conjugate()).toRotationMatrix();
   return yaw(std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1)));
 }

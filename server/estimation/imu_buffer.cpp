@@ -22,8 +22,10 @@ bool ImuBuffer::push(const ImuSample& imu) {
   const auto found = watch_.look_at(imu);
   samples_.push_back({imu, found.now});
   const std::size_t earlier = samples_.size() - 1;
-  for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k) samples_[earlier - k].saturated.gyro = true;
-  for (std::size_t k = 1; k <= std::min(earlier, found.accel_since); ++k) samples_[earlier - k].saturated.accel = true;
+  for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k)
+    samples_[earlier - k].saturated.gyro = true;
+  for (std::size_t k = 1; k <= std::min(earlier, found.accel_since); ++k)
+    samples_[earlier - k].saturated.accel = true;
   return true;
 }
 
@@ -39,12 +41,14 @@ void ImuBuffer::keep_newest_pair() {
 
 void ImuBuffer::forget_before(Instant at) {
   const std::size_t after = first_after(at);
-  if (after > 1) samples_.erase(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(after - 1));
+  if (after > 1)
+    samples_.erase(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(after - 1));
 }
 
 std::size_t ImuBuffer::first_after(Instant at) const {
-  const auto after = std::upper_bound(samples_.begin(), samples_.end(), at,
-                                      [](Instant t, const JudgedReading& r) { return t < r.imu.sampled_at; });
+  const auto after =
+      std::upper_bound(samples_.begin(), samples_.end(), at,
+                       [](Instant t, const JudgedReading& r) { return t < r.imu.sampled_at; });
   return static_cast<std::size_t>(after - samples_.begin());
 }
 
@@ -68,12 +72,15 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   const Duration span = b.sampled_at - a.sampled_at;
   const Instant middle = from + (to - from) / 2;
   const double share =
-      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0) : 1.0;
+      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0)
+                       : 1.0;
   input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
   input.f_B = a.f_B + share * (b.f_B - a.f_B);
   const bool gap = to_seconds(span) > max_gap_s_ || to_seconds(to - b.sampled_at) > max_gap_s_;
-  if (gap || first.saturated.gyro || last.saturated.gyro) input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
-  if (gap || first.saturated.accel || last.saturated.accel) input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
+  if (gap || first.saturated.gyro || last.saturated.gyro)
+    input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
+  if (gap || first.saturated.accel || last.saturated.accel)
+    input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
   return input;
 }
 

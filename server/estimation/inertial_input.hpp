@@ -8,7 +8,8 @@ namespace fiducap {
 struct InertialInput {
   Eigen::Vector3d w_B{Eigen::Vector3d::Zero()};  ///< rad/s
   Eigen::Vector3d f_B{Eigen::Vector3d::Zero()};  ///< m/s²
-  /// False: no accelerometer. The body's acceleration is white noise of density `accel_noise`, gravity plays no part.
+  /// False: no accelerometer. The body's acceleration is white noise of density `accel_noise`,
+  /// gravity plays no part.
   bool has_accelerometer{true};
   double gyro_noise{};   ///< rad/s/√Hz
   double accel_noise{};  ///< m/s²/√Hz

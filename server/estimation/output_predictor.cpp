@@ -105,7 +105,8 @@ void OutputPredictor::add_imu(const ImuSample& imu) {
   push(imu);
   if (!head_ || imu.sampled_at <= head_->at) return;
   before_head_ = head_;
-  advance(*head_, ring_size_ > 1 ? &reading(ring_size_ - 2) : nullptr, reading(ring_size_ - 1), imu.sampled_at);
+  advance(*head_, ring_size_ > 1 ? &reading(ring_size_ - 2) : nullptr, reading(ring_size_ - 1),
+          imu.sampled_at);
 }
 
 void OutputPredictor::push(const ImuSample& imu) {
@@ -117,8 +118,10 @@ void OutputPredictor::push(const ImuSample& imu) {
   }
   const auto found = watch_.look_at(imu);
   ring_[(ring_begin_ + ring_size_) % ring_.size()] = {imu, found.now};
-  for (std::size_t k = 0; k < std::min(ring_size_, found.gyro_since); ++k) reading(ring_size_ - 1 - k).saturated.gyro = true;
-  for (std::size_t k = 0; k < std::min(ring_size_, found.accel_since); ++k) reading(ring_size_ - 1 - k).saturated.accel = true;
+  for (std::size_t k = 0; k < std::min(ring_size_, found.gyro_since); ++k)
+    reading(ring_size_ - 1 - k).saturated.gyro = true;
+  for (std::size_t k = 0; k < std::min(ring_size_, found.accel_since); ++k)
+    reading(ring_size_ - 1 - k).saturated.accel = true;
   ++ring_size_;
 }
 
@@ -172,8 +175,8 @@ void OutputPredictor::carry(BodyEstimate& state, Instant to) const {
   }
 }
 
-void OutputPredictor::advance(BodyEstimate& state, const JudgedReading* before, const JudgedReading& after,
-                              Instant to) const {
+void OutputPredictor::advance(BodyEstimate& state, const JudgedReading* before,
+                              const JudgedReading& after, Instant to) const {
   if (is_gap(after.imu.sampled_at - (before != nullptr ? before->imu.sampled_at : state.at))) {
     coast(state, to);
     if (to == after.imu.sampled_at) set_rates(state, after.imu);
@@ -188,7 +191,8 @@ void OutputPredictor::advance(BodyEstimate& state, const JudgedReading* before, 
 void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
   if (ring_size_ > 0) {
     const JudgedReading& held = reading(ring_size_ - 1);
-    const Instant end_of_hold = std::min(to, held.imu.sampled_at + from_seconds(config_.max_imu_gap_s));
+    const Instant end_of_hold =
+        std::min(to, held.imu.sampled_at + from_seconds(config_.max_imu_gap_s));
     while (state.at < end_of_hold)
       integrate(state, held.imu, held.saturated, std::min(end_of_hold, state.at + kHoldStep));
     if (to == end_of_hold) set_rates(state, held.imu);
@@ -196,7 +200,8 @@ void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
   if (state.at < to) coast(state, to);
 }
 
-void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated, Instant to) const {
+void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated,
+                                Instant to) const {
   const double dt = to_seconds(to - state.at);
   const Vector3d half_turn = (0.5 * dt) * (reading.w_WB_B - state.bias_w);
   const Eigen::Quaterniond half = exp_so3(half_turn);
@@ -214,7 +219,8 @@ void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, S
   // J_l(φ) = ½ (1 + exp(φ/2)) J_l(φ/2): the integral of exp(sφ) cut into halves.
   step.A_bias_w = (-0.5 * dt) * ((R_start + R_mid) * J_half);
   transform(state.covariance, step);
-  const double accel_noise = saturated.accel ? config_.motion_accel_m_s2_rtHz : noise_.accel_noise_m_s2_rtHz;
+  const double accel_noise =
+      saturated.accel ? config_.motion_accel_m_s2_rtHz : noise_.accel_noise_m_s2_rtHz;
   const double gyro_noise = saturated.gyro ? kBlindRate_rad_s_rtHz : noise_.gyro_noise_rad_s_rtHz;
   add_acceleration_noise(state.covariance, square(accel_noise), dt);
   add_diagonal(state.covariance, kAttitude, square(gyro_noise) * dt);

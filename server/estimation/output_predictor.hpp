@@ -15,9 +15,10 @@ namespace fiducap {
 ///
 /// Between two samples the reading is their straight line, taken at the middle of each step;
 /// rotation increments are exact. Beyond the last sample rate and specific force are held for
-/// `max_imu_gap_s`; a reading at the end of the sensor's range is used, but hardly believed; after that, in longer holes of the stream and for bodies without IMU, velocity
-/// and body rate are held and the motion noise of EstimatorConfig grows. Without IMU `bias_w` is
-/// minus the body rate and its covariance block that of the rate.
+/// `max_imu_gap_s`; a reading at the end of the sensor's range is used, but hardly believed; after
+/// that, in longer holes of the stream and for bodies without IMU, velocity and body rate are held
+/// and the motion noise of EstimatorConfig grows. Without IMU `bias_w` is minus the body rate and
+/// its covariance block that of the rate.
 ///
 /// Bounded memory (one second of samples), no allocation after construction. Not thread-safe;
 /// scene/ guards it.
@@ -40,7 +41,9 @@ class OutputPredictor final {
   [[nodiscard]] std::optional<BodyEstimate> predict(Instant at) const;
 
  private:
-  [[nodiscard]] JudgedReading& reading(std::size_t i) { return ring_[(ring_begin_ + i) % ring_.size()]; }
+  [[nodiscard]] JudgedReading& reading(std::size_t i) {
+    return ring_[(ring_begin_ + i) % ring_.size()];
+  }
   [[nodiscard]] const JudgedReading& reading(std::size_t i) const {
     return ring_[(ring_begin_ + i) % ring_.size()];
   }
@@ -54,7 +57,8 @@ class OutputPredictor final {
                Instant to) const;
   /// Past the last sample.
   void extrapolate(BodyEstimate& state, Instant to) const;
-  void integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated, Instant to) const;
+  void integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated,
+                 Instant to) const;
   void coast(BodyEstimate& state, Instant to) const;
   /// Rate and acceleration of the instant reached.
   void set_rates(BodyEstimate& state, const ImuSample& reading) const;

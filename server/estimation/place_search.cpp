@@ -21,19 +21,24 @@ constexpr std::size_t kMaxProposers = 6;
 // Places closer than this are the same answer.
 constexpr double kSameAngle_rad = 0.05;
 
-double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGuess& guess, double noise_px) {
-  double cost = (X_AB.p - guess.X_AB.p).squaredNorm() / (guess.position_sigma_m * guess.position_sigma_m);
+double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGuess& guess,
+               double noise_px) {
+  double cost =
+      (X_AB.p - guess.X_AB.p).squaredNorm() / (guess.position_sigma_m * guess.position_sigma_m);
   const double turn = angle_between(X_AB.q, guess.X_AB.q) / guess.rotation_sigma_rad;
   cost += turn * turn;
   for (const SightedTag& tag : tags) {
-    const CornerResidual r = corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera);
-    cost += r.in_front ? std::min(kCostCapPerTag, r.y.squaredNorm() / (noise_px * noise_px)) : kCostCapPerTag;
+    const CornerResidual r =
+        corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera);
+    cost += r.in_front ? std::min(kCostCapPerTag, r.y.squaredNorm() / (noise_px * noise_px))
+                       : kCostCapPerTag;
   }
   return cost;
 }
 
-/// Least squares over all tags, far ones first let in and then left out: ends close to where the filter's own answer
-/// will be, so that the transition is linearised there and not at one tag's noisy pose.
+/// Least squares over all tags, far ones first let in and then left out: ends close to where the
+/// filter's own answer will be, so that the transition is linearised there and not at one tag's
+/// noisy pose.
 Pose refine(const Pose& X_AB, std::span<const SightedTag> tags, double noise_px) {
   const Pose near = resect(X_AB, tags, kFirstInlierSigmas * noise_px);
   return resect(near, tags, kInlierSigmas * noise_px);
@@ -43,7 +48,8 @@ double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corn
 
 }  // namespace
 
-std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const PlaceGuess& guess, double corner_noise_px) {
+std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const PlaceGuess& guess,
+                                     double corner_noise_px) {
   std::vector<const SightedTag*> proposers;
   for (const SightedTag& tag : tags) proposers.push_back(&tag);
   std::sort(proposers.begin(), proposers.end(),
@@ -58,7 +64,8 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
   for (const SightedTag* tag : proposers) {
     for (const TagPose& pose : solve_tag_pose(*tag->seen, *tag->camera)) {
       if (!std::isfinite(pose.rms_px)) continue;
-      const Pose X_AB = refine(tag->X_AT * (tag->X_BV * pose.X_VT).inverse(), tags, corner_noise_px);
+      const Pose X_AB =
+          refine(tag->X_AT * (tag->X_BV * pose.X_VT).inverse(), tags, corner_noise_px);
       proposals.push_back({X_AB, cost_of(X_AB, tags, guess, corner_noise_px)});
     }
   }

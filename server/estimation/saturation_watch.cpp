@@ -6,10 +6,11 @@
 namespace fiducap {
 
 namespace {
-constexpr double kChance = 1e-9;        // A run rarer than this is no chance.
-constexpr double kLeastRepeats = 0.01;  // No sensor's resolution is so fine that numbers never repeat.
+constexpr double kChance = 1e-9;  // A run rarer than this is no chance.
+constexpr double kLeastRepeats =
+    0.01;  // No sensor's resolution is so fine that numbers never repeat.
 constexpr double kMostRepeats = 0.9;
-constexpr double kMemory = 400;         // readings
+constexpr double kMemory = 400;  // readings
 constexpr int kNeededChanges = 50;
 constexpr double kNearRange = 0.998;
 

@@ -24,9 +24,10 @@ inline constexpr double kBlindRate_rad_s_rtHz = 1.0;
 
 /// Finds readings that ran into the end of the sensor's range.
 ///
-/// Either the range is known (ImuNoise), or the signal shows it: an axis that used to change from reading to reading stands
-/// at exactly one number, longer than chance allows, while another axis goes on. (A coarse sensor at rest repeats numbers,
-/// too: how often it did before tells how long a run may be. A unit that reports all axes unchanged is at rest or dead.)
+/// Either the range is known (ImuNoise), or the signal shows it: an axis that used to change from
+/// reading to reading stands at exactly one number, longer than chance allows, while another axis
+/// goes on. (A coarse sensor at rest repeats numbers, too: how often it did before tells how long a
+/// run may be. A unit that reports all axes unchanged is at rest or dead.)
 class SaturationWatch final {
  public:
   explicit SaturationWatch(const ImuNoise& unit) : unit_(unit) {}
@@ -41,9 +42,9 @@ class SaturationWatch final {
  private:
   struct Axis {
     double last{0};
-    int changes{0};         ///< Bounded count of readings that differed from the one before.
-    double repeats{0.5};    ///< Share of readings that did not, fading; without the present run.
-    int run{0};             ///< Readings that repeat the one before, up to now.
+    int changes{0};       ///< Bounded count of readings that differed from the one before.
+    double repeats{0.5};  ///< Share of readings that did not, fading; without the present run.
+    int run{0};           ///< Readings that repeat the one before, up to now.
     bool is_flat{false};
   };
 

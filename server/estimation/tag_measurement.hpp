@@ -24,8 +24,8 @@ struct TagToUse {
   const KnownTag* known{};  ///< … and then this.
 };
 
-/// Six numbers that all tags of an image are compared with, as a linear function of the state: the error of the camera
-/// at its exposure.
+/// Six numbers that all tags of an image are compared with, as a linear function of the state: the
+/// error of the camera at its exposure.
 struct SharedPose {
   static constexpr std::size_t kMostTerms = 7;
 
@@ -51,8 +51,8 @@ struct TagMeasurement {
   Vector8d y{Vector8d::Zero()};  ///< seen − predicted, raw pixels
   bool in_front{true};
 
-  /// Relative: all eight numbers see the six of one pose, the tag's against the shared one, by H (ξ_own − ξ_shared), with
-  /// white noise. Else by `blocks` and `R`.
+  /// Relative: all eight numbers see the six of one pose, the tag's against the shared one, by H
+  /// (ξ_own − ξ_shared), with white noise. Else by `blocks` and `R`.
   bool relative{false};
   int own{kGiven};  ///< First of the tag's own six columns, or kGiven.
   Matrix86d H{Matrix86d::Zero()};

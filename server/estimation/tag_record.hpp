@@ -25,9 +25,10 @@ struct TagRecord {
   [[nodiscard]] bool is_doubted() const { return rejected_alone >= kContradictions; }
 };
 
-/// Notes which tags an update accepted. A tag that keeps contradicting the others is gone from its place: it leaves the
-/// state, and may join again like a new one. An update that accepts none blames no tag yet: the filter may be wrong itself.
-/// If it was one tag all the time, and then another fits, that one is to blame.
+/// Notes which tags an update accepted. A tag that keeps contradicting the others is gone from its
+/// place: it leaves the state, and may join again like a new one. An update that accepts none
+/// blames no tag yet: the filter may be wrong itself. If it was one tag all the time, and then
+/// another fits, that one is to blame.
 /// @param state  has `tags` (of TagRecord) and `remove_tag(i)`
 /// @return ids of the tags that left
 template <class State>
@@ -47,11 +48,13 @@ template <class State>
     }
   }
   if (!any) return {};
-  const auto doubted = std::count_if(state.tags.begin(), state.tags.end(), [](const TagRecord& tag) { return tag.is_doubted(); });
+  const auto doubted = std::count_if(state.tags.begin(), state.tags.end(),
+                                     [](const TagRecord& tag) { return tag.is_doubted(); });
   std::vector<int> left;
   for (std::size_t i = state.tags.size(); i-- > 0;) {
     TagRecord& tag = state.tags[i];
-    const bool is_gone = tag.rejected_in_row >= kRejectionsToDrop || (doubted == 1 && tag.rejected_alone >= kRejectionsToDrop);
+    const bool is_gone = tag.rejected_in_row >= kRejectionsToDrop ||
+                         (doubted == 1 && tag.rejected_alone >= kRejectionsToDrop);
     tag.rejected_alone = 0;
     if (!is_gone) continue;
     left.push_back(tag.tag_id);
@@ -69,7 +72,8 @@ void forgive(Tags& tags) {
 /// Index of a tag in `tags`, or -1.
 template <class Tags>
 [[nodiscard]] int find_tag(const Tags& tags, int tag_id) {
-  const auto found = std::find_if(tags.begin(), tags.end(), [&](const TagRecord& t) { return t.tag_id == tag_id; });
+  const auto found = std::find_if(tags.begin(), tags.end(),
+                                  [&](const TagRecord& t) { return t.tag_id == tag_id; });
   return found == tags.end() ? -1 : static_cast<int>(found - tags.begin());
 }
 

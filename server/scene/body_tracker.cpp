@@ -57,7 +57,8 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
     return;
   }
   predictor_.set_estimate(*estimate);
-  if (report.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_) last_carried_at_ = report.exposed_at;
+  if (report.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_)
+    last_carried_at_ = report.exposed_at;
   // A tag that has just entered the state ties the body as well as one that corrected it.
   if (report.tags_used + report.tags_added == 0) return;
   last_tag_at_ = report.exposed_at;

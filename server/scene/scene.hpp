@@ -39,8 +39,8 @@ class Scene final {
   /// The enabled bodies. From any thread.
   [[nodiscard]] std::shared_ptr<const SceneModel> model() const;
 
-  /// A disabled body is followed on, but no client sees it. From any thread, like the two below; each change of the list
-  /// makes a new generation of the model.
+  /// A disabled body is followed on, but no client sees it. From any thread, like the two below;
+  /// each change of the list makes a new generation of the model.
   void set_enabled(std::size_t body, bool enabled);
   void rename(std::size_t body, const std::string& name);
   void set_pivot(std::size_t body, const Pose& X_BP);
@@ -68,7 +68,8 @@ class Scene final {
   void renew_roster();
 
   std::vector<std::unique_ptr<Guarded>> bodies_;
-  mutable std::mutex list_mutex_;  ///< For the two below; held to read or change them, never while computing.
+  mutable std::mutex
+      list_mutex_;  ///< For the two below; held to read or change them, never while computing.
   std::vector<Listed> list_;
   std::shared_ptr<const Roster> roster_;
   ObjectPool<SceneFrame> frames_;

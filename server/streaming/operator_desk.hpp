@@ -16,8 +16,9 @@ enum class RemoteControl { kOff, kLoopback, kAll };
 
 /// What clients may change, whatever protocol they speak. Implemented in `app`.
 ///
-/// Called on the I/O thread; every call returns at once. A change of the bodies shows in the next frame's `model` with
-/// a new generation. Who calls has judged the caller: by `admits`, or by RemoteControl where the wire has no password.
+/// Called on the I/O thread; every call returns at once. A change of the bodies shows in the next
+/// frame's `model` with a new generation. Who calls has judged the caller: by `admits`, or by
+/// RemoteControl where the wire has no password.
 class OperatorDesk {
  public:
   struct Body {
@@ -29,15 +30,17 @@ class OperatorDesk {
 
   virtual ~OperatorDesk() = default;
 
-  /// Is this the operator's token? Takes the same time for every wrong one. No token configured: nobody is.
+  /// Is this the operator's token? Takes the same time for every wrong one. No token configured:
+  /// nobody is.
   [[nodiscard]] virtual bool admits(std::string_view token) const = 0;
-  /// For protocols where the token itself does not travel, only a proof of knowing it. Never shown, never logged.
-  /// Empty: none is configured, and no proof is good enough.
+  /// For protocols where the token itself does not travel, only a proof of knowing it. Never shown,
+  /// never logged. Empty: none is configured, and no proof is good enough.
   [[nodiscard]] virtual std::string_view token() const { return {}; }
   /// All bodies, the disabled ones too, in the order of the configuration.
   [[nodiscard]] virtual std::vector<Body> bodies() const = 0;
 
-  /// @return Error `kNotFound` for an id nobody has, `kInvalid` for a name that is empty, too long or taken
+  /// @return Error `kNotFound` for an id nobody has, `kInvalid` for a name that is empty, too long
+  /// or taken
   virtual Expected<void> set_enabled(int body_id, bool enabled) = 0;
   virtual Expected<void> rename(int body_id, const std::string& name) = 0;
   virtual Expected<void> set_pivot(int body_id, const Pose& X_BP) = 0;

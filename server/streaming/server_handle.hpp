@@ -9,8 +9,8 @@
 
 namespace fiducap {
 
-/// What the hub owns of a protocol: stops the server at its end. The server itself lives until its last handler on the I/O
-/// thread has run.
+/// What the hub owns of a protocol: stops the server at its end. The server itself lives until its
+/// last handler on the I/O thread has run.
 /// @tparam Door    Streamer, or a protocol's interface below it; its own functions ask server()
 /// @tparam Server  has publish, append_clients and stop as Streamer has them; stop may come twice
 template <typename Door, typename Server>

@@ -1,5 +1,6 @@
-// fiducap_client_bench: what a reader of the client pays, while frames come in at 1 kHz over a real socket. Each reading
-// is timed with two looks at the clock (about 40 ns) inside; the maxima are the scheduler's.
+// fiducap_client_bench: what a reader of the client pays, while frames come in at 1 kHz over a real
+// socket. Each reading is timed with two looks at the clock (about 40 ns) inside; the maxima are
+// the scheduler's.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -36,8 +37,8 @@ Cost cost_of(Read&& read) {
 }
 
 void print(const char* what, int bodies, int readers, const Cost& cost) {
-  std::printf("%-22s %4d bodies %2d reader(s)  mean %7.0f  p50 %7.0f  p99 %7.0f  max %9.0f ns\n", what, bodies, readers,
-              cost.mean_ns, cost.p50_ns, cost.p99_ns, cost.max_ns);
+  std::printf("%-22s %4d bodies %2d reader(s)  mean %7.0f  p50 %7.0f  p99 %7.0f  max %9.0f ns\n",
+              what, bodies, readers, cost.mean_ns, cost.p50_ns, cost.p99_ns, cost.max_ns);
 }
 
 void bench(int bodies, int readers) {
@@ -45,7 +46,9 @@ void bench(int bodies, int readers) {
   TestServer server(*scene);
   Client client(options_for(server.port()));
   Frame frame;
-  if (!publish_until(server, *scene, [&] { return client.statistics().frames > 50 && client.latest(frame); })) return;
+  if (!publish_until(server, *scene,
+                     [&] { return client.statistics().frames > 50 && client.latest(frame); }))
+    return;
   std::atomic<bool> stop{false};
   std::thread publisher([&] {
     while (!stop) {
@@ -67,7 +70,8 @@ void bench(int bodies, int readers) {
   };
   Body body;
   count("latest", [&] { (void)client.latest(frame); });
-  count("predict one body", [&] { (void)client.predict("body0", std::chrono::milliseconds(20), body); });
+  count("predict one body",
+        [&] { (void)client.predict("body0", std::chrono::milliseconds(20), body); });
   stop = true;
   publisher.join();
   for (auto& other : others) other.join();

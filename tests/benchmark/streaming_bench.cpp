@@ -24,9 +24,9 @@ void bench_encoders(const Options& options, std::vector<Row>& rows) {
   for (int i = 0; i < kBodies; ++i) senders.push_back(i);
   vrpn::EncodedFrame encoded;
   const vrpn::ReportEncoder vrpn({}, {});
-  rows.push_back(
-      row_of("encode vrpn, pose and velocity", "frame of 8 bodies",
-             measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, {}, encoded); })));
+  rows.push_back(row_of(
+      "encode vrpn, pose and velocity", "frame of 8 bodies",
+      measure(options.repeats(2000), 20, [&] { vrpn.encode(*frame, senders, {}, encoded); })));
 }
 
 void bench_scene(const Options& options, std::vector<Row>& rows) {

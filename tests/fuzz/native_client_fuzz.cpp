@@ -1,4 +1,5 @@
-// Datagrams of a hostile server to the client: several in one input, each behind its length (16 bits, little-endian).
+// Datagrams of a hostile server to the client: several in one input, each behind its length (16
+// bits, little-endian).
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -23,16 +24,25 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (length > size) break;
     now += kMillisecond;
     switch (decoder.decode(data, length)) {
-      case MessageKind::kModel: assembler.add(decoder.model()); break;
+      case MessageKind::kModel:
+        assembler.add(decoder.model());
+        break;
       case MessageKind::kFrame:
         if (const auto* frame = assembler.add(decoder.frame())) {
           if (frame->bodies.size() > kMaxBodies) std::abort();
         }
         break;
-      case MessageKind::kChallenge: conversation.on(decoder.challenge(), now); break;
-      case MessageKind::kLease: (void)conversation.on(decoder.lease(), now); break;
-      case MessageKind::kNotice: conversation.on(decoder.notice(), now); break;
-      default: break;
+      case MessageKind::kChallenge:
+        conversation.on(decoder.challenge(), now);
+        break;
+      case MessageKind::kLease:
+        (void)conversation.on(decoder.lease(), now);
+        break;
+      case MessageKind::kNotice:
+        conversation.on(decoder.notice(), now);
+        break;
+      default:
+        break;
     }
     conversation.tick(now);
     data += length;

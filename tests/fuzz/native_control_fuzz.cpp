@@ -17,8 +17,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto bytes = std::as_bytes(std::span(data, size));
   const std::size_t half = size / 2;  // in two pieces, as a network would cut them
   const Instant now = instant_from_ns(50'000'000'000);
-  if (conversation.receive(bytes.first(half), out, now)) (void)conversation.receive(bytes.subspan(half), out, now);
-  if (desk.commits != 0 || desk.mode != MapMode::kFrozen || desk.under_way) std::abort();  // nobody proves by luck
+  if (conversation.receive(bytes.first(half), out, now))
+    (void)conversation.receive(bytes.subspan(half), out, now);
+  if (desk.commits != 0 || desk.mode != MapMode::kFrozen || desk.under_way)
+    std::abort();  // nobody proves by luck
   (void)decode_control_command(std::string(reinterpret_cast<const char*>(data), size));
   return 0;
 }

@@ -1,5 +1,5 @@
-// Datagrams of strangers and of a subscriber to the native server's conversation. Key, address and time are fixed, so
-// the seeds know the token that this address would be given.
+// Datagrams of strangers and of a subscriber to the native server's conversation. Key, address and
+// time are fixed, so the seeds know the token that this address would be given.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>

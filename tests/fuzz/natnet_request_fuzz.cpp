@@ -1,4 +1,5 @@
-// One datagram: the parser of requests, and behind it every command, to a server whose bodies can be changed.
+// One datagram: the parser of requests, and behind it every command, to a server whose bodies can
+// be changed.
 #include <cstddef>
 #include <cstdint>
 #include <span>

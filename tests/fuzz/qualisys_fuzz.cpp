@@ -1,5 +1,5 @@
-// Everything that a QTM client may send: its conversation on each port, and discovery. The first byte
-// chooses, the second cuts the bytes into pieces.
+// Everything that a QTM client may send: its conversation on each port, and discovery. The first
+// byte chooses, the second cuts the bytes into pieces.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -50,11 +50,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::span<const std::byte> bytes(reinterpret_cast<const std::byte*>(data) + 2, size - 2);
   const std::size_t piece = data[1] == 0 ? bytes.size() + 1 : data[1];
   switch (data[0] % 5) {
-    case 0: converse(Door::kLittleEndian, piece, bytes); break;
-    case 1: converse(Door::kBigEndian, piece, bytes); break;
-    case 2: converse(Door::kLegacy, piece, bytes); break;
-    case 3: (void)decode_discover(bytes); break;
-    default: (void)parse_body_switches(decode_text(bytes));
+    case 0:
+      converse(Door::kLittleEndian, piece, bytes);
+      break;
+    case 1:
+      converse(Door::kBigEndian, piece, bytes);
+      break;
+    case 2:
+      converse(Door::kLegacy, piece, bytes);
+      break;
+    case 3:
+      (void)decode_discover(bytes);
+      break;
+    default:
+      (void)parse_body_switches(decode_text(bytes));
   }
   return 0;
 }

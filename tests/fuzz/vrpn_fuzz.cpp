@@ -1,5 +1,5 @@
-// Everything that a VRPN client may send: its conversation, with and without a cookie, and connection
-// requests. The first byte chooses, the second cuts the bytes into pieces.
+// Everything that a VRPN client may send: its conversation, with and without a cookie, and
+// connection requests. The first byte chooses, the second cuts the bytes into pieces.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -20,7 +20,8 @@ void require(bool holds) {
   if (!holds) std::abort();
 }
 
-void converse(Origin origin, bool with_cookie, std::size_t piece, std::span<const std::byte> bytes) {
+void converse(Origin origin, bool with_cookie, std::size_t piece,
+              std::span<const std::byte> bytes) {
   const VrpnConfig config;
   SenderTable senders;
   senders.update(*make_scene_frame({"arm", "drone"})->model);
@@ -36,7 +37,8 @@ void converse(Origin origin, bool with_cookie, std::size_t piece, std::span<cons
     if (const auto port = connection.udp_port()) require(*port >= kLowestPort);
     (void)connection.take_notes();
   }
-  // A question has 24 bytes or more; the longest answer has 96, an explanation comes four times in a life.
+  // A question has 24 bytes or more; the longest answer has 96, an explanation comes four times in
+  // a life.
   require(out.size() <= described + 4 * given + 8192);
   // What we say is what any peer can read.
   std::span<const std::byte> said(out);
@@ -54,9 +56,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::span<const std::byte> bytes(reinterpret_cast<const std::byte*>(data) + 2, size - 2);
   const std::size_t piece = data[1] == 0 ? bytes.size() + 1 : data[1];
   switch (data[0] % 4) {
-    case 0: converse(Origin::kRequested, true, piece, bytes); break;
-    case 1: converse(Origin::kDirect, true, piece, bytes); break;
-    case 2: converse(Origin::kDirect, false, piece, bytes); break;
+    case 0:
+      converse(Origin::kRequested, true, piece, bytes);
+      break;
+    case 1:
+      converse(Origin::kDirect, true, piece, bytes);
+      break;
+    case 2:
+      converse(Origin::kDirect, false, piece, bytes);
+      break;
     default:
       if (const auto port = decode_request(bytes)) require(*port >= kLowestPort);
   }

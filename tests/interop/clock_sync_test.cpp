@@ -1,8 +1,9 @@
-// Clock synchronisation over a network with 5 ms ± 2 ms of jitter, server and client on two hosts (network namespaces).
-// One kernel clock drives both, so the truth is known; the server's is displaced and drifts by 50 ppm.
+// Clock synchronisation over a network with 5 ms ± 2 ms of jitter, server and client on two hosts
+// (network namespaces). One kernel clock drives both, so the truth is known; the server's is
+// displaced and drifts by 50 ppm.
 #include <algorithm>
-#include <cstdlib>
 #include <cmath>
+#include <cstdlib>
 #include <iostream>
 #include <mutex>
 
@@ -40,7 +41,8 @@ class ClockSync : public testing::Test {
  protected:
   /// @param connect_to  where the client finds the (way to the) server, once it listens at `port`
   void measure(const std::function<void(const std::function<void()>&)>& on_server,
-               const std::function<void(const std::function<void()>&)>& on_client, const std::string& address,
+               const std::function<void(const std::function<void()>&)>& on_client,
+               const std::string& address,
                const std::function<std::uint16_t(std::uint16_t port)>& connect_to) {
     const DriftingClock clock;
     std::unique_ptr<TestServer> server;
@@ -67,7 +69,8 @@ class ClockSync : public testing::Test {
   }
 
  private:
-  void publish_for(TestServer& server, const DriftingClock& clock, std::chrono::nanoseconds duration) {
+  void publish_for(TestServer& server, const DriftingClock& clock,
+                   std::chrono::nanoseconds duration) {
     const auto end = std::chrono::steady_clock::now() + duration;
     while (std::chrono::steady_clock::now() < end) {
       const auto own_ns = monotonic_ns();
@@ -92,16 +95,17 @@ class ClockSync : public testing::Test {
     const auto quantile = [&](double share) {
       return errors_s_[static_cast<std::size_t>(share * static_cast<double>(errors_s_.size() - 1))];
     };
-    std::cout << "clock error of " << errors_s_.size() << " frames: p50 " << 1e6 * quantile(0.5) << " us, p95 "
-              << 1e6 * quantile(0.95) << " us, max " << 1e6 * errors_s_.back() << " us; drift "
-              << statistics.clock.drift_ppm << " ppm (truth 50), sigma " << 1e6 * statistics.clock.sigma_s
-              << " us, bound " << 1e3 * statistics.clock.bound_s << " ms, least round trip "
-              << 1e3 * statistics.clock.round_trip_s << " ms; latency p50 " << 1e3 * statistics.latency_p50_s
-              << " ms, p99 " << 1e3 * statistics.latency_p99_s << " ms; lost " << statistics.lost << std::endl;
+    std::cout << "clock error of " << errors_s_.size() << " frames: p50 " << 1e6 * quantile(0.5)
+              << " us, p95 " << 1e6 * quantile(0.95) << " us, max " << 1e6 * errors_s_.back()
+              << " us; drift " << statistics.clock.drift_ppm << " ppm (truth 50), sigma "
+              << 1e6 * statistics.clock.sigma_s << " us, bound " << 1e3 * statistics.clock.bound_s
+              << " ms, least round trip " << 1e3 * statistics.clock.round_trip_s
+              << " ms; latency p50 " << 1e3 * statistics.latency_p50_s << " ms, p99 "
+              << 1e3 * statistics.latency_p99_s << " ms; lost " << statistics.lost << std::endl;
     // Whatever else the machine does: no error beyond what the client itself says it can be.
     EXPECT_LE(errors_s_.back(), statistics.clock.bound_s);
-    // What a busy machine takes away is not the filter's: set this to hold the figures of a quiet one (the filter alone is
-    // held to them in clock_filter_test, without a network).
+    // What a busy machine takes away is not the filter's: set this to hold the figures of a quiet
+    // one (the filter alone is held to them in clock_filter_test, without a network).
     if (std::getenv("FIDUCAP_QUIET_MACHINE") == nullptr) return;
     EXPECT_LE(quantile(0.95), kRequired_s);
     EXPECT_NEAR(statistics.clock.drift_ppm, 1e6 * kDrift, 15);
@@ -125,8 +129,9 @@ TEST_F(ClockSync, IsNeverFurtherOffThanItSaysBetweenTwoHostsWithNetem) {
                    << "(no kernel module sch_netem, or no iproute2); the relay test stands in";
     }
   }
-  measure([&](const auto& work) { hosts.server.on(work); }, [&](const auto& work) { hosts.client.on(work); },
-          TwoHosts::kServer, [](std::uint16_t port) { return port; });
+  measure([&](const auto& work) { hosts.server.on(work); },
+          [&](const auto& work) { hosts.client.on(work); }, TwoHosts::kServer,
+          [](std::uint16_t port) { return port; });
 }
 
 TEST_F(ClockSync, IsNeverFurtherOffThanItSaysThroughARelayWithTheSameJitter) {
@@ -140,10 +145,12 @@ TEST_F(ClockSync, IsNeverFurtherOffThanItSaysThroughARelayWithTheSameJitter) {
       return relay->port();
     });
   }
-  measure([&](const auto& work) { hosts.server.on(work); }, [&](const auto& work) { hosts.client.on(work); },
-          TwoHosts::kServer, [&](std::uint16_t port) {
-            hosts.server.on(
-                [&] { relay = std::make_unique<JitterRelay>(TwoHosts::kServer, port, kMean_s, kSpread_s); });
+  measure([&](const auto& work) { hosts.server.on(work); },
+          [&](const auto& work) { hosts.client.on(work); }, TwoHosts::kServer,
+          [&](std::uint16_t port) {
+            hosts.server.on([&] {
+              relay = std::make_unique<JitterRelay>(TwoHosts::kServer, port, kMean_s, kSpread_s);
+            });
             return relay->port();
           });
 }
@@ -165,7 +172,8 @@ TEST(Discovery, FindsAServerThatListensOnOneAddressOfAnotherHost) {
     options.server = found[0].address;
     std::unique_ptr<Client> client;
     hosts.client.on([&] { client = std::make_unique<Client>(options); });
-    EXPECT_TRUE(wait_until([&] { return client->statistics().connected; })) << client->statistics().problem;
+    EXPECT_TRUE(wait_until([&] { return client->statistics().connected; }))
+        << client->statistics().problem;
   }
 }
 

@@ -1,5 +1,5 @@
-// A real VRPN client against our server, on loopback. Set FIDUCAP_VRPN_CLIENT to a `vrpn_print_devices` built from
-// github.com/vrpn/vrpn; nothing of it is part of this project.
+// A real VRPN client against our server, on loopback. Set FIDUCAP_VRPN_CLIENT to a
+// `vrpn_print_devices` built from github.com/vrpn/vrpn; nothing of it is part of this project.
 #include <gmock/gmock.h>
 
 #include <boost/asio/io_context.hpp>
@@ -19,7 +19,8 @@ namespace {
 using testing::HasSubstr;
 using testing::Not;
 
-// Long enough for three of the client's two-second retries and its warning after 3 s without an answer.
+// Long enough for three of the client's two-second retries and its warning after 3 s without an
+// answer.
 constexpr auto kPatience = std::chrono::seconds(8);
 constexpr auto kFramePeriod = std::chrono::milliseconds(10);
 
@@ -27,7 +28,8 @@ class VrpnPrintDevices : public testing::Test {
  protected:
   void SetUp() override {
     const char* program = std::getenv("FIDUCAP_VRPN_CLIENT");
-    if (program == nullptr) GTEST_SKIP() << "no VRPN client: set FIDUCAP_VRPN_CLIENT to a vrpn_print_devices";
+    if (program == nullptr)
+      GTEST_SKIP() << "no VRPN client: set FIDUCAP_VRPN_CLIENT to a vrpn_print_devices";
     program_ = program;
     start();
   }
@@ -38,7 +40,8 @@ class VrpnPrintDevices : public testing::Test {
     io_.run();
   }
   void start() {
-    auto server = start_vrpn_server(io_, config_, make_scene_frame({"arm", "drone"})->model, clock_);
+    auto server =
+        start_vrpn_server(io_, config_, make_scene_frame({"arm", "drone"})->model, clock_);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     config_.port = server_->port();
@@ -59,7 +62,8 @@ class VrpnPrintDevices : public testing::Test {
     while (std::chrono::steady_clock::now() < end) {
       auto frame = make_scene_frame({"arm", "drone"}, ++number_);
       // Known by construction: a third of a turn about the diagonal, x → y → z → x.
-      frame->bodies[1].X_WP = {exp_so3(Eigen::Vector3d::Ones() * (2 * M_PI / 3 / std::sqrt(3.0))), {1.25, -2.5, 0.75}};
+      frame->bodies[1].X_WP = {exp_so3(Eigen::Vector3d::Ones() * (2 * M_PI / 3 / std::sqrt(3.0))),
+                               {1.25, -2.5, 0.75}};
       server_->publish(frame);
       io_.restart();
       io_.run_for(kFramePeriod);
@@ -97,7 +101,8 @@ TEST_F(VrpnPrintDevices, IsAnsweredAndNeverComplains) {
 
 TEST_F(VrpnPrintDevices, LearnsWhichBodiesThereAre) {
   ClientProcess client(watch(direct("ghost")));
-  EXPECT_TRUE(serve_until(client, "no body of this name here; there are: arm, drone")) << client.output();
+  EXPECT_TRUE(serve_until(client, "no body of this name here; there are: arm, drone"))
+      << client.output();
 }
 
 TEST_F(VrpnPrintDevices, ComesBackAfterARestart) {

@@ -57,13 +57,13 @@ Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
 
 /// All samples of a source up to an instant, in the order of SampleMerger.
 /// @param make  what becomes of a sample, of an image corners above all; nullptr: it stays as it is
-std::vector<SensorSample> merged(SensorSource& source, bool has_imu, Instant end,
-                                 const std::function<SensorSample(const SensorSample&)>& make = nullptr) {
+std::vector<SensorSample> merged(
+    SensorSource& source, bool has_imu, Instant end,
+    const std::function<SensorSample(const SensorSample&)>& make = nullptr) {
   std::vector<SensorSample> out;
   SampleMerger merger({has_imu, std::chrono::milliseconds(250), 8, 4096});
   const auto drain = [&] {
-    while (auto sample = merger.pop())
-      out.push_back(make ? make(*sample) : std::move(*sample));
+    while (auto sample = merger.pop()) out.push_back(make ? make(*sample) : std::move(*sample));
   };
   for (;;) {
     auto sample = source.next({});
@@ -145,8 +145,8 @@ std::string motion_in(const std::string& world) {
 }
 
 /// Fills in the samples. @pre everything that a filter must know is there
-void collect(EstimationData& data, const SimulatedDataSetup& setup, const simulation::RoomConfig& room,
-             simulation::SimulatedSource& source) {
+void collect(EstimationData& data, const SimulatedDataSetup& setup,
+             const simulation::RoomConfig& room, simulation::SimulatedSource& source) {
   const Instant end = kStart + from_seconds(setup.seconds);
   if (!setup.texture.empty()) {
     RenderedCorners rendered(room, data.camera);
@@ -165,7 +165,8 @@ void collect(EstimationData& data, const SimulatedDataSetup& setup, const simula
   BodySensors sensors{{data.camera}, data.imu, data.gravity_m_s2};
   sensors.cameras.front().X_BV = data.nominal_X_BV;
   GuidedDetection detection(setup.images_for, sensors, data.tag_set);
-  data.samples = merged(source, setup.has_imu, end, [&](const SensorSample& sample) { return detection.take(sample); });
+  data.samples = merged(source, setup.has_imu, end,
+                        [&](const SensorSample& sample) { return detection.take(sample); });
   data.corner_noise_px = EstimatorConfig{}.corner_noise_px;  // what a server believes of its own
 }
 
@@ -189,8 +190,11 @@ TruthSample EstimationData::truth_near(Instant at) const {
 
 Eigen::Vector3d EstimationData::rate_at(Instant at) const {
   FIDUCAP_ASSERT(truth.size() >= 3);
-  auto nearest = std::lower_bound(truth.begin(), truth.end(), at, [](const TruthSample& t, Instant i) { return t.at < i; });
-  if (nearest == truth.end() || (nearest != truth.begin() && at - (nearest - 1)->at < nearest->at - at)) --nearest;
+  auto nearest = std::lower_bound(truth.begin(), truth.end(), at,
+                                  [](const TruthSample& t, Instant i) { return t.at < i; });
+  if (nearest == truth.end() ||
+      (nearest != truth.begin() && at - (nearest - 1)->at < nearest->at - at))
+    --nearest;
   const TruthSample* here = &*nearest;
   here = std::clamp(here, truth.data() + 1, truth.data() + truth.size() - 2);
   const TruthSample* before = here - 1;

@@ -30,8 +30,8 @@ struct EstimationData {
   [[nodiscard]] const TruthSample& truth_at(Instant at) const;
   /// The truth at any moment, between the known ones by a cubic; held beyond the ends.
   [[nodiscard]] TruthSample truth_near(Instant at) const;
-  /// Body rate (B axes, rad/s) at the truth's time nearest to `at`, by differences of the truth (at both
-  /// ends: the neighbour's).
+  /// Body rate (B axes, rad/s) at the truth's time nearest to `at`, by differences of the truth (at
+  /// both ends: the neighbour's).
   [[nodiscard]] Eigen::Vector3d rate_at(Instant at) const;
   [[nodiscard]] const RecordedTag* tag(int tag_id) const;
   /// Metres travelled from the beginning to `at`.
@@ -48,8 +48,8 @@ struct SimulatedDataSetup {
   std::uint64_t seed{1};
   bool has_imu{true};
   simulation::FaultConfig faults{};
-  /// RoomConfig::texture: images are rendered, tags found and points followed in them (rendered_corners.hpp). Empty: corners
-  /// with white noise.
+  /// RoomConfig::texture: images are rendered, tags found and points followed in them
+  /// (rendered_corners.hpp). Empty: corners with white noise.
   std::string texture{};
   /// How far the nominal extrinsics are off: drawn with these sigmas per axis, and told to the
   /// filter as prior.
@@ -60,9 +60,9 @@ struct SimulatedDataSetup {
   std::string images_for{};
   simulation::DaylightConfig daylight{};  ///< Of images.
   double exposure_s{0.005};               ///< Of images: motion blur.
-  double readout_s{0};        ///< Rolling shutter as it is …
-  double readout_told_s{0};   ///< … and as the filter is told …
-  double readout_sigma_s{0};  ///< … with this sigma.
+  double readout_s{0};                    ///< Rolling shutter as it is …
+  double readout_told_s{0};               ///< … and as the filter is told …
+  double readout_sigma_s{0};              ///< … with this sigma.
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

@@ -89,7 +89,8 @@ class Run {
     }
     const auto& corners = std::get<CornerFrame>(sample);
     image(corners, first);
-    merger.set_clock_shift(corners.camera, shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
+    merger.set_clock_shift(corners.camera,
+                           shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
   }
 
   void image(const CornerFrame& corners, Instant first) {

@@ -51,7 +51,8 @@ Ensemble run_seeds(RunSetup setup) {
   return all;
 }
 
-// 95 % band of the mean of 20 independent chi-square variables with 15 degrees of freedom: 15 ± 1.96 sqrt(30 / 20).
+// 95 % band of the mean of 20 independent chi-square variables with 15 degrees of freedom: 15
+// ± 1.96 sqrt(30 / 20).
 constexpr double kNeesLow = 12.6;
 constexpr double kNeesHigh = 17.4;
 // Tens of thousands of innovations per run make NIS sharp; the gate cuts the highest 0.1 %.
@@ -77,23 +78,26 @@ TEST_P(Consistency, NeesAndNisStayInTheirBands) {
   RecordProperty("position_rmse_um", static_cast<int>(1e6 * all.position_m));
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Classes, Consistency,
-    testing::Combine(kFilters, testing::Values(RunSetup{.data = {.world = "table"}}, RunSetup{.data = {.world = "sparse"}},
-                                               RunSetup{.data = {.world = "hall"}},
-                                               RunSetup{.data = {.world = "sparse"}, .knowledge = 'C'})),
-    [](const auto& one) {
-      const RunSetup setup = setup_of(one.param);
-      return setup.filter + "_" + setup.data.world + (setup.knowledge == 'C' ? "KnownMap" : "FreeMap");
-    });
+INSTANTIATE_TEST_SUITE_P(Classes, Consistency,
+                         testing::Combine(kFilters,
+                                          testing::Values(RunSetup{.data = {.world = "table"}},
+                                                          RunSetup{.data = {.world = "sparse"}},
+                                                          RunSetup{.data = {.world = "hall"}},
+                                                          RunSetup{.data = {.world = "sparse"},
+                                                                   .knowledge = 'C'})),
+                         [](const auto& one) {
+                           const RunSetup setup = setup_of(one.param);
+                           return setup.filter + "_" + setup.data.world +
+                                  (setup.knowledge == 'C' ? "KnownMap" : "FreeMap");
+                         });
 
 class FilterAccuracy : public testing::TestWithParam<std::string> {};
 class FilterFaults : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Each, FilterAccuracy, kFilters);
 INSTANTIATE_TEST_SUITE_P(Each, FilterFaults, kFilters);
 
-// The bound of research/bound.md for the same class is 2.5 mm (A); a factor of two is what one filter of the paper's kind
-// may lose on 20 seeds without being broken.
+// The bound of research/bound.md for the same class is 2.5 mm (A); a factor of two is what one
+// filter of the paper's kind may lose on 20 seeds without being broken.
 TEST_P(FilterAccuracy, TableIsKnownToMillimetres) {
   const Ensemble all = run_seeds({.filter = GetParam(), .data = {.world = "table"}});
   EXPECT_LT(all.position_m, 0.005);
@@ -101,7 +105,8 @@ TEST_P(FilterAccuracy, TableIsKnownToMillimetres) {
 
 TEST_P(FilterAccuracy, WithoutImuTheMotionModelCarriesTheBody) {
   // Without IMU nothing tells extrinsics from pose: they are taken as given.
-  const FilterRun one = run({.filter = GetParam(), .data = {.world = "table", .has_imu = false}, .knowledge = 'B'});
+  const FilterRun one =
+      run({.filter = GetParam(), .data = {.world = "table", .has_imu = false}, .knowledge = 'B'});
   // Single images of three tags of 60 px at 1 m with 0.4 px noise give about 7 mm.
   EXPECT_LT(one.position_rmse_m(), 0.012);
   EXPECT_LT(one.map_position_m, 0.003);
@@ -135,12 +140,15 @@ TEST_P(FilterFaults, AMovedTagLeavesTheState) {
   EXPECT_LT(one.position_rmse_m(), 0.01);
 }
 
-// 70 m through oblique tags before the first is seen again: where a filter that thinks it knows its heading breaks.
+// 70 m through oblique tags before the first is seen again: where a filter that thinks it knows its
+// heading breaks.
 TEST(WorldFilterLoop, StaysHonestAndClosesTheLoopWithoutLosingATag) {
   constexpr int kLoops = 6;
   double nees = 0;
   for (int seed = 1; seed <= kLoops; ++seed) {
-    const FilterRun one = run({.filter = "world", .data = {.world = "loop", .seconds = 75, .seed = static_cast<std::uint64_t>(seed)}});
+    const FilterRun one =
+        run({.filter = "world",
+             .data = {.world = "loop", .seconds = 75, .seed = static_cast<std::uint64_t>(seed)}});
     EXPECT_EQ(one.tags_dropped, 0) << "seed " << seed;
     EXPECT_GT(one.gap_path_m, 60.0) << "the loop was not closed";
     nees += one.mean_nees() / kLoops;
@@ -153,8 +161,10 @@ constexpr std::uint64_t kClockSeeds = 6;
 // A body that starts at rest cannot show its clock before it turns, and then lives the start again.
 constexpr double kClockSettled_s = 10.0;
 
-/// Ratio of position errors with and without a fault over seeds. @param check  sees the clock that each run found
-double cost_of(const SimulatedDataSetup& broken, const std::function<void(const ClockEstimate&)>& check) {
+/// Ratio of position errors with and without a fault over seeds. @param check  sees the clock that
+/// each run found
+double cost_of(const SimulatedDataSetup& broken,
+               const std::function<void(const ClockEstimate&)>& check) {
   double with = 0;
   double without = 0;
   for (std::uint64_t seed = 1; seed <= kClockSeeds; ++seed) {
@@ -238,7 +248,8 @@ TEST(WorldFilterClock, FollowsAClockThatJumps) {
 }
 
 TEST(WorldFilterClock, FindsHowLongARollingShutterReads) {
-  SimulatedDataSetup data{.world = "table", .readout_s = 0.02, .readout_told_s = 0.012, .readout_sigma_s = 0.01};
+  SimulatedDataSetup data{
+      .world = "table", .readout_s = 0.02, .readout_told_s = 0.012, .readout_sigma_s = 0.01};
   const double cost = cost_of(data, [&](const ClockEstimate& clock) {
     EXPECT_NEAR(clock.readout_s, data.readout_s, 5 * clock.readout_sigma_s);
     EXPECT_LT(clock.readout_sigma_s, 5e-4);
@@ -260,7 +271,9 @@ TEST(WorldFilterMovedTag, ThatIsSeenAloneLeavesAndTheOthersStay) {
     const FilterRun one = run({.filter = "world", .data = data});
     EXPECT_EQ(one.tags_dropped, 1) << "seed " << seed;
     EXPECT_GT(one.frames_with_pose, 0.97 * one.frames_with_tags) << "seed " << seed;
-    EXPECT_LT(one.scored_after(32.0).mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 3.0) << "seed " << seed;
+    EXPECT_LT(one.scored_after(32.0).mean([](const FilterRun::At& at) { return at.nees.pose / 6; }),
+              3.0)
+        << "seed " << seed;
   }
 }
 
@@ -270,8 +283,10 @@ TEST(WorldFilterBlindness, AGyroAtItsEndInQuickMotionLeavesNoWrongPlaceBehind) {
     data.faults.saturation_at_s = 15.0;
     data.faults.saturation_s = 3.0;
     const FilterRun one = run({.filter = "world", .data = data}).scored_after(20.0);
-    EXPECT_LT(one.mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 2.0) << "seed " << seed;
-    // No pose is told while it is lost, and that is shorter than the gyro was blind (20 images a second).
+    EXPECT_LT(one.mean([](const FilterRun::At& at) { return at.nees.pose / 6; }), 2.0)
+        << "seed " << seed;
+    // No pose is told while it is lost, and that is shorter than the gyro was blind (20 images a
+    // second).
     EXPECT_LT(one.frames_with_tags - one.frames_with_pose, 60) << "seed " << seed;
   }
 }

@@ -28,7 +28,14 @@ struct Outcome {
 
 CameraMount small_camera() {
   CameraMount mount;
-  mount.model = {376, 240, 230, 230, 187.5, 119.5, Distortion::kRadialTangential, {-0.28, 0.07, 2e-4, 2e-5, 0}};
+  mount.model = {376,
+                 240,
+                 230,
+                 230,
+                 187.5,
+                 119.5,
+                 Distortion::kRadialTangential,
+                 {-0.28, 0.07, 2e-4, 2e-5, 0}};
   mount.X_BV = simulation::forward_camera();
   return mount;
 }
@@ -42,7 +49,8 @@ TagSetConfig print_of(const std::vector<RecordedTag>& tags) {
 /// A body in a room: its samples through search and filter, what was found against the truth.
 class Loop {
  public:
-  Loop(const simulation::RoomConfig& room, const DetectorConfig& detector, const EstimatorConfig& estimator)
+  Loop(const simulation::RoomConfig& room, const DetectorConfig& detector,
+       const EstimatorConfig& estimator)
       : tags_(simulation::tags_of(room)),
         print_(print_of(tags_)),
         detector_(detector),
@@ -82,7 +90,8 @@ class Loop {
     observe(found, mount().model, print_, detector_, seen_);
     outcome_.landmarks += filter_->update(seen_, {}).landmarks_used;
     outcome_.points += static_cast<int>(found.points.size());
-    search_.corrected(*filter_, filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
+    search_.corrected(*filter_,
+                      filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
     filter_->tag_beliefs(beliefs_);
     if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
       start_ = search_.statistics();
@@ -94,13 +103,15 @@ class Loop {
   }
 
   void compare(const TagSighting& tag, const Pose& X_VW) {
-    const auto truth = std::find_if(tags_.begin(), tags_.end(), [&](const auto& t) { return t.tag_id == tag.tag_id; });
+    const auto truth = std::find_if(tags_.begin(), tags_.end(),
+                                    [&](const auto& t) { return t.tag_id == tag.tag_id; });
     ASSERT_NE(truth, tags_.end());
     const auto corners = unbend_corners(mount().model, tag.corners_px);
     const auto corners_W = simulation::corners_of(*truth);
     ++outcome_.found;
     for (std::size_t i = 0; i < 4; ++i) {
-      outcome_.squares_px2 += (corners[i] - *mount().model.project(X_VW * corners_W[i])).squaredNorm() / 8;
+      outcome_.squares_px2 +=
+          (corners[i] - *mount().model.project(X_VW * corners_W[i])).squaredNorm() / 8;
     }
   }
   [[nodiscard]] const CameraMount& mount() const { return sensors_.cameras.front(); }
@@ -118,8 +129,8 @@ class Loop {
   SearchStatistics start_;
 };
 
-Outcome run(const std::string& room_name, double seconds, const DetectorConfig& detector, const EstimatorConfig& estimator = {},
-            const std::string& texture = "clutter") {
+Outcome run(const std::string& room_name, double seconds, const DetectorConfig& detector,
+            const EstimatorConfig& estimator = {}, const std::string& texture = "clutter") {
   simulation::RoomConfig room;
   room.preset = room_name;
   room.texture = texture;

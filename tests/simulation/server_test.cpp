@@ -33,17 +33,19 @@ using testing::HasSubstr;
 /// The shipped demo with ready corners instead of images (a thousandth of the cost) on free ports.
 ServerConfig corner_demo() {
   const auto file = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml";
-  auto config = load_config(file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.natnet.port=0",
-                                            "streaming.vicon.port=0", "streaming.qualisys.base_port=0",
-                                            "streaming.qualisys.discovery_port=0", "streaming.dds.enabled=false",
-                                            "streaming.web.port=0", "log_level=warning"});
+  auto config = load_config(
+      file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.natnet.port=0",
+                      "streaming.vicon.port=0", "streaming.qualisys.base_port=0",
+                      "streaming.qualisys.discovery_port=0", "streaming.dds.enabled=false",
+                      "streaming.web.port=0", "log_level=warning"});
   if (!config) throw std::runtime_error(config.error().front().text());
   for (auto& body : config->bodies) {
     body.source.simulator.camera.images = false;
     body.source.simulator.faults = {};
   }
   // Corners alone come with more noise than a detector finds in the demo's sharp images.
-  config->estimator.corner_noise_px = config->bodies.front().source.simulator.camera.corner_noise_px;
+  config->estimator.corner_noise_px =
+      config->bodies.front().source.simulator.camera.corner_noise_px;
   return *config;
 }
 
@@ -214,7 +216,8 @@ TEST(ServerOnLoopback, AnOperatorChangesWhatIsStreamedAndRecordsIt) {
     return all_valid(frame, 2) && frame.bodies[0].name == "eagle" && frame.bodies[1].id == 3;
   }));
   ASSERT_TRUE(control.set_enabled(2, true));
-  EXPECT_TRUE(follow(*client, 5s, [](const Frame& frame) { return all_valid(frame, 3); })) << "it was followed on";
+  EXPECT_TRUE(follow(*client, 5s, [](const Frame& frame) { return all_valid(frame, 3); }))
+      << "it was followed on";
   std::uint64_t seen = 0;  // frames: every robot gets some images meanwhile
   EXPECT_TRUE(follow(*client, 20s, [&](const Frame&) { return ++seen == 100; }));
   ASSERT_TRUE(control.stop_recording());

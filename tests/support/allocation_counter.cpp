@@ -18,7 +18,8 @@ std::atomic<std::uint64_t> g_allocations{0};
 #define FIDUCAP_SANITIZED
 #endif
 
-// Eigen and C libraries call malloc itself. Sanitizers own malloc, so there only operator new is counted.
+// Eigen and C libraries call malloc itself. Sanitizers own malloc, so there only operator new is
+// counted.
 #ifndef FIDUCAP_SANITIZED
 extern "C" {
 void* __libc_malloc(std::size_t size);
@@ -43,11 +44,19 @@ void* counted(std::size_t size, std::size_t alignment) {
 
 void* operator new(std::size_t size) { return counted(size, alignof(::max_align_t)); }
 void* operator new[](std::size_t size) { return counted(size, alignof(::max_align_t)); }
-void* operator new(std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
-void* operator new[](std::size_t size, std::align_val_t a) { return counted(size, static_cast<std::size_t>(a)); }
+void* operator new(std::size_t size, std::align_val_t a) {
+  return counted(size, static_cast<std::size_t>(a));
+}
+void* operator new[](std::size_t size, std::align_val_t a) {
+  return counted(size, static_cast<std::size_t>(a));
+}
 // A sanitizer's own nothrow forms would not come here, and their memory would meet our free().
-void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return try_counted(size, alignof(::max_align_t)); }
-void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return try_counted(size, alignof(::max_align_t)); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  return try_counted(size, alignof(::max_align_t));
+}
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept {
+  return try_counted(size, alignof(::max_align_t));
+}
 void operator delete(void* p) noexcept { std::free(p); }
 void operator delete[](void* p) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }

@@ -5,7 +5,8 @@
 
 namespace fiducap {
 
-/// Counts every operator new of this program. Link `fiducap_allocation_counter` (it replaces the global operators).
+/// Counts every operator new of this program. Link `fiducap_allocation_counter` (it replaces the
+/// global operators).
 extern std::atomic<std::uint64_t> g_allocations;
 
 /// `AllocationCounter c; …; EXPECT_EQ(c.count(), 0)`

@@ -9,11 +9,13 @@
 
 namespace fiducap {
 
-/// How far a bundle adjustment may be from the truth, said by its own corners: normalised estimation error squared.
+/// How far a bundle adjustment may be from the truth, said by its own corners: normalised
+/// estimation error squared.
 ///
-/// Σ over all sightings |J e|² / σ² is eᵀ Λ e with Λ the Fisher information at the truth and e the error of all poses and
-/// tags. An estimate that reaches the Cramér–Rao bound makes it chi-square with `numbers` degrees of freedom, whatever the
-/// geometry; directions that no corner sees (the gauge) cost nothing.
+/// Σ over all sightings |J e|² / σ² is eᵀ Λ e with Λ the Fisher information at the truth and e the
+/// error of all poses and tags. An estimate that reaches the Cramér–Rao bound makes it chi-square
+/// with `numbers` degrees of freedom, whatever the geometry; directions that no corner sees (the
+/// gauge) cost nothing.
 struct BundleNees {
   double value{};
   int numbers{};
@@ -23,7 +25,8 @@ struct BundleNees {
 };
 
 /// @param gauge_freedom  6 when nothing of the estimate was held, else 0
-inline BundleNees bundle_nees(const RefinementProblem& problem, const std::vector<KnownTag>& true_tags,
+inline BundleNees bundle_nees(const RefinementProblem& problem,
+                              const std::vector<KnownTag>& true_tags,
                               const std::vector<Pose>& true_X_WB, const std::vector<KnownTag>& tags,
                               const std::vector<Pose>& X_WB, int gauge_freedom = 0) {
   const auto error = [](const Pose& estimate, const Pose& truth) {
@@ -49,7 +52,8 @@ inline BundleNees bundle_nees(const RefinementProblem& problem, const std::vecto
     for (const TagObservations& image : problem.frames[i].images) {
       const CameraMount& camera = problem.cameras[static_cast<std::size_t>(image.camera)];
       for (const TagObservation& seen : image.tags) {
-        const SightingResidual at = sighting_residual(seen, camera, true_X_WB[i], truth.at(seen.tag_id)->X_WT);
+        const SightingResidual at =
+            sighting_residual(seen, camera, true_X_WB[i], truth.at(seen.tag_id)->X_WT);
         const Vector8d moved = at.d_body * body_error + at.d_tag * tag_errors[seen.tag_id];
         nees.value += moved.squaredNorm() / (problem.corner_noise_px * problem.corner_noise_px);
       }

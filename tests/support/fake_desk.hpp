@@ -11,8 +11,9 @@ namespace fiducap {
 class FakeDesk final : public OperatorDesk {
  public:
   std::string operator_token{"correct horse"};
-  std::vector<Body> all{{1, "drone", true, {Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()}},
-                        {2, "arm", false, {Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}}};
+  std::vector<Body> all{
+      {1, "drone", true, {Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()}},
+      {2, "arm", false, {Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}}};
   MapMode mode{MapMode::kFrozen};
   int commits{0};
   std::optional<std::string> under_way;

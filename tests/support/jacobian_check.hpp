@@ -7,9 +7,11 @@
 
 namespace fiducap {
 
-/// Central differences of f at zero perturbation. @param f  maps an n-vector of error coordinates to an m-vector.
-inline Eigen::MatrixXd central_differences(const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f,
-                                           Eigen::Index n, double step = 1e-5) {
+/// Central differences of f at zero perturbation. @param f  maps an n-vector of error coordinates
+/// to an m-vector.
+inline Eigen::MatrixXd central_differences(
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f, Eigen::Index n,
+    double step = 1e-5) {
   Eigen::MatrixXd J;
   for (Eigen::Index i = 0; i < n; ++i) {
     Eigen::VectorXd d = Eigen::VectorXd::Zero(n);
@@ -29,7 +31,9 @@ inline void expect_jacobian(const Eigen::MatrixXd& analytic,
   ASSERT_EQ(analytic.rows(), numeric.rows());
   const double scale = std::max(1.0, numeric.cwiseAbs().maxCoeff());
   EXPECT_LE((analytic - numeric).cwiseAbs().maxCoeff(), tolerance * scale)
-      << "analytic:\n" << analytic << "\nnumeric:\n" << numeric;
+      << "analytic:\n"
+      << analytic << "\nnumeric:\n"
+      << numeric;
 }
 
 }  // namespace fiducap

@@ -18,8 +18,9 @@
 
 namespace fiducap {
 
-/// A network with jitter between UDP clients and a server, where the kernel has no netem: each datagram, in each
-/// direction, waits for its own uniform time and may overtake others, as `netem delay 5ms 2ms` has it.
+/// A network with jitter between UDP clients and a server, where the kernel has no netem: each
+/// datagram, in each direction, waits for its own uniform time and may overtake others, as `netem
+/// delay 5ms 2ms` has it.
 class JitterRelay final {
  public:
   JitterRelay(const std::string& host, std::uint16_t server_port, double mean_s, double spread_s)
@@ -81,8 +82,8 @@ class JitterRelay final {
       if (one.to_server) {
         ::send(inside_, one.bytes.data(), one.bytes.size(), 0);
       } else {
-        ::sendto(outside_, one.bytes.data(), one.bytes.size(), 0, reinterpret_cast<sockaddr*>(&client_),
-                 sizeof(client_));
+        ::sendto(outside_, one.bytes.data(), one.bytes.size(), 0,
+                 reinterpret_cast<sockaddr*>(&client_), sizeof(client_));
       }
       waiting_.erase(waiting_.begin());
     }
@@ -90,7 +91,8 @@ class JitterRelay final {
   void run() {
     while (!stopping_) {
       std::int64_t pause = 20'000'000;
-      if (!waiting_.empty()) pause = std::clamp<std::int64_t>(waiting_.begin()->first - now_ns(), 0, pause);
+      if (!waiting_.empty())
+        pause = std::clamp<std::int64_t>(waiting_.begin()->first - now_ns(), 0, pause);
       const timespec timeout{0, pause};
       std::array<pollfd, 2> wanted{{{outside_, POLLIN, 0}, {inside_, POLLIN, 0}}};
       ::ppoll(wanted.data(), wanted.size(), &timeout, nullptr);

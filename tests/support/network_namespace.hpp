@@ -33,7 +33,8 @@ inline Shell shell(const std::string& command) {
   return result;
 }
 
-/// A thread in a network of its own. What is done `on` it, threads and sockets made there included, sees only that one.
+/// A thread in a network of its own. What is done `on` it, threads and sockets made there included,
+/// sees only that one.
 class NetworkNamespace final {
  public:
   NetworkNamespace() {
@@ -72,7 +73,8 @@ class NetworkNamespace final {
 
  private:
   boost::asio::io_context io_{1};
-  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_{io_.get_executor()};
+  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_{
+      io_.get_executor()};
   bool permitted_{false};
   int id_{0};
   std::thread thread_;
@@ -92,14 +94,16 @@ struct TwoHosts {
       problem = "network namespaces are not permitted (needs root or CAP_SYS_ADMIN)";
       return;
     }
-    const auto cable = client.run("ip link add fdc0 type veth peer name fdc0 netns " + std::to_string(server.id()));
+    const auto cable = client.run("ip link add fdc0 type veth peer name fdc0 netns " +
+                                  std::to_string(server.id()));
     if (!cable.done) {
       problem = "no veth pair: " + cable.output;
       return;
     }
     for (auto* side : {&server, &client}) {
       const std::string address = side == &server ? kServer : kClient;
-      const auto up = side->run("ip addr add " + address + "/24 brd + dev fdc0 && ip link set fdc0 up && ip link set lo up");
+      const auto up = side->run("ip addr add " + address +
+                                "/24 brd + dev fdc0 && ip link set fdc0 up && ip link set lo up");
       if (!up.done) problem = "no address: " + up.output;
     }
   }

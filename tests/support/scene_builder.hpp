@@ -9,7 +9,8 @@
 
 namespace fiducap {
 
-/// A frame with bodies `names`, all tracking, each in a different pose; tests change what they are about.
+/// A frame with bodies `names`, all tracking, each in a different pose; tests change what they are
+/// about.
 inline std::shared_ptr<SceneFrame> make_scene_frame(const std::vector<std::string>& names,
                                                     std::uint64_t number = 1) {
   auto model = std::make_shared<SceneModel>();

@@ -8,9 +8,11 @@
 #include <string>
 #include <vector>
 
-/// The Fiducap client: poses of rigid bodies from a Fiducap server. C++17, no dependency in this header.
+/// The Fiducap client: poses of rigid bodies from a Fiducap server. C++17, no dependency in this
+/// header.
 ///
-/// Axes: workspace W (z up), pivot P of each body. Metres, radians, seconds; quaternions Hamilton, w x y z.
+/// Axes: workspace W (z up), pivot P of each body. Metres, radians, seconds; quaternions Hamilton,
+/// w x y z.
 
 #if defined(__GNUC__)
 #define FIDUCAP_CLIENT_API __attribute__((visibility("default")))
@@ -27,34 +29,35 @@ struct Body {
   int id{};
   std::string name;
   Tracking tracking{Tracking::kSearching};
-  bool valid{};                              ///< False: there is no pose; all numbers down to the covariance are NaN.
-  std::array<double, 3> position_m{};        ///< p_WP
+  bool valid{};  ///< False: there is no pose; all numbers down to the covariance are NaN.
+  std::array<double, 3> position_m{};                  ///< p_WP
   std::array<double, 4> orientation_wxyz{1, 0, 0, 0};  ///< q_WP
-  std::array<double, 3> velocity_m_s{};      ///< v_WP, W axes
-  std::array<double, 3> body_rate_rad_s{};   ///< w_WP, P axes
-  std::array<double, 3> acceleration_m_s2{}; ///< W axes, at rest 0
-  double position_sigma_m{};                 ///< 1-sigma of the worst axis
+  std::array<double, 3> velocity_m_s{};                ///< v_WP, W axes
+  std::array<double, 3> body_rate_rad_s{};             ///< w_WP, P axes
+  std::array<double, 3> acceleration_m_s2{};           ///< W axes, at rest 0
+  double position_sigma_m{};                           ///< 1-sigma of the worst axis
   double rotation_sigma_rad{};
   double velocity_sigma_m_s{};
   double rate_sigma_rad_s{};
-  /// Upper triangle, row by row, of the 6x6 covariance of (position, rotation vector), both in W; m², m·rad, rad².
-  /// NaN when the options leave it out.
+  /// Upper triangle, row by row, of the 6x6 covariance of (position, rotation vector), both in W;
+  /// m², m·rad, rad². NaN when the options leave it out.
   std::array<float, 21> pose_covariance{};
-  double age_s{};                            ///< Since the last image with a tag.
+  double age_s{};  ///< Since the last image with a tag.
   int tags_in_view{};
 };
 
 /// All bodies at one instant.
 struct Frame {
-  std::uint64_t number{};        ///< Counts up; starts again when the server starts again.
-  std::int64_t at_server_ns{};   ///< The instant the poses are for, server's clock.
-  /// The same instant on this machine's steady clock (std::chrono::steady_clock, CLOCK_MONOTONIC), from the clock
-  /// synchronisation with the server. 0: not known yet, or the server replays a recording.
+  std::uint64_t number{};       ///< Counts up; starts again when the server starts again.
+  std::int64_t at_server_ns{};  ///< The instant the poses are for, server's clock.
+  /// The same instant on this machine's steady clock (std::chrono::steady_clock, CLOCK_MONOTONIC),
+  /// from the clock synchronisation with the server. 0: not known yet, or the server replays a
+  /// recording.
   std::int64_t at_client_ns{};
-  double clock_sigma_s{};        ///< 1-sigma of at_client_ns. NaN: not known.
-  std::int64_t at_utc_ns{};      ///< The same instant, nanoseconds since 1970.
+  double clock_sigma_s{};              ///< 1-sigma of at_client_ns. NaN: not known.
+  std::int64_t at_utc_ns{};            ///< The same instant, nanoseconds since 1970.
   std::int64_t published_server_ns{};  ///< When the server made the frame, server's clock.
-  std::int64_t received_ns{};    ///< Arrival, client's steady clock.
+  std::int64_t received_ns{};          ///< Arrival, client's steady clock.
   std::int64_t map_version{};
   double rate_hz{};
   std::vector<Body> bodies;
@@ -73,8 +76,8 @@ enum class TurnedAxes : std::uint8_t {
 struct ClientOptions {
   std::string server{"127.0.0.1"};  ///< Address or host name.
   std::uint16_t port{21600};
-  double reconnect_s{0.5};       ///< Pause between attempts while the server is away; 0.05 … 60.
-  std::string name;              ///< What the server's operator sees in the list of clients, at most 64 bytes.
+  double reconnect_s{0.5};  ///< Pause between attempts while the server is away; 0.05 … 60.
+  std::string name;  ///< What the server's operator sees in the list of clients, at most 64 bytes.
 
   // What to receive: the server does the work, once for all clients that want the same.
   WorldUp up{WorldUp::kZ};
@@ -82,86 +85,99 @@ struct ClientOptions {
   double max_rate_hz{0};            ///< The server leaves frames out to stay below; 0: every frame.
   std::vector<std::string> bodies;  ///< Names, at most 32, that may also appear later; empty: all.
   bool covariance{true};            ///< False: no pose_covariance, smaller frames.
-  bool multicast{false};            ///< By multicast if the server has a group; falls back to unicast where none comes.
+  bool multicast{
+      false};  ///< By multicast if the server has a group; falls back to unicast where none comes.
 };
 
 /// How the server's clock stands to this machine's steady clock: server = ours + offset.
 struct ClockStatus {
   bool known{};
   std::int64_t offset_ns{};
-  double drift_ppm{};      ///< The offset grows by so many µs per second.
-  double sigma_s{};        ///< 1-sigma of the offset from jitter. NaN: not known.
-  double bound_s{};        ///< It is never more wrong than this, even if there and back take different times.
-  double round_trip_s{};   ///< Least one of the last half minute.
+  double drift_ppm{};  ///< The offset grows by so many µs per second.
+  double sigma_s{};    ///< 1-sigma of the offset from jitter. NaN: not known.
+  double bound_s{};    ///< It is never more wrong than this, even if there and back take different
+                       ///< times.
+  double round_trip_s{};  ///< Least one of the last half minute.
 };
 
 /// Counters since construction.
 struct ClientStatistics {
   bool connected{};
-  std::string problem;           ///< While not connected: why, in one sentence for a person. Else empty.
+  std::string problem;  ///< While not connected: why, in one sentence for a person. Else empty.
   std::uint64_t frames{};
-  std::uint64_t lost{};          ///< Gaps in the frame numbers.
-  std::uint64_t dropped_by_server{};  ///< Of them: the server's socket was full. Of the present connection.
-  std::uint64_t dropped_here{};  ///< Datagrams that this machine dropped because the client's socket was full.
+  std::uint64_t lost{};  ///< Gaps in the frame numbers.
+  std::uint64_t
+      dropped_by_server{};  ///< Of them: the server's socket was full. Of the present connection.
+  std::uint64_t dropped_here{};  ///< Datagrams that this machine dropped because the client's
+                                 ///< socket was full.
   std::uint64_t reconnects{};
-  double rate_hz{};              ///< Over the last second.
-  /// Instant of the pose → arrival, over the last 1000 frames. NaN while the clocks are not known or when the server
-  /// replays a recording.
+  double rate_hz{};  ///< Over the last second.
+  /// Instant of the pose → arrival, over the last 1000 frames. NaN while the clocks are not known
+  /// or when the server replays a recording.
   double latency_p50_s{};
   double latency_p99_s{};
   double latency_max_s{};
   ClockStatus clock;
-  bool multicast{};              ///< Frames come by multicast.
+  bool multicast{};  ///< Frames come by multicast.
 };
 
-/// Connects in the background, keeps the subscription alive, comes back by itself when the server does.
+/// Connects in the background, keeps the subscription alive, comes back by itself when the server
+/// does.
 ///
-/// All methods may be called from any thread, also from callbacks; only the destructor must not run in a callback.
-/// A server that is away is no error: `latest` keeps answering with the last frame, `statistics().problem` says why.
+/// All methods may be called from any thread, also from callbacks; only the destructor must not run
+/// in a callback. A server that is away is no error: `latest` keeps answering with the last frame,
+/// `statistics().problem` says why.
 class FIDUCAP_CLIENT_API Client {
  public:
   /// No pose is carried further than this: the body has done something else meanwhile.
   static constexpr std::chrono::milliseconds kMaxPrediction{500};
 
-  /// Returns at once. @throw std::system_error only when the system has no thread or descriptor left;
-  /// std::invalid_argument when the options ask for more than 32 bodies or names that do not fit a datagram.
+  /// Returns at once. @throw std::system_error only when the system has no thread or descriptor
+  /// left; std::invalid_argument when the options ask for more than 32 bodies or names that do not
+  /// fit a datagram.
   explicit Client(ClientOptions options = {});
   ~Client();
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
-  /// Copies the newest frame into `frame`. Wait-free: no lock and no system call, whatever the network and other
-  /// readers do; no allocation once `frame` has held a frame of this size.
+  /// Copies the newest frame into `frame`. Wait-free: no lock and no system call, whatever the
+  /// network and other readers do; no allocation once `frame` has held a frame of this size.
   /// @return false before the first frame; `frame` is unchanged then.
   bool latest(Frame& frame) const;
-  /// The newest pose of one body carried to `ahead` after the instant of its frame: velocity, rate, and for the first
-  /// 0.1 s its acceleration. Sigmas and covariance grow with those of velocity and rate. Wait-free like `latest`.
-  /// @return false when the body is unknown or not valid, or `ahead` is beyond kMaxPrediction; `body` is unchanged.
+  /// The newest pose of one body carried to `ahead` after the instant of its frame: velocity, rate,
+  /// and for the first 0.1 s its acceleration. Sigmas and covariance grow with those of velocity
+  /// and rate. Wait-free like `latest`.
+  /// @return false when the body is unknown or not valid, or `ahead` is beyond kMaxPrediction;
+  /// `body` is unchanged.
   bool predict(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const;
-  /// The same for the instant that is `ahead` after now, e.g. when a command given now takes effect.
-  /// @return false also while the clocks are not known, and when the newest frame is too old for kMaxPrediction.
+  /// The same for the instant that is `ahead` after now, e.g. when a command given now takes
+  /// effect.
+  /// @return false also while the clocks are not known, and when the newest frame is too old for
+  /// kMaxPrediction.
   bool predict_now(const std::string& name, std::chrono::nanoseconds ahead, Body& body) const;
-  /// Waits until a frame newer than `after_number` is there. After a restart of the server its first frame is newer
-  /// than all before.
+  /// Waits until a frame newer than `after_number` is there. After a restart of the server its
+  /// first frame is newer than all before.
   /// @return false when the time is over.
   bool wait_for_frame(std::uint64_t after_number, std::chrono::milliseconds timeout) const;
-  /// Called on the client's thread for every frame; keep it short, do not throw. May be set, replaced and taken away
-  /// (nullptr) at any time; a call under way may end after this returns.
+  /// Called on the client's thread for every frame; keep it short, do not throw. May be set,
+  /// replaced and taken away (nullptr) at any time; a call under way may end after this returns.
   void on_frame(std::function<void(const Frame&)> callback);
-  /// Called on the client's thread when the connection comes (true) or goes (false); at once when it is already there.
+  /// Called on the client's thread when the connection comes (true) or goes (false); at once when
+  /// it is already there.
   void on_connection(std::function<void(bool connected)> callback);
   ClientStatistics statistics() const;
 
   /// One server that answered `discover`.
   struct Found {
-    std::string address;   ///< What to put into ClientOptions::server.
+    std::string address;  ///< What to put into ClientOptions::server.
     std::uint16_t port{};
-    std::string host;      ///< Its own name.
+    std::string host;  ///< Its own name.
     std::string version;
     int bodies{};
     double rate_hz{};
   };
-  /// Asks on this machine and on all networks it is in (IPv4 broadcast) who is there. Takes the whole `timeout`.
+  /// Asks on this machine and on all networks it is in (IPv4 broadcast) who is there. Takes the
+  /// whole `timeout`.
   /// @return each server once, in the order of the answers; empty: none answered.
   static std::vector<Found> discover(std::chrono::milliseconds timeout, std::uint16_t port = 21600);
 

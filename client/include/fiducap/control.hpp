@@ -9,15 +9,17 @@
 
 #include "fiducap/client.hpp"
 
-/// Changes of a Fiducap server's state: bodies, map, recording. Needs the operator's token (`operator.token` in the
-/// server's configuration), which never travels: each command proves that the sender knows it.
+/// Changes of a Fiducap server's state: bodies, map, recording. Needs the operator's token
+/// (`operator.token` in the server's configuration), which never travels: each command proves that
+/// the sender knows it.
 namespace fiducap {
 
 struct ControlOptions {
   std::string server{"127.0.0.1"};  ///< Address or host name.
   std::uint16_t port{21600};        ///< The same number as for poses, TCP.
   std::string token;
-  std::chrono::milliseconds timeout{2000};  ///< Of one command, with the connection if there is none yet.
+  std::chrono::milliseconds timeout{
+      2000};  ///< Of one command, with the connection if there is none yet.
 };
 
 /// A body as the operator sees it; disabled ones are not in any frame.
@@ -25,14 +27,15 @@ struct ControlledBody {
   int id{};
   std::string name;
   bool enabled{};
-  std::array<double, 3> pivot_position_m{};           ///< Of X_BP: place of the pivot P in the body's axes B (the IMU).
+  std::array<double, 3>
+      pivot_position_m{};  ///< Of X_BP: place of the pivot P in the body's axes B (the IMU).
   std::array<double, 4> pivot_orientation_wxyz{1, 0, 0, 0};
 };
 
 struct ControlState {
   std::vector<ControlledBody> bodies;
-  bool mapping{};          ///< The map grows and is refined; false: it stands still.
-  std::string recording;   ///< Name of the recording under way; empty: none.
+  bool mapping{};         ///< The map grows and is refined; false: it stands still.
+  std::string recording;  ///< Name of the recording under way; empty: none.
 };
 
 /// Whether a command was carried out, and if not, why, in one sentence for a person.
@@ -42,8 +45,9 @@ struct Outcome {
   explicit operator bool() const { return done; }
 };
 
-/// Commands by one connection, made when first needed and again after it broke. Every call waits for the answer, at most
-/// the timeout. A command whose answer did not come may have been carried out. Not thread-safe.
+/// Commands by one connection, made when first needed and again after it broke. Every call waits
+/// for the answer, at most the timeout. A command whose answer did not come may have been carried
+/// out. Not thread-safe.
 class FIDUCAP_CLIENT_API Control {
  public:
   explicit Control(ControlOptions options);
@@ -54,7 +58,8 @@ class FIDUCAP_CLIENT_API Control {
   Outcome list(ControlState& state);
   Outcome set_enabled(int body_id, bool enabled);
   Outcome rename(int body_id, const std::string& name);
-  Outcome set_pivot(int body_id, const std::array<double, 3>& position_m, const std::array<double, 4>& orientation_wxyz);
+  Outcome set_pivot(int body_id, const std::array<double, 3>& position_m,
+                    const std::array<double, 4>& orientation_wxyz);
   Outcome set_mapping(bool mapping);
   /// Writes the map as it is now as a version.
   Outcome commit_map();

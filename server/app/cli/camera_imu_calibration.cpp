@@ -34,7 +34,8 @@ class Calibration final {
       camera.rotation_sigma_rad = options.rotation_sigma_rad;
     }
     setup_.estimator.estimate_extrinsics = true;
-    // The search below finds the shift where the innovations are smallest: nothing else may explain them away.
+    // The search below finds the shift where the innovations are smallest: nothing else may explain
+    // them away.
     setup_.estimator.estimate_clocks = false;
     setup_.estimator.learn_corner_noise = false;
   }

@@ -46,7 +46,8 @@ std::optional<std::pair<std::string, std::uint16_t>> endpoint_of(const std::stri
   const auto port = static_cast<std::uint16_t>(std::strtoul(text.c_str() + colon + 1, nullptr, 16));
   std::array<std::uint32_t, 4> words{};
   for (std::size_t i = 0; i < colon / 8; ++i)
-    words.at(i) = static_cast<std::uint32_t>(std::strtoul(text.substr(8 * i, 8).c_str(), nullptr, 16));
+    words.at(i) =
+        static_cast<std::uint32_t>(std::strtoul(text.substr(8 * i, 8).c_str(), nullptr, 16));
   std::array<char, INET6_ADDRSTRLEN> name{};
   ::inet_ntop(colon == 8 ? AF_INET : AF_INET6, words.data(), name.data(), name.size());
   return std::pair(std::string(name.data()), port);
@@ -65,8 +66,8 @@ std::vector<NetworkInterface> network_interfaces() {
     std::memcpy(&address, one->ifa_addr, sizeof address);
     std::array<char, INET_ADDRSTRLEN> text{};
     ::inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size());
-    all.push_back({one->ifa_name, text.data(), (one->ifa_flags & IFF_UP) != 0, (one->ifa_flags & IFF_LOOPBACK) != 0,
-                   (one->ifa_flags & IFF_MULTICAST) != 0});
+    all.push_back({one->ifa_name, text.data(), (one->ifa_flags & IFF_UP) != 0,
+                   (one->ifa_flags & IFF_LOOPBACK) != 0, (one->ifa_flags & IFF_MULTICAST) != 0});
   }
   return all;
 }
@@ -90,10 +91,11 @@ std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
   to.sin_addr = group.imr_multiaddr;
   const char hello = 'f';
   if (::sendto(socket.fd(), &hello, 1, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 1)
-    return "cannot send to a group: " + system_text() + " (is there a route? `ip route add 224.0.0.0/4 dev " +
-           interface.name + "`)";
+    return "cannot send to a group: " + system_text() +
+           " (is there a route? `ip route add 224.0.0.0/4 dev " + interface.name + "`)";
   pollfd wait{socket.fd(), POLLIN, 0};
-  if (::poll(&wait, 1, kPatience_ms) != 1) return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
+  if (::poll(&wait, 1, kPatience_ms) != 1)
+    return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
   return std::nullopt;
 }
 
@@ -114,8 +116,9 @@ std::optional<ListeningPort> listening_port_of(const std::string& line, Transpor
 
 std::vector<ListeningPort> listening_ports() {
   std::vector<ListeningPort> all;
-  for (const auto& [name, transport] : {std::pair("tcp", Transport::kTcp), std::pair("tcp6", Transport::kTcp),
-                                        std::pair("udp", Transport::kUdp), std::pair("udp6", Transport::kUdp)}) {
+  for (const auto& [name, transport] :
+       {std::pair("tcp", Transport::kTcp), std::pair("tcp6", Transport::kTcp),
+        std::pair("udp", Transport::kUdp), std::pair("udp6", Transport::kUdp)}) {
     std::ifstream file(std::string("/proc/net/") + name);
     for (std::string line; std::getline(file, line);)
       if (auto port = listening_port_of(line, transport)) all.push_back(*port);

@@ -41,7 +41,8 @@ class OfflineRun final {
         doubts_(setup.sensors, setup.estimator) {
     filter_->set_tag_priors(setup.priors);
     for (const KnownTag& tag : setup.known) known_.emplace(tag.tag_id, tag);
-    for (const auto& [id, tag] : known_) map_.tags.push_back({tag, TagState::kSurveyed, 0, 0, 0, 0});
+    for (const auto& [id, tag] : known_)
+      map_.tags.push_back({tag, TagState::kSurveyed, 0, 0, 0, 0});
   }
 
   Expected<OfflineResult> run(const OfflineProgress& progress) {
@@ -55,7 +56,8 @@ class OfflineRun final {
         doubts_.add(imu);
       }
       clock_.enter(Stage::kDetect);
-      if (search_) for (const ImuSample& imu : imu_batch_) search_->add_imu(imu);
+      if (search_)
+        for (const ImuSample& imu : imu_batch_) search_->add_imu(imu);
       if (image_) take_image();
       if (!*more) break;
       if (progress) progress(data_seconds());
@@ -120,7 +122,8 @@ class OfflineRun final {
     const UpdateReport report = filter_->update(seen_, visible_known_);
     count(report);
     doubt(report);
-    merger_.set_clock_shift(seen_.camera, shift_to_apply(filter_->clock(seen_.camera), seen_.clock_shift));
+    merger_.set_clock_shift(seen_.camera,
+                            shift_to_apply(filter_->clock(seen_.camera), seen_.clock_shift));
     if (search_) guide();
     if (!setup_.sensors.imu) remember_for_settling();
   }
@@ -138,12 +141,14 @@ class OfflineRun final {
 
   /// Tells the search what the filter made of the image.
   void guide() {
-    search_->corrected(*filter_, filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
+    search_->corrected(*filter_,
+                       filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
     filter_->tag_beliefs(beliefs_);
   }
 
   void remember_for_settling() {
-    const bool placed = filter_->running() && filter_->estimate().at == seen_.exposed_at && filter_->estimate().anchored;
+    const bool placed = filter_->running() && filter_->estimate().at == seen_.exposed_at &&
+                        filter_->estimate().anchored;
     filter_->tag_beliefs(beliefs_);
     std::vector<KnownTag> tags = visible_known_;
     for (const TagBelief& belief : beliefs_) tags.push_back(belief.tag);
@@ -217,9 +222,12 @@ class OfflineRun final {
   /// Without IMU map and trajectory are refined together; what was known live is kept beside them.
   Expected<void> settle() {
     clock_.enter(Stage::kSettle);
-    SettlingStart start{setup_.sensors.cameras, result_.known, {}, setup_.priors, setup_.gauge.reference_tag};
-    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k) start.cameras[k].X_BV = result_.extrinsics[k].X_BV;
-    std::erase_if(result_.tags, [&](const TagBelief& belief) { return known_.contains(belief.tag.tag_id); });
+    SettlingStart start{
+        setup_.sensors.cameras, result_.known, {}, setup_.priors, setup_.gauge.reference_tag};
+    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k)
+      start.cameras[k].X_BV = result_.extrinsics[k].X_BV;
+    std::erase_if(result_.tags,
+                  [&](const TagBelief& belief) { return known_.contains(belief.tag.tag_id); });
     for (const TagBelief& belief : result_.tags) start.estimated.push_back(belief.tag);
     auto settled = settled_.settle(start);
     if (!settled) return tl::unexpected(settled.error());

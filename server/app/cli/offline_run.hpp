@@ -55,8 +55,8 @@ struct OfflineStatistics {
 struct OfflineResult {
   std::vector<StampedPose>
       trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
-  /// Without IMU `trajectory` and `tags` are refined together (SettledTrajectory), and this is what the
-  /// filter gave out live; with IMU it is empty, because `trajectory` is live.
+  /// Without IMU `trajectory` and `tags` are refined together (SettledTrajectory), and this is what
+  /// the filter gave out live; with IMU it is empty, because `trajectory` is live.
   std::vector<StampedPose> live;
   std::vector<KnownTag> known;  ///< As given.
   std::vector<TagBelief> tags;  ///< As the filter saw them at the end; without IMU refined.
@@ -70,7 +70,8 @@ using OfflineProgress = std::function<void(double data_s)>;
 
 /// Runs one body's samples through merger, detector and filter, one after the other in this thread:
 /// no clock, no randomness; the same samples give the same result to the last bit.
-/// @return Error when the source is lost or the refinement fails. A source without images gives an empty trajectory.
+/// @return Error when the source is lost or the refinement fails. A source without images gives an
+/// empty trajectory.
 [[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
                                                   const OfflineProgress& progress = {});
 

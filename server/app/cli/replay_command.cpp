@@ -71,12 +71,13 @@ Expected<void> apply_map(const std::string& path, OfflineSetup& setup) {
 void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
                    const RecordingInfo& info, const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
-  const double cpu = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
+  const double cpu =
+      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
   terminal.out << info.name << ": " << fixed(s.data_s, 1) << " s of data in " << fixed(cpu, 2)
                << " s of CPU (read " << fixed(s.read_cpu_s, 2) << ", detect "
                << fixed(s.detect_cpu_s, 2) << ", propagate " << fixed(s.propagate_cpu_s, 2)
-               << ", update " << fixed(s.update_cpu_s, 2) << ", settle "
-               << fixed(s.settle_cpu_s, 2) << ")\n"
+               << ", update " << fixed(s.update_cpu_s, 2) << ", settle " << fixed(s.settle_cpu_s, 2)
+               << ")\n"
                << "  " << s.frames << " frames, " << s.frames_with_tags << " with tags, "
                << s.frames_with_tags_and_pose << " of these with a pose; " << result.tags.size()
                << " tags mapped, " << result.known.size() << " known\n"

@@ -13,7 +13,8 @@ namespace {
 /// Half the time between two images of one camera; the cameras take turns.
 Duration half_median_step(std::span<const StampedPose> poses, std::size_t cameras) {
   std::vector<Duration> steps;
-  for (std::size_t i = cameras; i < poses.size(); ++i) steps.push_back(poses[i].at - poses[i - cameras].at);
+  for (std::size_t i = cameras; i < poses.size(); ++i)
+    steps.push_back(poses[i].at - poses[i - cameras].at);
   if (steps.empty()) return Duration{0};
   const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
   std::nth_element(steps.begin(), middle, steps.end());
@@ -35,7 +36,9 @@ double quantile(std::vector<double> values, double share) {
 ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
                                      std::span<const StampedPose> poses,
                                      std::span<const TagPlace> map)
-    : cameras_(std::move(cameras)), poses_(poses), half_period_(half_median_step(poses, cameras_.size())) {
+    : cameras_(std::move(cameras)),
+      poses_(poses),
+      half_period_(half_median_step(poses, cameras_.size())) {
   for (const TagPlace& tag : map) map_.emplace(tag.tag_id, tag);
 }
 

@@ -25,7 +25,8 @@ std::string shortest(double value) {
 }
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
-  const double total = s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
+  const double total =
+      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
   const double filter = s.propagate_cpu_s + s.update_cpu_s;
   return {{"read", s.read_cpu_s},
           {"detect", s.detect_cpu_s},

@@ -30,19 +30,21 @@ struct Settlement {
 
 /// Map and poses of a body without IMU, after the last image.
 ///
-/// A recording without IMU is mapping work: its map keeps improving to the last image, and poses given out early belong to
-/// a map that no longer exists. After the run every instant is placed in the final map: each tag proposes where the body
-/// stands (the filter's pose then, carried over by its nearest tag; both planar poses of the nearest tags), least squares
-/// over all corners of all cameras improves each proposal, the cheapest counts. Then map and poses are refined together
-/// (mapping/refinement), and again while the better map takes instants out of a wrong planar branch. No smoothing: the
-/// instants around one only choose between its branches.
+/// A recording without IMU is mapping work: its map keeps improving to the last image, and poses
+/// given out early belong to a map that no longer exists. After the run every instant is placed in
+/// the final map: each tag proposes where the body stands (the filter's pose then, carried over by
+/// its nearest tag; both planar poses of the nearest tags), least squares over all corners of all
+/// cameras improves each proposal, the cheapest counts. Then map and poses are refined together
+/// (mapping/refinement), and again while the better map takes instants out of a wrong planar
+/// branch. No smoothing: the instants around one only choose between its branches.
 class SettledTrajectory final {
  public:
   explicit SettledTrajectory(double corner_noise_px) : corner_noise_px_(corner_noise_px) {}
 
   /// @param X_WB   the filter's pose after this image, or nullopt while it has none
   /// @param tags   where the filter has its tags now (only those of `seen` are looked at)
-  void add(const TagObservations& seen, const std::optional<Pose>& X_WB, const std::vector<KnownTag>& tags);
+  void add(const TagObservations& seen, const std::optional<Pose>& X_WB,
+           const std::vector<KnownTag>& tags);
   /// @return empty when no image saw a tag of the map; Error when the refinement fails
   [[nodiscard]] Expected<Settlement> settle(const SettlingStart& start);
 
@@ -61,9 +63,12 @@ class SettledTrajectory final {
   void propose_planar_poses(Frame& frame, const std::vector<CameraMount>& cameras) const;
   /// @return true when a frame has another pose than before
   bool place_all(const std::vector<CameraMount>& cameras, const TagPoses& map);
-  [[nodiscard]] std::optional<Pose> place(const Frame& frame, const std::vector<CameraMount>& cameras, const TagPoses& map,
+  [[nodiscard]] std::optional<Pose> place(const Frame& frame,
+                                          const std::vector<CameraMount>& cameras,
+                                          const TagPoses& map,
                                           const std::vector<StampedPose>& neighbours) const;
-  [[nodiscard]] static std::vector<SightedTag> sightings(const Frame& frame, const std::vector<CameraMount>& cameras,
+  [[nodiscard]] static std::vector<SightedTag> sightings(const Frame& frame,
+                                                         const std::vector<CameraMount>& cameras,
                                                          const TagPoses& map);
   /// Moves `tags`, and the frames with them.
   Expected<void> refine_all(const SettlingStart& start, std::vector<KnownTag>& tags);

@@ -97,7 +97,8 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
       .require(is_body_name(body.name), "name", '"' + body.name + '"',
                "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
-      .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter, "must be robocentric or world")
+      .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
+               "must be robocentric or world")
       .require(!camera || body.cameras.size() == 1, "cameras",
                std::to_string(body.cameras.size()) + " entries",
                "a camera source has exactly one camera")

@@ -34,9 +34,10 @@ inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
     {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
 inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
     {{"flag", WhenInvalid::kFlag}, {"stop", WhenInvalid::kStop}, {"hold", WhenInvalid::kHold}}};
-inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{{{"off", RemoteControl::kOff},
-                                                                    {"loopback", RemoteControl::kLoopback},
-                                                                    {"all", RemoteControl::kAll}}};
+inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{
+    {{"off", RemoteControl::kOff},
+     {"loopback", RemoteControl::kLoopback},
+     {"all", RemoteControl::kAll}}};
 inline constexpr std::array<Word<dds::Px4Profile>, 3> kPx4Profile{{{"off", dds::Px4Profile::kOff},
                                                                    {"ned", dds::Px4Profile::kNed},
                                                                    {"frd", dds::Px4Profile::kFrd}}};

@@ -24,15 +24,16 @@ struct RecordedTag {
   double rotation_sigma_rad{};
 };
 
-/// What a recording says about itself: calibration and tags, no samples. The EuRoC/ASL folder layout with detections.
+/// What a recording says about itself: calibration and tags, no samples. The EuRoC/ASL folder
+/// layout with detections.
 struct RecordingInfo {
   std::string folder;
-  std::string name;                    ///< Last part of the folder.
+  std::string name;  ///< Last part of the folder.
   std::vector<CameraMount> cameras;
-  std::vector<bool> has_images;        ///< Per camera: cam<K>/data/<ns>.png …
-  std::vector<bool> has_corners;       ///< … or tags<K>/data.csv.
+  std::vector<bool> has_images;   ///< Per camera: cam<K>/data/<ns>.png …
+  std::vector<bool> has_corners;  ///< … or tags<K>/data.csv.
   std::optional<ImuNoise> imu;
-  Pose X_BI;                           ///< IMU in body axes (imu0 T_BS); samples come out in body axes.
+  Pose X_BI;  ///< IMU in body axes (imu0 T_BS); samples come out in body axes.
   std::string tag_family{"tag36h11"};
   double tag_size_m{0.16};
   std::map<int, double> tag_sizes_m;
@@ -55,7 +56,8 @@ struct TruthSample {
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
 /// Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
-/// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when there is none.
+/// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when
+/// there is none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder);
 /// `truth/tags.csv` (id,size,px,py,pz,qw,qx,qy,qz). Empty when there is none. Sigmas are zero.
 [[nodiscard]] Expected<std::vector<RecordedTag>> read_truth_tags(const std::string& folder);
@@ -63,15 +65,16 @@ struct TruthSample {
 [[nodiscard]] Expected<std::vector<Pose>> read_truth_extrinsics(const std::string& folder);
 
 struct RecordingPlayback {
-  bool paced{false};  ///< True: stamps are moved to the server's clock and samples come when they are due.
+  bool paced{
+      false};  ///< True: stamps are moved to the server's clock and samples come when they are due.
   bool loop{false};
   double speed{1.0};  ///< With `paced`.
 };
 
-/// Streams IMU, images and corners merged by time. Damaged lines are counted in a log line and left out; a file that
-/// ends in the middle of a line gives all lines before it. Reads as it goes, memory does not grow with the recording.
-[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_recording(const RecordingInfo& info,
-                                                                     const RecordingPlayback& playback,
-                                                                     const Clock& clock);
+/// Streams IMU, images and corners merged by time. Damaged lines are counted in a log line and left
+/// out; a file that ends in the middle of a line gives all lines before it. Reads as it goes,
+/// memory does not grow with the recording.
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_recording(
+    const RecordingInfo& info, const RecordingPlayback& playback, const Clock& clock);
 
 }  // namespace fiducap

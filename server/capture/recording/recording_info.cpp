@@ -28,9 +28,11 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   mount.time_shift_sigma_s = yaml->number("timeshift_sigma").value_or(mount.time_shift_sigma_s);
   mount.readout_s = yaml->number("readout").value_or(mount.readout_s);
   mount.readout_sigma_s = yaml->number("readout_sigma").value_or(mount.readout_sigma_s);
-  for (const auto& [key, seconds] : {std::pair("timeshift_sigma", mount.time_shift_sigma_s), std::pair("readout", mount.readout_s),
-                                     std::pair("readout_sigma", mount.readout_sigma_s)}) {
-    if (!(seconds >= 0 && seconds < kLargestTimeShift_s)) yaml->complain(key, "must lie between 0 and 10 s");
+  for (const auto& [key, seconds] :
+       {std::pair("timeshift_sigma", mount.time_shift_sigma_s),
+        std::pair("readout", mount.readout_s), std::pair("readout_sigma", mount.readout_sigma_s)}) {
+    if (!(seconds >= 0 && seconds < kLargestTimeShift_s))
+      yaml->complain(key, "must lie between 0 and 10 s");
   }
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
   return mount;

@@ -9,8 +9,9 @@
 
 namespace fiducap {
 
-/// Writes a recording that read_recording_info and open_recording read back: images as PNG, corners, IMU, truth.
-/// Same text precision as the recordings of data/ (corners 1e-5 px, IMU 1e-9). Never overwrites a folder with content.
+/// Writes a recording that read_recording_info and open_recording read back: images as PNG,
+/// corners, IMU, truth. Same text precision as the recordings of data/ (corners 1e-5 px, IMU 1e-9).
+/// Never overwrites a folder with content.
 class RecordingWriter final {
  public:
   [[nodiscard]] static Expected<RecordingWriter> create(const RecordingInfo& info);

@@ -156,8 +156,10 @@ std::vector<ConfigError> check(const SimulatedBodyConfig& body, const std::strin
     checker.require(exposure_share <= 1, "camera.exposure_s", body.camera.exposure_s,
                     "must fit between two images");
     const double readout_s = body.cameras[i].readout_s;
-    checker.require(!body.camera.images || readout_s == 0, "cameras[" + std::to_string(i) + "].readout_s", readout_s,
-                    "must be 0: images are drawn as by a global shutter; only corners (camera.images: false) know rolling ones");
+    checker.require(!body.camera.images || readout_s == 0,
+                    "cameras[" + std::to_string(i) + "].readout_s", readout_s,
+                    "must be 0: images are drawn as by a global shutter; only corners "
+                    "(camera.images: false) know rolling ones");
   }
   append(checker.errors, check(body.imu, prefix + "imu."));
   append(checker.errors, check(body.camera, prefix + "camera."));

@@ -13,13 +13,15 @@ namespace {
 
 using Corners = std::array<Eigen::Vector2d, 4>;
 
-constexpr int kRowSteps = 3;  // each brings the row closer by the share of an image that the point moves while it is read
+constexpr int kRowSteps =
+    3;  // each brings the row closer by the share of an image that the point moves while it is read
 
 bool inside(const CameraModel& model, const Eigen::Vector2d& px) {
   return px.x() >= 0 && px.y() >= 0 && px.x() <= model.width - 1 && px.y() <= model.height - 1;
 }
 
-/// A rolling shutter exposes a point in the row in which it appears: where that is, is found by going there.
+/// A rolling shutter exposes a point in the row in which it appears: where that is, is found by
+/// going there.
 std::optional<Eigen::Vector2d> project(const CameraModel& model, const CameraPath& path,
                                        const Pose& X_VW, const Eigen::Vector3d& p_W) {
   auto px = model.project(X_VW * p_W);
@@ -66,9 +68,9 @@ void drop_doubles(std::vector<TagSighting>& sightings) {
 
 }  // namespace
 
-void sight_corners(const CameraModel& model, const CameraPath& path, const std::vector<RecordedTag>& tags,
-                   const CameraSimulation& rules, const ImageKey& key,
-                   std::vector<TagSighting>& out) {
+void sight_corners(const CameraModel& model, const CameraPath& path,
+                   const std::vector<RecordedTag>& tags, const CameraSimulation& rules,
+                   const ImageKey& key, std::vector<TagSighting>& out) {
   out.clear();
   const Pose X_WV = path(0);
   Random random(key.seed, Purpose::kCornerNoise, static_cast<std::uint64_t>(key.camera), key.k);

@@ -17,7 +17,8 @@ struct ImageKey {
   std::uint64_t k{};  ///< Counts the exposures of this camera, dropped ones too.
 };
 
-/// Where the camera stands when a row is exposed. @param row  −0.5 first … +0.5 last row of the image
+/// Where the camera stands when a row is exposed. @param row  −0.5 first … +0.5 last row of the
+/// image
 using CameraPath = std::function<Pose(double row)>;
 
 /// The sightings that a detector would report, without rendering: projected corners with white
@@ -25,8 +26,8 @@ using CameraPath = std::function<Pose(double row)>;
 /// Sorted by id; an id that appears twice is left out, as TagDetector does.
 /// @param X_WV  the same for all rows with a global shutter
 /// @param tags  as they hang in this image, ids as printed
-void sight_corners(const CameraModel& model, const CameraPath& X_WV, const std::vector<RecordedTag>& tags,
-                   const CameraSimulation& rules, const ImageKey& key,
-                   std::vector<TagSighting>& out);
+void sight_corners(const CameraModel& model, const CameraPath& X_WV,
+                   const std::vector<RecordedTag>& tags, const CameraSimulation& rules,
+                   const ImageKey& key, std::vector<TagSighting>& out);
 
 }  // namespace fiducap::simulation

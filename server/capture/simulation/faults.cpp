@@ -60,14 +60,17 @@ void Faults::cover(int camera, std::uint64_t k, std::vector<TagSighting>& sighti
   // Covered further, the tag could not be decoded any more.
   constexpr double kBorder = 1.0 / 8;
   for (TagSighting& tag : sightings) {
-    Random random(seed_, Purpose::kCornerFaults, static_cast<std::uint64_t>(camera) << 32 | static_cast<std::uint32_t>(tag.tag_id), k);
+    Random random(seed_, Purpose::kCornerFaults,
+                  static_cast<std::uint64_t>(camera) << 32 | static_cast<std::uint32_t>(tag.tag_id),
+                  k);
     const bool covered = random.chance(config_.occlude_corner);
     const auto corner = static_cast<std::size_t>(random.below(4));
     const double ahead = random.uniform(0, kBorder);
     const double back = random.uniform(0, kBorder);
     if (!covered) continue;
     auto& px = tag.corners_px;
-    px[corner] += ahead * (px[(corner + 1) % 4] - px[corner]) + back * (px[(corner + 3) % 4] - px[corner]);
+    px[corner] +=
+        ahead * (px[(corner + 1) % 4] - px[corner]) + back * (px[(corner + 3) % 4] - px[corner]);
   }
 }
 
@@ -76,13 +79,17 @@ Duration Faults::image_stamp_error() const { return from_seconds(config_.image_s
 Duration Faults::imu_stamp_error(std::uint64_t k, double rate_hz) const {
   if (config_.imu_stamp_jitter_s == 0) return Duration{0};
   constexpr double kMost = 0.45;  // of the period: less than half, so that order stays
-  const double drawn = config_.imu_stamp_jitter_s * Random(seed_, Purpose::kStampFaults, k).normal();
+  const double drawn =
+      config_.imu_stamp_jitter_s * Random(seed_, Purpose::kStampFaults, k).normal();
   return from_seconds(std::clamp(drawn, -kMost / rate_hz, kMost / rate_hz));
 }
 
 void Faults::saturate(double t_s, ImuSample& imu) const {
-  if (t_s < config_.saturation_at_s || t_s >= config_.saturation_at_s + config_.saturation_s) return;
-  const auto cut = [](Eigen::Vector3d& x, double range) { x = x.cwiseMax(-range).cwiseMin(range).eval(); };
+  if (t_s < config_.saturation_at_s || t_s >= config_.saturation_at_s + config_.saturation_s)
+    return;
+  const auto cut = [](Eigen::Vector3d& x, double range) {
+    x = x.cwiseMax(-range).cwiseMin(range).eval();
+  };
   cut(imu.w_WB_B, config_.saturated_gyro_rad_s);
   cut(imu.f_B, config_.saturated_accel_m_s2);
 }

@@ -145,9 +145,10 @@ class Simulation final : public SimulatedSource {
 
   void add_image_camera(const RoomConfig& room, const CameraMount& mount) {
     auto family = TagFamily::named(room.family);
-    images_.push_back({std::make_unique<ImageCamera>(mount, body_.camera, RoomLook{box_of(room), room.texture},
-                                                     std::move(*family), room.daylight),
-                       {}});
+    images_.push_back(
+        {std::make_unique<ImageCamera>(mount, body_.camera, RoomLook{box_of(room), room.texture},
+                                       std::move(*family), room.daylight),
+         {}});
     constexpr double kReserve = 1.25;
     rows_ahead_ += 1 + static_cast<int>(kReserve * mount.model.height * mount.rate_hz /
                                         body_.imu.noise.rate_hz);

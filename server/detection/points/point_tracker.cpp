@@ -11,10 +11,10 @@ namespace {
 constexpr double kBack_px = 0.4;  // between a point and where the way there and back leads
 constexpr double kMotion_px =
     1.2;  // from the epipolar line: noise, and a turning known to some tenths of a pixel
-constexpr double kApart_px = 14.0;  // of new points: closer neighbours tell the same
+constexpr double kApart_px = 14.0;               // of new points: closer neighbours tell the same
 constexpr double kCrowded_px = 0.5 * kApart_px;  // of followed ones: the younger of two goes
-constexpr double kTagReach = 1.5;   // of a tag's half edge: quiet zone and patch included
-constexpr int kNewPerImage = 12;    // cells searched for a new point
+constexpr double kTagReach = 1.5;  // of a tag's half edge: quiet zone and patch included
+constexpr int kNewPerImage = 12;   // cells searched for a new point
 constexpr float kLeastCorner = 2.5F * patch_flow::kLeastStructure;
 constexpr int kBorder_px = patch_flow::kHalf + 3;
 
@@ -134,11 +134,11 @@ void PointTracker::drop_moving(const CameraModel& model, const Eigen::Quaternion
 void PointTracker::drop_crowded() {
   std::size_t kept = 0;
   for (const Point& point : points_) {
-    const bool crowded = std::any_of(
-        points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
-        [&](const Point& old) {
-          return (old.raw_px - point.raw_px).squaredNorm() < kCrowded_px * kCrowded_px;
-        });
+    const bool crowded =
+        std::any_of(points_.begin(), points_.begin() + static_cast<std::ptrdiff_t>(kept),
+                    [&](const Point& old) {
+                      return (old.raw_px - point.raw_px).squaredNorm() < kCrowded_px * kCrowded_px;
+                    });
     if (!crowded) points_[kept++] = point;
   }
   points_.erase(points_.begin() + static_cast<std::ptrdiff_t>(kept), points_.end());

@@ -15,7 +15,8 @@ Pose tag_in_body(const FilterState& state, const TagToUse& tag) {
 }
 
 /// Corner noise plus the uncertainty of the given place, which no state block carries.
-Eigen::Matrix<double, 8, 8> noise_of(const FilterState& state, const TagToUse& tag, const Matrix86d& H_BT, double noise_px) {
+Eigen::Matrix<double, 8, 8> noise_of(const FilterState& state, const TagToUse& tag,
+                                     const Matrix86d& H_BT, double noise_px) {
   Eigen::Matrix<double, 8, 8> R = Eigen::Matrix<double, 8, 8>::Identity() * noise_px * noise_px;
   if (tag.local < 0) {
     Matrix6d B_from_W = Matrix6d::Zero();
@@ -27,7 +28,8 @@ Eigen::Matrix<double, 8, 8> noise_of(const FilterState& state, const TagToUse& t
   return R;
 }
 
-void add_body_blocks(TagMeasurement& m, const FilterState& state, const Matrix86d& H_BT, const Pose& X_BT) {
+void add_body_blocks(TagMeasurement& m, const FilterState& state, const Matrix86d& H_BT,
+                     const Pose& X_BT) {
   const Matrix83d H_p = H_BT.leftCols<3>();
   const Matrix83d H_q = H_BT.rightCols<3>();
   m.add(kPosition, -H_p);
@@ -53,11 +55,12 @@ Pose predicted_tag(const FilterState& state, int camera, const TagToUse& tag) {
   return state.X_BV[static_cast<std::size_t>(camera)].inverse() * tag_in_body(state, tag);
 }
 
-TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
-                       double corner_noise_px) {
+TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model,
+                       const TagToUse& tag, double corner_noise_px) {
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
-  const CornerResidual residual = corner_residual(*tag.seen, predicted_tag(state, camera, tag), model);
+  const CornerResidual residual =
+      corner_residual(*tag.seen, predicted_tag(state, camera, tag), model);
   m.in_front = residual.in_front;
   m.y = residual.y;
   m.R = Eigen::Matrix<double, 8, 8>::Identity() * corner_noise_px * corner_noise_px;
@@ -84,10 +87,12 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
   return m;
 }
 
-void measure_image(const FilterState& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-                   const CornerNoise& noise, ImageMeasurement& out) {
+void measure_image(const FilterState& state, int camera, const CameraModel& model,
+                   std::span<const TagToUse> tags, const CornerNoise& noise,
+                   ImageMeasurement& out) {
   out.tags.clear();
-  for (const TagToUse& tag : tags) out.tags.push_back(measure(state, camera, model, tag, noise.of(*tag.seen)));
+  for (const TagToUse& tag : tags)
+    out.tags.push_back(measure(state, camera, model, tag, noise.of(*tag.seen)));
 }
 
 }  // namespace fiducap::robocentric

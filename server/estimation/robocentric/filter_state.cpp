@@ -18,9 +18,7 @@ void left_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> er
 
 }  // namespace
 
-void FilterState::resize_covariance() {
-  covariance.reset(size());
-}
+void FilterState::resize_covariance() { covariance.reset(size()); }
 
 void FilterState::copy_mean(const FilterState& other) {
   time = other.time;
@@ -66,7 +64,8 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     const auto k = static_cast<std::size_t>(c);
     left_error(X_BV[k], other.X_BV[k], error.segment<6>(layout::extrinsics(c)));
   }
-  for (std::size_t i = 0; i < tags.size(); ++i) left_error(tags[i].X_VT, other.tags[i].X_VT, error.segment<6>(tag_at(i)));
+  for (std::size_t i = 0; i < tags.size(); ++i)
+    left_error(tags[i].X_VT, other.tags[i].X_VT, error.segment<6>(tag_at(i)));
   return error;
 }
 
@@ -79,7 +78,8 @@ BodyEstimate body_in_workspace(const FilterState& state) {
   out.v_WB = R * state.v_WB_B;
   out.bias_f = state.bias_f;
   out.bias_w = state.bias_w;
-  Eigen::Matrix<double, 15, layout::kBodySize> J = Eigen::Matrix<double, 15, layout::kBodySize>::Zero();
+  Eigen::Matrix<double, 15, layout::kBodySize> J =
+      Eigen::Matrix<double, 15, layout::kBodySize>::Zero();
   J.block<3, 3>(eb::kPosition, layout::kPosition) = R;
   J.block<3, 3>(eb::kPosition, layout::kAttitude) = -R * skew(state.p_WB_B);
   J.block<3, 3>(eb::kAttitude, layout::kAttitude) = R;

@@ -10,8 +10,8 @@
 #include "base/time.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/growing_covariance.hpp"
-#include "estimation/tag_record.hpp"
 #include "estimation/robocentric/state_layout.hpp"
+#include "estimation/tag_record.hpp"
 
 namespace fiducap::robocentric {
 
@@ -22,7 +22,8 @@ struct LocalTag : TagRecord {
 
 /// The state x of RCARS II-D3, for any number of tags and cameras, with its covariance.
 ///
-/// Robocentric: position and velocity of the body in its own turning axes B, tags in the axes of camera 0.
+/// Robocentric: position and velocity of the body in its own turning axes B, tags in the axes of
+/// camera 0.
 struct FilterState {
   Instant time{};
   Eigen::Vector3d p_WB_B{Eigen::Vector3d::Zero()};
@@ -36,7 +37,9 @@ struct FilterState {
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return layout::tag(cameras(), static_cast<int>(tags.size())); }
-  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
+  [[nodiscard]] int tag_at(std::size_t i) const {
+    return layout::tag(cameras(), static_cast<int>(i));
+  }
   [[nodiscard]] Pose X_WB() const { return {q_WB, q_WB * p_WB_B}; }
 
   /// size() × size(), symmetric.
@@ -58,14 +61,19 @@ struct FilterState {
 
   /// x ⊞ δ: adds an error vector of length size() in the coordinates of state_layout.hpp.
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
-  /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ δ, first order in rotation.
+  /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ δ, first
+  /// order in rotation.
   [[nodiscard]] Eigen::VectorXd error_to(const FilterState& other) const;
 };
 
-/// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and `anchored` are left alone.
+/// Pose, velocity and biases in workspace axes with their covariance; rate, acceleration and
+/// `anchored` are left alone.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
 
-/// Nothing to do: a tag's place is in camera or body axes, no error has a lever arm that a correction changes.
-inline void carry_covariance(FilterState& /*state*/, const Eigen::Ref<const Eigen::VectorXd>& /*correction*/, int /*camera*/) {}
+/// Nothing to do: a tag's place is in camera or body axes, no error has a lever arm that a
+/// correction changes.
+inline void carry_covariance(FilterState& /*state*/,
+                             const Eigen::Ref<const Eigen::VectorXd>& /*correction*/,
+                             int /*camera*/) {}
 
 }  // namespace fiducap::robocentric

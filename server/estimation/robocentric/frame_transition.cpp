@@ -6,18 +6,20 @@ namespace fiducap::robocentric {
 
 using namespace layout;  // NOLINT: the block names are the subject of this file
 
-FrameTransition::TagMove FrameTransition::move_tag(const Pose& X_BV, const Pose& X_B0B, Pose& X_VT) {
-  // T in V0 → in B0 (extrinsics) → in B (step undone) → in V (extrinsics undone); errors follow the same path.
+FrameTransition::TagMove FrameTransition::move_tag(const Pose& X_BV, const Pose& X_B0B,
+                                                   Pose& X_VT) {
+  // T in V0 → in B0 (extrinsics) → in B (step undone) → in V (extrinsics undone); errors follow the
+  // same path.
   const Eigen::Matrix3d R_BV = X_BV.rotation();
   const Eigen::Matrix3d R_BB0 = X_B0B.rotation().transpose();
   const Eigen::Vector3d arm_B0 = X_BV.q * X_VT.p;
   const Pose X_BT = X_B0B.inverse() * (X_BV * X_VT);
   const Eigen::Vector3d lever_B = X_BT.p - X_BV.p;
 
-  Matrix6d from_tag = Matrix6d::Zero();       // ∂ X_BT / ∂ tag
+  Matrix6d from_tag = Matrix6d::Zero();  // ∂ X_BT / ∂ tag
   from_tag.topLeftCorner<3, 3>() = R_BB0 * R_BV;
   from_tag.bottomRightCorner<3, 3>() = R_BB0 * R_BV;
-  Matrix6d from_step = Matrix6d::Zero();      // ∂ X_BT / ∂ step
+  Matrix6d from_step = Matrix6d::Zero();  // ∂ X_BT / ∂ step
   from_step.topLeftCorner<3, 3>() = -Eigen::Matrix3d::Identity();
   from_step.topRightCorner<3, 3>() = skew(X_BT.p);
   from_step.bottomRightCorner<3, 3>() = -Eigen::Matrix3d::Identity();
@@ -68,7 +70,8 @@ void FrameTransition::apply(FilterState& state, MotionSinceImage& motion) {
   for (std::size_t i = 0; i < n; ++i) {
     TagMove& move = moves_[i];
     move = move_tag(state.X_BV[0], motion.X_B0B, state.tags[i].X_VT);
-    move.L << moved_others.middleCols<6>(state.tag_at(i) - kBodySize).bottomRows<6>(), P.block<6, 6>(e0, state.tag_at(i));
+    move.L << moved_others.middleCols<6>(state.tag_at(i) - kBodySize).bottomRows<6>(),
+        P.block<6, 6>(e0, state.tag_at(i));
     move.V.noalias() = move.A * move.L.transpose();
     move.U.noalias() = move.L * move.A.transpose();
     move.U.noalias() += S * move.M.transpose();
@@ -79,11 +82,13 @@ void FrameTransition::apply(FilterState& state, MotionSinceImage& motion) {
     if (row < kBodySize) {
       share << moved.block<3, 6>(row, kStepPosition), P.block<3, 6>(row, e0);
     } else {
-      share << moved_others.block<6, 3>(kBodySize, row - kBodySize).transpose(), P.block<3, 6>(row, e0);
+      share << moved_others.block<6, 3>(kBodySize, row - kBodySize).transpose(),
+          P.block<3, 6>(row, e0);
     }
     for (std::size_t i = 0; i < n; ++i) {
       const int at = state.tag_at(i);
-      const Matrix3x6d block = P.block<3, 6>(row, at) * moves_[i].A.transpose() + share * moves_[i].M.transpose();
+      const Matrix3x6d block =
+          P.block<3, 6>(row, at) * moves_[i].A.transpose() + share * moves_[i].M.transpose();
       P.block<3, 6>(row, at) = block;
       P.block<6, 3>(at, row) = block.transpose();
     }

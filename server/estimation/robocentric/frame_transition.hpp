@@ -7,19 +7,22 @@
 
 namespace fiducap::robocentric {
 
-/// Brings tags and covariance to the body's present place: the tags turn and move in the camera as the body moved in
-/// the room (RCARS II-D3, eq. for r_T and q_T, in exact form), once per image instead of once per inertial sample.
+/// Brings tags and covariance to the body's present place: the tags turn and move in the camera as
+/// the body moved in the room (RCARS II-D3, eq. for r_T and q_T, in exact form), once per image
+/// instead of once per inertial sample.
 ///
-/// With N tags: body and step blocks by Φ, tag blocks P_ij ← A_i P_ij A_jᵀ + what the common motion and the extrinsics
-/// add; never a dense F P Fᵀ. The scratch memory is kept, so nothing is allocated after warm-up.
+/// With N tags: body and step blocks by Φ, tag blocks P_ij ← A_i P_ij A_jᵀ + what the common motion
+/// and the extrinsics add; never a dense F P Fᵀ. The scratch memory is kept, so nothing is
+/// allocated after warm-up.
 class FrameTransition final {
  public:
   /// @pre state's body mean already stands at the end of `motion`.
   /// @post motion is restarted
   void apply(FilterState& state, MotionSinceImage& motion);
-  /// The error of the whole state that an error of (body, step) makes; @pre `apply` was just called on this state.
-  [[nodiscard]] Eigen::VectorXd spread(const FilterState& state,
-                                       const Eigen::Matrix<double, layout::kMotionSize, 1>& error) const;
+  /// The error of the whole state that an error of (body, step) makes; @pre `apply` was just called
+  /// on this state.
+  [[nodiscard]] Eigen::VectorXd spread(
+      const FilterState& state, const Eigen::Matrix<double, layout::kMotionSize, 1>& error) const;
 
  private:
   using Matrix12d = Eigen::Matrix<double, 12, 12>;

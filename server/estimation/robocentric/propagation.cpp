@@ -23,11 +23,13 @@ StepJacobians step_mean(FilterState& state, MotionSinceImage& motion, const Iner
   state.q_WB = (state.q_WB * turn).normalized();
   motion.X_B0B = {(motion.X_B0B.q * turn).normalized(), motion.X_B0B.p + motion.X_B0B.q * step_B};
 
-  // Acceleration against tilt, accelerometer bias and gyro bias; a white acceleration enters like minus a bias.
+  // Acceleration against tilt, accelerometer bias and gyro bias; a white acceleration enters like
+  // minus a bias.
   const Eigen::Matrix3d a_tilt = input.has_accelerometer ? skew(g_B) : Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d a_force = -R_half;
-  const Eigen::Matrix3d a_gyro =
-      input.has_accelerometer ? Eigen::Matrix3d(0.5 * dt * R_half * skew(f_B)) : Eigen::Matrix3d::Zero();
+  const Eigen::Matrix3d a_gyro = input.has_accelerometer
+                                     ? Eigen::Matrix3d(0.5 * dt * R_half * skew(f_B))
+                                     : Eigen::Matrix3d::Zero();
   const Eigen::Matrix3d turn_gyro = -dt * right_jacobian_so3(w_B * dt);
   const double dt2 = 0.5 * dt * dt;
 

@@ -5,12 +5,13 @@
 
 namespace fiducap::robocentric {
 
-std::vector<SightedTag> tags_at_start(const FilterState& state, int camera, const CameraModel& model,
-                                      std::span<const TagToUse> tags) {
+std::vector<SightedTag> tags_at_start(const FilterState& state, int camera,
+                                      const CameraModel& model, std::span<const TagToUse> tags) {
   std::vector<SightedTag> sighted;
   for (const TagToUse& tag : tags) {
-    const Pose X_B0T = tag.local >= 0 ? state.X_BV[0] * state.tags[static_cast<std::size_t>(tag.local)].X_VT
-                                      : state.X_WB().inverse() * tag.known->X_WT;
+    const Pose X_B0T = tag.local >= 0
+                           ? state.X_BV[0] * state.tags[static_cast<std::size_t>(tag.local)].X_VT
+                           : state.X_WB().inverse() * tag.known->X_WT;
     sighted.push_back({tag.seen, &model, state.X_BV[static_cast<std::size_t>(camera)], X_B0T});
   }
   return sighted;

@@ -15,7 +15,8 @@ namespace fiducap::robocentric {
 using namespace layout;        // NOLINT: the block names are the subject of this file
 using namespace filter_rules;  // NOLINT: short names for what both filters go by
 
-RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config)
+RobocentricFilter::RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge,
+                                     EstimatorConfig config)
     : sensors_(std::move(sensors)),
       gauge_(gauge),
       config_(config),
@@ -39,8 +40,12 @@ void RobocentricFilter::restart() {
   auto P = state_.P();
   for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
     const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
-    P.diagonal().segment<3>(layout::extrinsics(c)).setConstant(mount.position_sigma_m * mount.position_sigma_m);
-    P.diagonal().segment<3>(layout::extrinsics(c) + 3).setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    P.diagonal()
+        .segment<3>(layout::extrinsics(c))
+        .setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    P.diagonal()
+        .segment<3>(layout::extrinsics(c) + 3)
+        .setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
   }
   mode_ = Mode::kStarting;
   anchor_ = Anchor::kNone;
@@ -99,7 +104,8 @@ void RobocentricFilter::propagate(const ImuSample& imu) {
   if (mode_ != Mode::kRunning) {
     imu_.keep_newest_pair();
   } else if (imu_.is_full()) {
-    // No image for long: move on without one. The newest sample may still close an image's interval.
+    // No image for long: move on without one. The newest sample may still close an image's
+    // interval.
     integrate_to(imu_.before_newest().sampled_at);
     transition_.apply(state_, motion_);
   }
@@ -132,19 +138,22 @@ void RobocentricFilter::sort_tags(const TagObservations& seen, std::span<const K
   usable_.clear();
   fresh_.clear();
   for (const TagObservation& tag : seen.tags) {
-    const auto given = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    const auto given = std::find_if(known.begin(), known.end(),
+                                    [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
     TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
     const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
     (usable ? usable_ : fresh_).push_back(use);
   }
 }
 
-UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<const KnownTag> known) {
+UpdateReport RobocentricFilter::update(const TagObservations& seen,
+                                       std::span<const KnownTag> known) {
   UpdateReport report;
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
   report.running = mode_ == Mode::kRunning;
-  if (report.running && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
+  if (report.running && seen.exposed_at < state_.time)
+    return report;  // too late; the merger counts these
 
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
@@ -166,7 +175,8 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, std::span<co
     state_ = before_;
     at_image = false;
   }
-  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty()))
+    meet_fresh_tags(seen, report);
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
@@ -183,10 +193,12 @@ bool RobocentricFilter::move_to(const TagObservations& seen) {
 
 bool RobocentricFilter::move_by_corners(const TagObservations& seen) {
   const double dt = to_seconds(seen.exposed_at - state_.time);
-  const double wander = config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
+  const double wander =
+      config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
   const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
   const PlaceGuess guess{{exp_so3(-state_.bias_w * dt), state_.v_WB_B * dt}, wander, turning};
-  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_), guess, config_.corner_noise_px);
+  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_),
+                                guess, config_.corner_noise_px);
   if (!found) return false;
   before_ = state_;
   // The velocity and rate that lead exactly there are where the motion model is linearised …
@@ -212,7 +224,8 @@ bool RobocentricFilter::come_back(const TagObservations& seen) {
     if (!attitude_.ready()) return false;
     guess.X_AB.q = attitude_.q_LB(seen.exposed_at, state_.bias_w);
   }
-  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_), guess, config_.corner_noise_px);
+  const auto found = find_place(tags_at_start(state_, seen.camera, model_of(seen.camera), usable_),
+                                guess, config_.corner_noise_px);
   ++return_attempts_;
   const bool forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
   if (!found || (found->evidence < config_.branch_evidence && !forced)) return false;
@@ -229,8 +242,10 @@ void RobocentricFilter::jump(const Pose& X_B0B, Instant at) {
 }
 
 void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
-  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
-  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_, accepted_);
+  CornerUpdate<FilterState>::Options options{gate_, iterations,
+                                             linearisation_ ? &*linearisation_ : nullptr};
+  const UpdateReport done = corner_update_.apply(state_, seen.camera, model_of(seen.camera),
+                                                 usable_, options, corner_noise_, accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -263,13 +278,15 @@ void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateRepor
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), corner_noise_.of(*tag.seen), attitude,
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
+                                           corner_noise_.of(*tag.seen), attitude,
                                            {.at_least = at_least, .forced_after = forced_after});
     if (!verdict || !admit(seen, tag, verdict->X_VT, report)) ++report.tags_pending;
   }
 }
 
-bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+                              UpdateReport& report) {
   if (mode_ == Mode::kAdrift) {
     // Nothing links this tag to the old ones but a place in the workspace.
     const auto prior = priors_.find(tag.seen->tag_id);
@@ -305,7 +322,8 @@ bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, 
   return true;
 }
 
-void RobocentricFilter::apply_priors(int camera, int tag_id, const Pose& X_VT, UpdateReport& report) {
+void RobocentricFilter::apply_priors(int camera, int tag_id, const Pose& X_VT,
+                                     UpdateReport& report) {
   const auto prior = priors_.find(tag_id);
   if (prior == priors_.end()) return;
   if (anchor_ != Anchor::kWorkspace) {
@@ -364,7 +382,8 @@ std::vector<ExtrinsicsEstimate> RobocentricFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
     out.push_back({state_.X_BV[static_cast<std::size_t>(c)],
-                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c)), {}});
+                   state_.P().block<6, 6>(layout::extrinsics(c), layout::extrinsics(c)),
+                   {}});
   }
   return out;
 }

@@ -4,28 +4,30 @@
 #include <optional>
 #include <vector>
 
+#include "estimation/attitude_start.hpp"
 #include "estimation/body_filter.hpp"
 #include "estimation/corner_update.hpp"
-#include "estimation/attitude_start.hpp"
+#include "estimation/imu_buffer.hpp"
 #include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
-#include "estimation/imu_buffer.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/relink.hpp"
-#include "estimation/tag_candidates.hpp"
 #include "estimation/robocentric/workspace_axes.hpp"
+#include "estimation/tag_candidates.hpp"
 
 namespace fiducap::robocentric {
 
-/// The filter of RCARS II-D: body, biases, extrinsics and tags in the body's own axes, corrected by tag corners.
+/// The filter of RCARS II-D: body, biases, extrinsics and tags in the body's own axes, corrected by
+/// tag corners.
 ///
-/// Kept from the paper: the state, the measurement, gravity-true up, tags and extrinsics estimated online. Changed where
-/// the authors' code was measured to fail: exact rotation steps with mid-point readings, tags join only when their pose
-/// branch is certain, no random walk on tags and extrinsics, all tags of an image in one update gated on the joint
-/// covariance, any number of tags and cameras.
+/// Kept from the paper: the state, the measurement, gravity-true up, tags and extrinsics estimated
+/// online. Changed where the authors' code was measured to fail: exact rotation steps with
+/// mid-point readings, tags join only when their pose branch is certain, no random walk on tags and
+/// extrinsics, all tags of an image in one update gated on the joint covariance, any number of tags
+/// and cameras.
 ///
-/// Without IMU the same equations run with a white noise acceleration and angular acceleration; the body rate is then
-/// −bias_w, and each image is linearised at the motion its own tags show.
+/// Without IMU the same equations run with a white noise acceleration and angular acceleration; the
+/// body rate is then −bias_w, and each image is linearised at the motion its own tags show.
 class RobocentricFilter final : public BodyFilter {
  public:
   RobocentricFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
@@ -72,7 +74,8 @@ class RobocentricFilter final : public BodyFilter {
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
   void count_rejections(const std::vector<bool>& accepted, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
-  bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
+  bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+             UpdateReport& report);
   void apply_priors(int camera, int tag_id, const Pose& X_VT, UpdateReport& report);
   void tie_workspace(UpdateReport& report);
   void shift_workspace(const Pose& X_new_old, UpdateReport& report);
@@ -86,7 +89,8 @@ class RobocentricFilter final : public BodyFilter {
 
   Mode mode_{Mode::kStarting};
   Anchor anchor_{Anchor::kNone};
-  FilterState state_;  ///< Always whole: body, tags and covariance at one instant, that of the last image.
+  FilterState
+      state_;  ///< Always whole: body, tags and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   FrameTransition transition_;
   CornerUpdate<FilterState> corner_update_;

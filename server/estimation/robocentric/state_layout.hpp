@@ -21,7 +21,9 @@ inline constexpr int kPoseSize = 6;
 /// Camera c: p_BV (B axes) then rotation, q_BV = exp(δ) q̂_BV, δ in B axes.
 [[nodiscard]] constexpr int extrinsics(int camera) { return kBodySize + kPoseSize * camera; }
 /// Tag i: p_VT (V axes of camera 0) then rotation, q_VT = exp(δ) q̂_VT, δ in V axes.
-[[nodiscard]] constexpr int tag(int cameras, int i) { return kBodySize + kPoseSize * (cameras + i); }
+[[nodiscard]] constexpr int tag(int cameras, int i) {
+  return kBodySize + kPoseSize * (cameras + i);
+}
 }  // namespace layout
 
 using BodyMatrix = Eigen::Matrix<double, layout::kBodySize, layout::kBodySize>;

@@ -14,7 +14,8 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
 
-/// X_WT against position, attitude, extrinsics of camera 0 and the tag itself; position and rotation in W axes.
+/// X_WT against position, attitude, extrinsics of camera 0 and the tag itself; position and
+/// rotation in W axes.
 std::array<LinearTerm, 6> workspace_terms(const FilterState& state, std::size_t tag) {
   const Pose& X_BV = state.X_BV[0];
   const Pose& X_VT = state.tags[tag].X_VT;
@@ -33,10 +34,11 @@ std::array<LinearTerm, 6> workspace_terms(const FilterState& state, std::size_t 
 
 }  // namespace
 
-void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
-             double corner_noise_px) {
+void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
+             const Pose& X_VT, double corner_noise_px) {
   const CornerResidual residual = corner_residual(seen, X_VT, model);
-  const Matrix6d information = residual.H.transpose() * residual.H / (corner_noise_px * corner_noise_px);
+  const Matrix6d information =
+      residual.H.transpose() * residual.H / (corner_noise_px * corner_noise_px);
   const Matrix6d own = information.inverse();
 
   LocalTag tag;
@@ -59,8 +61,10 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   const Eigen::Vector3d lever_B = X_BVc.p + arm_B - X_BV0.p;
   const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
   const std::array<LinearTerm, 4> terms{
-      linear_term(extrinsics(camera), R_V0B, zero), linear_term(extrinsics(camera) + 3, -R_V0B * skew(arm_B), R_V0B),
-      linear_term(extrinsics(0), -R_V0B, zero), linear_term(extrinsics(0) + 3, R_V0B * skew(lever_B), -R_V0B)};
+      linear_term(extrinsics(camera), R_V0B, zero),
+      linear_term(extrinsics(camera) + 3, -R_V0B * skew(arm_B), R_V0B),
+      linear_term(extrinsics(0), -R_V0B, zero),
+      linear_term(extrinsics(0) + 3, R_V0B * skew(lever_B), -R_V0B)};
   Matrix6d turn = Matrix6d::Zero();
   turn.topLeftCorner<3, 3>() = R_V0Vc;
   turn.bottomRightCorner<3, 3>() = R_V0Vc;
@@ -74,7 +78,8 @@ void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {
   y << prior.X_WT.p - X_WT.p, log_so3(prior.X_WT.q * X_WT.q.conjugate());
   const auto terms = workspace_terms(state, tag);
   auto P = state.P();
-  Eigen::Matrix<double, Eigen::Dynamic, 6> PHt = Eigen::Matrix<double, Eigen::Dynamic, 6>::Zero(state.size(), 6);
+  Eigen::Matrix<double, Eigen::Dynamic, 6> PHt =
+      Eigen::Matrix<double, Eigen::Dynamic, 6>::Zero(state.size(), 6);
   for (const LinearTerm& t : terms) PHt.noalias() += P.middleCols<3>(t.at) * t.J.transpose();
   Matrix6d S = prior.covariance;
   for (const LinearTerm& t : terms) S.noalias() += t.J * PHt.middleRows<3>(t.at);
@@ -93,7 +98,8 @@ KnownTag tag_in_workspace(const FilterState& state, std::size_t tag) {
   const auto terms = workspace_terms(state, tag);
   const auto P = state.P();
   for (const LinearTerm& a : terms) {
-    for (const LinearTerm& b : terms) out.covariance.noalias() += a.J * P.block<3, 3>(a.at, b.at) * b.J.transpose();
+    for (const LinearTerm& b : terms)
+      out.covariance.noalias() += a.J * P.block<3, 3>(a.at, b.at) * b.J.transpose();
   }
   return out;
 }

@@ -7,11 +7,11 @@
 
 namespace fiducap::robocentric {
 
-/// A tag enters the state at the pose its corners say (RCARS II-D4). What the paper does with a large covariance and an
-/// update by the same corners is done in one step: the covariance of the least squares pose, and, seen by another
-/// camera than camera 0, its share of both extrinsics.
-void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
-             double corner_noise_px);
+/// A tag enters the state at the pose its corners say (RCARS II-D4). What the paper does with a
+/// large covariance and an update by the same corners is done in one step: the covariance of the
+/// least squares pose, and, seen by another camera than camera 0, its share of both extrinsics.
+void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
+             const Pose& X_VT, double corner_noise_px);
 
 /// Fuses survey knowledge about a tag in the state as a measurement of X_WT.
 void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior);

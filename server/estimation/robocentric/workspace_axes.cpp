@@ -40,7 +40,8 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
     q_new = turn_to_heading(rule, state.q_WB * X_BT.q) * state.q_WB;
     const double level2 = h.x() * h.x() + h.y() * h.y();
     const Eigen::RowVector3d yaw_from_h(-h.y() / level2, h.x() / level2, 0);
-    const Eigen::RowVector3d yaw_from_turn = -yaw_from_h * skew(h) * R_WB;  // h turns with the tag, in B axes
+    const Eigen::RowVector3d yaw_from_turn =
+        -yaw_from_h * skew(h) * R_WB;  // h turns with the tag, in B axes
     const Eigen::Vector3d up_B = q_new.conjugate() * Eigen::Vector3d::UnitZ();
     from_turn = -up_B * yaw_from_turn;
     from_tilt = Eigen::Matrix3d::Identity() + from_turn;

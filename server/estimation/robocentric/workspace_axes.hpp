@@ -5,13 +5,15 @@
 
 namespace fiducap::robocentric {
 
-/// Re-defines W by a tag in the state: its position and heading become exact by definition, up stays gravity's
-/// business (`level`), or, without gravity, its whole pose becomes exact. Nothing measurable changes.
+/// Re-defines W by a tag in the state: its position and heading become exact by definition, up
+/// stays gravity's business (`level`), or, without gravity, its whole pose becomes exact. Nothing
+/// measurable changes.
 /// @return X_WnewWold
 Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
 
-/// Re-defines W by a tag with a place in the map that camera `camera` sees at X_VT: mean from this sighting, position
-/// and heading (without gravity: the whole attitude) unknown until the update that follows.
+/// Re-defines W by a tag with a place in the map that camera `camera` sees at X_VT: mean from this
+/// sighting, position and heading (without gravity: the whole attitude) unknown until the update
+/// that follows.
 /// @return X_WnewWold
 Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level);
 

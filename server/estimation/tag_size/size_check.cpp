@@ -115,7 +115,8 @@ SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
 void SizeCheck::add(const ImuSample& imu) {
   if (!has_imu()) return;
   motion_.push(imu);
-  if (open_ && to_seconds(imu.sampled_at - begun_at_) > 2 * kLook_s) finish();  // images have stopped
+  if (open_ && to_seconds(imu.sampled_at - begun_at_) > 2 * kLook_s)
+    finish();  // images have stopped
   if (!open_) motion_.keep_newest();
 }
 

@@ -1,10 +1,11 @@
 // The world filter's clocks, and its start while they are unknown.
 //
-// A camera's time shift and the motion enter the images as a product. While both are vague, in a quick turn, a linear filter
-// becomes sure of wrong velocities and biases, and takes wrong branches. So what came in since the start is kept for some
-// seconds and lived through again from several guesses of the shift: the configured one, held; the same, free; the shift that
-// the free one found, until it moves no more; and others when all of these explain the images badly. The one that explains them
-// best goes on (an iterated filter over the start, from many beginnings).
+// A camera's time shift and the motion enter the images as a product. While both are vague, in a
+// quick turn, a linear filter becomes sure of wrong velocities and biases, and takes wrong
+// branches. So what came in since the start is kept for some seconds and lived through again from
+// several guesses of the shift: the configured one, held; the same, free; the shift that the free
+// one found, until it moves no more; and others when all of these explain the images badly. The one
+// that explains them best goes on (an iterated filter over the start, from many beginnings).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,7 +21,8 @@ namespace {
 constexpr std::array kLooks_s{2.0, 4.0, 6.0};
 // … and besides, when its images contradict each other.
 constexpr std::size_t kMostStrainedLooks = 5;
-// A shift is found again from where it was found last, at most so often and while it moves by more than this.
+// A shift is found again from where it was found last, at most so often and while it moves by more
+// than this.
 constexpr int kMostRefinements = 3;
 constexpr double kFarOff_s = 0.003;
 constexpr double kSure_sigma = 3.0;
@@ -28,7 +30,8 @@ constexpr double kSure_sigma = 3.0;
 constexpr double kMost_sigma = 6.0;
 // Less than this does not tell two lives apart.
 constexpr double kClearlyBetter = 10.0;
-// Cost per number of a life that explains its images badly: 1 is expected, covered corners make it 1.2, and few numbers scatter.
+// Cost per number of a life that explains its images badly: 1 is expected, covered corners make
+// it 1.2, and few numbers scatter.
 constexpr double kPoorCost = 1.25;
 constexpr double kPoorScatter = 4.0;
 // Then the shift is searched from so many sigmas of the prior below to so many above.
@@ -50,13 +53,14 @@ void WorldFilter::look_at(const TagObservations& seen) {
 ClockEstimate WorldFilter::clock(int camera) const {
   const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
   const int at = layout::clock(camera);
-  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s, std::sqrt(state_.P()(at + 1, at + 1))};
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s,
+          std::sqrt(state_.P()(at + 1, at + 1))};
 }
 
 void WorldFilter::reopen_clock(int camera) {
   open_clock(camera, sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s);
-  forgive(state_.tags);    // the clock is to blame, not they
-  memory_.forget_all();    // its states still believe in the clock
+  forgive(state_.tags);  // the clock is to blame, not they
+  memory_.forget_all();  // its states still believe in the clock
 }
 
 void WorldFilter::open_clock(int camera, double sigma_s) {
@@ -89,7 +93,8 @@ void WorldFilter::log_start(const TagObservations& seen, std::span<const KnownTa
 StartLife WorldFilter::first_guess(double spread) const {
   StartLife life;
   life.spread = spread;
-  for (std::size_t k = 0; k < sensors_.cameras.size(); ++k) life.shifts_s.push_back(first_shift_of(k));
+  for (std::size_t k = 0; k < sensors_.cameras.size(); ++k)
+    life.shifts_s.push_back(first_shift_of(k));
   return life;
 }
 
@@ -105,13 +110,16 @@ void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report
   life_.numbers += kNumbers * report.tags_seen;
   // Who calls his corners noisy has small distances: the likelihood's other term.
   const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
-  for (const TagObservation& tag : seen.tags) life_.cost += 2.0 * kNumbers * std::log(noise.growth(tag));
+  for (const TagObservation& tag : seen.tags)
+    life_.cost += 2.0 * kNumbers * std::log(noise.growth(tag));
 }
 
 UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report) {
-  if (!start_log_.is_open() || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning) return report;
+  if (!start_log_.is_open() || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning)
+    return report;
   const bool due = start_log_.seconds_since_first_tag(report.exposed_at) >= kLooks_s[due_looks_];
-  const bool strained = strained_updates_ == filter_rules::kStrainedToReopenClock && strained_looks_ < kMostStrainedLooks;
+  const bool strained = strained_updates_ == filter_rules::kStrainedToReopenClock &&
+                        strained_looks_ < kMostStrainedLooks;
   if (!due && !strained) return report;
   ++(due ? due_looks_ : strained_looks_);
   return live_best_start(report);
@@ -122,7 +130,8 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   const bool was_anchored = anchor_ != Anchor::kNone;
   const std::optional<int> gauge_before = gauge_tag_;
   StartLife present = first_guess(kFoundSpread_sigma);
-  for (int camera = 0; camera < state_.cameras(); ++camera) present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
+  for (int camera = 0; camera < state_.cameras(); ++camera)
+    present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
   const bool has_moved = clock_was_far_off(first_guess(0.0));
   StartLife best = first_guess(1.0);
   best.cost = std::numeric_limits<double>::infinity();
@@ -130,7 +139,8 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   if (has_moved) last = live_refined(present, best, last);
   last = live_start(first_guess(0.0), last);
   if (life_.cost < best.cost + kClearlyBetter) best = life_;
-  const bool is_poor = best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers);
+  const bool is_poor =
+      best.cost > kPoorCost * best.numbers + kPoorScatter * std::sqrt(best.numbers);
   if (!is_poor) vain_searches_ = 0;
   if (is_poor && vain_searches_ < kMostVainSearches && best.numbers < kMostSearchedNumbers) {
     ++vain_searches_;
@@ -138,20 +148,24 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
   }
   if (best.shifts_s != life_.shifts_s || best.spread != life_.spread) last = live_start(best, last);
   last.gauge_shift.reset();
-  if (!was_anchored || gauge_tag_ != gauge_before) last.gauge_shift = state_.X_WB * X_WB_before.inverse();
+  if (!was_anchored || gauge_tag_ != gauge_before)
+    last.gauge_shift = state_.X_WB * X_WB_before.inverse();
   return last;
 }
 
-UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best, const UpdateReport& report) {
+UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best,
+                                       const UpdateReport& report) {
   UpdateReport last = report;
   bool is_best = false;
   for (int k = 0; k <= kMostRefinements; ++k) {
     last = live_start(guess, last);
-    // Another shift must be clearly better; the same one refined, as good: it began nearer to where it ended.
+    // Another shift must be clearly better; the same one refined, as good: it began nearer to where
+    // it ended.
     is_best = life_.cost < best.cost + (is_best ? kClearlyBetter : -kClearlyBetter);
     if (is_best) best = life_;
     if (!clock_was_far_off(life_)) break;
-    for (int camera = 0; camera < state_.cameras(); ++camera) guess.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
+    for (int camera = 0; camera < state_.cameras(); ++camera)
+      guess.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
   }
   return last;
 }
@@ -160,7 +174,8 @@ UpdateReport WorldFilter::live_refined(StartLife guess, StartLife& best, const U
 StartLife WorldFilter::search_shift(const UpdateReport& report) {
   const auto guess_at = [&](double sigmas, double spread) {
     StartLife guess = first_guess(spread);
-    for (std::size_t k = 0; k < guess.shifts_s.size(); ++k) guess.shifts_s[k] += sigmas * sensors_.cameras[k].time_shift_sigma_s;
+    for (std::size_t k = 0; k < guess.shifts_s.size(); ++k)
+      guess.shifts_s[k] += sigmas * sensors_.cameras[k].time_shift_sigma_s;
     return guess;
   };
   const auto cost_at = [&](double sigmas) {
@@ -191,7 +206,8 @@ double WorldFilter::cost_of_shifts() const {
   for (int camera = 0; camera < state_.cameras(); ++camera) {
     const auto k = static_cast<std::size_t>(camera);
     if (!(sensors_.cameras[k].time_shift_sigma_s > 0)) continue;  // known exactly
-    const double sigmas = (state_.clocks[k].shift_s - first_shift_of(k)) / sensors_.cameras[k].time_shift_sigma_s;
+    const double sigmas =
+        (state_.clocks[k].shift_s - first_shift_of(k)) / sensors_.cameras[k].time_shift_sigma_s;
     cost += sigmas * sigmas;
   }
   return cost;
@@ -202,7 +218,8 @@ bool WorldFilter::clock_was_far_off(const StartLife& guess) const {
     const auto k = static_cast<std::size_t>(camera);
     const ClockEstimate now = clock(camera);
     const double moved_s = std::abs(now.shift_s - guess.shifts_s[k]);
-    const bool possible = std::abs(now.shift_s - first_shift_of(k)) < kMost_sigma * sensors_.cameras[k].time_shift_sigma_s;
+    const bool possible = std::abs(now.shift_s - first_shift_of(k)) <
+                          kMost_sigma * sensors_.cameras[k].time_shift_sigma_s;
     if (possible && moved_s > std::max(kFarOff_s, kSure_sigma * now.shift_sigma_s)) return true;
   }
   return false;

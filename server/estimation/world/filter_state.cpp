@@ -8,13 +8,14 @@ namespace fiducap::world {
 
 namespace {
 
-// A lever arm that changed by less stays what it was: with errors of turning below 0.1 rad that is a micrometre.
+// A lever arm that changed by less stays what it was: with errors of turning below 0.1 rad that is
+// a micrometre.
 constexpr double kNoticeable_m = 1e-5;
 
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
-/// The group's own exponential: a turning about the tag's centre leaves the centre where it is, however far away the
-/// origin of W is and however large the turning.
+/// The group's own exponential: a turning about the tag's centre leaves the centre where it is,
+/// however far away the origin of W is and however large the turning.
 void add_world_error(Pose& X, const ErrorRef& error) {
   const Eigen::Vector3d phi = error.tail<3>();
   const Eigen::Quaterniond turn = exp_so3(phi);
@@ -52,7 +53,8 @@ void FilterState::forget_clones() {
 }
 
 Pose FilterState::X_WB_after(double seconds) const {
-  return {X_WB.q * exp_so3(seconds * (gyro_B - bias_w)), X_WB.p + seconds * v_WB + (0.5 * seconds * seconds) * a_WB};
+  return {X_WB.q * exp_so3(seconds * (gyro_B - bias_w)),
+          X_WB.p + seconds * v_WB + (0.5 * seconds * seconds) * a_WB};
 }
 
 void FilterState::list_held() {
@@ -105,21 +107,25 @@ void FilterState::add_error(const ErrorRef& error) {
   }
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
-  for (std::size_t i = 0; i < clones.size(); ++i) add_world_error(clones[i].X_WV, error.segment<6>(clone_at(i)));
-  for (std::size_t i = 0; i < tags.size(); ++i) add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
+  for (std::size_t i = 0; i < clones.size(); ++i)
+    add_world_error(clones[i].X_WV, error.segment<6>(clone_at(i)));
+  for (std::size_t i = 0; i < tags.size(); ++i)
+    add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
 }
 
 Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   Eigen::VectorXd error(size());
   const Eigen::Matrix3d J = world_error(X_WB, other.X_WB, error.segment<6>(layout::kPosition));
-  error.segment<3>(layout::kVelocity) = J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
+  error.segment<3>(layout::kVelocity) =
+      J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
   error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
   error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
   for (int c = 0; c < cameras(); ++c) {
     world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
     const CameraClock& here = clocks[static_cast<std::size_t>(c)];
     const CameraClock& there = other.clocks[static_cast<std::size_t>(c)];
-    error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s, there.readout_s - here.readout_s, 0;
+    error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s,
+        there.readout_s - here.readout_s, 0;
   }
   for (std::size_t i = 0; i < clones.size(); ++i) {
     world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));
@@ -183,7 +189,8 @@ void carry_covariance(FilterState& state, const ErrorRef& correction, int camera
       P.col(k).segment<3>(at) += J * apart;
     }
     for (Eigen::Index j = 0; j < 3; ++j) {
-      for (Eigen::Index i = 0; i < 3; ++i) P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
+      for (Eigen::Index i = 0; i < 3; ++i)
+        P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
     }
   };
   carry(layout::kPosition, state.X_WB.p);
@@ -194,9 +201,11 @@ void carry_covariance(FilterState& state, const ErrorRef& correction, int camera
 Matrix6d extrinsics_covariance(const FilterState& state, int camera) {
   const int at = layout::camera(camera);
   const auto P = state.P();
-  const Matrix6d apart = P.block<6, 6>(at, at) - P.block<6, 6>(at, layout::kPosition) - P.block<6, 6>(layout::kPosition, at) +
+  const Matrix6d apart = P.block<6, 6>(at, at) - P.block<6, 6>(at, layout::kPosition) -
+                         P.block<6, 6>(layout::kPosition, at) +
                          P.block<6, 6>(layout::kPosition, layout::kPosition);
-  const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) * adjoint(state.X_WB.inverse());
+  const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) *
+                     adjoint(state.X_WB.inverse());
   return J * apart * J.transpose();
 }
 
@@ -213,8 +222,10 @@ Matrix6d world_from_plain_error(const Eigen::Vector3d& p) {
 }
 
 BodyEstimate body_in_workspace(const FilterState& state) {
-  static_assert(layout::kPosition == estimate_block::kPosition && layout::kAttitude == estimate_block::kAttitude &&
-                layout::kVelocity == estimate_block::kVelocity && layout::kBiasF == estimate_block::kBiasF &&
+  static_assert(layout::kPosition == estimate_block::kPosition &&
+                layout::kAttitude == estimate_block::kAttitude &&
+                layout::kVelocity == estimate_block::kVelocity &&
+                layout::kBiasF == estimate_block::kBiasF &&
                 layout::kBiasW == estimate_block::kBiasW);
   BodyEstimate out;
   out.at = state.time;

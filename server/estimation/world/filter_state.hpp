@@ -17,11 +17,13 @@ namespace fiducap::world {
 /// A tag in the state. It stands still in W.
 struct WorldTag : TagRecord {
   Pose X_WT;
-  /// Its place is the map's, with the map's covariance: used, correlated, but not corrected (consider state, Schmidt 1966).
+  /// Its place is the map's, with the map's covariance: used, correlated, but not corrected
+  /// (consider state, Schmidt 1966).
   bool held{false};
 };
 
-/// A camera as it stood at an image, for what followed points say (clone_window.hpp). A pose with a world-side error, like a tag.
+/// A camera as it stood at an image, for what followed points say (clone_window.hpp). A pose with a
+/// world-side error, like a tag.
 struct Clone {
   Pose X_WV;
   int camera{};
@@ -30,15 +32,21 @@ struct Clone {
 
 /// When the rows of a camera's images were exposed.
 struct CameraClock {
-  double shift_s{};    ///< t_imu = stamp + shift; what the configuration knows is in the stamps already.
-  double readout_s{};  ///< First row to last row; 0: global shutter. The shift is that of the middle row.
-  double applied_s{};  ///< So much of the shift is already in the present image's time (not estimated).
+  double
+      shift_s{};  ///< t_imu = stamp + shift; what the configuration knows is in the stamps already.
+  double readout_s{};  ///< First row to last row; 0: global shutter. The shift is that of the
+                       ///< middle row.
+  double applied_s{};  ///< So much of the shift is already in the present image's time (not
+                       ///< estimated).
 
   /// From the state's instant to the exposure of a row. @param row  −0.5 first … +0.5 last
-  [[nodiscard]] double seconds_to(double row) const { return shift_s - applied_s + row * readout_s; }
+  [[nodiscard]] double seconds_to(double row) const {
+    return shift_s - applied_s + row * readout_s;
+  }
 };
 
-/// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity along −z when there is an IMU.
+/// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity
+/// along −z when there is an IMU.
 struct FilterState {
   Instant time{};
   Pose X_WB;
@@ -47,7 +55,8 @@ struct FilterState {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;           ///< One per camera.
   std::vector<CameraClock> clocks;  ///< One per camera.
-  std::vector<Clone> clones;   ///< A fixed number of them (none: points are not followed), in no order.
+  std::vector<Clone>
+      clones;  ///< A fixed number of them (none: points are not followed), in no order.
   std::vector<WorldTag> tags;  ///< Order of entry.
   /// How the body moves just now; not estimated, from the last inertial step.
   Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias still in
@@ -56,24 +65,33 @@ struct FilterState {
 
   [[nodiscard]] int cameras() const { return static_cast<int>(X_BV.size()); }
   [[nodiscard]] int size() const { return tag_at(tags.size()); }
-  [[nodiscard]] Pose X_WV(int camera) const { return X_WB * X_BV[static_cast<std::size_t>(camera)]; }
-  /// Where the body is `seconds` later (or earlier), as it moves now; for the few milliseconds between rows.
+  [[nodiscard]] Pose X_WV(int camera) const {
+    return X_WB * X_BV[static_cast<std::size_t>(camera)];
+  }
+  /// Where the body is `seconds` later (or earlier), as it moves now; for the few milliseconds
+  /// between rows.
   [[nodiscard]] Pose X_WB_after(double seconds) const;
-  [[nodiscard]] int tag_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(clones.size() + i)); }
-  [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), static_cast<int>(i)); }
+  [[nodiscard]] int tag_at(std::size_t i) const {
+    return layout::tag(cameras(), static_cast<int>(clones.size() + i));
+  }
+  [[nodiscard]] int clone_at(std::size_t i) const {
+    return layout::tag(cameras(), static_cast<int>(i));
+  }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
   /// Whether something about a camera's clock is estimated.
   [[nodiscard]] bool clock_is_open(int camera) const {
-    return P()(layout::clock(camera), layout::clock(camera)) > 0 || P()(layout::clock(camera) + 1, layout::clock(camera) + 1) > 0;
+    return P()(layout::clock(camera), layout::clock(camera)) > 0 ||
+           P()(layout::clock(camera) + 1, layout::clock(camera) + 1) > 0;
   }
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
 
-  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many clones.
+  /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many
+  /// clones.
   void reset(std::vector<Pose> X_BV, std::size_t clones = 0);
   /// What the clones saw is not used any more.
   void forget_clones();
@@ -94,8 +112,8 @@ struct FilterState {
   std::vector<int> held_;
 };
 
-/// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the error of X_WV, that of
-/// X_BV = Exp(e) X̂_BV, which does not change then. @pre the other form
+/// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the
+/// error of X_WV, that of X_BV = Exp(e) X̂_BV, which does not change then. @pre the other form
 void camera_errors_to_extrinsics(FilterState& state);
 /// … and back, with the body where it is now.
 void extrinsics_to_camera_errors(FilterState& state);
@@ -107,16 +125,20 @@ void extrinsics_to_camera_errors(FilterState& state);
 /// Its inverse.
 [[nodiscard]] Matrix6d world_from_plain_error(const Eigen::Vector3d& p);
 
-/// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left alone.
+/// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left
+/// alone.
 [[nodiscard]] BodyEstimate body_in_workspace(const FilterState& state);
-/// The covariance goes along when an update with an image of `camera` has moved the mean by `correction` (add_error).
+/// The covariance goes along when an update with an image of `camera` has moved the mean by
+/// `correction` (add_error).
 ///
-/// What images said so far is about lever arms as they were then: seen from a camera, the place of a tag is off by
-/// ρ_T − ρ_V + (φ_T − φ_V) × p_T. Corrections move p_T, above all along the line of sight of a tag just met. With ρ_T left
-/// alone that expression would change its meaning, and the tilt of the tag against the camera, (φ_T − φ_V), seem known from
-/// the difference. So ρ_T gives way. Body and other cameras likewise. (The point form of the right-invariant error does
-/// this by itself, at the price of an IMU step that touches every tag.)
-void carry_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction, int camera);
+/// What images said so far is about lever arms as they were then: seen from a camera, the place of
+/// a tag is off by ρ_T − ρ_V + (φ_T − φ_V) × p_T. Corrections move p_T, above all along the line of
+/// sight of a tag just met. With ρ_T left alone that expression would change its meaning, and the
+/// tilt of the tag against the camera, (φ_T − φ_V), seem known from the difference. So ρ_T gives
+/// way. Body and other cameras likewise. (The point form of the right-invariant error does this by
+/// itself, at the price of an IMU step that touches every tag.)
+void carry_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction,
+                      int camera);
 
 /// Position (additive) and rotation vector of X_BV, both in B axes.
 [[nodiscard]] Matrix6d extrinsics_covariance(const FilterState& state, int camera);

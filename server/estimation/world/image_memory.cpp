@@ -13,7 +13,8 @@ void ImageMemory::forget_all() {
 
 void ImageMemory::add(const TagObservations& seen, std::span<const KnownTag> known) {
   ++newest_;
-  std::erase_if(waiting_, [&](const FirstSight& first) { return first.number <= newest_ - kImages; });
+  std::erase_if(waiting_,
+                [&](const FirstSight& first) { return first.number <= newest_ - kImages; });
   free_unneeded();
   Image& image = images_[slot(newest_)];
   image.seen = seen;
@@ -23,8 +24,9 @@ void ImageMemory::add(const TagObservations& seen, std::span<const KnownTag> kno
 
 void ImageMemory::free_unneeded() {
   for (Checkpoint& checkpoint : checkpoints_) {
-    const bool needed = std::any_of(waiting_.begin(), waiting_.end(),
-                                    [&](const FirstSight& first) { return first.number == checkpoint.number; });
+    const bool needed = std::any_of(waiting_.begin(), waiting_.end(), [&](const FirstSight& first) {
+      return first.number == checkpoint.number;
+    });
     if (!needed) checkpoint.number = -1;
   }
 }
@@ -32,7 +34,8 @@ void ImageMemory::free_unneeded() {
 void ImageMemory::wait(int tag_id, const Eigen::Quaterniond& q_LV, const FilterState& state) {
   if (first_sight(tag_id)) return;
   if (state_at(newest_) == nullptr) {
-    const auto free = std::find_if(checkpoints_.begin(), checkpoints_.end(), [](const auto& c) { return c.number < 0; });
+    const auto free = std::find_if(checkpoints_.begin(), checkpoints_.end(),
+                                   [](const auto& c) { return c.number < 0; });
     if (free == checkpoints_.end()) return;
     free->number = newest_;
     free->state = state;
@@ -46,12 +49,14 @@ void ImageMemory::stop_waiting(int tag_id) {
 }
 
 std::optional<ImageMemory::FirstSight> ImageMemory::first_sight(int tag_id) const {
-  const auto found = std::find_if(waiting_.begin(), waiting_.end(), [&](const auto& first) { return first.tag_id == tag_id; });
+  const auto found = std::find_if(waiting_.begin(), waiting_.end(),
+                                  [&](const auto& first) { return first.tag_id == tag_id; });
   return found == waiting_.end() ? std::nullopt : std::optional(*found);
 }
 
 const FilterState* ImageMemory::state_at(long number) const {
-  const auto found = std::find_if(checkpoints_.begin(), checkpoints_.end(), [&](const auto& c) { return c.number == number; });
+  const auto found = std::find_if(checkpoints_.begin(), checkpoints_.end(),
+                                  [&](const auto& c) { return c.number == number; });
   return found == checkpoints_.end() ? nullptr : &found->state;
 }
 
@@ -70,7 +75,8 @@ void ImageMemory::move_axes(const Pose& G) {
 std::optional<Instant> ImageMemory::needed_since() const {
   std::optional<Instant> oldest;
   for (const Checkpoint& checkpoint : checkpoints_) {
-    if (checkpoint.number >= 0 && (!oldest || checkpoint.state.time < *oldest)) oldest = checkpoint.state.time;
+    if (checkpoint.number >= 0 && (!oldest || checkpoint.state.time < *oldest))
+      oldest = checkpoint.state.time;
   }
   return oldest;
 }

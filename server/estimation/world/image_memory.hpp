@@ -11,16 +11,18 @@
 
 namespace fiducap::world {
 
-/// The newest images, and what the filter knew when a tag that is still being judged was first seen.
+/// The newest images, and what the filter knew when a tag that is still being judged was first
+/// seen.
 ///
-/// A tag waits until its pose branch is certain. Its sightings meanwhile are not lost: once the branch is decided, the
-/// filter goes back to the first of them, lets the tag join there, and lives through the images since once more.
-/// Everything is bounded; memory is kept and reused.
+/// A tag waits until its pose branch is certain. Its sightings meanwhile are not lost: once the
+/// branch is decided, the filter goes back to the first of them, lets the tag join there, and lives
+/// through the images since once more. Everything is bounded; memory is kept and reused.
 class ImageMemory final {
  public:
   struct Admission {
     int tag_id{};
-    /// In the camera's axes of that image, near the truth by all that is known: the corners are linearised here.
+    /// In the camera's axes of that image, near the truth by all that is known: the corners are
+    /// linearised here.
     Pose X_VT;
   };
   struct Image {
@@ -31,8 +33,8 @@ class ImageMemory final {
   /// Where a waiting tag was first seen.
   struct FirstSight {
     int tag_id{};
-    long number{};               ///< of the image
-    Eigen::Quaterniond q_LV{};   ///< Camera attitude then, in the axes in which views are compared.
+    long number{};              ///< of the image
+    Eigen::Quaterniond q_LV{};  ///< Camera attitude then, in the axes in which views are compared.
   };
 
   void forget_all();
@@ -40,11 +42,13 @@ class ImageMemory final {
   void add(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] long newest() const { return newest_; }
   /// Whether this image is still there.
-  [[nodiscard]] bool has(long number) const { return number >= 0 && number <= newest_ && number > newest_ - kImages; }
+  [[nodiscard]] bool has(long number) const {
+    return number >= 0 && number <= newest_ && number > newest_ - kImages;
+  }
   [[nodiscard]] Image& image(long number) { return images_[slot(number)]; }
 
-  /// Notes that a tag waits since the present image, whose state this is (before any admission). No effect when the tag
-  /// waits already, or when too many do.
+  /// Notes that a tag waits since the present image, whose state this is (before any admission). No
+  /// effect when the tag waits already, or when too many do.
   void wait(int tag_id, const Eigen::Quaterniond& q_LV, const FilterState& state);
   void stop_waiting(int tag_id);
   [[nodiscard]] std::optional<FirstSight> first_sight(int tag_id) const;
@@ -66,7 +70,9 @@ class ImageMemory final {
     FilterState state;
   };
 
-  [[nodiscard]] static std::size_t slot(long number) { return static_cast<std::size_t>(number % kImages); }
+  [[nodiscard]] static std::size_t slot(long number) {
+    return static_cast<std::size_t>(number % kImages);
+  }
   void free_unneeded();
 
   std::array<Image, kImages> images_;

@@ -9,8 +9,8 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 namespace {
 // Two clocks drift apart with temperature; after an hour by a millisecond at most.
 constexpr double kShiftWalk_s_rts = 1e-5;
-/// M ← F M, in place: of F only the blocks that step_mean() fills differ from the identity, and no row needs one that is
-/// changed before it.
+/// M ← F M, in place: of F only the blocks that step_mean() fills differ from the identity, and no
+/// row needs one that is changed before it.
 void step(const BodyMatrix& F, BodyMatrix& M) {
   const auto add = [&](int to, int from) {
     M.middleRows<3>(to) += F.block<3, 3>(to, from).lazyProduct(M.middleRows<3>(from));
@@ -22,9 +22,11 @@ void step(const BodyMatrix& F, BodyMatrix& M) {
 
 }  // namespace
 
-StepJacobians step_mean(FilterState& state, const InertialInput& input, const Eigen::Vector3d& gravity_W, double dt) {
+StepJacobians step_mean(FilterState& state, const InertialInput& input,
+                        const Eigen::Vector3d& gravity_W, double dt) {
   const Eigen::Vector3d w_B = input.w_B - state.bias_w;
-  const Eigen::Vector3d f_B = input.has_accelerometer ? Eigen::Vector3d(input.f_B - state.bias_f) : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d f_B =
+      input.has_accelerometer ? Eigen::Vector3d(input.f_B - state.bias_f) : Eigen::Vector3d::Zero();
   const Eigen::Vector3d g_W = input.has_accelerometer ? gravity_W : Eigen::Vector3d::Zero();
   const Eigen::Quaterniond q_half = state.X_WB.q * exp_so3(0.5 * dt * w_B);
   const Eigen::Matrix3d R_half = q_half.toRotationMatrix();

@@ -5,9 +5,9 @@
 
 namespace fiducap::world {
 
-/// What happened to the body between two images, accumulated over the inertial steps. Tags stand still in W and their
-/// errors do not enter the motion, so an inertial step costs the same whatever the number of tags, and the map's
-/// covariance with the body is moved once per image.
+/// What happened to the body between two images, accumulated over the inertial steps. Tags stand
+/// still in W and their errors do not enter the motion, so an inertial step costs the same whatever
+/// the number of tags, and the map's covariance with the body is moved once per image.
 struct MotionSinceImage {
   bool begun{false};
   double seconds{0};
@@ -22,12 +22,14 @@ struct MotionSinceImage {
 struct StepJacobians {
   BodyMatrix F{BodyMatrix::Identity()};
   Eigen::Matrix<double, layout::kBodySize, 3> G_w{};  ///< of white gyro noise, held over the step
-  Eigen::Matrix<double, layout::kBodySize, 3> G_f{};  ///< of white accelerometer noise, held over the step
+  Eigen::Matrix<double, layout::kBodySize, 3>
+      G_f{};  ///< of white accelerometer noise, held over the step
 };
 
 /// Moves the body's mean over dt under one reading: exact rotation, force turned by half of it.
 /// @param gravity_W  e.g. (0, 0, -9.81)
-StepJacobians step_mean(FilterState& state, const InertialInput& input, const Eigen::Vector3d& gravity_W, double dt);
+StepJacobians step_mean(FilterState& state, const InertialInput& input,
+                        const Eigen::Vector3d& gravity_W, double dt);
 
 /// One inertial step: mean, Φ and Q. The covariance of `state` itself is not touched.
 void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,

@@ -11,9 +11,11 @@ using namespace layout;        // NOLINT: the block names are the subject of thi
 using namespace filter_rules;  // NOLINT: short names for what both filters go by
 
 namespace {
-// A gyro that was blind for so long that the attitude may be off by this, 1-sigma, leaves nothing to linearise at.
+// A gyro that was blind for so long that the attitude may be off by this, 1-sigma, leaves nothing
+// to linearise at.
 constexpr double kBlindTurn_rad = 0.4;
-// So many others, seen so often, say that the filter is right and a lone tag wrong, if it is not young.
+// So many others, seen so often, say that the filter is right and a lone tag wrong, if it is not
+// young.
 constexpr int kVouchers = 2;
 constexpr int kSightingsToVouch = 20;
 }  // namespace
@@ -21,9 +23,12 @@ constexpr int kSightingsToVouch = 20;
 /// Images contradict, but all by the same tag.
 bool WorldFilter::is_one_tag_against_all() const {
   const auto contradicts = [](const WorldTag& tag) { return tag.is_doubted(); };
-  const auto vouches = [](const WorldTag& tag) { return !tag.is_doubted() && (tag.held || tag.sightings >= kSightingsToVouch); };
+  const auto vouches = [](const WorldTag& tag) {
+    return !tag.is_doubted() && (tag.held || tag.sightings >= kSightingsToVouch);
+  };
   const auto is_local = [](const TagToUse& tag) { return tag.local >= 0; };
-  return has_imu() && !start_log_.is_open() && !reliving_ && std::all_of(usable_.begin(), usable_.end(), is_local) &&
+  return has_imu() && !start_log_.is_open() && !reliving_ &&
+         std::all_of(usable_.begin(), usable_.end(), is_local) &&
          std::count_if(state_.tags.begin(), state_.tags.end(), contradicts) == 1 &&
          std::count_if(state_.tags.begin(), state_.tags.end(), vouches) >= kVouchers;
 }
@@ -41,7 +46,8 @@ void WorldFilter::lose_motion() {
 }
 
 bool WorldFilter::has_turned_blindly() const {
-  return has_imu() && state_.P().diagonal().segment<3>(kAttitude).maxCoeff() > kBlindTurn_rad * kBlindTurn_rad;
+  return has_imu() &&
+         state_.P().diagonal().segment<3>(kAttitude).maxCoeff() > kBlindTurn_rad * kBlindTurn_rad;
 }
 
 bool WorldFilter::come_back(const TagObservations& seen) {
@@ -65,7 +71,8 @@ bool WorldFilter::come_back_by_views(const TagObservations& seen) {
   const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : usable_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), noise.of(*tag.seen), attitude, Patience{});
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
+                                           noise.of(*tag.seen), attitude, Patience{});
     if (!verdict) continue;
     const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
     jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);

@@ -11,8 +11,11 @@ constexpr double kLongest_s = 10.0;
 
 void StartLog::add(const ImuSample& imu) {
   if (!open_) return;
-  if (images_.empty() && !imu_.empty() && imu.sampled_at - imu_.front().sampled_at > 2 * kBeforeFirstTag) {
-    std::erase_if(imu_, [&](const ImuSample& old) { return imu.sampled_at - old.sampled_at > kBeforeFirstTag; });
+  if (images_.empty() && !imu_.empty() &&
+      imu.sampled_at - imu_.front().sampled_at > 2 * kBeforeFirstTag) {
+    std::erase_if(imu_, [&](const ImuSample& old) {
+      return imu.sampled_at - old.sampled_at > kBeforeFirstTag;
+    });
   }
   // Whatever became of the images: the log stays small.
   if (seconds_since_first_tag(imu.sampled_at) > kLongest_s) return close();
@@ -34,7 +37,9 @@ void StartLog::shift_images(std::span<const double> shifts_s) {
     image.seen.exposed_at += shift - image.seen.clock_shift;
     image.seen.clock_shift = shift;
   }
-  std::stable_sort(images_.begin(), images_.end(), [](const Image& a, const Image& b) { return a.seen.exposed_at < b.seen.exposed_at; });
+  std::stable_sort(images_.begin(), images_.end(), [](const Image& a, const Image& b) {
+    return a.seen.exposed_at < b.seen.exposed_at;
+  });
 }
 
 void StartLog::close() {

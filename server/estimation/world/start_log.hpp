@@ -14,9 +14,9 @@ namespace fiducap::world {
 /// One way to live through the start: the clocks' shifts guessed, and how much they may learn.
 struct StartLife {
   std::vector<double> shifts_s;  ///< One per camera.
-  double spread{};               ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
-  double cost{};                 ///< How badly it explains the images, −2 log likelihood but for a constant …
-  double numbers{};              ///< … of so many numbers.
+  double spread{};  ///< 1-sigma of the guess, in sigmas of the configured shift; 0: held.
+  double cost{};  ///< How badly it explains the images, −2 log likelihood but for a constant …
+  double numbers{};  ///< … of so many numbers.
 
   /// @param configured_s  1-sigma of a camera's shift
   [[nodiscard]] double sigma_s(double configured_s) const {
@@ -25,7 +25,8 @@ struct StartLife {
   }
 };
 
-/// All that went into the filter since it started, as long as it may have to start again with a better clock.
+/// All that went into the filter since it started, as long as it may have to start again with a
+/// better clock.
 class StartLog final {
  public:
   struct Image {

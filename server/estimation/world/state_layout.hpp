@@ -4,12 +4,14 @@
 
 namespace fiducap::world {
 
-/// Where each error block stands in the covariance. Every block is three wide, in W axes but for biases and clocks.
+/// Where each error block stands in the covariance. Every block is three wide, in W axes but for
+/// biases and clocks.
 ///
-/// The error of every pose is on the world's side: X = Exp(ξ) X̂, ξ = (ρ, φ): q = exp(φ) q̂, p = exp(φ) p̂ + J_l(φ) ρ, and of
-/// the velocity v = exp(φ) v̂ + J_l(φ) ν (right-invariant error: Barrau & Bonnabel, arXiv 1510.06263; Hartley et al., IJRR 2020; each
-/// tag carries its own rotation, the decoupled form). Moving or turning the whole room is then the same ξ for the body
-/// and for every tag, whatever the estimates are, so no image can seem to tell where the room is.
+/// The error of every pose is on the world's side: X = Exp(ξ) X̂, ξ = (ρ, φ): q = exp(φ) q̂, p =
+/// exp(φ) p̂ + J_l(φ) ρ, and of the velocity v = exp(φ) v̂ + J_l(φ) ν (right-invariant error: Barrau
+/// & Bonnabel, arXiv 1510.06263; Hartley et al., IJRR 2020; each tag carries its own rotation, the
+/// decoupled form). Moving or turning the whole room is then the same ξ for the body and for every
+/// tag, whatever the estimates are, so no image can seem to tell where the room is.
 namespace layout {
 inline constexpr int kPosition = 0;  ///< ρ of the body, m.
 inline constexpr int kAttitude = 3;  ///< φ of the body, rad.
@@ -25,7 +27,9 @@ inline constexpr int kCameraSize = kPoseSize + 3;
 /// Clock of camera c: time shift, s; readout, s; the third is not used (blocks are three wide).
 [[nodiscard]] constexpr int clock(int camera) { return layout::camera(camera) + kPoseSize; }
 /// Tag i: ρ, φ.
-[[nodiscard]] constexpr int tag(int cameras, int i) { return kBodySize + kCameraSize * cameras + kPoseSize * i; }
+[[nodiscard]] constexpr int tag(int cameras, int i) {
+  return kBodySize + kCameraSize * cameras + kPoseSize * i;
+}
 }  // namespace layout
 
 using BodyMatrix = Eigen::Matrix<double, layout::kBodySize, layout::kBodySize>;

@@ -14,8 +14,9 @@ using namespace filter_rules;  // NOLINT: short names for what both filters go b
 
 namespace {
 
-// The reference tag is tied again when linearisation has let it slip this far (m and rad together), or when it seems as
-// unsure as that: every image makes it so by a micrometre, which is nothing but what tying costs.
+// The reference tag is tied again when linearisation has let it slip this far (m and rad together),
+// or when it seems as unsure as that: every image makes it so by a micrometre, which is nothing but
+// what tying costs.
 constexpr double kSlipped = 1e-6;
 constexpr double kUnsure = 1e-5;
 
@@ -38,20 +39,24 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera), noise.of(*tag.seen), attitude, patience);
+    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
+                                           noise.of(*tag.seen), attitude, patience);
     if (verdict) {
       decided_.emplace_back(tag, *verdict);
     } else {
       ++report.tags_pending;
-      if (mode_ == Mode::kRunning && has_imu() && tag.known == nullptr) memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
+      if (mode_ == Mode::kRunning && has_imu() && tag.known == nullptr)
+        memory_.wait(tag.seen->tag_id, attitude->q_WV, state_);
     }
   }
   for (const auto& [tag, verdict] : decided_) {
-    if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report)) ++report.tags_pending;
+    if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report))
+      ++report.tags_pending;
   }
 }
 
-Pose WorldFilter::near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const {
+Pose WorldFilter::near_place(const TagObservation& seen, int camera,
+                             const Eigen::Quaterniond& q_VT) const {
   const auto poses = solve_tag_pose(seen, model_of(camera));
   const bool second = angle_between(poses[1].X_VT.q, q_VT) < angle_between(poses[0].X_VT.q, q_VT);
   return place_turned_tag(seen, model_of(camera), q_VT, poses[second ? 1 : 0].X_VT.p);
@@ -60,11 +65,13 @@ Pose WorldFilter::near_place(const TagObservation& seen, int camera, const Eigen
 bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report) {
   const int tag_id = tag.seen->tag_id;
   const auto first = memory_.first_sight(tag_id);
-  if (!first || !verdict.q_WT || tag.known != nullptr || static_cast<int>(state_.tags.size()) >= config_.max_local_tags) {
+  if (!first || !verdict.q_WT || tag.known != nullptr ||
+      static_cast<int>(state_.tags.size()) >= config_.max_local_tags) {
     return false;
   }
   ImageMemory::Image& image = memory_.image(first->number);
-  const auto seen = std::find_if(image.seen.tags.begin(), image.seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+  const auto seen = std::find_if(image.seen.tags.begin(), image.seen.tags.end(),
+                                 [&](const auto& s) { return s.tag_id == tag_id; });
   FIDUCAP_ASSERT(seen != image.seen.tags.end());
   const Eigen::Quaterniond q_VT = first->q_LV.conjugate() * *verdict.q_WT;
   image.admissions.push_back({tag_id, near_place(*seen, image.seen.camera, q_VT)});
@@ -96,7 +103,8 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
 }
 
 void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
-  const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == admission.tag_id; });
+  const auto tag = std::find_if(seen.tags.begin(), seen.tags.end(),
+                                [&](const auto& s) { return s.tag_id == admission.tag_id; });
   augment(state_, seen.camera, model_of(seen.camera), *tag, admission.X_VT,
           corner_noise_[static_cast<std::size_t>(seen.camera)].of(*tag));
   state_.tags.back().first_seen = seen.exposed_at;
@@ -104,7 +112,8 @@ void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission
   last_used_at_ = seen.exposed_at;
 }
 
-bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+                        UpdateReport& report) {
   if (mode_ == Mode::kAdrift && !admit_adrift(seen, tag, X_VT)) return false;
   if (mode_ == Mode::kStarting) start(seen.exposed_at);
   if (tag.known != nullptr) {
@@ -137,10 +146,12 @@ bool WorldFilter::admit_adrift(const TagObservations& seen, const TagToUse& tag,
   return true;
 }
 
-void WorldFilter::admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report) {
+void WorldFilter::admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+                              UpdateReport& report) {
   anchor_at(seen.camera, X_VT, tag.known->X_WT, report);
   usable_.assign(1, tag);
-  if (!tag.known->is_exact() && state_.find(tag.known->tag_id) < 0) hold(state_, *tag.known, seen.exposed_at);
+  if (!tag.known->is_exact() && state_.find(tag.known->tag_id) < 0)
+    hold(state_, *tag.known, seen.exposed_at);
   usable_.front().local = state_.find(tag.known->tag_id);
   linearisation_.reset();
   correct(seen, report, kFirstIterations);
@@ -177,7 +188,8 @@ void WorldFilter::tie_workspace(UpdateReport& report) {
   if (tag < 0) return;
   const auto i = static_cast<std::size_t>(tag);
   const ReferenceSlack slack = slack_of_reference(state_, i, *heading_rule_, has_imu());
-  if (slack.moved > kSlipped || slack.sigma > kUnsure) tie_to_reference(state_, i, *heading_rule_, has_imu());
+  if (slack.moved > kSlipped || slack.sigma > kUnsure)
+    tie_to_reference(state_, i, *heading_rule_, has_imu());
 }
 
 }  // namespace fiducap::world

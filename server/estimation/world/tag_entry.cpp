@@ -24,14 +24,15 @@ Matrix86d pose_columns(const TagMeasurement& m, int at) {
 
 }  // namespace
 
-void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen, const Pose& X_VT,
-             double corner_noise_px) {
+void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
+             const Pose& X_VT, double corner_noise_px) {
   WorldTag tag;
   tag.tag_id = seen.tag_id;
   tag.edge_m = seen.edge_m;
   tag.sightings = 1;
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
-  tag.X_WT = state.X_WB_after(clock.seconds_to(0)) * state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
+  tag.X_WT =
+      state.X_WB_after(clock.seconds_to(0)) * state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
   const int local = static_cast<int>(state.tags.size());
   state.add_tag(tag, Matrix6d::Zero());
 
@@ -46,7 +47,8 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   for (std::size_t b = 0; b < m.block_count; ++b) {
     if (m.blocks[b].at < at) terms[count++] = {m.blocks[b].at, -solve * m.blocks[b].H};
   }
-  redefine(state.covariance, at, at + 3, std::span(terms).first(count), corner_noise_px * corner_noise_px * inverse);
+  redefine(state.covariance, at, at + 3, std::span(terms).first(count),
+           corner_noise_px * corner_noise_px * inverse);
   // The mean is where the corners, linearised, say it is.
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   error.tail<6>() = solve * m.y;

@@ -10,12 +10,13 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 
 namespace {
 
-/// A shift of the whole room, g = (translation, turning): four numbers with gravity (yaw only), six without. The
-/// columns say what it does to the error of any pose; only the first `size` are used.
+/// A shift of the whole room, g = (translation, turning): four numbers with gravity (yaw only), six
+/// without. The columns say what it does to the error of any pose; only the first `size` are used.
 struct RoomShift {
   int size{};
-  Matrix6d N{Matrix6d::Zero()};     ///< ξ ← ξ + N g, the same for the body and every tag
-  Matrix6d L{Matrix6d::Zero()};     ///< g = L ξ_T: the shift that takes the reference tag's own error back
+  Matrix6d N{Matrix6d::Zero()};  ///< ξ ← ξ + N g, the same for the body and every tag
+  Matrix6d L{
+      Matrix6d::Zero()};  ///< g = L ξ_T: the shift that takes the reference tag's own error back
 };
 
 RoomShift whole_shift() {
@@ -30,7 +31,8 @@ RoomShift level_shift(const Eigen::Vector3d& p_WT, const Eigen::Vector3d& h) {
   shift.N.topLeftCorner<3, 3>().setIdentity();
   shift.N(5, 3) = 1;
   const double level2 = h.x() * h.x() + h.y() * h.y();
-  const Eigen::RowVector3d heading = -Eigen::RowVector3d(-h.y() / level2, h.x() / level2, 0) * skew(h);  // ∂ yaw of h / ∂ φ
+  const Eigen::RowVector3d heading =
+      -Eigen::RowVector3d(-h.y() / level2, h.x() / level2, 0) * skew(h);  // ∂ yaw of h / ∂ φ
   // ψ = −heading φ;  t = −ρ + p × (φ + ψ z): position ρ + φ × p and heading end at zero.
   shift.L.block<1, 3>(3, 3) = -heading;
   shift.L.topLeftCorner<3, 3>() = -Eigen::Matrix3d::Identity();
@@ -47,11 +49,15 @@ RoomShift shift_for(const Pose& X_WT, const HeadingRule& rule, bool level) {
 int pose_at(const FilterState& state, std::size_t k) {
   const auto cameras = static_cast<std::size_t>(state.cameras());
   if (k == 0) return kPosition;
-  return k <= cameras ? layout::camera(static_cast<int>(k) - 1) : layout::tag(state.cameras(), static_cast<int>(k - 1 - cameras));
+  return k <= cameras ? layout::camera(static_cast<int>(k) - 1)
+                      : layout::tag(state.cameras(), static_cast<int>(k - 1 - cameras));
 }
-std::size_t poses(const FilterState& state) { return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size(); }
+std::size_t poses(const FilterState& state) {
+  return 1 + static_cast<std::size_t>(state.cameras()) + state.clones.size() + state.tags.size();
+}
 
-/// How errors change with the axes: every pose's is turned by `turn` and moved by `shift` of what the tag's was.
+/// How errors change with the axes: every pose's is turned by `turn` and moved by `shift` of what
+/// the tag's was.
 struct ErrorChange {
   Matrix6d turn;
   Eigen::Matrix3d turn_velocity;
@@ -104,14 +110,16 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
   G.q = level ? turn_to_heading(rule, X_WT.q) : (rule.X_WT.q * X_WT.q.conjugate()).normalized();
   G.p = rule.X_WT.p - G.q * X_WT.p;
   move_mean(state, G);
-  // Then every pose's error loses the shift of the room that the tag's own error shows: ξ ← ξ + N L ξ_T.
+  // Then every pose's error loses the shift of the room that the tag's own error shows: ξ ← ξ + N L
+  // ξ_T.
   const RoomShift shift = shift_for(state.tags[tag].X_WT, rule, level);
   const Matrix6d turn = adjoint(G);
   change_errors(state, {turn, G.rotation(), state.tag_at(tag), shift.N * shift.L * turn});
   return G;
 }
 
-ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag,
+                                  const HeadingRule& rule, bool level) {
   const WorldTag& reference = state.tags[tag];
   const RoomShift shift = shift_for(reference.X_WT, rule, level);
   const Matrix6d own = state.P().block<6, 6>(state.tag_at(tag), state.tag_at(tag));
@@ -127,13 +135,15 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   G.q = level ? turn_closest(X_WT.q, seen.q) : (X_WT.q * seen.q.conjugate()).normalized();
   G.p = X_WT.p - G.q * seen.p;
   move_axes(state, G);
-  // The room may be anywhere: the same unknown shift for the body and for every tag that came along.
+  // The room may be anywhere: the same unknown shift for the body and for every tag that came
+  // along.
   Eigen::Matrix<double, 6, 1> unknown;
   unknown << Eigen::Vector3d::Constant(kUnknownPosition_m), 0, 0, kUnknownAngle_rad;
   if (!level) unknown.tail<3>().setConstant(kUnknownAngle_rad);
   const Matrix6d shift = unknown.cwiseAbs2().asDiagonal();
   for (std::size_t a = 0; a < poses(state); ++a) {
-    for (std::size_t b = 0; b < poses(state); ++b) state.P().block<6, 6>(pose_at(state, a), pose_at(state, b)) += shift;
+    for (std::size_t b = 0; b < poses(state); ++b)
+      state.P().block<6, 6>(pose_at(state, a), pose_at(state, b)) += shift;
   }
   return G;
 }

@@ -17,8 +17,9 @@ using namespace filter_rules;  // NOLINT: short names for what both filters go b
 
 namespace {
 
-// Map tags are held while in view, and so many more of those seen last: what their errors share with the body's is worth
-// keeping for a while, and a hall of a thousand tags costs what a room of ten does.
+// Map tags are held while in view, and so many more of those seen last: what their errors share
+// with the body's is worth keeping for a while, and a hall of a thousand tags costs what a room of
+// ten does.
 constexpr std::size_t kHeldOutOfView = 12;
 // A map tag that moved more than this has got a new place from the map.
 constexpr double kSamePlace = 1e-9;
@@ -76,19 +77,22 @@ void WorldFilter::restart_camera(int camera) {
     plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
     plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
     const Matrix6d J = world_from_plain_error(mount.X_BV.p);
-    P.block<6, 6>(layout::camera(camera), layout::camera(camera)) = J * plain * J.transpose();  // the body is at the origin
+    P.block<6, 6>(layout::camera(camera), layout::camera(camera)) =
+        J * plain * J.transpose();  // the body is at the origin
   }
   const auto k = static_cast<std::size_t>(camera);
   state_.clocks[k] = {.shift_s = life_.shifts_s[k], .readout_s = mount.readout_s};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !has_imu()) return;
-  P(layout::clock(camera) + 1, layout::clock(camera) + 1) = mount.readout_sigma_s * mount.readout_sigma_s;
+  P(layout::clock(camera) + 1, layout::clock(camera) + 1) =
+      mount.readout_sigma_s * mount.readout_sigma_s;
   open_clock(camera, life_.sigma_s(mount.time_shift_sigma_s));
 }
 
 void WorldFilter::release_tag(int tag_id) {
   const int tag = state_.find(tag_id);
-  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace) return;
+  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace)
+    return;
   state_.remove_tag(static_cast<std::size_t>(tag));
   memory_.forget_all();  // its states still hold the tag
 }
@@ -139,7 +143,8 @@ void WorldFilter::propagate(const ImuSample& imu) {
   if (mode_ != Mode::kRunning) {
     imu_.keep_newest_pair();
   } else if (imu_.is_full()) {
-    // No image for long: move on without one. The newest sample may still close an image's interval.
+    // No image for long: move on without one. The newest sample may still close an image's
+    // interval.
     integrate_to(imu_.before_newest().sampled_at);
     apply(state_, motion_);
   }
@@ -170,17 +175,21 @@ void WorldFilter::step_to(Instant to, const InertialInput& input, double longest
 
 void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known) {
   const auto in_view = [&](int tag_id) {
-    return std::any_of(seen.tags.begin(), seen.tags.end(), [&](const auto& s) { return s.tag_id == tag_id; });
+    return std::any_of(seen.tags.begin(), seen.tags.end(),
+                       [&](const auto& s) { return s.tag_id == tag_id; });
   };
   for (std::size_t i = state_.tags.size(); i-- > 0;) {
     const WorldTag& tag = state_.tags[i];
     if (!tag.held) continue;
-    const auto now = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
-    if (now != known.end() && (!same_place(now->X_WT, tag.X_WT) || now->is_exact())) state_.remove_tag(i);
+    const auto now = std::find_if(known.begin(), known.end(),
+                                  [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    if (now != known.end() && (!same_place(now->X_WT, tag.X_WT) || now->is_exact()))
+      state_.remove_tag(i);
   }
   if (anchor_ == Anchor::kWorkspace) {
     for (const KnownTag& tag : known) {
-      if (in_view(tag.tag_id) && !tag.is_exact() && state_.find(tag.tag_id) < 0) hold(state_, tag, seen.exposed_at);
+      if (in_view(tag.tag_id) && !tag.is_exact() && state_.find(tag.tag_id) < 0)
+        hold(state_, tag, seen.exposed_at);
     }
   }
   for (;;) {
@@ -189,7 +198,8 @@ void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const Kno
     for (std::size_t i = 0; i < state_.tags.size(); ++i) {
       if (!state_.tags[i].held || in_view(state_.tags[i].tag_id)) continue;
       ++out_of_view;
-      if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen) oldest = i;
+      if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen)
+        oldest = i;
     }
     if (out_of_view <= kHeldOutOfView) return;
     state_.remove_tag(oldest);
@@ -201,7 +211,8 @@ void WorldFilter::sort_tags(const TagObservations& seen, std::span<const KnownTa
   fresh_.clear();
   hold_map_tags(seen, known);
   for (const TagObservation& tag : seen.tags) {
-    const auto given = std::find_if(known.begin(), known.end(), [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    const auto given = std::find_if(known.begin(), known.end(),
+                                    [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
     TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
     const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
     (usable ? usable_ : fresh_).push_back(use);
@@ -211,7 +222,8 @@ void WorldFilter::sort_tags(const TagObservations& seen, std::span<const KnownTa
 std::vector<SightedTag> WorldFilter::sighted(int camera) const {
   std::vector<SightedTag> out;
   for (const TagToUse& tag : usable_) {
-    out.push_back({tag.seen, &model_of(camera), state_.X_BV[static_cast<std::size_t>(camera)], place_of(state_, tag)});
+    out.push_back({tag.seen, &model_of(camera), state_.X_BV[static_cast<std::size_t>(camera)],
+                   place_of(state_, tag)});
   }
   return out;
 }
@@ -227,7 +239,8 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
   report.running = running();
-  if (mode_ == Mode::kRunning && seen.exposed_at < state_.time) return report;  // too late; the merger counts these
+  if (mode_ == Mode::kRunning && seen.exposed_at < state_.time)
+    return report;  // too late; the merger counts these
 
   look_at(seen);
   sort_tags(seen, known);
@@ -235,7 +248,8 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
 
   linearisation_.reset();
-  // With gravity and gyro the motion is followed from the first sight of a tag on, before any tag has joined.
+  // With gravity and gyro the motion is followed from the first sight of a tag on, before any tag
+  // has joined.
   if (mode_ == Mode::kStarting && attitude_.ready() && !fresh_.empty()) start(seen.exposed_at);
   bool at_image = false;  // the state stands at this image
   int iterations = 1;
@@ -260,7 +274,8 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
   }
   if (at_image) memory_.add(seen, known);
   if (at_image && window_) correct_by_points(seen, memory_.newest(), report);
-  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty())) meet_fresh_tags(seen, report);
+  if (at_image || mode_ == Mode::kStarting || (mode_ == Mode::kAdrift && usable_.empty()))
+    meet_fresh_tags(seen, report);
   answer_contradictions(seen);
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = running();
@@ -269,10 +284,13 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
 }
 
 void WorldFilter::answer_contradictions(const TagObservations& seen) {
-  // A young filter that contradicts itself lives its start again; an old one had a good clock, which must have jumped.
-  if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_) reopen_clock(seen.camera);
+  // A young filter that contradicts itself lives its start again; an old one had a good clock,
+  // which must have jumped.
+  if (strained_updates_ == kStrainedToReopenClock && !start_log_.is_open() && !reliving_)
+    reopen_clock(seen.camera);
   if (barren_updates_ < kBarrenToRestart) return;
-  const bool is_patient = last_used_at_ && to_seconds(seen.exposed_at - *last_used_at_) < kOneTagPatience_s;
+  const bool is_patient =
+      last_used_at_ && to_seconds(seen.exposed_at - *last_used_at_) < kOneTagPatience_s;
   if (!is_patient || !is_one_tag_against_all()) restart();
 }
 
@@ -286,10 +304,13 @@ bool WorldFilter::move_to(const TagObservations& seen) {
 
 bool WorldFilter::move_by_corners(const TagObservations& seen) {
   const double dt = to_seconds(seen.exposed_at - state_.time);
-  const double wander = config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
+  const double wander =
+      config_.motion_accel_m_s2_rtHz * dt * std::sqrt(dt) + kStartVelocity_m_s * 0.1 * dt + 0.01;
   const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
-  const Pose expected{state_.X_WB.q * exp_so3(-state_.bias_w * dt), state_.X_WB.p + state_.v_WB * dt};
-  const auto found = find_place(sighted(seen.camera), {expected, wander, turning}, config_.corner_noise_px);
+  const Pose expected{state_.X_WB.q * exp_so3(-state_.bias_w * dt),
+                      state_.X_WB.p + state_.v_WB * dt};
+  const auto found =
+      find_place(sighted(seen.camera), {expected, wander, turning}, config_.corner_noise_px);
   if (!found) return false;
   before_ = state_;
   // The velocity and rate that lead exactly there are where the motion model is linearised …
@@ -303,7 +324,8 @@ bool WorldFilter::move_by_corners(const TagObservations& seen) {
   integrate_to(seen.exposed_at);
   Eigen::VectorXd moved = Eigen::VectorXd::Zero(state_.size());
   moved.head<kBodySize>() = motion_.Phi * offset;
-  for (int c = 0; c < state_.cameras(); ++c) moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
+  for (int c = 0; c < state_.cameras(); ++c)
+    moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
   apply(state_, motion_);
   linearisation_ = state_;
   // … and the prior mean is where the old velocity and rate would have led.
@@ -313,9 +335,11 @@ bool WorldFilter::move_by_corners(const TagObservations& seen) {
 
 void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int iterations) {
   const auto camera = static_cast<std::size_t>(seen.camera);
-  CornerUpdate<FilterState>::Options options{gate_, iterations, linearisation_ ? &*linearisation_ : nullptr};
+  CornerUpdate<FilterState>::Options options{gate_, iterations,
+                                             linearisation_ ? &*linearisation_ : nullptr};
   const UpdateReport done =
-      corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options, corner_noise_[camera], accepted_);
+      corner_update_.apply(state_, seen.camera, model_of(seen.camera), usable_, options,
+                           corner_noise_[camera], accepted_);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
@@ -363,17 +387,20 @@ BodyEstimate WorldFilter::estimate() const {
 
 void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   out.clear();
-  if (anchor_ == Anchor::kNone || start_log_.is_open()) return;  // a start may be taken back, the map's knowledge not
+  if (anchor_ == Anchor::kNone || start_log_.is_open())
+    return;  // a start may be taken back, the map's knowledge not
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const WorldTag& tag = state_.tags[i];
-    if (!tag.held) out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
+    if (!tag.held)
+      out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
   }
 }
 
 std::vector<ExtrinsicsEstimate> WorldFilter::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state_.cameras(); ++c) {
-    out.push_back({state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
+    out.push_back(
+        {state_.X_BV[static_cast<std::size_t>(c)], extrinsics_covariance(state_, c), clock(c)});
   }
   return out;
 }

@@ -22,10 +22,11 @@ namespace fiducap::world {
 
 /// The production filter: the measurements of RCARS II-D4, the state in workspace axes W.
 ///
-/// Errors stand on the world's side (state_layout.hpp), so that where the room is never becomes observable by mistake and
-/// the filter stays consistent over long loops. Tags of the map are held with the map's covariance (Schmidt), tags of its
-/// own are estimated. Without IMU the motion is a white noise acceleration and angular acceleration; the body rate is
-/// then −bias_w, and each image is linearised at the motion its own tags show.
+/// Errors stand on the world's side (state_layout.hpp), so that where the room is never becomes
+/// observable by mistake and the filter stays consistent over long loops. Tags of the map are held
+/// with the map's covariance (Schmidt), tags of its own are estimated. Without IMU the motion is a
+/// white noise acceleration and angular acceleration; the body rate is then −bias_w, and each image
+/// is linearised at the motion its own tags show.
 class WorldFilter final : public BodyFilter {
  public:
   WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
@@ -95,13 +96,16 @@ class WorldFilter final : public BodyFilter {
   void count_rejections(UpdateReport& report);
   void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
-  [[nodiscard]] Pose near_place(const TagObservation& seen, int camera, const Eigen::Quaterniond& q_VT) const;
+  [[nodiscard]] Pose near_place(const TagObservation& seen, int camera,
+                                const Eigen::Quaterniond& q_VT) const;
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
   void live_again(long from, UpdateReport& report);
   void join(const TagObservations& seen, const ImageMemory::Admission& admission);
-  bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
+  bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+             UpdateReport& report);
   bool admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT);
-  void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT, UpdateReport& report);
+  void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
+                   UpdateReport& report);
   void anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, UpdateReport& report);
   void tie_workspace(UpdateReport& report);
   void shift_workspace(const Pose& X_new_old, UpdateReport& report);
@@ -115,13 +119,14 @@ class WorldFilter final : public BodyFilter {
 
   Mode mode_{Mode::kStarting};
   Anchor anchor_{Anchor::kNone};
-  FilterState state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
+  FilterState
+      state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
-  StartLife life_;  ///< How the present start is lived.
+  StartLife life_;                         ///< How the present start is lived.
   StartLog start_log_;
-  int vain_searches_{0};       ///< For another clock, since a start was last explained well.
+  int vain_searches_{0};           ///< For another clock, since a start was last explained well.
   std::size_t due_looks_{0};       ///< At the log, since it began …
   std::size_t strained_looks_{0};  ///< … and those because images contradicted each other.
   bool reliving_{false};
@@ -136,14 +141,15 @@ class WorldFilter final : public BodyFilter {
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
   std::vector<TagToUse> fresh_;   ///< … and those that may join it.
-  std::vector<std::pair<TagToUse, TagVerdict>> decided_;  ///< Those of them whose branch is certain now.
+  std::vector<std::pair<TagToUse, TagVerdict>>
+      decided_;  ///< Those of them whose branch is certain now.
   std::vector<bool> accepted_;
   std::optional<FilterState> linearisation_;
   FilterState before_;  ///< Without IMU: the state before the present image.
   std::optional<Instant> last_used_at_;
-  int barren_updates_{0};    ///< In a row: tags to use, none accepted.
-  int strained_updates_{0};  ///< In a row: at least half of the tags not accepted.
-  int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
+  int barren_updates_{0};         ///< In a row: tags to use, none accepted.
+  int strained_updates_{0};       ///< In a row: at least half of the tags not accepted.
+  int return_attempts_{0};        ///< Images since adrift that showed a usable tag.
   bool is_attitude_lost_{false};  ///< Adrift, and the gyro does not say how the body turned since.
 };
 

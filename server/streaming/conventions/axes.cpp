@@ -40,7 +40,8 @@ Eigen::Vector3d AxesChange::body_rate(const Eigen::Vector3d& w_P) const {
 
 Matrix12d AxesChange::covariance(const Matrix12d& P) const {
   if (!turns_world_ && units_per_m_ == 1.0) return P;
-  // Position and velocity turn and scale, the attitude error lives in world axes, the body rate in body axes.
+  // Position and velocity turn and scale, the attitude error lives in world axes, the body rate in
+  // body axes.
   const Eigen::Matrix3d R_rate = turns_body_ ? R_CW_ : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
   const std::array<Eigen::Matrix3d, 4> J{units_per_m_ * R_CW_, R_CW_, units_per_m_ * R_CW_, R_rate};
   Matrix12d changed;

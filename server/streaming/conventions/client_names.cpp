@@ -22,7 +22,8 @@ bool is_fit(char c, const NameRule& rule) {
 void cut(std::string& name, std::size_t max_bytes) {
   if (name.size() <= max_bytes) return;
   std::size_t end = max_bytes;
-  while (end > 0 && (static_cast<unsigned char>(name[end]) & kContinuationMask) == kContinuation) --end;
+  while (end > 0 && (static_cast<unsigned char>(name[end]) & kContinuationMask) == kContinuation)
+    --end;
   name.resize(end);
 }
 
@@ -31,12 +32,14 @@ void cut(std::string& name, std::size_t max_bytes) {
 std::string client_name(const std::string& name, const NameRule& rule, const NameAliases& aliases) {
   const auto alias = aliases.find(name);
   std::string out = alias == aliases.end() ? name : alias->second;
-  std::replace_if(out.begin(), out.end(), [&](char c) { return !is_fit(c, rule); }, '_');
+  std::replace_if(
+      out.begin(), out.end(), [&](char c) { return !is_fit(c, rule); }, '_');
   cut(out, rule.max_bytes);
   return out.empty() ? "_" : out;
 }
 
-std::vector<std::string> client_names(const SceneModel& model, const NameRule& rule, const NameAliases& aliases) {
+std::vector<std::string> client_names(const SceneModel& model, const NameRule& rule,
+                                      const NameAliases& aliases) {
   std::vector<std::string> names;
   for (const BodyDescription& body : model.bodies) {
     const std::string plain = client_name(body.name, rule, aliases);

@@ -21,12 +21,13 @@ struct NameRule {
 /// Name that clients of a protocol see, by our name.
 using NameAliases = std::map<std::string, std::string>;
 
-/// One name made fit: its alias if there is one, every character that the rule forbids as `_`, cut at a whole UTF-8
-/// character. Never empty.
-[[nodiscard]] std::string client_name(const std::string& name, const NameRule& rule, const NameAliases& aliases = {});
+/// One name made fit: its alias if there is one, every character that the rule forbids as `_`, cut
+/// at a whole UTF-8 character. Never empty.
+[[nodiscard]] std::string client_name(const std::string& name, const NameRule& rule,
+                                      const NameAliases& aliases = {});
 
-/// The names of a scene in the order of its bodies, fit and distinct: a later one that became equal to an earlier one
-/// ends in `_2`, `_3`, ….
+/// The names of a scene in the order of its bodies, fit and distinct: a later one that became equal
+/// to an earlier one ends in `_2`, `_3`, ….
 [[nodiscard]] std::vector<std::string> client_names(const SceneModel& model, const NameRule& rule,
                                                     const NameAliases& aliases = {});
 

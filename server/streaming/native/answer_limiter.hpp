@@ -13,7 +13,7 @@ namespace fiducap::native {
 /// A fixed table; two addresses that fall on the same place share its budget. Memory never grows.
 class AnswerLimiter final {
  public:
-  static constexpr double kBurst = 64;      // all clients of a lab computer at once, after a restart
+  static constexpr double kBurst = 64;  // all clients of a lab computer at once, after a restart
   static constexpr double kPerSecond = 32;
 
   /// @param address_hash  keyed, so that nobody can choose with whom he shares

@@ -29,8 +29,11 @@ std::vector<asio::ip::address_v4> broadcasts_of(const asio::ip::address_v4& own)
     return asio::ip::address_v4(ntohl(reinterpret_cast<const sockaddr_in*>(a)->sin_addr.s_addr));
   };
   for (const ifaddrs* it = interfaces; it != nullptr; it = it->ifa_next) {
-    if (it->ifa_addr == nullptr || it->ifa_addr->sa_family != AF_INET || (it->ifa_flags & IFF_BROADCAST) == 0) continue;
-    if (address_of(it->ifa_addr) == own && it->ifa_broadaddr != nullptr) found.push_back(address_of(it->ifa_broadaddr));
+    if (it->ifa_addr == nullptr || it->ifa_addr->sa_family != AF_INET ||
+        (it->ifa_flags & IFF_BROADCAST) == 0)
+      continue;
+    if (address_of(it->ifa_addr) == own && it->ifa_broadaddr != nullptr)
+      found.push_back(address_of(it->ifa_broadaddr));
   }
   ::freeifaddrs(interfaces);
   return found;
@@ -64,7 +67,8 @@ struct BroadcastEars::Ear : std::enable_shared_from_this<Ear> {
   Heard heard;
 };
 
-BroadcastEars::BroadcastEars(asio::io_context& io, const std::string& address, std::uint16_t port, Heard heard) {
+BroadcastEars::BroadcastEars(asio::io_context& io, const std::string& address, std::uint16_t port,
+                             Heard heard) {
   error_code error;
   const auto own = asio::ip::make_address_v4(address, error);
   if (error || own.is_loopback() || own.is_unspecified()) return;
@@ -76,8 +80,8 @@ BroadcastEars::BroadcastEars(asio::io_context& io, const std::string& address, s
     if (!error) ear->socket.bind({broadcast, port}, error);
     if (!error) ear->socket.non_blocking(true, error);
     if (error) {
-      log::warning("native", "will not be discovered by broadcast to " + broadcast.to_string() + ": " +
-                                 error.message());
+      log::warning("native", "will not be discovered by broadcast to " + broadcast.to_string() +
+                                 ": " + error.message());
       continue;
     }
     ear->listen();

@@ -5,7 +5,8 @@
 namespace fiducap::native {
 
 std::string text_of(const Subscriber& subscriber, const Profile& profile) {
-  std::string text = (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
+  std::string text =
+      (subscriber.name.empty() ? "unnamed" : subscriber.name) + ", " + text_of(profile);
   if (subscriber.multicast) text += ", multicast";
   if (subscriber.latency_p99 > Duration{0}) {
     text += fmt::format(", latency p99 {:.1f} ms", 1e3 * to_seconds(subscriber.latency_p99));

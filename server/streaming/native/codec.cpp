@@ -10,7 +10,8 @@ namespace fiducap::native {
 
 namespace {
 
-// Least bytes of one Model datagram that are left for bodies: the rest is its header (at most 60 bytes).
+// Least bytes of one Model datagram that are left for bodies: the rest is its header (at most 60
+// bytes).
 constexpr std::size_t kModelBudget = kMaxDatagram - 80;
 
 Datagram to_bytes(v1::Envelope& envelope) {
@@ -23,25 +24,38 @@ Datagram to_bytes(v1::Envelope& envelope) {
 
 std::string_view name_of(v1::Envelope::MessageCase kind) {
   switch (kind) {
-    case v1::Envelope::kSubscribe: return "Subscribe";
-    case v1::Envelope::kChallenge: return "Challenge";
-    case v1::Envelope::kLease: return "Lease";
-    case v1::Envelope::kUnsubscribe: return "Unsubscribe";
-    case v1::Envelope::kModel: return "Model";
-    case v1::Envelope::kFrame: return "Frame";
-    case v1::Envelope::kNotice: return "Notice";
-    case v1::Envelope::kClockQuery: return "ClockQuery";
-    case v1::Envelope::kClockReply: return "ClockReply";
-    case v1::Envelope::kDiscoveryQuery: return "DiscoveryQuery";
-    case v1::Envelope::kDiscoveryReply: return "DiscoveryReply";
-    case v1::Envelope::MESSAGE_NOT_SET: return "no known message";
+    case v1::Envelope::kSubscribe:
+      return "Subscribe";
+    case v1::Envelope::kChallenge:
+      return "Challenge";
+    case v1::Envelope::kLease:
+      return "Lease";
+    case v1::Envelope::kUnsubscribe:
+      return "Unsubscribe";
+    case v1::Envelope::kModel:
+      return "Model";
+    case v1::Envelope::kFrame:
+      return "Frame";
+    case v1::Envelope::kNotice:
+      return "Notice";
+    case v1::Envelope::kClockQuery:
+      return "ClockQuery";
+    case v1::Envelope::kClockReply:
+      return "ClockReply";
+    case v1::Envelope::kDiscoveryQuery:
+      return "DiscoveryQuery";
+    case v1::Envelope::kDiscoveryReply:
+      return "DiscoveryReply";
+    case v1::Envelope::MESSAGE_NOT_SET:
+      return "no known message";
   }
   return "no known message";
 }
 
 /// @return nullopt for values that this version does not know
 std::optional<Profile> to_profile(const v1::Profile& in) {
-  if (!v1::Profile::UpAxis_IsValid(in.up_axis()) || !v1::Profile::AxesScope_IsValid(in.axes_scope()) ||
+  if (!v1::Profile::UpAxis_IsValid(in.up_axis()) ||
+      !v1::Profile::AxesScope_IsValid(in.axes_scope()) ||
       !v1::Profile::LengthUnit_IsValid(in.length_unit()) || !std::isfinite(in.max_rate_hz()) ||
       in.max_rate_hz() < 0 || in.bodies_size() > kMaxChosenBodies) {
     return std::nullopt;
@@ -50,7 +64,8 @@ std::optional<Profile> to_profile(const v1::Profile& in) {
   // One meaning, one profile: what makes no difference is not kept.
   if (in.up_axis() == v1::Profile::UP_AXIS_Y) {
     profile.axes.up = UpAxis::kY;
-    if (in.axes_scope() == v1::Profile::AXES_SCOPE_WORLD_AND_BODY) profile.axes.scope = AxesScope::kWorldAndBody;
+    if (in.axes_scope() == v1::Profile::AXES_SCOPE_WORLD_AND_BODY)
+      profile.axes.scope = AxesScope::kWorldAndBody;
   }
   if (in.length_unit() == v1::Profile::LENGTH_UNIT_MILLIMETRE) profile.axes.units_per_m = 1000.0;
   profile.max_rate_hz = in.max_rate_hz();
@@ -60,7 +75,8 @@ std::optional<Profile> to_profile(const v1::Profile& in) {
     profile.bodies.push_back(name);
   }
   std::sort(profile.bodies.begin(), profile.bodies.end());
-  profile.bodies.erase(std::unique(profile.bodies.begin(), profile.bodies.end()), profile.bodies.end());
+  profile.bodies.erase(std::unique(profile.bodies.begin(), profile.bodies.end()),
+                       profile.bodies.end());
   return profile;
 }
 
@@ -72,8 +88,9 @@ Duration to_duration(std::uint64_t ns) {
 
 Expected<void> check_size(std::string_view name, std::size_t least, std::size_t size) {
   if (size >= least) return {};
-  return fail(ErrorCode::kInvalid, std::string(name) + " must be padded to " + std::to_string(least) +
-                                       " bytes, came with " + std::to_string(size));
+  return fail(ErrorCode::kInvalid, std::string(name) + " must be padded to " +
+                                       std::to_string(least) + " bytes, came with " +
+                                       std::to_string(size));
 }
 
 Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
@@ -81,8 +98,9 @@ Expected<Request> to_request(const v1::Subscribe& in, std::size_t size) {
     return tl::unexpected(padded.error());
   }
   if (in.client_name().size() > kMaxClientName) {
-    return fail(ErrorCode::kInvalid, "client name must have at most " + std::to_string(kMaxClientName) +
-                                         " bytes, came with " + std::to_string(in.client_name().size()));
+    return fail(ErrorCode::kInvalid, "client name must have at most " +
+                                         std::to_string(kMaxClientName) + " bytes, came with " +
+                                         std::to_string(in.client_name().size()));
   }
   SubscribeRequest request;
   request.token = in.token();
@@ -114,12 +132,13 @@ Expected<Request> decode_request(std::span<const std::byte> datagram) {
   }
   v1::Envelope envelope;
   if (!envelope.ParseFromArray(datagram.data(), static_cast<int>(datagram.size()))) {
-    return fail(ErrorCode::kTruncated, "expected an Envelope, the " + std::to_string(datagram.size()) +
+    return fail(ErrorCode::kTruncated, "expected an Envelope, the " +
+                                           std::to_string(datagram.size()) +
                                            " bytes that came end too early or are not protobuf");
   }
   if (envelope.protocol() != kProtocol) {
-    return fail(ErrorCode::kUnsupported, "expected protocol " + std::to_string(kProtocol) + ", came " +
-                                             std::to_string(envelope.protocol()));
+    return fail(ErrorCode::kUnsupported, "expected protocol " + std::to_string(kProtocol) +
+                                             ", came " + std::to_string(envelope.protocol()));
   }
   if (envelope.has_subscribe()) return to_request(envelope.subscribe(), datagram.size());
   if (envelope.has_unsubscribe()) return UnsubscribeRequest{envelope.unsubscribe().token()};
@@ -134,7 +153,8 @@ Expected<Request> decode_request(std::span<const std::byte> datagram) {
     return DiscoveryRequest{envelope.discovery_query().nonce()};
   }
   return fail(ErrorCode::kUnsupported,
-              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, came " + std::string(name_of(envelope.message_case())));
+              "expected Subscribe, Unsubscribe, ClockQuery or DiscoveryQuery, came " +
+                  std::string(name_of(envelope.message_case())));
 }
 
 Datagram encode(const ChallengeAnswer& challenge) {
@@ -186,7 +206,8 @@ Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session, const Serv
   return to_bytes(envelope);
 }
 
-Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason reason, std::string_view text) {
+Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason reason,
+                       std::string_view text) {
   v1::Envelope envelope;
   auto& out = *envelope.mutable_notice();
   out.set_session(session);
@@ -196,10 +217,12 @@ Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason 
   return to_bytes(envelope);
 }
 
-std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model, std::uint32_t profile) {
+std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model,
+                                   std::uint32_t profile) {
   FIDUCAP_ASSERT(model.bodies.size() <= kMaxBodies);
   std::vector<v1::Envelope> parts;
-  std::size_t used = kModelBudget + 1;  // over the budget: the first body, or none, opens the first part
+  std::size_t used =
+      kModelBudget + 1;  // over the budget: the first body, or none, opens the first part
   const auto open_part = [&](std::size_t first_body) {
     auto& out = *parts.emplace_back().mutable_model();
     out.set_session(session);

@@ -15,8 +15,8 @@
 #include "streaming/native/profile.hpp"
 #include "streaming/native/wire.hpp"
 
-/// Control messages of the native protocol, struct ↔ bytes. Meaning of every field: `proto/fiducap/v1/`.
-/// Frames have their own encoder, see frame_encoder.hpp.
+/// Control messages of the native protocol, struct ↔ bytes. Meaning of every field:
+/// `proto/fiducap/v1/`. Frames have their own encoder, see frame_encoder.hpp.
 namespace fiducap::native {
 
 using Datagram = std::vector<std::byte>;
@@ -45,7 +45,8 @@ struct DiscoveryRequest {
 };
 using Request = std::variant<SubscribeRequest, UnsubscribeRequest, ClockRequest, DiscoveryRequest>;
 
-/// @return Error for anything that is not a request a client may send, naming what was expected and what came.
+/// @return Error for anything that is not a request a client may send, naming what was expected and
+/// what came.
 [[nodiscard]] Expected<Request> decode_request(std::span<const std::byte> datagram);
 
 struct ChallengeAnswer {
@@ -79,7 +80,7 @@ struct ClockAnswer {
 };
 /// What a server tells anybody who asks.
 struct ServerCard {
-  std::string host;  ///< Cut at 64 bytes.
+  std::string host;     ///< Cut at 64 bytes.
   std::string version;  ///< Cut at 32 bytes.
   std::uint32_t body_count{};
   double rate_hz{};
@@ -89,11 +90,13 @@ struct ServerCard {
 [[nodiscard]] Datagram encode(const ChallengeAnswer& challenge);
 [[nodiscard]] Datagram encode(const LeaseAnswer& lease);
 [[nodiscard]] Datagram encode(const ClockAnswer& answer);
-[[nodiscard]] Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session, const ServerCard& card);
-[[nodiscard]] Datagram encode_notice(std::uint64_t session, std::uint64_t nonce, NoticeReason reason,
-                                     std::string_view text);
+[[nodiscard]] Datagram encode_discovery(std::uint64_t nonce, std::uint64_t session,
+                                        const ServerCard& card);
+[[nodiscard]] Datagram encode_notice(std::uint64_t session, std::uint64_t nonce,
+                                     NoticeReason reason, std::string_view text);
 /// The list of bodies in as many datagrams as it needs; at least one, even for an empty scene.
-/// @pre model.bodies.size() <= kMaxBodies; longer names are cut at kMaxBodyName (between characters).
+/// @pre model.bodies.size() <= kMaxBodies; longer names are cut at kMaxBodyName (between
+/// characters).
 [[nodiscard]] std::vector<Datagram> encode_model(std::uint64_t session, const SceneModel& model,
                                                  std::uint32_t profile = 0);
 

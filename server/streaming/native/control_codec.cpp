@@ -25,7 +25,8 @@ Expected<Pose> to_pose(const v1::SetPivot& in) {
   const Eigen::Vector3d p(in.position(0), in.position(1), in.position(2));
   const Eigen::Quaterniond q(in.orientation_wxyz(0), in.orientation_wxyz(1), in.orientation_wxyz(2),
                              in.orientation_wxyz(3));
-  if (!(p.norm() <= kFarthestPivot_m)) return fail(ErrorCode::kInvalid, "the pivot must be within 1000 m of its body");
+  if (!(p.norm() <= kFarthestPivot_m))
+    return fail(ErrorCode::kInvalid, "the pivot must be within 1000 m of its body");
   if (!(std::abs(q.norm() - 1.0) <= kUnitTolerance)) {
     return fail(ErrorCode::kInvalid, "the pivot's quaternion must have unit length");
   }
@@ -54,8 +55,10 @@ Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
 
 Expected<ControlRequest> decode_control_request(std::span<const std::byte> message) {
   v1::ControlRequest in;
-  if (message.size() > kMaxControlMessage || !in.ParseFromArray(message.data(), static_cast<int>(message.size()))) {
-    return fail(ErrorCode::kTruncated, "expected a ControlRequest, came " + std::to_string(message.size()) + " bytes");
+  if (message.size() > kMaxControlMessage ||
+      !in.ParseFromArray(message.data(), static_cast<int>(message.size()))) {
+    return fail(ErrorCode::kTruncated,
+                "expected a ControlRequest, came " + std::to_string(message.size()) + " bytes");
   }
   return ControlRequest{in.sequence(), in.proof(), in.body()};
 }
@@ -64,10 +67,12 @@ Expected<ControlCommand> decode_control_command(const std::string& body) {
   v1::ControlCommand in;
   if (!in.ParseFromString(body)) return fail(ErrorCode::kTruncated, "expected a ControlCommand");
   switch (in.command_case()) {
-    case v1::ControlCommand::kListBodies: return ListBodies{};
+    case v1::ControlCommand::kListBodies:
+      return ListBodies{};
     case v1::ControlCommand::kSetEnabled:
       return with_id(in.set_enabled().body_id(), SetEnabled{0, in.set_enabled().enabled()});
-    case v1::ControlCommand::kRename: return with_id(in.rename().body_id(), Rename{0, in.rename().name()});
+    case v1::ControlCommand::kRename:
+      return with_id(in.rename().body_id(), Rename{0, in.rename().name()});
     case v1::ControlCommand::kSetPivot: {
       const auto X_BP = to_pose(in.set_pivot());
       if (!X_BP) return tl::unexpected(X_BP.error());
@@ -75,10 +80,14 @@ Expected<ControlCommand> decode_control_command(const std::string& body) {
     }
     case v1::ControlCommand::kSetMapMode:
       return SetMapMode{in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen};
-    case v1::ControlCommand::kCommitMap: return CommitMap{};
-    case v1::ControlCommand::kStartRecording: return StartRecording{in.start_recording().name()};
-    case v1::ControlCommand::kStopRecording: return StopRecording{};
-    case v1::ControlCommand::COMMAND_NOT_SET: break;
+    case v1::ControlCommand::kCommitMap:
+      return CommitMap{};
+    case v1::ControlCommand::kStartRecording:
+      return StartRecording{in.start_recording().name()};
+    case v1::ControlCommand::kStopRecording:
+      return StopRecording{};
+    case v1::ControlCommand::COMMAND_NOT_SET:
+      break;
   }
   return fail(ErrorCode::kUnsupported, "this server does not know the command");
 }

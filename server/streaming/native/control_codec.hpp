@@ -11,7 +11,8 @@
 #include "base/pose.hpp"
 #include "streaming/operator_desk.hpp"
 
-/// Messages of the control channel, struct ↔ bytes. Meaning of every field: `proto/fiducap/v1/control.proto`.
+/// Messages of the control channel, struct ↔ bytes. Meaning of every field:
+/// `proto/fiducap/v1/control.proto`.
 namespace fiducap::native {
 
 inline constexpr std::size_t kMaxControlMessage = 65536;
@@ -44,11 +45,12 @@ struct StartRecording {
   std::string name;
 };
 struct StopRecording {};
-using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, CommitMap, StartRecording,
-                                    StopRecording>;
+using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, CommitMap,
+                                    StartRecording, StopRecording>;
 
 [[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
-/// @return Error `kUnsupported` for a command of a later version, `kInvalid` for numbers that cannot be
+/// @return Error `kUnsupported` for a command of a later version, `kInvalid` for numbers that
+/// cannot be
 [[nodiscard]] Expected<ControlCommand> decode_control_command(const std::string& body);
 
 enum class ControlResult { kDone = 0, kRefused, kForbidden, kMalformed, kUnsupported, kBusy };

@@ -25,8 +25,8 @@ Overloaded(Cases...) -> Overloaded<Cases...>;
 
 }  // namespace
 
-ControlConversation::ControlConversation(std::string challenge, OperatorDesk& desk, WrongProofs& wrong,
-                                         std::uint64_t address_hash)
+ControlConversation::ControlConversation(std::string challenge, OperatorDesk& desk,
+                                         WrongProofs& wrong, std::uint64_t address_hash)
     : challenge_(std::move(challenge)), desk_(desk), wrong_(wrong), address_hash_(address_hash) {}
 
 void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
@@ -36,7 +36,8 @@ void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
   append(out, hello);
 }
 
-bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<std::byte>& out, Instant now) {
+bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<std::byte>& out,
+                                  Instant now) {
   if (begun_.empty()) idle_since_ = now;
   const auto length = [this] { return std::size_t{LittleEndianReader(begun_).u32()}; };
   while (!bytes.empty()) {
@@ -46,8 +47,11 @@ bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<
     bytes = bytes.subspan(taken);
     if (begun_.size() < kLengthSize) return true;
     if (length() > kMaxControlMessage) {
-      append(out, {sequence_ + 1, ControlResult::kMalformed,
-                   "a message has at most 65536 bytes, this one says " + std::to_string(length()), {}, {}});
+      append(out, {sequence_ + 1,
+                   ControlResult::kMalformed,
+                   "a message has at most 65536 bytes, this one says " + std::to_string(length()),
+                   {},
+                   {}});
       return false;
     }
     if (begun_.size() < kLengthSize + length()) continue;
@@ -63,19 +67,27 @@ bool ControlConversation::patient(Instant now) const {
   return now - idle_since_ < (waits_for_request ? kRequestPatience : kIdlePatience);
 }
 
-bool ControlConversation::answer(std::span<const std::byte> message, std::vector<std::byte>& out, Instant now) {
+bool ControlConversation::answer(std::span<const std::byte> message, std::vector<std::byte>& out,
+                                 Instant now) {
   const auto request = decode_control_request(message);
   if (!request) {
     append(out, {sequence_ + 1, ControlResult::kMalformed, request.error().what, {}, {}});
     return false;
   }
   if (wrong_.shut_out(address_hash_, now)) {
-    append(out, {request->sequence, ControlResult::kBusy, "too many wrong tokens from this address: wait 10 s", {}, {}});
+    append(out, {request->sequence,
+                 ControlResult::kBusy,
+                 "too many wrong tokens from this address: wait 10 s",
+                 {},
+                 {}});
     return false;
   }
   if (desk_.token().empty()) {
-    append(out, {request->sequence, ControlResult::kForbidden,
-                 "this server takes no commands: set operator.token in its configuration", {}, {}});
+    append(out, {request->sequence,
+                 ControlResult::kForbidden,
+                 "this server takes no commands: set operator.token in its configuration",
+                 {},
+                 {}});
     return false;
   }
   if (request->sequence != sequence_ + 1 || !is_proven(*request)) {
@@ -102,7 +114,8 @@ bool ControlConversation::is_proven(const ControlRequest& request) const {
   proof::Digest given{};
   if (request.proof.size() != given.size()) return false;
   std::copy(request.proof.begin(), request.proof.end(), given.begin());
-  return proof::equal(given, proof::control_proof(std::string(desk_.token()), challenge_, request.sequence, request.body));
+  return proof::equal(given, proof::control_proof(std::string(desk_.token()), challenge_,
+                                                  request.sequence, request.body));
 }
 
 ControlReply ControlConversation::carry_out(const ControlCommand& command) {
@@ -114,7 +127,8 @@ ControlReply ControlConversation::carry_out(const ControlCommand& command) {
   };
   std::visit(Overloaded{
                  [&](const ListBodies&) {
-                   reply.state = ControlState{desk_.bodies(), desk_.map_mode(), desk_.recording().value_or("")};
+                   reply.state = ControlState{desk_.bodies(), desk_.map_mode(),
+                                              desk_.recording().value_or("")};
                  },
                  [&](const SetEnabled& c) { report(desk_.set_enabled(c.body_id, c.enabled)); },
                  [&](const Rename& c) { report(desk_.rename(c.body_id, c.name)); },

@@ -12,22 +12,26 @@ namespace fiducap::native {
 
 /// One client's commands: bytes in → bytes out, time passed in, no socket.
 ///
-/// Every request carries a proof of knowing the operator's token, made for this connection and for this place in it:
-/// what somebody recorded is worth nothing later. At most one message (64 KiB) is kept.
+/// Every request carries a proof of knowing the operator's token, made for this connection and for
+/// this place in it: what somebody recorded is worth nothing later. At most one message (64 KiB) is
+/// kept.
 class ControlConversation final {
  public:
   /// @param challenge  kChallengeSize random bytes, others for each connection
   /// @param address_hash  whose wrong proofs these are
-  ControlConversation(std::string challenge, OperatorDesk& desk, WrongProofs& wrong, std::uint64_t address_hash);
+  ControlConversation(std::string challenge, OperatorDesk& desk, WrongProofs& wrong,
+                      std::uint64_t address_hash);
 
   void greet(std::vector<std::byte>& out, Instant now);
   /// Bytes cut anywhere. @return false: say what is in `out`, then hang up
-  [[nodiscard]] bool receive(std::span<const std::byte> bytes, std::vector<std::byte>& out, Instant now);
+  [[nodiscard]] bool receive(std::span<const std::byte> bytes, std::vector<std::byte>& out,
+                             Instant now);
   /// @return false for who says nothing, or does not finish what he began, for too long
   [[nodiscard]] bool patient(Instant now) const;
 
  private:
-  [[nodiscard]] bool answer(std::span<const std::byte> message, std::vector<std::byte>& out, Instant now);
+  [[nodiscard]] bool answer(std::span<const std::byte> message, std::vector<std::byte>& out,
+                            Instant now);
   [[nodiscard]] bool is_proven(const ControlRequest& request) const;
   [[nodiscard]] ControlReply carry_out(const ControlCommand& command);
 
@@ -35,7 +39,7 @@ class ControlConversation final {
   OperatorDesk& desk_;
   WrongProofs& wrong_;
   std::uint64_t address_hash_;
-  std::uint64_t sequence_{0};  ///< Of the last request.
+  std::uint64_t sequence_{0};     ///< Of the last request.
   std::vector<std::byte> begun_;  ///< Of a message.
   Instant idle_since_{};
 };

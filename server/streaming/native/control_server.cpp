@@ -31,7 +31,8 @@ Peer to_peer(const boost::asio::ip::tcp::endpoint& from) {
 
 class ControlServer::Session final : public net::TcpSession {
  public:
-  Session(tcp::socket socket, const Clock& clock, OperatorDesk& desk, WrongProofs& wrong, std::uint64_t address_hash)
+  Session(tcp::socket socket, const Clock& clock, OperatorDesk& desk, WrongProofs& wrong,
+          std::uint64_t address_hash)
       : TcpSession(std::move(socket), "native", clock),
         conversation_(random_challenge(), desk, wrong, address_hash) {
     conversation_.greet(replies(), this->clock().now());
@@ -66,11 +67,14 @@ ControlServer::ControlServer(OperatorDesk& desk, const Clock& clock) : desk_(des
 ControlServer::~ControlServer() { stop(); }
 
 Expected<std::unique_ptr<ControlServer>> ControlServer::open(boost::asio::io_context& io,
-                                                             const net::BindTarget& target, OperatorDesk& desk,
+                                                             const net::BindTarget& target,
+                                                             OperatorDesk& desk,
                                                              const Clock& clock) {
   std::unique_ptr<ControlServer> server(new ControlServer(desk, clock));
-  auto listener = net::TcpListener::open(
-      io, target, [raw = server.get()](boost::asio::ip::tcp::socket socket) { raw->accept(std::move(socket)); });
+  auto listener =
+      net::TcpListener::open(io, target, [raw = server.get()](boost::asio::ip::tcp::socket socket) {
+        raw->accept(std::move(socket));
+      });
   if (!listener) return tl::unexpected(listener.error());
   server->listener_ = std::make_unique<net::TcpListener>(std::move(*listener));
   return server;
@@ -84,7 +88,8 @@ void ControlServer::accept(boost::asio::ip::tcp::socket socket) {
   const auto same = std::count_if(sessions_.begin(), sessions_.end(), [&](const auto& session) {
     return session->endpoint().address() == from.address();
   });
-  const std::uint64_t hash = TokenMint(hash_key_, std::chrono::hours(1)).address_hash(to_peer(from));
+  const std::uint64_t hash =
+      TokenMint(hash_key_, std::chrono::hours(1)).address_hash(to_peer(from));
   // Who is one too many, or guesses, learns nothing: his connection ends.
   if (sessions_.size() >= kMostClients || static_cast<std::size_t>(same) >= kMostPerAddress ||
       wrong_.shut_out(hash, clock_.now())) {

@@ -14,7 +14,8 @@
 
 namespace fiducap::native {
 
-/// The control channel: at most kMostClients connections, commands of who knows the operator's token.
+/// The control channel: at most kMostClients connections, commands of who knows the operator's
+/// token.
 class ControlServer final {
  public:
   static constexpr std::size_t kMostClients = 16;
@@ -23,7 +24,8 @@ class ControlServer final {
   /// @return Error with the remedy when the port cannot be had
   [[nodiscard]] static Expected<std::unique_ptr<ControlServer>> open(boost::asio::io_context& io,
                                                                      const net::BindTarget& target,
-                                                                     OperatorDesk& desk, const Clock& clock);
+                                                                     OperatorDesk& desk,
+                                                                     const Clock& clock);
   ~ControlServer();
   /// Ends who is silent for too long; call about ten times a second.
   void tick(Instant now);

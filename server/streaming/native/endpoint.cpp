@@ -10,7 +10,8 @@ Peer to_peer(const ip::udp::endpoint& from) {
   Peer peer;
   peer.port = from.port();
   const auto address = from.address();
-  const auto as_v6 = address.is_v6() ? address.to_v6() : ip::make_address_v6(ip::v4_mapped, address.to_v4());
+  const auto as_v6 =
+      address.is_v6() ? address.to_v6() : ip::make_address_v6(ip::v4_mapped, address.to_v4());
   const auto bytes = as_v6.to_bytes();
   std::copy(bytes.begin(), bytes.end(), peer.address.begin());
   peer.scope = address.is_v6() ? static_cast<std::uint32_t>(as_v6.scope_id()) : 0;

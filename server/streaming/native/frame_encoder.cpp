@@ -15,16 +15,20 @@ namespace fiducap::native {
 
 namespace {
 
-// Left for bodies beside the header of a Frame datagram: protocol 5, envelope 3, session 9, number 11, parts 4 × 4,
-// three times 9, rate 5, versions 2 × 11, profile 6, step 11 = 115 bytes at most.
+// Left for bodies beside the header of a Frame datagram: protocol 5, envelope 3, session 9, number
+// 11, parts 4 × 4, three times 9, rate 5, versions 2 × 11, profile 6, step 11 = 115 bytes at most.
 constexpr std::size_t kFrameBudget = kMaxDatagram - 120;
 
 v1::Body::State to_wire(BodyState state) {
   switch (state) {
-    case BodyState::kSearching: return v1::Body::STATE_SEARCHING;
-    case BodyState::kTracking: return v1::Body::STATE_TRACKING;
-    case BodyState::kCoasting: return v1::Body::STATE_COASTING;
-    case BodyState::kLost: return v1::Body::STATE_LOST;
+    case BodyState::kSearching:
+      return v1::Body::STATE_SEARCHING;
+    case BodyState::kTracking:
+      return v1::Body::STATE_TRACKING;
+    case BodyState::kCoasting:
+      return v1::Body::STATE_COASTING;
+    case BodyState::kLost:
+      return v1::Body::STATE_LOST;
   }
   return v1::Body::STATE_LOST;
 }
@@ -38,8 +42,9 @@ bool is_sane(const Eigen::MatrixBase<Derived>& numbers) {
 
 // All but the covariance between pose and motion, which nobody sends.
 bool is_sane(const BodyPose& body) {
-  return is_sane(body.X_WP.p) && is_sane(body.X_WP.q.coeffs()) && is_sane(body.v_WP) && is_sane(body.w_WP_P) &&
-         is_sane(body.a_WP) && is_sane(body.covariance.topLeftCorner<6, 6>()) &&
+  return is_sane(body.X_WP.p) && is_sane(body.X_WP.q.coeffs()) && is_sane(body.v_WP) &&
+         is_sane(body.w_WP_P) && is_sane(body.a_WP) &&
+         is_sane(body.covariance.topLeftCorner<6, 6>()) &&
          is_sane(body.covariance.diagonal().tail<6>());
 }
 
@@ -117,12 +122,15 @@ class FrameEncoder::Messages final {
     std::size_t size;
   };
 
-  Messages(std::uint64_t session, GrantedProfile granted) : session_(session), granted_(std::move(granted)) {}
+  Messages(std::uint64_t session, GrantedProfile granted)
+      : session_(session), granted_(std::move(granted)) {}
 
-  std::span<const Part> build(const SceneFrame& frame, std::span<const std::uint32_t> chosen, std::uint64_t step) {
+  std::span<const Part> build(const SceneFrame& frame, std::span<const std::uint32_t> chosen,
+                              std::uint64_t step) {
     start();
     parts_.clear();
-    std::size_t used = kFrameBudget + 1;  // over the budget: the first body, or none, opens the first part
+    std::size_t used =
+        kFrameBudget + 1;  // over the budget: the first body, or none, opens the first part
     for (std::size_t i = 0; i < chosen.size(); ++i) {
       auto* body = google::protobuf::Arena::CreateMessage<v1::Body>(arena_.get());
       put(frame.bodies[chosen[i]], granted_.profile, *body);
@@ -182,9 +190,8 @@ FrameEncoder::FrameEncoder(std::uint64_t session, const GrantedProfile& profile)
 
 FrameEncoder::~FrameEncoder() = default;
 
-std::span<const std::span<const std::byte>> FrameEncoder::encode(const SceneFrame& frame,
-                                                                     std::span<const std::uint32_t> chosen,
-                                                                     std::uint64_t step) {
+std::span<const std::span<const std::byte>> FrameEncoder::encode(
+    const SceneFrame& frame, std::span<const std::uint32_t> chosen, std::uint64_t step) {
   FIDUCAP_ASSERT(frame.model != nullptr && chosen.size() <= kMaxBodies);
   const auto parts = messages_->build(frame, chosen, step);
   FIDUCAP_ASSERT(parts.size() <= kMaxParts);

@@ -11,10 +11,12 @@
 
 namespace fiducap::native {
 
-/// A scene frame as Frame datagrams of at most kMaxDatagram bytes, encoded once for all clients of one profile.
+/// A scene frame as Frame datagrams of at most kMaxDatagram bytes, encoded once for all clients of
+/// one profile.
 ///
-/// A body that is not valid is sent with its state and age and without a pose; so is one whose numbers are not
-/// finite. Keeps its memory: after warm-up `encode` allocates nothing. Not thread-safe.
+/// A body that is not valid is sent with its state and age and without a pose; so is one whose
+/// numbers are not finite. Keeps its memory: after warm-up `encode` allocates nothing. Not
+/// thread-safe.
 class FrameEncoder final {
  public:
   explicit FrameEncoder(std::uint64_t session, const GrantedProfile& profile = {});
@@ -24,9 +26,8 @@ class FrameEncoder final {
   /// @param step  see Frame.step
   /// @pre chosen.size() <= kMaxBodies, frame.model is set
   /// @return at least one datagram, also for an empty scene; valid until the next call
-  [[nodiscard]] std::span<const std::span<const std::byte>> encode(const SceneFrame& frame,
-                                                                   std::span<const std::uint32_t> chosen,
-                                                                   std::uint64_t step = 1);
+  [[nodiscard]] std::span<const std::span<const std::byte>> encode(
+      const SceneFrame& frame, std::span<const std::uint32_t> chosen, std::uint64_t step = 1);
   /// All bodies.
   [[nodiscard]] std::span<const std::span<const std::byte>> encode(const SceneFrame& frame);
 

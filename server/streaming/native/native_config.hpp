@@ -11,16 +11,18 @@ namespace fiducap::native {
 struct NativeConfig {
   bool enabled{true};
   std::string address{"127.0.0.1"};
-  std::uint16_t port{21600};         ///< UDP for frames, TCP for control. 0: any free one, see `bound_port`.
+  std::uint16_t port{
+      21600};  ///< UDP for frames, TCP for control. 0: any free one, see `bound_port`.
   int max_clients{64};
   int max_clients_per_address{16};
-  double lease_s{3.0};               ///< A client that does not renew within this time is forgotten.
-  bool discovery{true};              ///< Answer `Client::discover()`.
-  bool control{true};                ///< Take commands of who knows `operator.token`.
-  std::string multicast_group;       ///< E.g. 239.255.42.16, for clients that ask for it; empty: nobody gets multicast.
+  double lease_s{3.0};          ///< A client that does not renew within this time is forgotten.
+  bool discovery{true};         ///< Answer `Client::discover()`.
+  bool control{true};           ///< Take commands of who knows `operator.token`.
+  std::string multicast_group;  ///< E.g. 239.255.42.16, for clients that ask for it; empty: nobody
+                                ///< gets multicast.
   std::uint16_t multicast_port{21601};
-  int multicast_ttl{1};              ///< 1: this network only.
-  std::string multicast_interface;   ///< IPv4 address of the interface; empty: the one of `address`.
+  int multicast_ttl{1};             ///< 1: this network only.
+  std::string multicast_interface;  ///< IPv4 address of the interface; empty: the one of `address`.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };

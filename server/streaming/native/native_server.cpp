@@ -31,7 +31,8 @@ using boost::system::error_code;
 
 // Requests handled before other work of the I/O thread gets its turn.
 constexpr int kRequestsPerTurn = 64;
-// A big scene for many clients at once must fit: 16 MB asked for, the kernel grants what net.core.wmem_max allows.
+// A big scene for many clients at once must fit: 16 MB asked for, the kernel grants what
+// net.core.wmem_max allows.
 constexpr int kSendBuffer = 16 << 20;
 constexpr int kBindAttempts = 16;  // for port 0
 
@@ -43,21 +44,23 @@ std::uint64_t random_word(std::random_device& device) {
 Registry make_registry(const NativeConfig& config) {
   std::random_device device;
   const std::array<std::uint64_t, 2> key{random_word(device), random_word(device)};
-  return {RegistryLimits{config.max_clients, config.max_clients_per_address, from_seconds(config.lease_s)}, key,
-          std::max<std::uint64_t>(1, random_word(device))};
+  return {RegistryLimits{config.max_clients, config.max_clients_per_address,
+                         from_seconds(config.lease_s)},
+          key, std::max<std::uint64_t>(1, random_word(device))};
 }
 
 /// Shared with the one pending wait of the socket, which may outlive the streamer in the I/O queue.
 class NativeServer final : public std::enable_shared_from_this<NativeServer> {
  public:
-  NativeServer(udp::socket socket, const NativeConfig& config, const std::shared_ptr<const SceneModel>& model,
-               const Clock& clock)
+  NativeServer(udp::socket socket, const NativeConfig& config,
+               const std::shared_ptr<const SceneModel>& model, const Clock& clock)
       : config_(config),
         clock_(clock),
         socket_(std::move(socket)),
         ipv4_(socket_.local_endpoint().address().is_v4()),
         registry_(make_registry(config)) {
-    streams_.push_back(std::make_unique<ProfileStream>(registry_.session(), GrantedProfile{}, *model));
+    streams_.push_back(
+        std::make_unique<ProfileStream>(registry_.session(), GrantedProfile{}, *model));
     use(model);
   }
 
@@ -72,18 +75,22 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
 
   void be_discovered(asio::io_context& io) {
     introduce(0);
-    ears_.emplace(io, config_.address, port(),
-                  [weak = weak_from_this()](std::span<const std::byte> query, const udp::endpoint& from) {
-                    if (const auto self = weak.lock()) self->answer(query, to_peer(from));
-                  });
+    ears_.emplace(
+        io, config_.address, port(),
+        [weak = weak_from_this()](std::span<const std::byte> query, const udp::endpoint& from) {
+          if (const auto self = weak.lock()) self->answer(query, to_peer(from));
+        });
   }
 
   [[nodiscard]] Expected<void> join_group() {
     const auto group = asio::ip::make_address_v4(config_.multicast_group);
-    const std::string& by = config_.multicast_interface.empty() ? config_.address : config_.multicast_interface;
+    const std::string& by =
+        config_.multicast_interface.empty() ? config_.address : config_.multicast_interface;
     error_code error;
     const auto interface = asio::ip::make_address_v4(by, error);
-    if (error) return fail(ErrorCode::kInvalid, "multicast needs an IPv4 address: set streaming.native.address", by);
+    if (error)
+      return fail(ErrorCode::kInvalid,
+                  "multicast needs an IPv4 address: set streaming.native.address", by);
     if (!interface.is_unspecified()) {
       socket_.set_option(asio::ip::multicast::outbound_interface(interface), error);
       if (error) {
@@ -95,14 +102,16 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     }
     socket_.set_option(asio::ip::multicast::hops(config_.multicast_ttl), error);
     if (!error) socket_.set_option(asio::ip::multicast::enable_loopback(true), error);
-    if (error) return fail(ErrorCode::kUnavailable, "cannot send multicast: " + error.message(), by);
+    if (error)
+      return fail(ErrorCode::kUnavailable, "cannot send multicast: " + error.message(), by);
     group_ = udp::endpoint(group, config_.multicast_port);
     registry_.offer_multicast({group.to_bytes(), config_.multicast_port});
     return {};
   }
 
   [[nodiscard]] Expected<void> take_commands(asio::io_context& io, OperatorDesk& desk) {
-    auto control = ControlServer::open(io, {config_.address, port(), "streaming.native"}, desk, clock_);
+    auto control =
+        ControlServer::open(io, {config_.address, port(), "streaming.native"}, desk, clock_);
     if (!control) return tl::unexpected(control.error());
     control_ = std::move(*control);
     return {};
@@ -117,7 +126,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     if (frame->model->bodies.size() > kMaxBodies || frame->bodies.size() > kMaxBodies) return;
     if (frame->model->generation != model_->generation) {
       use(frame->model);
-      for (auto& subscriber : registry_.subscribers()) send_model(subscriber.profile, subscriber.peer);
+      for (auto& subscriber : registry_.subscribers())
+        send_model(subscriber.profile, subscriber.peer);
     }
     if (frame->rate_hz != card_rate_hz_) introduce(frame->rate_hz);
     if (!registry_.subscribers().empty()) send(*frame);
@@ -128,7 +138,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     for (const auto& subscriber : registry_.subscribers()) {
       out.push_back({"native", net::peer_text(to_endpoint(subscriber.peer, ipv4_)),
                      text_of(subscriber, profile_of(subscriber.profile)), subscriber.frames_sent,
-                     subscriber.frames_dropped, to_seconds(now - subscriber.since), clock_of(subscriber)});
+                     subscriber.frames_dropped, to_seconds(now - subscriber.since),
+                     clock_of(subscriber)});
     }
   }
 
@@ -136,7 +147,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     if (control_) control_->stop();
     if (ears_) ears_->stop();
     if (!socket_.is_open()) return;
-    const auto notice = encode_notice(registry_.session(), 0, NoticeReason::kShuttingDown, "the server ends");
+    const auto notice =
+        encode_notice(registry_.session(), 0, NoticeReason::kShuttingDown, "the server ends");
     for (const auto& subscriber : registry_.subscribers()) send(notice, subscriber.peer);
     error_code ignored;
     socket_.close(ignored);
@@ -155,7 +167,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     card_rate_hz_ = rate_hz;
     if (!config_.discovery) return;
     registry_.introduce_as(ServerCard{asio::ip::host_name(), FIDUCAP_VERSION,
-                                      static_cast<std::uint32_t>(model_->bodies.size()), rate_hz, port()});
+                                      static_cast<std::uint32_t>(model_->bodies.size()), rate_hz,
+                                      port()});
   }
 
   /// One stream per profile in use, the default one first.
@@ -168,9 +181,11 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     };
     std::erase_if(streams_, is_gone);
     for (const auto& one : granted) {
-      const bool is_here = std::any_of(streams_.begin(), streams_.end(),
-                                       [&](const auto& stream) { return stream->number() == one.number; });
-      if (!is_here) streams_.push_back(std::make_unique<ProfileStream>(registry_.session(), one, *model_));
+      const bool is_here = std::any_of(streams_.begin(), streams_.end(), [&](const auto& stream) {
+        return stream->number() == one.number;
+      });
+      if (!is_here)
+        streams_.push_back(std::make_unique<ProfileStream>(registry_.session(), one, *model_));
     }
   }
 
@@ -190,7 +205,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     batch_.clear();
     for (const auto& stream : streams_) {
       bool anybody = false;
-      for (const auto& subscriber : subscribers) anybody = anybody || subscriber.profile == stream->number();
+      for (const auto& subscriber : subscribers)
+        anybody = anybody || subscriber.profile == stream->number();
       if (!anybody) continue;
       const auto datagrams = stream->encode(frame);
       if (!datagrams.empty()) add_to_batch(stream->number(), datagrams);
@@ -234,7 +250,9 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
       error_code error;
       const auto size = socket_.receive_from(asio::buffer(request_), from, 0, error);
       if (error == asio::error::would_block) return;
-      if (error) continue;  // the answer to an earlier datagram came back as unreachable: not this one's fault
+      if (error)
+        continue;  // the answer to an earlier datagram came back as unreachable: not this one's
+                   // fault
       answer(std::span(request_).first(size), to_peer(from));
     }
   }
@@ -258,7 +276,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
     }
   }
 
-  /// A control datagram that the socket does not take is lost like any other; the client asks again.
+  /// A control datagram that the socket does not take is lost like any other; the client asks
+  /// again.
   void send(const Datagram& datagram, const Peer& to) {
     error_code ignored;
     socket_.send_to(asio::buffer(datagram), to_endpoint(to, ipv4_), 0, ignored);
@@ -284,7 +303,8 @@ class NativeServer final : public std::enable_shared_from_this<NativeServer> {
   double card_rate_hz_{0};
   std::optional<BroadcastEars> ears_;
   std::unique_ptr<ControlServer> control_;
-  std::array<std::byte, kMaxDatagram + 1> request_{};  // one more: a longer datagram is seen as too long
+  std::array<std::byte, kMaxDatagram + 1>
+      request_{};  // one more: a longer datagram is seen as too long
 };
 
 class NativeStreamer final : public ServerHandle<Streamer, NativeServer> {
@@ -298,9 +318,10 @@ class NativeStreamer final : public ServerHandle<Streamer, NativeServer> {
 namespace {
 
 /// One attempt: the number that UDP got on port 0 may be taken for TCP.
-Expected<std::shared_ptr<NativeServer>> open_server(asio::io_context& io, const NativeConfig& config,
-                                                    const std::shared_ptr<const SceneModel>& model, const Clock& clock,
-                                                    OperatorDesk* desk) {
+Expected<std::shared_ptr<NativeServer>> open_server(asio::io_context& io,
+                                                    const NativeConfig& config,
+                                                    const std::shared_ptr<const SceneModel>& model,
+                                                    const Clock& clock, OperatorDesk* desk) {
   auto socket = net::bind_udp(io, {config.address, config.port, "streaming.native"});
   if (!socket) return tl::unexpected(socket.error());
   error_code ignored;  // a smaller buffer only means counted drops earlier
@@ -317,19 +338,23 @@ Expected<std::shared_ptr<NativeServer>> open_server(asio::io_context& io, const 
 
 }  // namespace
 
-Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io, const NativeConfig& config,
-                                                        std::shared_ptr<const SceneModel> model, const Clock& clock,
-                                                        OperatorDesk* desk) {
+Expected<std::unique_ptr<Streamer>> start_native_server(asio::io_context& io,
+                                                        const NativeConfig& config,
+                                                        std::shared_ptr<const SceneModel> model,
+                                                        const Clock& clock, OperatorDesk* desk) {
   if (model->bodies.size() > kMaxBodies) {
-    return fail(ErrorCode::kInvalid, "the native protocol carries at most " + std::to_string(kMaxBodies) +
-                                         " bodies, the scene has " + std::to_string(model->bodies.size()));
+    return fail(ErrorCode::kInvalid, "the native protocol carries at most " +
+                                         std::to_string(kMaxBodies) + " bodies, the scene has " +
+                                         std::to_string(model->bodies.size()));
   }
   auto server = open_server(io, config, model, clock, desk);
-  for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i) server = open_server(io, config, model, clock, desk);
+  for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i)
+    server = open_server(io, config, model, clock, desk);
   if (!server) return tl::unexpected(server.error());
   (*server)->listen();
   if (config.discovery) (*server)->be_discovered(io);
-  log::info("native", "serves Fiducap clients on " + config.address + ":" + std::to_string((*server)->port()) +
+  log::info("native", "serves Fiducap clients on " + config.address + ":" +
+                          std::to_string((*server)->port()) +
                           (config.control ? " (UDP; control by TCP)" : " (UDP)"));
   return std::make_unique<NativeStreamer>("native", std::move(*server));
 }

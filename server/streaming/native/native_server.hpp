@@ -15,15 +15,15 @@ class io_context;
 
 namespace fiducap::native {
 
-/// Native protocol (`proto/fiducap/v1/`): subscriptions with a lease in, frames out, one UDP socket; commands by TCP.
+/// Native protocol (`proto/fiducap/v1/`): subscriptions with a lease in, frames out, one UDP
+/// socket; commands by TCP.
 /// @param desk  carries out commands; nullptr: there is no control channel
-/// @return Error `kUnavailable` naming address, port and remedy when it cannot bind; `kInvalid` when the scene has more
+/// @return Error `kUnavailable` naming address, port and remedy when it cannot bind; `kInvalid`
+/// when the scene has more
 ///         bodies than the protocol carries.
-[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_native_server(boost::asio::io_context& io,
-                                                                       const NativeConfig& config,
-                                                                       std::shared_ptr<const SceneModel> model,
-                                                                       const Clock& clock,
-                                                                       OperatorDesk* desk = nullptr);
+[[nodiscard]] Expected<std::unique_ptr<Streamer>> start_native_server(
+    boost::asio::io_context& io, const NativeConfig& config,
+    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk = nullptr);
 
 /// Where it really listens. @pre made by start_native_server
 [[nodiscard]] std::uint16_t bound_port(const Streamer& native_server);

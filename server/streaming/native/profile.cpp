@@ -18,16 +18,19 @@ std::uint64_t step_of(const Profile& profile, double rate_hz) {
 std::vector<std::uint32_t> chosen_bodies(const Profile& profile, const SceneModel& model) {
   std::vector<std::uint32_t> chosen;
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-    const bool wanted = profile.bodies.empty() || std::binary_search(profile.bodies.begin(), profile.bodies.end(),
-                                                                     model.bodies[i].name);
+    const bool wanted =
+        profile.bodies.empty() ||
+        std::binary_search(profile.bodies.begin(), profile.bodies.end(), model.bodies[i].name);
     if (wanted) chosen.push_back(static_cast<std::uint32_t>(i));
   }
   return chosen;
 }
 
 std::string text_of(const Profile& profile) {
-  std::string text = fmt::format("{} {}", name_of(profile.axes.up), profile.axes.units_per_m == 1.0 ? "m" : "mm");
-  if (profile.axes.up != UpAxis::kZ && profile.axes.scope == AxesScope::kWorldAndBody) text += ", bodies turned";
+  std::string text =
+      fmt::format("{} {}", name_of(profile.axes.up), profile.axes.units_per_m == 1.0 ? "m" : "mm");
+  if (profile.axes.up != UpAxis::kZ && profile.axes.scope == AxesScope::kWorldAndBody)
+    text += ", bodies turned";
   if (profile.max_rate_hz > 0) text += fmt::format(", at most {:g} Hz", profile.max_rate_hz);
   if (!profile.bodies.empty()) text += fmt::format(", {} chosen", profile.bodies.size());
   if (!profile.covariance) text += ", no covariance";

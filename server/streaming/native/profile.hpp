@@ -17,8 +17,9 @@ struct Profile {
   std::vector<std::string> bodies;  ///< Names, sorted, each once; empty: all.
 
   [[nodiscard]] bool operator==(const Profile& other) const {
-    return axes.up == other.axes.up && axes.scope == other.axes.scope && axes.units_per_m == other.axes.units_per_m &&
-           max_rate_hz == other.max_rate_hz && covariance == other.covariance && bodies == other.bodies;
+    return axes.up == other.axes.up && axes.scope == other.axes.scope &&
+           axes.units_per_m == other.axes.units_per_m && max_rate_hz == other.max_rate_hz &&
+           covariance == other.covariance && bodies == other.bodies;
   }
   [[nodiscard]] bool is_default() const { return *this == Profile{}; }
 };
@@ -32,7 +33,8 @@ struct GrantedProfile {
 /// One of how many frames this profile gets; their numbers are the multiples of it.
 [[nodiscard]] std::uint64_t step_of(const Profile& profile, double rate_hz);
 /// Places in model.bodies of the bodies this profile gets, in order.
-[[nodiscard]] std::vector<std::uint32_t> chosen_bodies(const Profile& profile, const SceneModel& model);
+[[nodiscard]] std::vector<std::uint32_t> chosen_bodies(const Profile& profile,
+                                                       const SceneModel& model);
 /// `y-up mm, at most 50 Hz, 2 bodies`; for the operator.
 [[nodiscard]] std::string text_of(const Profile& profile);
 

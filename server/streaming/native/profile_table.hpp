@@ -10,7 +10,8 @@
 
 namespace fiducap::native {
 
-/// The different profiles in use, at most kMost of them. The default profile is always there and does not count.
+/// The different profiles in use, at most kMost of them. The default profile is always there and
+/// does not count.
 class ProfileTable final {
  public:
   static constexpr std::size_t kMost = 16;

@@ -8,7 +8,8 @@ namespace {
 
 // A token must outlive the lease it came with, and a slow first answer.
 constexpr Duration kLeastTokenPeriod = std::chrono::seconds(10);
-// A client asks again when a part of the model was lost; more often than this is not answered with the whole model.
+// A client asks again when a part of the model was lost; more often than this is not answered with
+// the whole model.
 constexpr Duration kModelPause = std::chrono::milliseconds(50);
 
 std::string printable(std::string_view text) {
@@ -21,21 +22,29 @@ std::string printable(std::string_view text) {
 
 std::string_view sentence(NoticeReason reason) {
   switch (reason) {
-    case NoticeReason::kServerFull: return "the server has all the clients it may have (streaming.native.max_clients)";
+    case NoticeReason::kServerFull:
+      return "the server has all the clients it may have (streaming.native.max_clients)";
     case NoticeReason::kAddressFull:
-      return "this address has all the clients it may have (streaming.native.max_clients_per_address)";
-    case NoticeReason::kShuttingDown: return "the server ends";
+      return "this address has all the clients it may have "
+             "(streaming.native.max_clients_per_address)";
+    case NoticeReason::kShuttingDown:
+      return "the server ends";
     case NoticeReason::kProfilesFull:
-      return "the server already encodes 16 different profiles (axes, unit, rate, bodies): use one of another client";
-    case NoticeReason::kProfileInvalid: return "the profile (axes, unit, rate, bodies) has values this server does not know";
+      return "the server already encodes 16 different profiles (axes, unit, rate, bodies): use one "
+             "of another client";
+    case NoticeReason::kProfileInvalid:
+      return "the profile (axes, unit, rate, bodies) has values this server does not know";
   }
   return "";
 }
 
 }  // namespace
 
-Registry::Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key, std::uint64_t session)
-    : limits_(limits), mint_(key, std::max(kLeastTokenPeriod, 2 * limits.lease)), session_(session) {
+Registry::Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key,
+                   std::uint64_t session)
+    : limits_(limits),
+      mint_(key, std::max(kLeastTokenPeriod, 2 * limits.lease)),
+      session_(session) {
   subscribers_.reserve(static_cast<std::size_t>(limits.max_clients));
 }
 
@@ -56,8 +65,8 @@ Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Pee
   return on(std::get<UnsubscribeRequest>(*request), from, now);
 }
 
-Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from, std::uint64_t model_generation,
-                             std::size_t bytes_in, Instant now) {
+Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from,
+                             std::uint64_t model_generation, std::size_t bytes_in, Instant now) {
   if (!mint_.accepts(request.token, from, now)) return challenge(request, from, bytes_in, now);
   Subscriber* subscriber = find(from);
   Event event = Event::kNone;
@@ -83,10 +92,12 @@ Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from, 
   return reply;
 }
 
-Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& request, std::uint32_t profile,
-                                std::uint64_t model_generation, Instant now) {
+Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& request,
+                                std::uint32_t profile, std::uint64_t model_generation,
+                                Instant now) {
   const bool another_profile = subscriber.profile != profile;
-  const bool model_is_due = !subscriber.model_sent_at || now - *subscriber.model_sent_at >= kModelPause;
+  const bool model_is_due =
+      !subscriber.model_sent_at || now - *subscriber.model_sent_at >= kModelPause;
   if (another_profile && !model_is_due) {  // it asks again; nobody makes us encode at will
     prune_profiles();
     return {};
@@ -100,10 +111,18 @@ Registry::Reply Registry::renew(Subscriber& subscriber, const SubscribeRequest& 
   subscriber.profile = profile;
   subscriber.multicast = request.multicast && group_.port != 0;
   if (another_profile) prune_profiles();
-  const bool send_model = (another_profile || request.model_generation != model_generation) && model_is_due;
+  const bool send_model =
+      (another_profile || request.model_generation != model_generation) && model_is_due;
   if (send_model) subscriber.model_sent_at = now;
-  LeaseAnswer lease{session_, request.nonce, mint_.token(subscriber.peer, now), limits_.lease, model_generation, profile,
-                    {}, 0, subscriber.frames_dropped};
+  LeaseAnswer lease{session_,
+                    request.nonce,
+                    mint_.token(subscriber.peer, now),
+                    limits_.lease,
+                    model_generation,
+                    profile,
+                    {},
+                    0,
+                    subscriber.frames_dropped};
   if (subscriber.multicast) {
     lease.group = group_.address;
     lease.group_port = group_.port;
@@ -126,7 +145,8 @@ Registry::Reply Registry::on(const ClockRequest& request, const Peer& from, Inst
   return {encode(ClockAnswer{session_, request.number, now, now}), false, 0, Event::kNone};
 }
 
-Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in, Instant now) {
+Registry::Reply Registry::on(const DiscoveryRequest& request, const Peer& from,
+                             std::size_t bytes_in, Instant now) {
   if (!card_) return {};
   if (!discovery_limiter_.allow(mint_.address_hash(from), now)) {
     ++unanswered_.too_often;
@@ -142,13 +162,14 @@ Registry::Reply Registry::on(const UnsubscribeRequest& request, const Peer& from
     ++unanswered_.malformed;
     return {};
   }
-  const auto removed = std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == from; });
+  const auto removed =
+      std::erase_if(subscribers_, [&](const Subscriber& s) { return s.peer == from; });
   prune_profiles();
   return {{}, false, 0, removed > 0 ? Event::kLeft : Event::kNone};
 }
 
-Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer& from, std::size_t bytes_in,
-                                    Instant now) {
+Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer& from,
+                                    std::size_t bytes_in, Instant now) {
   if (!limiter_.allow(mint_.address_hash(from), now)) {
     ++unanswered_.too_often;
     return {};
@@ -159,14 +180,16 @@ Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer&
 }
 
 std::optional<NoticeReason> Registry::reason_to_refuse(const Peer& from) const {
-  if (subscribers_.size() >= static_cast<std::size_t>(limits_.max_clients)) return NoticeReason::kServerFull;
+  if (subscribers_.size() >= static_cast<std::size_t>(limits_.max_clients))
+    return NoticeReason::kServerFull;
   const auto same = std::count_if(subscribers_.begin(), subscribers_.end(),
                                   [&](const Subscriber& s) { return s.peer.same_address(from); });
   if (same >= limits_.max_clients_per_address) return NoticeReason::kAddressFull;
   return std::nullopt;
 }
 
-Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason reason, std::size_t bytes_in) const {
+Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason reason,
+                                 std::size_t bytes_in) const {
   Datagram answer = encode_notice(session_, request.nonce, reason, sentence(reason));
   // The sentence is a courtesy: without it the notice is shorter than any question.
   if (answer.size() > bytes_in) answer = encode_notice(session_, request.nonce, reason, "");
@@ -174,7 +197,8 @@ Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason r
 }
 
 std::size_t Registry::expire(Instant now) {
-  const auto gone = std::erase_if(subscribers_, [&](const Subscriber& s) { return s.lease_until <= now; });
+  const auto gone =
+      std::erase_if(subscribers_, [&](const Subscriber& s) { return s.lease_until <= now; });
   if (gone > 0) prune_profiles();
   return gone;
 }

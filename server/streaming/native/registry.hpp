@@ -55,12 +55,14 @@ struct Unanswered {
 
 /// The conversation with all clients: datagram in → datagram out, time passed in, no socket.
 ///
-/// Nothing is remembered about an address before it returned a token, and it is answered at most once per question,
-/// never with more bytes than came. At most `max_clients` are remembered; the lease ends those that fall silent.
+/// Nothing is remembered about an address before it returned a token, and it is answered at most
+/// once per question, never with more bytes than came. At most `max_clients` are remembered; the
+/// lease ends those that fall silent.
 class Registry final {
  public:
   /// @param key, session  random for each start of the server; session is not 0
-  Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key, std::uint64_t session);
+  Registry(const RegistryLimits& limits, const std::array<std::uint64_t, 2>& key,
+           std::uint64_t session);
   /// For clients that ask for it. None: everybody gets unicast.
   void offer_multicast(const MulticastGroup& group) { group_ = group; }
   /// What anybody is told who asks who is here; nullopt: nothing.
@@ -68,13 +70,13 @@ class Registry final {
 
   enum class Event { kNone, kJoined, kLeft };
   struct Reply {
-    Datagram datagram;      ///< Empty: no answer.
-    bool send_model{};      ///< All Model datagrams of `profile` follow the answer.
+    Datagram datagram;  ///< Empty: no answer.
+    bool send_model{};  ///< All Model datagrams of `profile` follow the answer.
     std::uint32_t profile{};
     Event event{Event::kNone};
   };
-  [[nodiscard]] Reply receive(std::span<const std::byte> datagram, const Peer& from, std::uint64_t model_generation,
-                              Instant now);
+  [[nodiscard]] Reply receive(std::span<const std::byte> datagram, const Peer& from,
+                              std::uint64_t model_generation, Instant now);
   /// Forgets everyone whose lease is over. @return how many.
   std::size_t expire(Instant now);
 
@@ -87,17 +89,20 @@ class Registry final {
   [[nodiscard]] std::uint64_t session() const { return session_; }
 
  private:
-  [[nodiscard]] Reply on(const SubscribeRequest& request, const Peer& from, std::uint64_t model_generation,
-                         std::size_t bytes_in, Instant now);
+  [[nodiscard]] Reply on(const SubscribeRequest& request, const Peer& from,
+                         std::uint64_t model_generation, std::size_t bytes_in, Instant now);
   [[nodiscard]] Reply on(const UnsubscribeRequest& request, const Peer& from, Instant now);
   [[nodiscard]] Reply on(const ClockRequest& request, const Peer& from, Instant now);
-  [[nodiscard]] Reply on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in, Instant now);
-  [[nodiscard]] Reply renew(Subscriber& subscriber, const SubscribeRequest& request, std::uint32_t profile,
-                            std::uint64_t model_generation, Instant now);
+  [[nodiscard]] Reply on(const DiscoveryRequest& request, const Peer& from, std::size_t bytes_in,
+                         Instant now);
+  [[nodiscard]] Reply renew(Subscriber& subscriber, const SubscribeRequest& request,
+                            std::uint32_t profile, std::uint64_t model_generation, Instant now);
   void prune_profiles();
-  [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Peer& from, std::size_t bytes_in, Instant now);
+  [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Peer& from,
+                                std::size_t bytes_in, Instant now);
   [[nodiscard]] std::optional<NoticeReason> reason_to_refuse(const Peer& from) const;
-  [[nodiscard]] Reply refuse(const SubscribeRequest& request, NoticeReason reason, std::size_t bytes_in) const;
+  [[nodiscard]] Reply refuse(const SubscribeRequest& request, NoticeReason reason,
+                             std::size_t bytes_in) const;
   [[nodiscard]] Subscriber* find(const Peer& peer);
 
   RegistryLimits limits_;

@@ -9,7 +9,8 @@ namespace fiducap::native {
 inline constexpr std::uint32_t kProtocol = 0x31434446;
 /// Fits every path between two hosts without fragments (IPv6 minimum MTU 1280 minus headers).
 inline constexpr std::size_t kMaxDatagram = 1200;
-/// A shorter Subscribe is ignored: the answer to an address that is not proven must not be longer than the question.
+/// A shorter Subscribe is ignored: the answer to an address that is not proven must not be longer
+/// than the question.
 inline constexpr std::size_t kMinSubscribe = 128;
 inline constexpr std::size_t kMinClockQuery = 64;
 inline constexpr std::size_t kMinDiscovery = 256;

@@ -7,7 +7,8 @@
 
 namespace fiducap::native {
 
-/// Who guesses tokens: after `kAllowed` wrong ones within `kWindow` an address is shut out for the rest of it.
+/// Who guesses tokens: after `kAllowed` wrong ones within `kWindow` an address is shut out for the
+/// rest of it.
 ///
 /// A fixed table; two addresses that fall on the same place share it. Memory never grows.
 class WrongProofs final {

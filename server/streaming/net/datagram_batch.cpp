@@ -28,8 +28,10 @@ void DatagramBatch::clear() {
   sent_.clear();
 }
 
-void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* address, socklen_t address_size) {
-  // sendmmsg only reads; its structures are shared with calls that write, hence the pointers to non-const.
+void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* address,
+                        socklen_t address_size) {
+  // sendmmsg only reads; its structures are shared with calls that write, hence the pointers to
+  // non-const.
   pieces_.push_back({const_cast<std::byte*>(datagram.data()), datagram.size()});
   mmsghdr message{};
   message.msg_hdr.msg_name = const_cast<sockaddr*>(address);
@@ -39,8 +41,8 @@ void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* add
   cuts_.emplace_back();
 }
 
-void DatagramBatch::add_cut(std::span<const std::byte> bytes, std::size_t cut, const sockaddr* address,
-                            socklen_t address_size) {
+void DatagramBatch::add_cut(std::span<const std::byte> bytes, std::size_t cut,
+                            const sockaddr* address, socklen_t address_size) {
   const std::size_t most = cut * std::min(kMostCuts, std::max<std::size_t>(1, kMostBytes / cut));
   while (!bytes.empty()) {
     const auto next = bytes.first(std::min(most, bytes.size()));
@@ -87,15 +89,18 @@ void DatagramBatch::send(int socket) {
   bool tried_again = false;
   while (next < messages_.size()) {
     const std::size_t wanted = std::min(messages_.size() - next, kMostPerCall);
-    const int n = ::sendmmsg(socket, &messages_[next], static_cast<unsigned>(wanted), MSG_DONTWAIT | MSG_NOSIGNAL);
+    const int n = ::sendmmsg(socket, &messages_[next], static_cast<unsigned>(wanted),
+                             MSG_DONTWAIT | MSG_NOSIGNAL);
     if (n < 0) {
       if (errno == EINTR) continue;
       // With IP_RECVERR: an earlier datagram found its port closed. This one was not tried yet.
       if (errno == ECONNREFUSED && !std::exchange(tried_again, true)) continue;
       tried_again = false;
-      const bool kernel_cannot_cut = errno == EINVAL || errno == EIO || errno == EOPNOTSUPP || errno == EMSGSIZE;
+      const bool kernel_cannot_cut =
+          errno == EINVAL || errno == EIO || errno == EOPNOTSUPP || errno == EMSGSIZE;
       if (kernel_cannot_cut && cuts_[next].bytes > 0) sent_[next] = send_cut_by_hand(socket, next);
-      ++next;  // the first one was refused: an unreachable peer must not cost the others their frame
+      ++next;  // the first one was refused: an unreachable peer must not cost the others their
+               // frame
       continue;
     }
     tried_again = false;

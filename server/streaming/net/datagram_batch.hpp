@@ -13,16 +13,18 @@ namespace fiducap::net {
 
 /// Many datagrams to many addresses by as few system calls as the kernel allows, never waiting.
 ///
-/// `clear`, `add` for every datagram, `send`. Keeps its memory, so that nothing is allocated per frame. Bytes and
-/// addresses are only pointed at: they must live until `send`.
+/// `clear`, `add` for every datagram, `send`. Keeps its memory, so that nothing is allocated per
+/// frame. Bytes and addresses are only pointed at: they must live until `send`.
 class DatagramBatch final {
  public:
   void clear();
   void add(std::span<const std::byte> datagram, const sockaddr* address, socklen_t address_size);
-  /// Many datagrams to one address as one message: the kernel cuts `bytes` every `cut` bytes, the last may be shorter.
-  /// Where it cannot (old kernel, no such device), `send` cuts.
-  void add_cut(std::span<const std::byte> bytes, std::size_t cut, const sockaddr* address, socklen_t address_size);
-  /// A datagram that the socket does not take (its buffer is full, no way to the address) is left out; the others go.
+  /// Many datagrams to one address as one message: the kernel cuts `bytes` every `cut` bytes, the
+  /// last may be shorter. Where it cannot (old kernel, no such device), `send` cuts.
+  void add_cut(std::span<const std::byte> bytes, std::size_t cut, const sockaddr* address,
+               socklen_t address_size);
+  /// A datagram that the socket does not take (its buffer is full, no way to the address) is left
+  /// out; the others go.
   void send(int socket);
 
   /// Messages so far: one per `add`, one or more per `add_cut`.

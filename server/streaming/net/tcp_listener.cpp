@@ -10,13 +10,16 @@ using boost::system::error_code;
 /// Shared with the one pending accept, which may outlive the listener in the I/O queue.
 struct TcpListener::State : std::enable_shared_from_this<State> {
   State(tcp::acceptor opened, Accepted handler)
-      : acceptor(std::move(opened)), port(acceptor.local_endpoint().port()), accepted(std::move(handler)) {}
+      : acceptor(std::move(opened)),
+        port(acceptor.local_endpoint().port()),
+        accepted(std::move(handler)) {}
 
   void accept() {
     accepting = true;
     acceptor.async_accept([self = shared_from_this()](const error_code& error, tcp::socket socket) {
       self->accepting = false;
-      if (self->stopped || error) return;  // e.g. out of file descriptors: the next tick tries again
+      if (self->stopped || error)
+        return;  // e.g. out of file descriptors: the next tick tries again
       self->accepted(std::move(socket));
       if (!self->stopped) self->accept();
     });
@@ -29,7 +32,8 @@ struct TcpListener::State : std::enable_shared_from_this<State> {
   bool stopped{false};
 };
 
-Expected<TcpListener> TcpListener::open(boost::asio::io_context& io, const BindTarget& target, Accepted accepted) {
+Expected<TcpListener> TcpListener::open(boost::asio::io_context& io, const BindTarget& target,
+                                        Accepted accepted) {
   auto acceptor = listen_tcp(io, target);
   if (!acceptor) return tl::unexpected(acceptor.error());
   auto state = std::make_shared<State>(std::move(*acceptor), std::move(accepted));

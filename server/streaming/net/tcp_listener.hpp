@@ -12,14 +12,15 @@
 
 namespace fiducap::net {
 
-/// Accepts TCP clients until it is stopped or destroyed, also after the machine ran out of descriptors for a while.
+/// Accepts TCP clients until it is stopped or destroyed, also after the machine ran out of
+/// descriptors for a while.
 class TcpListener final {
  public:
   using Accepted = std::function<void(boost::asio::ip::tcp::socket)>;
 
   /// @return Error with the remedy when the port cannot be had
-  [[nodiscard]] static Expected<TcpListener> open(boost::asio::io_context& io, const BindTarget& target,
-                                                  Accepted accepted);
+  [[nodiscard]] static Expected<TcpListener> open(boost::asio::io_context& io,
+                                                  const BindTarget& target, Accepted accepted);
   TcpListener(TcpListener&&) = default;
   TcpListener& operator=(TcpListener&&) = delete;
   ~TcpListener();

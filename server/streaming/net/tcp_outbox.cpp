@@ -35,7 +35,8 @@ void TcpOutbox::written(Instant now) {
 std::optional<std::string> TcpOutbox::overdue(Instant now) {
   note_waiting(now);
   const std::size_t bytes = replies_in_flight_.size() + replies_.size();
-  if (bytes > kMaxReplyBytes) return "does not read: " + std::to_string(bytes) + " bytes of replies wait for it";
+  if (bytes > kMaxReplyBytes)
+    return "does not read: " + std::to_string(bytes) + " bytes of replies wait for it";
   const auto oldest = in_flight_since_ ? in_flight_since_ : waiting_since_;
   if (oldest && now - *oldest > kMaxWait) return "does not read: a message waits for more than 5 s";
   return std::nullopt;

@@ -17,15 +17,17 @@ using SharedBytes = std::shared_ptr<const std::vector<std::byte>>;
 
 /// What waits to be written to one client's TCP socket, without the socket.
 ///
-/// Bounded: of frames only the newest waits, an older one is dropped whole; replies all wait, and when they wait too
-/// long or grow too big the client must go.
+/// Bounded: of frames only the newest waits, an older one is dropped whole; replies all wait, and
+/// when they wait too long or grow too big the client must go.
 class TcpOutbox final {
  public:
   static constexpr std::size_t kMaxReplyBytes = 1 << 20;
   static constexpr Duration kMaxWait = std::chrono::seconds(5);
 
   /// Appended whole, in order, before any waiting frame.
-  void reply(std::span<const std::byte> bytes) { replies_.insert(replies_.end(), bytes.begin(), bytes.end()); }
+  void reply(std::span<const std::byte> bytes) {
+    replies_.insert(replies_.end(), bytes.begin(), bytes.end());
+  }
   /// Encoders may append whole messages here themselves.
   [[nodiscard]] std::vector<std::byte>& replies() { return replies_; }
   /// @return false when an older frame was dropped for this one

@@ -25,7 +25,8 @@ constexpr int kKeepAliveInterval_s = 5;
 constexpr int kKeepAliveProbes = 3;
 
 void set_option(int socket, int level, int option, int value) {
-  ::setsockopt(socket, level, option, &value, sizeof(value));  // a refusal costs latency or patience, nothing else
+  ::setsockopt(socket, level, option, &value,
+               sizeof(value));  // a refusal costs latency or patience, nothing else
 }
 
 }  // namespace
@@ -56,15 +57,17 @@ void TcpSession::start() {
 }
 
 void TcpSession::read() {
-  socket_.async_read_some(asio::buffer(incoming_), [self = shared_from_this()](const error_code& error, std::size_t n) {
-    if (self->closed_) return;
-    if (error) return self->close("left");
-    self->received(std::span<const std::byte>(self->incoming_).first(n));
-    if (self->closed_) return;
-    if (const auto why = self->outbox_.overdue(self->clock_.now())) return self->close(*why, log::Level::kWarning);
-    self->flush();
-    if (!self->closed_) self->read();
-  });
+  socket_.async_read_some(asio::buffer(incoming_),
+                          [self = shared_from_this()](const error_code& error, std::size_t n) {
+                            if (self->closed_) return;
+                            if (error) return self->close("left");
+                            self->received(std::span<const std::byte>(self->incoming_).first(n));
+                            if (self->closed_) return;
+                            if (const auto why = self->outbox_.overdue(self->clock_.now()))
+                              return self->close(*why, log::Level::kWarning);
+                            self->flush();
+                            if (!self->closed_) self->read();
+                          });
 }
 
 void TcpSession::send(std::span<const std::byte> bytes) {
@@ -80,14 +83,15 @@ void TcpSession::offer(SharedBytes frame) {
   flush();
 }
 
-// Written at once: nearly always it fits into the socket's buffer, and then no operation is queued, nothing allocated
-// and nobody woken. What does not fit is written when there is room.
+// Written at once: nearly always it fits into the socket's buffer, and then no operation is queued,
+// nothing allocated and nobody woken. What does not fit is written when there is room.
 void TcpSession::flush() {
   while (!closed_) {
     const auto pieces = outbox_.take(clock_.now());
     if (!pieces) return;
-    std::array<asio::const_buffer, 2> buffers{asio::const_buffer((*pieces)[0].data(), (*pieces)[0].size()),
-                                              asio::const_buffer((*pieces)[1].data(), (*pieces)[1].size())};
+    std::array<asio::const_buffer, 2> buffers{
+        asio::const_buffer((*pieces)[0].data(), (*pieces)[0].size()),
+        asio::const_buffer((*pieces)[1].data(), (*pieces)[1].size())};
     error_code error;
     std::size_t done = socket_.write_some(buffers, error);
     if (error && error != asio::error::would_block && error != asio::error::try_again) {
@@ -104,12 +108,13 @@ void TcpSession::flush() {
 }
 
 void TcpSession::write_rest(const std::array<asio::const_buffer, 2>& buffers) {
-  asio::async_write(socket_, buffers, [self = shared_from_this()](const error_code& error, std::size_t) {
-    if (self->closed_) return;
-    if (error) return self->close("left: " + error.message());
-    self->outbox_.written(self->clock_.now());
-    self->flush();
-  });
+  asio::async_write(socket_, buffers,
+                    [self = shared_from_this()](const error_code& error, std::size_t) {
+                      if (self->closed_) return;
+                      if (error) return self->close("left: " + error.message());
+                      self->outbox_.written(self->clock_.now());
+                      self->flush();
+                    });
 }
 
 void TcpSession::tick(Instant now) {

@@ -17,11 +17,13 @@
 
 namespace fiducap::net {
 
-/// Low latency, a send buffer that holds no stale seconds, and dead peers found within half a minute.
+/// Low latency, a send buffer that holds no stale seconds, and dead peers found within half a
+/// minute.
 void tune(boost::asio::ip::tcp::socket& socket);
 
-/// One client's TCP socket: reads, writes what waits in the outbox, and closes a client that does not read. A protocol
-/// derives from it and says what received bytes mean. Everything runs on the thread of the io_context.
+/// One client's TCP socket: reads, writes what waits in the outbox, and closes a client that does
+/// not read. A protocol derives from it and says what received bytes mean. Everything runs on the
+/// thread of the io_context.
 ///
 /// Owned by shared_ptr: by the server's list and by the handlers under way.
 class TcpSession : public std::enable_shared_from_this<TcpSession> {

@@ -47,7 +47,9 @@ void Session::ticked(Instant now) {
   }
 }
 
-const sockaddr_in& Session::udp_target() { return datagrams.aim(endpoint(), connection_.udp_port().value_or(0)); }
+const sockaddr_in& Session::udp_target() {
+  return datagrams.aim(endpoint(), connection_.udp_port().value_or(0));
+}
 
 ClientStatus Session::status(Instant now) const {
   ClientStatus status;

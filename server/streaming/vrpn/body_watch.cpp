@@ -25,10 +25,12 @@ void BodyWatch::observe(const SceneFrame& frame, std::span<const std::int32_t> s
     if (seen.said_at && frame.at - *seen.said_at < kQuietTime) continue;
     seen.said_valid = valid;
     seen.said_at = frame.at;
-    const Header header{frame.utc_ns(), sender_of_body[i], static_cast<std::int32_t>(Type::kText), 0};
+    const Header header{frame.utc_ns(), sender_of_body[i], static_cast<std::int32_t>(Type::kText),
+                        0};
     encode_text(header,
                 valid ? TextMessage{Severity::kNormal, 0, "tracked again"}
-                      : TextMessage{Severity::kWarning, 0, "not tracked any more: no reports until tags are seen again"},
+                      : TextMessage{Severity::kWarning, 0,
+                                    "not tracked any more: no reports until tags are seen again"},
                 out);
   }
 }

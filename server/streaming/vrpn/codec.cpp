@@ -31,7 +31,9 @@ BigEndianWriter begin(const Header& header, std::size_t payload, std::vector<std
 }
 
 void put(BigEndianWriter& to, const Eigen::Vector3d& v) { to.f64(v.x()).f64(v.y()).f64(v.z()); }
-void put(BigEndianWriter& to, const Eigen::Quaterniond& q) { to.f64(q.x()).f64(q.y()).f64(q.z()).f64(q.w()); }
+void put(BigEndianWriter& to, const Eigen::Quaterniond& q) {
+  to.f64(q.x()).f64(q.y()).f64(q.z()).f64(q.w());
+}
 
 void put(std::span<std::byte> at, std::uint32_t v) {
   for (std::size_t i = 0; i < 4; ++i) at[i] = static_cast<std::byte>(v >> (24 - 8 * i));
@@ -58,19 +60,24 @@ std::string shown(std::string_view text) {
 
 Expected<std::uint16_t> checked_port(std::int64_t port, const char* context) {
   if (port >= kLowestPort && port <= 65535) return static_cast<std::uint16_t>(port);
-  return fail(ErrorCode::kInvalid, "expected a port from 1024 to 65535, came " + std::to_string(port), context);
+  return fail(ErrorCode::kInvalid,
+              "expected a port from 1024 to 65535, came " + std::to_string(port), context);
 }
 
 }  // namespace
 
 void encode_cookie(int minor, std::vector<std::byte>& out) {
-  const char digits[] = {static_cast<char>('0' + minor / 10 % 10), static_cast<char>('0' + minor % 10)};
+  const char digits[] = {static_cast<char>('0' + minor / 10 % 10),
+                         static_cast<char>('0' + minor % 10)};
   BigEndianWriter(out).text(kMagic).text("07.").text({digits, 2}).text("  0").zeros(5);
 }
 
 void encode_description(const Header& header, std::string_view name, std::vector<std::byte>& out) {
   const std::size_t n = name.size() + 1;
-  begin(header, 4 + n, out).u32(static_cast<std::uint32_t>(n)).text(name).zeros(1 + padded(4 + n) - (4 + n));
+  begin(header, 4 + n, out)
+      .u32(static_cast<std::uint32_t>(n))
+      .text(name)
+      .zeros(1 + padded(4 + n) - (4 + n));
 }
 
 void encode_empty(const Header& header, std::vector<std::byte>& out) { begin(header, 0, out); }
@@ -82,8 +89,8 @@ void encode_pos_quat(const Header& header, int sensor, const Pose& X, std::vecto
   put(to, X.q);
 }
 
-void encode_rate(const Header& header, int sensor, const Eigen::Vector3d& rate, const Eigen::Quaterniond& turn,
-                 double dt_s, std::vector<std::byte>& out) {
+void encode_rate(const Header& header, int sensor, const Eigen::Vector3d& rate,
+                 const Eigen::Quaterniond& turn, double dt_s, std::vector<std::byte>& out) {
   auto to = begin(header, 72, out);
   to.i32(sensor).i32(sensor);
   put(to, rate);
@@ -97,7 +104,8 @@ void encode_to_room(const Header& header, const Pose& X, std::vector<std::byte>&
   put(to, X.q);
 }
 
-void encode_unit_to_sensor(const Header& header, int sensor, const Pose& X, std::vector<std::byte>& out) {
+void encode_unit_to_sensor(const Header& header, int sensor, const Pose& X,
+                           std::vector<std::byte>& out) {
   auto to = begin(header, 64, out);
   to.i32(sensor).i32(0);
   put(to, X.p);
@@ -134,8 +142,8 @@ Expected<std::size_t> occupied_size(std::span<const std::byte> in) {
   const std::size_t length = BigEndianReader(in).u32();
   if (length < kHeaderSize || length > kHeaderSize + kMaxPayload) {
     return fail(ErrorCode::kInvalid,
-                "expected a length from 24 to " + std::to_string(kHeaderSize + kMaxPayload) + ", came " +
-                    std::to_string(length),
+                "expected a length from 24 to " + std::to_string(kHeaderSize + kMaxPayload) +
+                    ", came " + std::to_string(length),
                 "VRPN message");
   }
   return kHeaderSize + padded(length - kHeaderSize);
@@ -165,14 +173,17 @@ Expected<Cookie> decode_cookie(std::span<const std::byte> in) {
   const std::string_view text = as_text(from.bytes(kCookieSize));
   if (auto whole = from.check("VRPN cookie"); !whole) return tl::unexpected(whole.error());
   const char log_mode = text[kLogModeOffset];
-  const bool form = text.starts_with(kMagic) && text[kMinorOffset - 1] == '.' && is_digit(text[kMinorOffset]) &&
-                    is_digit(text[kMinorOffset + 1]) && log_mode >= '0' && log_mode <= '3';
+  const bool form = text.starts_with(kMagic) && text[kMinorOffset - 1] == '.' &&
+                    is_digit(text[kMinorOffset]) && is_digit(text[kMinorOffset + 1]) &&
+                    log_mode >= '0' && log_mode <= '3';
   if (!form) {
-    return fail(ErrorCode::kInvalid, "expected \"vrpn: ver. 07.NN  0\", came " + shown(text), "VRPN cookie");
+    return fail(ErrorCode::kInvalid, "expected \"vrpn: ver. 07.NN  0\", came " + shown(text),
+                "VRPN cookie");
   }
   if (text.substr(kMajorOffset, 2) != "07") {
     return fail(ErrorCode::kUnsupported,
-                "this server speaks VRPN 07, the client " + shown(text.substr(kMajorOffset, 5)), "VRPN cookie");
+                "this server speaks VRPN 07, the client " + shown(text.substr(kMajorOffset, 5)),
+                "VRPN cookie");
   }
   return Cookie{(text[kMinorOffset] - '0') * 10 + (text[kMinorOffset + 1] - '0'), log_mode - '0'};
 }
@@ -184,7 +195,8 @@ Expected<std::string_view> decode_name(std::span<const std::byte> payload) {
   if (auto whole = from.check("VRPN description"); !whole) return tl::unexpected(whole.error());
   // libvrpn holds names in 100 bytes; nobody has longer ones.
   if (name.empty() || name.size() > 100) {
-    return fail(ErrorCode::kInvalid, "expected a name of 1 to 100 bytes, came " + std::to_string(name.size()),
+    return fail(ErrorCode::kInvalid,
+                "expected a name of 1 to 100 bytes, came " + std::to_string(name.size()),
                 "VRPN description");
   }
   return name;
@@ -192,10 +204,12 @@ Expected<std::string_view> decode_name(std::span<const std::byte> payload) {
 
 Expected<std::uint16_t> decode_udp_description(const Message& message) {
   const std::string_view address = until_zero(message.payload);
-  const bool form = !address.empty() && address.size() < message.payload.size() &&
-                    std::all_of(address.begin(), address.end(), [](char c) { return is_digit(c) || c == '.'; });
+  const bool form =
+      !address.empty() && address.size() < message.payload.size() &&
+      std::all_of(address.begin(), address.end(), [](char c) { return is_digit(c) || c == '.'; });
   if (!form) {
-    return fail(ErrorCode::kInvalid, "expected a dotted quad and a zero, came " + shown(as_text(message.payload)),
+    return fail(ErrorCode::kInvalid,
+                "expected a dotted quad and a zero, came " + shown(as_text(message.payload)),
                 "VRPN UDP description");
   }
   return checked_port(message.header.sender, "VRPN UDP description");
@@ -207,13 +221,16 @@ Expected<TextMessage> decode_text(std::span<const std::byte> payload) {
   const std::uint32_t level = from.u32();
   if (auto whole = from.check("VRPN text"); !whole) return tl::unexpected(whole.error());
   if (severity > static_cast<std::uint32_t>(Severity::kError)) {
-    return fail(ErrorCode::kInvalid, "expected a severity from 0 to 2, came " + std::to_string(severity), "VRPN text");
+    return fail(ErrorCode::kInvalid,
+                "expected a severity from 0 to 2, came " + std::to_string(severity), "VRPN text");
   }
   const std::span<const std::byte> rest = from.bytes(from.left());
   const std::string_view text = until_zero(rest);
   if (text.size() == rest.size()) {
-    return fail(ErrorCode::kTruncated, "expected a text that ends with a zero, came " + std::to_string(rest.size()) +
-                                           " bytes without one", "VRPN text");
+    return fail(ErrorCode::kTruncated,
+                "expected a text that ends with a zero, came " + std::to_string(rest.size()) +
+                    " bytes without one",
+                "VRPN text");
   }
   return TextMessage{static_cast<Severity>(severity), level, text};
 }
@@ -226,14 +243,15 @@ Expected<std::uint16_t> decode_request(std::span<const std::byte> datagram) {
     return is_digit(c) || c == '.' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
   };
   const std::string_view host = text.substr(0, space);
-  const std::string_view digits = space == std::string_view::npos ? std::string_view{} : text.substr(space + 1);
+  const std::string_view digits =
+      space == std::string_view::npos ? std::string_view{} : text.substr(space + 1);
   const bool ends = text.size() < datagram.size();
   std::uint32_t port = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), port);
   const bool number = error == std::errc() && end == digits.data() + digits.size();
   if (!ends || host.empty() || !std::all_of(host.begin(), host.end(), in_host) || !number) {
-    return fail(ErrorCode::kInvalid, "expected \"a.b.c.d PORT\" and a zero, came " + shown(as_text(datagram)),
-                kContext);
+    return fail(ErrorCode::kInvalid,
+                "expected \"a.b.c.d PORT\" and a zero, came " + shown(as_text(datagram)), kContext);
   }
   return checked_port(port, kContext);
 }

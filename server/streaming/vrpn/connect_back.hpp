@@ -18,9 +18,9 @@ namespace fiducap::vrpn {
 
 /// Takes connection requests by UDP and connects to who asks.
 ///
-/// Only to the datagram's own source, whatever address its text names: nobody can make us connect to a
-/// third party. Clients repeat themselves; a second connection would never be accepted, so one that is
-/// under way or served is not asked for again.
+/// Only to the datagram's own source, whatever address its text names: nobody can make us connect
+/// to a third party. Clients repeat themselves; a second connection would never be accepted, so one
+/// that is under way or served is not asked for again.
 class ConnectBack final : public std::enable_shared_from_this<ConnectBack> {
  public:
   using tcp = boost::asio::ip::tcp;
@@ -34,8 +34,8 @@ class ConnectBack final : public std::enable_shared_from_this<ConnectBack> {
     std::function<void(tcp::socket)> connected;
   };
 
-  ConnectBack(boost::asio::io_context& io, udp::socket requests, std::shared_ptr<SessionContext> context,
-              Owner owner);
+  ConnectBack(boost::asio::io_context& io, udp::socket requests,
+              std::shared_ptr<SessionContext> context, Owner owner);
   void start() { receive(); }
   /// Judges time limits, receives again after a failure; call now and then.
   void tick(Instant now);

@@ -68,7 +68,8 @@ Expected<void> Connection::receive(std::span<const std::byte> bytes, std::int64_
 void Connection::greet_back(std::int64_t utc_ns, std::vector<std::byte>& out) {
   describe_new_senders(utc_ns, out);
   for (std::size_t id = 0; id < kTypeNames.size(); ++id) {
-    encode_description({utc_ns, static_cast<std::int32_t>(id), kTypeDescription, 0}, kTypeNames[id], out);
+    encode_description({utc_ns, static_cast<std::int32_t>(id), kTypeDescription, 0}, kTypeNames[id],
+                       out);
   }
 }
 
@@ -76,17 +77,21 @@ void Connection::describe_new_senders(std::int64_t utc_ns, std::vector<std::byte
   if (!cookie_) return;
   const auto names = senders_.names();
   for (; described_ < names.size(); ++described_) {
-    encode_description({utc_ns, static_cast<std::int32_t>(described_), kSenderDescription, 0}, names[described_],
-                       out);
+    encode_description({utc_ns, static_cast<std::int32_t>(described_), kSenderDescription, 0},
+                       names[described_], out);
   }
 }
 
 void Connection::handle(const Message& message, std::int64_t utc_ns, std::vector<std::byte>& out) {
   switch (message.header.type) {
-    case kSenderDescription: return learn_sender(message);
-    case kTypeDescription: return learn_type(message);
-    case kUdpDescription: return learn_udp_port(message);
-    default: break;
+    case kSenderDescription:
+      return learn_sender(message);
+    case kTypeDescription:
+      return learn_type(message);
+    case kUdpDescription:
+      return learn_udp_port(message);
+    default:
+      break;
   }
   const auto type = peer_types_.find(message.header.type);
   if (type != peer_types_.end()) answer(type->second, message, utc_ns, out);
@@ -117,7 +122,8 @@ void Connection::learn_udp_port(const Message& message) {
   udp_port_ = *port;
 }
 
-void Connection::answer(Type type, const Message& message, std::int64_t utc_ns, std::vector<std::byte>& out) {
+void Connection::answer(Type type, const Message& message, std::int64_t utc_ns,
+                        std::vector<std::byte>& out) {
   if (type == Type::kText) {
     const auto text = decode_text(message.payload);
     return note(log::Level::kDebug, text ? "says: " + printable(text->text) : text.error().text());
@@ -130,10 +136,13 @@ void Connection::answer(Type type, const Message& message, std::int64_t utc_ns, 
     return;
   }
   switch (type) {
-    case Type::kPing: return encode_empty(header_of(utc_ns, *body, Type::kPong), out);
-    case Type::kRequestToRoom: return encode_to_room(header_of(utc_ns, *body, Type::kToRoom), Pose{}, out);
+    case Type::kPing:
+      return encode_empty(header_of(utc_ns, *body, Type::kPong), out);
+    case Type::kRequestToRoom:
+      return encode_to_room(header_of(utc_ns, *body, Type::kToRoom), Pose{}, out);
     case Type::kRequestUnitToSensor: {
-      const auto sensors = static_cast<int>(config_.sensors_of(senders_.own_name_of(*body)).size()) + 1;
+      const auto sensors =
+          static_cast<int>(config_.sensors_of(senders_.own_name_of(*body)).size()) + 1;
       for (int i = 0; i < sensors; ++i) {  // reports are of the sensors already
         encode_unit_to_sensor(header_of(utc_ns, *body, Type::kUnitToSensor), i, Pose{}, out);
       }
@@ -141,22 +150,27 @@ void Connection::answer(Type type, const Message& message, std::int64_t utc_ns, 
     }
     case Type::kRequestWorkspace:
       return encode_workspace(header_of(utc_ns, *body, Type::kWorkspace), box_low_, box_high_, out);
-    default: return;  // set_update_rate, Reset_Origin: a client must not change what others see
+    default:
+      return;  // set_update_rate, Reset_Origin: a client must not change what others see
   }
 }
 
-void Connection::explain_unknown_body(const std::string& name, std::int64_t utc_ns, std::vector<std::byte>& out) {
+void Connection::explain_unknown_body(const std::string& name, std::int64_t utc_ns,
+                                      std::vector<std::byte>& out) {
   if (explained_.size() >= kMaxExplained || name.size() > kMaxNameBytes) return;
   if (std::find(explained_.begin(), explained_.end(), name) != explained_.end()) return;
-  // A client prints only what comes from a sender it watches, so the name gets an id at the far end of the table, on this
-  // connection only. No pong: the client keeps saying that there is no such body, which is true.
-  const auto id = static_cast<std::int32_t>(static_cast<std::size_t>(kMaxIds) - 1 - explained_.size());
+  // A client prints only what comes from a sender it watches, so the name gets an id at the far end
+  // of the table, on this connection only. No pong: the client keeps saying that there is no such
+  // body, which is true.
+  const auto id =
+      static_cast<std::int32_t>(static_cast<std::size_t>(kMaxIds) - 1 - explained_.size());
   if (static_cast<std::size_t>(id) < senders_.names().size()) return;
   explained_.push_back(name);
   const std::string text = "no body of this name here; there are: " + list_for_people();
   encode_description({utc_ns, id, kSenderDescription, 0}, name, out);
   encode_text(header_of(utc_ns, id, Type::kText), {Severity::kWarning, 0, text}, out);
-  note(log::Level::kWarning, "asks for the body \"" + printable(name) + "\"; there are: " + list_for_people());
+  note(log::Level::kWarning,
+       "asks for the body \"" + printable(name) + "\"; there are: " + list_for_people());
 }
 
 std::string Connection::list_for_people() const {

@@ -19,7 +19,8 @@ namespace fiducap::vrpn {
 /// How a connection came about; decides whether UDP may be used.
 enum class Origin {
   kDirect,     ///< The client connected to our port: everything by TCP.
-  kRequested,  ///< The client asked by datagram and we connected to it: reports by UDP once it names a port.
+  kRequested,  ///< The client asked by datagram and we connected to it: reports by UDP once it
+               ///< names a port.
 };
 
 /// Something worth a log line.
@@ -30,8 +31,9 @@ struct Note {
 
 /// One client's conversation: bytes in, bytes out, no socket. The time is passed in.
 ///
-/// Keeps the client's own numbering of senders and types (unrelated to ours). Its names stay here: nothing a client
-/// mentions ever reaches another client. Answers pings for bodies and the three requests; everything else is ignored.
+/// Keeps the client's own numbering of senders and types (unrelated to ours). Its names stay here:
+/// nothing a client mentions ever reaches another client. Answers pings for bodies and the three
+/// requests; everything else is ignored.
 class Connection final {
  public:
   /// @param senders  outlives the connection; may grow, see describe_new_senders.
@@ -42,7 +44,8 @@ class Connection final {
 
   /// Takes bytes cut anywhere. Answers are appended to `out`, whole messages, sequence numbers 0.
   /// @return Error when the conversation is over: wrong version or broken framing.
-  Expected<void> receive(std::span<const std::byte> bytes, std::int64_t utc_ns, std::vector<std::byte>& out);
+  Expected<void> receive(std::span<const std::byte> bytes, std::int64_t utc_ns,
+                         std::vector<std::byte>& out);
 
   /// Describes bodies that appeared since the last call; nothing before the client's cookie came.
   void describe_new_senders(std::int64_t utc_ns, std::vector<std::byte>& out);
@@ -60,14 +63,15 @@ class Connection final {
   void learn_type(const Message& message);
   void learn_udp_port(const Message& message);
   void answer(Type type, const Message& message, std::int64_t utc_ns, std::vector<std::byte>& out);
-  void explain_unknown_body(const std::string& name, std::int64_t utc_ns, std::vector<std::byte>& out);
+  void explain_unknown_body(const std::string& name, std::int64_t utc_ns,
+                            std::vector<std::byte>& out);
   [[nodiscard]] std::string list_for_people() const;
   void note(log::Level level, std::string text);
 
   const VrpnConfig& config_;
   const SenderTable& senders_;
   const Origin origin_;
-  Eigen::Vector3d box_low_;   ///< Workspace in the client's axes.
+  Eigen::Vector3d box_low_;  ///< Workspace in the client's axes.
   Eigen::Vector3d box_high_;
   std::vector<std::byte> in_;
   std::optional<Cookie> cookie_;
@@ -75,7 +79,7 @@ class Connection final {
   std::size_t described_{0};
   std::unordered_map<std::int32_t, std::string> peer_senders_;  ///< By the client's id.
   std::unordered_map<std::int32_t, Type> peer_types_;           ///< Only those we know.
-  std::vector<std::string> explained_;                          ///< Unknown bodies already explained.
+  std::vector<std::string> explained_;  ///< Unknown bodies already explained.
   std::vector<Note> notes_;
   int notes_left_{16};
 };

@@ -10,13 +10,14 @@ namespace fiducap::vrpn {
 
 inline constexpr std::size_t kCookieSize = 24;
 inline constexpr std::size_t kHeaderSize = 24;
-inline constexpr std::size_t kSequenceOffset = 20;    ///< Of the sequence number inside a header.
-inline constexpr std::size_t kMaxPayload = 64000;     ///< What libvrpn takes by TCP, and what we take.
-inline constexpr std::size_t kMaxDatagram = 1472;     ///< A longer one makes the client drop the connection.
-inline constexpr std::size_t kMaxNameBytes = 95;      ///< 96 do not work with libvrpn.
+inline constexpr std::size_t kSequenceOffset = 20;  ///< Of the sequence number inside a header.
+inline constexpr std::size_t kMaxPayload = 64000;  ///< What libvrpn takes by TCP, and what we take.
+inline constexpr std::size_t kMaxDatagram =
+    1472;  ///< A longer one makes the client drop the connection.
+inline constexpr std::size_t kMaxNameBytes = 95;  ///< 96 do not work with libvrpn.
 inline constexpr std::size_t kMaxTextBytes = 1023;
-inline constexpr int kMaxIds = 2000;                  ///< Sender ids are 0..1999.
-inline constexpr std::uint16_t kLowestPort = 1024;    ///< Never connect or send to a port below.
+inline constexpr int kMaxIds = 2000;                ///< Sender ids are 0..1999.
+inline constexpr std::uint16_t kLowestPort = 1024;  ///< Never connect or send to a port below.
 inline constexpr std::string_view kControlName = "VRPN Control";  ///< Sender 0; discovery skips it.
 
 /// System messages.

@@ -34,7 +34,8 @@ std::size_t EncodedFrame::equal_cut() const {
 }
 
 void ReportEncoder::encode(const SceneFrame& frame, std::span<const std::int32_t> sender_of_body,
-                           std::span<const std::vector<Pose>> sensors_of_body, EncodedFrame& out) const {
+                           std::span<const std::vector<Pose>> sensors_of_body,
+                           EncodedFrame& out) const {
   out.bytes.clear();
   out.datagram_ends.clear();
   const std::int64_t utc_ns = frame.utc_ns();
@@ -51,7 +52,8 @@ void ReportEncoder::encode(const SceneFrame& frame, std::span<const std::int32_t
         append(body, X_PS, {utc_ns, sender_of_body[i], ++sensor}, out.bytes);
       }
     }
-    if (out.bytes.size() - datagram_begin > kMaxDatagram) {  // the reports of one body stay together
+    if (out.bytes.size() - datagram_begin >
+        kMaxDatagram) {  // the reports of one body stay together
       out.datagram_ends.push_back(body_begin);
       datagram_begin = body_begin;
     }
@@ -76,7 +78,8 @@ void ReportEncoder::append(const BodyPose& body, const Pose& X_PS, const Stamp& 
   }
   const Eigen::Vector3d a = axes_.length(body.a_WP + q_WP * body.w_WP_P.cross(lever));
   if (content_.acceleration && a.allFinite()) {
-    encode_rate(header(Type::kAcceleration), stamp.sensor, a, Eigen::Quaterniond::Identity(), 1.0, out);
+    encode_rate(header(Type::kAcceleration), stamp.sensor, a, Eigen::Quaterniond::Identity(), 1.0,
+                out);
   }
 }
 

@@ -13,13 +13,16 @@
 
 namespace fiducap::vrpn {
 
-/// @return every rule that a body's name breaks for VRPN: 1 to 95 bytes, no `@` (it separates name and host), no control
+/// @return every rule that a body's name breaks for VRPN: 1 to 95 bytes, no `@` (it separates name
+/// and host), no control
 ///         bytes, not `VRPN Control`; empty when usable.
 /// @param path  where the name stands in the configuration, e.g. `bodies[2].name`
-[[nodiscard]] std::vector<ConfigError> check_body_name(const std::string& path, std::string_view name);
+[[nodiscard]] std::vector<ConfigError> check_body_name(const std::string& path,
+                                                       std::string_view name);
 
-/// Which sender id belongs to which name, for the life of the server. Sender 0 is `VRPN Control`, bodies follow without
-/// holes. An id is never given to another name: VRPN cannot take a sender back, a body that is gone just stops reporting.
+/// Which sender id belongs to which name, for the life of the server. Sender 0 is `VRPN Control`,
+/// bodies follow without holes. An id is never given to another name: VRPN cannot take a sender
+/// back, a body that is gone just stops reporting.
 class SenderTable final {
  public:
   static constexpr std::int32_t kNone = -1;

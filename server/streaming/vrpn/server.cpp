@@ -62,24 +62,28 @@ Expected<void> Server::bind(std::uint16_t port) {
                            return self != nullptr && self->wants(client);
                          },
                          [weak](tcp::socket socket) {
-                           if (const auto self = weak.lock()) self->begin(std::move(socket), Origin::kRequested);
+                           if (const auto self = weak.lock())
+                             self->begin(std::move(socket), Origin::kRequested);
                          }});
   return {};
 }
 
 bool Server::wants(const tcp::endpoint& client) const {
   const bool served = std::any_of(sessions_.begin(), sessions_.end(), [&](const auto& session) {
-    return !session->closed() && session->origin() == Origin::kRequested && session->endpoint() == client;
+    return !session->closed() && session->origin() == Origin::kRequested &&
+           session->endpoint() == client;
   });
   return !served && has_room_for(client);
 }
 
 bool Server::has_room_for(const tcp::endpoint& client) const {
-  const auto open = std::count_if(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->closed(); });
+  const auto open =
+      std::count_if(sessions_.begin(), sessions_.end(), [](const auto& s) { return !s->closed(); });
   const auto used = open + static_cast<std::ptrdiff_t>(requests_->pending());
   if (used < context_->config.max_clients) return true;
   context_->say(log::Level::kWarning, "no room for client " + net::peer_text(client) + ": all " +
-                                          std::to_string(used) + " places are taken (streaming.vrpn.max_clients)");
+                                          std::to_string(used) +
+                                          " places are taken (streaming.vrpn.max_clients)");
   return false;
 }
 
@@ -99,7 +103,8 @@ void Server::tick() {
   if (++ticks_ % kTicksPerSecond == 0) {
     context_->log_lines_left = kLogLinesPerSecond;
     if (const int lost = std::exchange(context_->log_lines_lost, 0); lost > 0) {
-      context_->say(log::Level::kInfo, std::to_string(lost) + " more lines within a second were left out");
+      context_->say(log::Level::kInfo,
+                    std::to_string(lost) + " more lines within a second were left out");
     }
   }
   listener_->tick();
@@ -115,10 +120,13 @@ void Server::take_over(const SceneModel& model) {
   generation_ = model.generation;
   sensors_of_body_.clear();
   if (!context_->config.sensors.empty()) {
-    for (const auto& body : model.bodies) sensors_of_body_.push_back(context_->config.sensors_of(body.name));
+    for (const auto& body : model.bodies)
+      sensors_of_body_.push_back(context_->config.sensors_of(body.name));
   }
   for (const auto& name : context_->senders.update(model)) {
-    context_->say(log::Level::kError, "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
+    context_->say(
+        log::Level::kError,
+        "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
   }
 }
 
@@ -144,7 +152,8 @@ void Server::publish(const std::shared_ptr<const SceneFrame>& newest) {
   const SceneFrame& frame = *newest;
   context_->utc_offset = frame.utc_offset;
   say_changes(frame);
-  if (std::none_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->open(); })) return;
+  if (std::none_of(sessions_.begin(), sessions_.end(), [](const auto& s) { return s->open(); }))
+    return;
   const auto reports = frames_.acquire();
   encoder_.encode(frame, context_->senders.of_bodies(), sensors_of_body_, *reports);
   if (reports->bytes.empty()) return;
@@ -192,7 +201,8 @@ void Server::stop() {
   if (listener_) listener_->stop();
   if (requests_) requests_->stop();
   timer_.cancel();
-  for (const auto& session : sessions_) session->close("is left: the server stops", log::Level::kDebug);
+  for (const auto& session : sessions_)
+    session->close("is left: the server stops", log::Level::kDebug);
   sessions_.clear();
 }
 

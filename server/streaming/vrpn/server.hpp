@@ -21,9 +21,9 @@
 
 namespace fiducap::vrpn {
 
-/// Listens on TCP and UDP, makes a session for every client and hands each frame to all of them: the
-/// same bytes to everybody, by one call for all that take them by UDP.
-/// Everything runs on the thread of the io_context.
+/// Listens on TCP and UDP, makes a session for every client and hands each frame to all of them:
+/// the same bytes to everybody, by one call for all that take them by UDP. Everything runs on the
+/// thread of the io_context.
 class Server final : public std::enable_shared_from_this<Server> {
  public:
   Server(boost::asio::io_context& io, const VrpnConfig& config, const Clock& clock);

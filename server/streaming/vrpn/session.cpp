@@ -42,7 +42,8 @@ void Session::received(std::span<const std::byte> bytes) {
   if (!was_open && connection_.open()) {
     open_since_ = now;
     context_->say(log::Level::kInfo,
-                  "client " + peer_text() + (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
+                  "client " + peer_text() +
+                      (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
   }
   flush();
 }
@@ -55,7 +56,9 @@ void Session::describe_new_senders() {
   flush();
 }
 
-const sockaddr_in& Session::udp_target() { return datagrams.aim(endpoint(), *connection_.udp_port()); }
+const sockaddr_in& Session::udp_target() {
+  return datagrams.aim(endpoint(), *connection_.udp_port());
+}
 
 void Session::ticked(Instant now) {
   if (!open() && now - since() > kCookieTime) close("is closed: sent no VRPN cookie within 5 s");

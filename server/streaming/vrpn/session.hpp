@@ -23,7 +23,8 @@ struct SessionContext {
   const Clock& clock;
   SenderTable senders{config.aliases};
   Duration utc_offset{};  ///< Of the newest frame; zero before the first.
-  /// Of the next message. One count for all clients: they look at it, if at all, for jumps in a log.
+  /// Of the next message. One count for all clients: they look at it, if at all, for jumps in a
+  /// log.
   std::uint32_t sequence{0};
   int log_lines_left{0};  ///< Refilled once a second: clients cannot flood the log.
   int log_lines_lost{0};
@@ -48,8 +49,8 @@ class Session final : public net::TcpSession {
   [[nodiscard]] bool open() const { return !closed() && connection_.open(); }
   [[nodiscard]] Origin origin() const { return origin_; }
   [[nodiscard]] bool by_udp() const { return connection_.udp_port().has_value(); }
-  /// Where reports go: the TCP peer's address, whatever address the client named, and its port. Nobody
-  /// can aim reports at a third party. @pre by_udp()
+  /// Where reports go: the TCP peer's address, whatever address the client named, and its port.
+  /// Nobody can aim reports at a third party. @pre by_udp()
   [[nodiscard]] const sockaddr_in& udp_target();
   [[nodiscard]] ClientStatus status(Instant now) const;
 

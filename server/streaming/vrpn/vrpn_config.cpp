@@ -42,20 +42,22 @@ std::vector<Pose> VrpnConfig::sensors_of(std::string_view body) const {
 
 std::vector<ConfigError> VrpnConfig::check() const {
   auto errors = Checker{"streaming.vrpn."}
-      .require(is_ipv4(address), "address", address, "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
-      .within("max_clients", max_clients, 1, 256)
-      .within("minor_version", minor_version, 0, 99)
-      .require(is_box(workspace_box_m), "workspace_box_m", text_of(workspace_box_m),
-               "must be min x y z, max x y z, finite, each min below its max")
-      .errors;
+                    .require(is_ipv4(address), "address", address,
+                             "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
+                    .within("max_clients", max_clients, 1, 256)
+                    .within("minor_version", minor_version, 0, 99)
+                    .require(is_box(workspace_box_m), "workspace_box_m", text_of(workspace_box_m),
+                             "must be min x y z, max x y z, finite, each min below its max")
+                    .errors;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     const auto of_body = static_cast<int>(sensors_of(sensors[i].body).size());
-    const auto broken = Checker{"streaming.vrpn.sensors." + std::to_string(i) + "."}
-                            .require(!sensors[i].body.empty() && of_body < kMaxSensors, "body",
-                                     '"' + sensors[i].body + '"', "must name a body, at most four times")
-                            .require(is_pose(sensors[i].X_PS), "X_PS", "{…}",
-                                     "must be finite, with a unit quaternion")
-                            .errors;
+    const auto broken =
+        Checker{"streaming.vrpn.sensors." + std::to_string(i) + "."}
+            .require(!sensors[i].body.empty() && of_body < kMaxSensors, "body",
+                     '"' + sensors[i].body + '"', "must name a body, at most four times")
+            .require(is_pose(sensors[i].X_PS), "X_PS", "{…}",
+                     "must be finite, with a unit quaternion")
+            .errors;
     errors.insert(errors.end(), broken.begin(), broken.end());
   }
   return errors;

@@ -23,9 +23,8 @@ class VrpnStreamer : public Streamer {
 
 /// @param clock  must live until `io` has run out of handlers after stop().
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
-[[nodiscard]] Expected<std::unique_ptr<VrpnStreamer>> start_vrpn_server(boost::asio::io_context& io,
-                                                                        const VrpnConfig& config,
-                                                                        std::shared_ptr<const SceneModel> model,
-                                                                        const Clock& clock);
+[[nodiscard]] Expected<std::unique_ptr<VrpnStreamer>> start_vrpn_server(
+    boost::asio::io_context& io, const VrpnConfig& config, std::shared_ptr<const SceneModel> model,
+    const Clock& clock);
 
 }  // namespace fiducap::vrpn

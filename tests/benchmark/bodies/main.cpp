@@ -45,7 +45,8 @@ bodies:
     text += "  - {name: body" + std::to_string(i + 1) +
             ", source: {type: simulator, camera: {images: false}, trajectory: {kind: survey}}, "
             "cameras: [{model: "
-            "{width: 752, height: 480, fu: 460, fv: 460, cu: 376, cv: 240, distortion: radial-tangential, "
+            "{width: 752, height: 480, fu: 460, fv: 460, cu: 376, cv: 240, distortion: "
+            "radial-tangential, "
             "coefficients: [-0.28, "
             "0.07, 0.0002, 0.00002, 0]}, X_BV: {p: [0.1, 0, 0], q_wxyz: [0.5, -0.5, 0.5, -0.5]}, "
             "rate_hz: 20}]}\n";

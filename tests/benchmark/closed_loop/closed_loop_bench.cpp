@@ -1,5 +1,6 @@
-// fiducap_loop_bench [--quick]: control loops whose only feedback is our stream, over real sockets, in real time.
-// The paper's experiment "Estimation in Closed Loop Control": a robot on a treadmill; and a quadrotor that hovers.
+// fiducap_loop_bench [--quick]: control loops whose only feedback is our stream, over real sockets,
+// in real time. The paper's experiment "Estimation in Closed Loop Control": a robot on a treadmill;
+// and a quadrotor that hovers.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -78,10 +79,13 @@ std::vector<Robot> robots() {
 
 /// A surveyed, frozen map: how a control loop should be run.
 std::string config_text(const std::vector<Robot>& all, const std::string& map_file) {
-  std::string text = "tags: {size_m: 0.4}\nsimulation: {preset: hall}\nmap: {mode: frozen, file: " + map_file +
-                     "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: {port: " +
-                     std::to_string(kPort) + "}, natnet: {enabled: true, up: z, port: " + std::to_string(kNatNetPort) +
-                     ", data_port: 0}}\nbodies:\n";
+  std::string text =
+      "tags: {size_m: 0.4}\nsimulation: {preset: hall}\nmap: {mode: frozen, file: " + map_file +
+      "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: "
+      "{port: " +
+      std::to_string(kPort) +
+      "}, natnet: {enabled: true, up: z, port: " + std::to_string(kNatNetPort) +
+      ", data_port: 0}}\nbodies:\n";
   for (const Robot& robot : all) text += std::string("  - name: ") + robot.name + kBody;
   return text;
 }
@@ -106,10 +110,12 @@ class SdkFeed final {
   SdkFeed(const Client& client, const char* name) : client_(client), name_(name) {}
 
   [[nodiscard]] std::optional<Sensed> next() {
-    if (!client_.wait_for_frame(frame_.number, 100ms) || !client_.latest(frame_)) return std::nullopt;
+    if (!client_.wait_for_frame(frame_.number, 100ms) || !client_.latest(frame_))
+      return std::nullopt;
     for (const Body& body : frame_.bodies) {
       if (body.name != name_ || !body.valid) continue;
-      return Sensed{1e-9 * static_cast<double>(frame_.at_server_ns), Eigen::Vector3d(body.position_m.data()),
+      return Sensed{1e-9 * static_cast<double>(frame_.at_server_ns),
+                    Eigen::Vector3d(body.position_m.data()),
                     Eigen::Vector3d(body.velocity_m_s.data())};
     }
     return std::nullopt;
@@ -121,7 +127,8 @@ class SdkFeed final {
   Frame frame_;
 };
 
-/// How far the robot is from where it should be, and the stream from the robot, now that both have settled.
+/// How far the robot is from where it should be, and the stream from the robot, now that both have
+/// settled.
 void judge(Robot& robot, const Sensed& sensed, double now_s, double start_s) {
   if (robot.plant->free_for() < kSettle_s) return;
   Eigen::Vector3d error = robot.plant->at(now_s).X_WB.p - robot.target;
@@ -141,7 +148,8 @@ void control(Robot& robot, AnyFeed feed, Instant start, const Clock& clock, std:
   while (!stop.stop_requested()) {
     auto sensed = feed->next();
     if (!sensed) continue;
-    judge(robot, *sensed, to_seconds(clock.now() - start), 1e-9 * static_cast<double>(to_ns(start)));
+    judge(robot, *sensed, to_seconds(clock.now() - start),
+          1e-9 * static_cast<double>(to_ns(start)));
     if (robot.feed == Feed::kOther) sensed = other.pass(*sensed);
     if (!sensed) continue;
     const double dt = last_s < 0 ? 0.0 : sensed->at_s - last_s;
@@ -155,10 +163,11 @@ double rms_mm(double squares, long long samples) {
 }
 
 void print(const std::vector<Robot>& all) {
-  std::printf("%-12s %-8s %-34s %16s %12s %18s\n", "robot", "gains", "fed by", "error RMS [mm]", "worst [mm]", "estimate RMS [mm]");
+  std::printf("%-12s %-8s %-34s %16s %12s %18s\n", "robot", "gains", "fed by", "error RMS [mm]",
+              "worst [mm]", "estimate RMS [mm]");
   for (const Robot& robot : all) {
-    std::printf("%-12s %-8s %-34s ", robot.flies ? "quadrotor" : "treadmill", robot.stiff ? "stiff" : "soft",
-                text_of(robot.feed));
+    std::printf("%-12s %-8s %-34s ", robot.flies ? "quadrotor" : "treadmill",
+                robot.stiff ? "stiff" : "soft", text_of(robot.feed));
     if (robot.worst_m > kRoom_m) {
       std::printf("%16s\n", "unstable: left the room");
       continue;
@@ -181,7 +190,8 @@ int run(double seconds) {
   options.motion = [&](const std::string& name) -> std::unique_ptr<simulation::Trajectory> {
     for (Robot& robot : all) {
       if (robot.name != name) continue;
-      auto plant = robot.flies ? make_quadrotor(seed) : make_walker(seed);  // the same gusts for both of a kind
+      auto plant = robot.flies ? make_quadrotor(seed)
+                               : make_walker(seed);  // the same gusts for both of a kind
       robot.plant = plant.get();
       return plant;
     }

@@ -15,7 +15,8 @@ struct Sensed {
   Eigen::Vector3d v;
 };
 
-/// A stream as other systems give it: late by `delay_s`, and the velocity is the difference of two positions.
+/// A stream as other systems give it: late by `delay_s`, and the velocity is the difference of two
+/// positions.
 class LateAndDifferenced final {
  public:
   explicit LateAndDifferenced(double delay_s) : delay_s_(delay_s) {}
@@ -27,7 +28,8 @@ class LateAndDifferenced final {
     while (!waiting_.empty() && waiting_.front().at_s <= now.at_s - delay_s_) {
       Sensed next = waiting_.front();
       waiting_.pop_front();
-      if (last_ && next.at_s > last_->at_s) next.v = (next.p - last_->p) / (next.at_s - last_->at_s);
+      if (last_ && next.at_s > last_->at_s)
+        next.v = (next.p - last_->p) / (next.at_s - last_->at_s);
       last_ = next;
       fresh = true;
     }

@@ -40,13 +40,15 @@ NatNetFeed::NatNetFeed(std::uint16_t port, std::int32_t body_id)
     : socket_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)), body_id_(body_id), port_(port) {
   auto connect = message(0, kConnectSize);
   std::memcpy(connect.data() + 4, "closed_loop", 11);
-  const std::array<unsigned char, 9> versions{4, 1, 0, 0, 0, 4, 1, 0, 0};  // NatNet, subscription, bitstream
+  const std::array<unsigned char, 9> versions{4, 1, 0, 0, 0,
+                                              4, 1, 0, 0};  // NatNet, subscription, bitstream
   std::memcpy(connect.data() + 4 + 256 + 4, versions.data(), versions.size());
   sockaddr_in server{};
   server.sin_family = AF_INET;
   server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   server.sin_port = htons(port_);
-  ::sendto(socket_, connect.data(), connect.size(), 0, reinterpret_cast<const sockaddr*>(&server), sizeof server);
+  ::sendto(socket_, connect.data(), connect.size(), 0, reinterpret_cast<const sockaddr*>(&server),
+           sizeof server);
   keep_alive();
 }
 
@@ -61,7 +63,8 @@ void NatNetFeed::keep_alive() {
   server.sin_family = AF_INET;
   server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   server.sin_port = htons(port_);
-  ::sendto(socket_, alive.data(), alive.size(), 0, reinterpret_cast<const sockaddr*>(&server), sizeof server);
+  ::sendto(socket_, alive.data(), alive.size(), 0, reinterpret_cast<const sockaddr*>(&server),
+           sizeof server);
 }
 
 std::optional<Sensed> NatNetFeed::next() {

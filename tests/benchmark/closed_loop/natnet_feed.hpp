@@ -9,8 +9,8 @@
 
 namespace fiducap::loop {
 
-/// A NatNet 4.1 client as small as an autopilot's: unicast, rigid bodies only. NatNet carries no velocity, so it is the
-/// difference of positions through a low pass of 30 ms, as such clients do.
+/// A NatNet 4.1 client as small as an autopilot's: unicast, rigid bodies only. NatNet carries no
+/// velocity, so it is the difference of positions through a low pass of 30 ms, as such clients do.
 class NatNetFeed final {
  public:
   NatNetFeed(std::uint16_t port, std::int32_t body_id);
@@ -18,7 +18,8 @@ class NatNetFeed final {
   NatNetFeed(const NatNetFeed&) = delete;
   NatNetFeed& operator=(const NatNetFeed&) = delete;
 
-  /// Waits for the next frame, at most 100 ms. @return nullopt when none came or the body is not tracked in it
+  /// Waits for the next frame, at most 100 ms. @return nullopt when none came or the body is not
+  /// tracked in it
   [[nodiscard]] std::optional<Sensed> next();
 
  private:

@@ -15,7 +15,8 @@ struct Attitude {
   double roll{}, pitch{}, roll_rate{}, pitch_rate{};
 
   [[nodiscard]] Eigen::Quaterniond q_WB() const {
-    return Eigen::AngleAxisd(kYaw_rad, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
+    return Eigen::AngleAxisd(kYaw_rad, Eigen::Vector3d::UnitZ()) *
+           Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
            Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX());
   }
   [[nodiscard]] Eigen::Vector3d w_WB_B() const {
@@ -42,7 +43,10 @@ class Walker final : public Plant {
   static constexpr double kHeight_m = 0.9;
 
   [[nodiscard]] Point held() const override {
-    return {{Attitude{}.q_WB(), {0, 0, kHeight_m}}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+    return {{Attitude{}.q_WB(), {0, 0, kHeight_m}},
+            Eigen::Vector3d::Zero(),
+            Eigen::Vector3d::Zero(),
+            Eigen::Vector3d::Zero()};
   }
 
   Point step(double t_s, const Eigen::Vector3d& command) override {
@@ -54,8 +58,10 @@ class Walker final : public Plant {
     wanted.z() = 0;
     if (wanted.norm() > kMostLegs_m_s2) wanted *= kMostLegs_m_s2 / wanted.norm();
     legs_ += (wanted - legs_) * kStep_s / kLegs_s;
-    // What the belt does to the robot's speed over ground: slow swings and a jolt now and then, along its heading.
-    const double belt = 0.6 * std::sin(2 * M_PI * t_s / 7) + 1.5 * std::pow(std::sin(2 * M_PI * t_s / 11), 21);
+    // What the belt does to the robot's speed over ground: slow swings and a jolt now and then,
+    // along its heading.
+    const double belt =
+        0.6 * std::sin(2 * M_PI * t_s / 7) + 1.5 * std::pow(std::sin(2 * M_PI * t_s / 11), 21);
     const Eigen::Vector3d push = pushes_.next(kStep_s);
     const Eigen::Vector3d a = legs_ + Eigen::Vector3d(push.x(), push.y() - belt, 0);
     v_ += a * kStep_s;
@@ -65,8 +71,10 @@ class Walker final : public Plant {
     const Swing roll(0.03 * waking, 1.5, 0, after_s);
     const Swing pitch(0.02 * waking, 3.0, 0, after_s);
     const Attitude attitude{roll.value, pitch.value, roll.rate, pitch.rate};
-    return {{attitude.q_WB(), p_ + Eigen::Vector3d(0, 0, kHeight_m + bob.value)}, v_ + Eigen::Vector3d(0, 0, bob.rate),
-            a + Eigen::Vector3d(0, 0, bob.acceleration), attitude.w_WB_B()};
+    return {{attitude.q_WB(), p_ + Eigen::Vector3d(0, 0, kHeight_m + bob.value)},
+            v_ + Eigen::Vector3d(0, 0, bob.rate),
+            a + Eigen::Vector3d(0, 0, bob.acceleration),
+            attitude.w_WB_B()};
   }
 
   Gusts pushes_;
@@ -81,7 +89,10 @@ class Quadrotor final : public Plant {
 
  private:
   [[nodiscard]] Point held() const override {
-    return {{Attitude{}.q_WB(), {0, 0, 1.4}}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+    return {{Attitude{}.q_WB(), {0, 0, 1.4}},
+            Eigen::Vector3d::Zero(),
+            Eigen::Vector3d::Zero(),
+            Eigen::Vector3d::Zero()};
   }
 
   Point step(double, const Eigen::Vector3d& command) override {
@@ -125,7 +136,8 @@ simulation::Trajectory::Point Plant::at(double t_s) const {
   if (past_.empty()) past_.push_back(held());
   const double place = std::max(t_s, 0.0) / kStep_s;
   while (static_cast<double>(steps_) < place) {
-    past_.push_back(command_ ? self.step(static_cast<double>(free_steps_++) * kStep_s, *command_) : held());
+    past_.push_back(command_ ? self.step(static_cast<double>(free_steps_++) * kStep_s, *command_)
+                             : held());
     ++steps_;
     if (past_.size() > kMemory) past_.pop_front();
   }
@@ -165,6 +177,8 @@ const Eigen::Vector3d& Gusts::next(double dt) {
 }
 
 std::unique_ptr<Plant> make_walker(std::uint64_t seed) { return std::make_unique<Walker>(seed); }
-std::unique_ptr<Plant> make_quadrotor(std::uint64_t seed) { return std::make_unique<Quadrotor>(seed); }
+std::unique_ptr<Plant> make_quadrotor(std::uint64_t seed) {
+  return std::make_unique<Quadrotor>(seed);
+}
 
 }  // namespace fiducap::loop

@@ -12,9 +12,9 @@ namespace fiducap::loop {
 
 /// A robot that answers to commands, for a simulated body: the motion is made as time goes on.
 ///
-/// `at` integrates up to the time asked for with the newest command, in steps of 1 ms, and remembers four seconds. The
-/// robot is held still until its first command.
-/// Thread-safe: the sensors ask, the controller commands, the judge asks for the truth.
+/// `at` integrates up to the time asked for with the newest command, in steps of 1 ms, and
+/// remembers four seconds. The robot is held still until its first command. Thread-safe: the
+/// sensors ask, the controller commands, the judge asks for the truth.
 class Plant : public simulation::Trajectory {
  public:
   [[nodiscard]] Point at(double t_s) const final;
@@ -43,7 +43,8 @@ class Plant : public simulation::Trajectory {
 /// Drifting noise with a memory (Ornstein–Uhlenbeck): gusts, pushes.
 class Gusts final {
  public:
-  Gusts(double sigma, double memory_s, std::uint64_t seed) : sigma_(sigma), memory_s_(memory_s), random_(seed) {}
+  Gusts(double sigma, double memory_s, std::uint64_t seed)
+      : sigma_(sigma), memory_s_(memory_s), random_(seed) {}
   [[nodiscard]] const Eigen::Vector3d& next(double dt);
 
  private:
@@ -53,8 +54,9 @@ class Gusts final {
   Eigen::Vector3d value_{Eigen::Vector3d::Zero()};
 };
 
-/// Walks on a treadmill whose belt changes its speed: the legs give accelerations with a lag of 80 ms, the gait shakes
-/// the body in height, roll and pitch, somebody pushes it. Height is not controlled.
+/// Walks on a treadmill whose belt changes its speed: the legs give accelerations with a lag of 80
+/// ms, the gait shakes the body in height, roll and pitch, somebody pushes it. Height is not
+/// controlled.
 [[nodiscard]] std::unique_ptr<Plant> make_walker(std::uint64_t seed);
 /// A quadrotor in gusts: tilt follows with 12 rad/s, thrust with 50 ms.
 [[nodiscard]] std::unique_ptr<Plant> make_quadrotor(std::uint64_t seed);

@@ -51,7 +51,8 @@ struct Anchor {
   bool bad{false};
 };
 
-/// Compares every report of a point with where the place on the wall, that it showed first, truly is.
+/// Compares every report of a point with where the place on the wall, that it showed first, truly
+/// is.
 class AnchorCheck {
  public:
   AnchorCheck(const simulation::RoomConfig& room, const CameraModel& model)

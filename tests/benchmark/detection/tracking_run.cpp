@@ -10,10 +10,10 @@
 #include "capture/sample_merger.hpp"
 #include "capture/simulation/room_shape.hpp"
 #include "capture/simulation/simulation.hpp"
+#include "detection/barrel_camera.hpp"
 #include "detection/observe.hpp"
 #include "detection/pixel_noise.hpp"
 #include "detection/side_bend.hpp"
-#include "detection/barrel_camera.hpp"
 
 namespace fiducap::bench {
 

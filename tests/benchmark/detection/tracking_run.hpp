@@ -12,7 +12,7 @@ namespace fiducap::bench {
 struct SearchArm {
   std::string name;
   std::vector<double> cpu_us{};  ///< One per image, thread CPU time.
-  int found{};                 ///< Of the tags that are truly in view …
+  int found{};                   ///< Of the tags that are truly in view …
   int in_view{};
   int found_of_reference{};  ///< … and of those that the reference found.
   int reference{};

@@ -43,8 +43,8 @@ EstimationData blinded(EstimationData data, const Gaps& gaps) {
 struct Arm {
   MeanSquare end_m, end_rad, end_m_s, sigma;  ///< At the last image of each gap.
   MeanSquare all_m, all_rad;                  ///< At every image after the start.
-  std::vector<double> run_m;           ///< RMSE of each seed.
-  double nees{};                       ///< MeanSquare over gap ends, of 6.
+  std::vector<double> run_m;                  ///< RMSE of each seed.
+  double nees{};                              ///< MeanSquare over gap ends, of 6.
   double nees_all{};
   int images{};
   int covered{};

@@ -48,9 +48,24 @@ const std::vector<Verb>& verbs() {
        "A",
        10,
        bench_faults},
-      {"starloc", "real stereo runs with Vicon: clocks, and tag centres as measurements", {}, "A", 1, bench_starloc},
-      {"landmarks", "followed image points: gaps of 1, 2, 5 and 10 s, CPU", {"hall", "loop"}, "A", 5, bench_landmarks},
-      {"sizes", "wrong tag sizes: whether it is said, of whom, when, and whether nothing is said otherwise", {"table", "sparse", "loop", "hall"}, "A", 10, bench_sizes}};
+      {"starloc",
+       "real stereo runs with Vicon: clocks, and tag centres as measurements",
+       {},
+       "A",
+       1,
+       bench_starloc},
+      {"landmarks",
+       "followed image points: gaps of 1, 2, 5 and 10 s, CPU",
+       {"hall", "loop"},
+       "A",
+       5,
+       bench_landmarks},
+      {"sizes",
+       "wrong tag sizes: whether it is said, of whom, when, and whether nothing is said otherwise",
+       {"table", "sparse", "loop", "hall"},
+       "A",
+       10,
+       bench_sizes}};
   return all;
 }
 
@@ -65,7 +80,9 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
       ->delimiter(',');
   app.add_option("--cases", options.cases,
                  "of A B C D: unknown or true map, prior or true extrinsics");
-  app.add_option("--texture", options.textures, "of the walls, for rendered images: sharp clutter plain")->delimiter(',');
+  app.add_option("--texture", options.textures,
+                 "of the walls, for rendered images: sharp clutter plain")
+      ->delimiter(',');
   app.add_option("--seeds", options.seeds, "seeds per class")->check(CLI::Range(1, 10'000));
   app.add_option("--first-seed", options.first_seed, "the first of them");
   app.add_option("--seconds", options.seconds, "of data per run");

@@ -7,8 +7,8 @@
 #include <fastrtps/utils/IPLocator.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 
-// Fast DDS 2.9 (StatisticsReaderImpl) deletes an object as its smaller base: its business. Asked for by AddressSanitizer
-// when there is one, by nobody otherwise.
+// Fast DDS 2.9 (StatisticsReaderImpl) deletes an object as its smaller base: its business. Asked
+// for by AddressSanitizer when there is one, by nobody otherwise.
 extern "C" const char* __asan_default_options() { return "new_delete_type_mismatch=0"; }
 
 namespace fast_dds_peer {

@@ -113,10 +113,13 @@ TEST_F(BodyWorkerTest, BringsTheFiltersBeliefsIntoTheMap) {
 
 TEST_F(BodyWorkerTest, HandsTheTagUnseenForLongestOverToTheMapWhenTheFilterHoldsMany) {
   estimator_.hand_over_above = 2;
-  start_.tags = {{known_tag(4), TagState::kLocal, 0, 0, 0, 0}, {known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
+  start_.tags = {{known_tag(4), TagState::kLocal, 0, 0, 0, 0},
+                 {known_tag(6), TagState::kLocal, 0, 0, 0, 0}};
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   // 5 is older, but the map does not have it; 4 is in view.
-  filter_->beliefs = {{known_tag(4), 1, ms(0), ms(1002)}, {known_tag(5), 1, ms(0), ms(-5000)}, {known_tag(6), 1, ms(0), ms(-3000)}};
+  filter_->beliefs = {{known_tag(4), 1, ms(0), ms(1002)},
+                      {known_tag(5), 1, ms(0), ms(-5000)},
+                      {known_tag(6), 1, ms(0), ms(-3000)}};
   run();
   EXPECT_THAT(filter_->released, ElementsAre(6));
 }
@@ -226,8 +229,10 @@ TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
   run();  // everything has been read before the worker looks for the first time
   EXPECT_EQ(log_.propagated.size(), 10u * kImages);
   ASSERT_FALSE(log_.updated.empty());
-  EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42)) << "the newest is not the one to go";
-  EXPECT_EQ(log_.updated.size() + worker_->statistics().merger.images_dropped, static_cast<std::size_t>(kImages));
+  EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42))
+      << "the newest is not the one to go";
+  EXPECT_EQ(log_.updated.size() + worker_->statistics().merger.images_dropped,
+            static_cast<std::size_t>(kImages));
   EXPECT_LE(log_.updated.size(), 4u);
 }
 
@@ -244,7 +249,8 @@ TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
 TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
   constexpr int kImages = 300;
   constexpr int kWarm = 150;
-  constexpr int kCounted = kImages - 2 * PacedSource::kAhead;  // the end of the source is a line in the log
+  constexpr int kCounted =
+      kImages - 2 * PacedSource::kAhead;  // the end of the source is a line in the log
   std::vector<SensorSample> samples;
   for (int k = 0; k < kImages; ++k) {
     for (int i = 0; i < 10; ++i) samples.push_back(imu_at(ms(1000 + 50 * k + 5 * i)));

@@ -29,7 +29,9 @@ TEST(CalibrationReport, SaysHowWellEverythingIsKnown) {
 
 TEST(CalibrationReport, NamesWhatTheMotionDidNotShow) {
   const std::string text = calibration_text(1, learned(0.017, 0.0004, 0.019), told());
-  EXPECT_NE(text.find("position not shown by this motion (turn the body about two axes)"), std::string::npos) << text;
+  EXPECT_NE(text.find("position not shown by this motion (turn the body about two axes)"),
+            std::string::npos)
+      << text;
   EXPECT_NE(text.find("clock not shown"), std::string::npos) << text;
 }
 
@@ -39,7 +41,8 @@ TEST(CalibrationReport, SaysWhatWasTakenAsExact) {
   ExtrinsicsEstimate camera = learned(0, 0.0004, 0);
   camera.clock.readout_s = 0.015;
   camera.clock.readout_sigma_s = 0.0005;
-  EXPECT_EQ(calibration_text(0, camera, exact), "camera 0: position taken as exact, rotation ±0.4 mrad, readout 15.00 ±0.5 ms");
+  EXPECT_EQ(calibration_text(0, camera, exact),
+            "camera 0: position taken as exact, rotation ±0.4 mrad, readout 15.00 ±0.5 ms");
 }
 
 }  // namespace

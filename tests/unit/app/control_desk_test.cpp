@@ -9,7 +9,10 @@ namespace {
 
 class ControlDeskTest : public testing::Test {
  protected:
-  ControlDeskTest() : scene_(bodies()), map_(MapConfig{}, TagMap{}), recorder_(RecorderConfig{folder_.file("recordings"), false}) {}
+  ControlDeskTest()
+      : scene_(bodies()),
+        map_(MapConfig{}, TagMap{}),
+        recorder_(RecorderConfig{folder_.file("recordings"), false}) {}
 
   static std::vector<SceneBody> bodies() {
     std::vector<SceneBody> all(2);

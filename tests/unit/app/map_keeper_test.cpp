@@ -228,7 +228,8 @@ TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
   sensors.cameras[0].readout_sigma_s = 0.005;
   sensors.cameras[1].time_shift_sigma_s = 0;
   const StoredClock clock{-0.03, 0.015};
-  use_learned({{"robot", 0, Pose{}, clock}, {"robot", 1, Pose{}, clock}, {"robot", 2, Pose{}}}, "robot", sensors);
+  use_learned({{"robot", 0, Pose{}, clock}, {"robot", 1, Pose{}, clock}, {"robot", 2, Pose{}}},
+              "robot", sensors);
   EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
   EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
   EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);

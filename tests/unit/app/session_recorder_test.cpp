@@ -33,7 +33,9 @@ class SessionRecorderTest : public testing::Test {
     corners.tags = {tag};
     recorder_.take(0, corners);
   }
-  [[nodiscard]] std::string folder_of(const std::string& name) const { return folder_.file("recordings/" + name + "/drone"); }
+  [[nodiscard]] std::string folder_of(const std::string& name) const {
+    return folder_.file("recordings/" + name + "/drone");
+  }
 
   TemporaryFolder folder_;
   SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}};
@@ -75,7 +77,8 @@ TEST_F(SessionRecorderTest, NeverOverwritesAndTakesPlainNamesOnly) {
   ASSERT_TRUE(recorder_.stop());
   EXPECT_FALSE(recorder_.stop());
   EXPECT_FALSE(recorder_.start("one"));
-  for (const char* bad : {"", "../up", "a/b", ".hidden", "a\nb"}) EXPECT_FALSE(recorder_.start(bad)) << bad;
+  for (const char* bad : {"", "../up", "a/b", ".hidden", "a\nb"})
+    EXPECT_FALSE(recorder_.start(bad)) << bad;
 }
 
 TEST_F(SessionRecorderTest, AServerThatEndsClosesTheRecordingWhole) {
@@ -90,7 +93,8 @@ TEST_F(SessionRecorderTest, AServerThatEndsClosesTheRecordingWhole) {
 
 TEST_F(SessionRecorderTest, ASlowDiskCostsSamplesNotMemory) {
   ASSERT_TRUE(recorder_.start("slow"));  // nobody writes
-  for (std::size_t i = 0; i < SessionRecorder::kMaxWaiting + 100; ++i) take(static_cast<int>(i) + 1);
+  for (std::size_t i = 0; i < SessionRecorder::kMaxWaiting + 100; ++i)
+    take(static_cast<int>(i) + 1);
   ASSERT_TRUE(recorder_.stop());
   std::jthread writer([this](std::stop_token stop) { recorder_.run(stop); });
   writer.request_stop();

@@ -14,7 +14,8 @@ const std::vector<Eigen::Vector3d> kRotations{
 constexpr double kRounding = 1e-12;
 
 TEST(So3, LogUndoesExp) {
-  for (const auto& r : kRotations) EXPECT_LT((log_so3(exp_so3(r)) - r).norm(), kRounding) << r.transpose();
+  for (const auto& r : kRotations)
+    EXPECT_LT((log_so3(exp_so3(r)) - r).norm(), kRounding) << r.transpose();
 }
 
 TEST(So3, ExpTurnsByTheAngleAboutTheAxis) {

@@ -59,7 +59,9 @@ TEST_F(SampleMergerTest, AShiftOfTheClockMovesImagesAndIsNotedInThem) {
   std::vector<std::string> names;
   while (const auto sample = merger_->pop()) {
     names.push_back(name_of(*sample));
-    if (std::holds_alternative<CornerFrame>(*sample)) { EXPECT_EQ(clock_shift_of(*sample), milliseconds(6)); }
+    if (std::holds_alternative<CornerFrame>(*sample)) {
+      EXPECT_EQ(clock_shift_of(*sample), milliseconds(6));
+    }
   }
   EXPECT_EQ(names, (Names{"imu0", "imu5", "imu10", "imu15", "cam0@13"}));
 }

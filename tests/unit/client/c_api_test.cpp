@@ -32,7 +32,8 @@ class CApiTest : public testing::Test {
     options.reconnect_s = 0.1;
     client_ = fiducap_connect(&options, nullptr, 0);
     ASSERT_NE(client_, nullptr);
-    ASSERT_TRUE(publish_until(server_, *scene_, [&] { return fiducap_latest(client_, &frame_, bodies_, 3) == 1; }));
+    ASSERT_TRUE(publish_until(server_, *scene_,
+                              [&] { return fiducap_latest(client_, &frame_, bodies_, 3) == 1; }));
   }
   ~CApiTest() override { fiducap_disconnect(client_); }
 
@@ -86,7 +87,8 @@ TEST_F(CApiTest, LatestAndPredictAllocateNothing) {
   connect();
   fiducap_body body = fiducap_body_init();
   EXPECT_EQ(fiducap_predict(client_, "drone", 50'000'000, &body), 1);
-  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more than that.
+  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more
+  // than that.
   constexpr std::uint64_t kOfARenewal = 100;
   const AllocationCounter allocations;
   for (int i = 0; i < 1000; ++i) {
@@ -104,7 +106,8 @@ TEST_F(CApiTest, CountsAndFinds) {
   EXPECT_EQ(statistics.connected, 1);
   EXPECT_GE(statistics.frames, 1u);
   EXPECT_STREQ(statistics.problem, "");
-  fiducap_found found[4] = {fiducap_found_init(), fiducap_found_init(), fiducap_found_init(), fiducap_found_init()};
+  fiducap_found found[4] = {fiducap_found_init(), fiducap_found_init(), fiducap_found_init(),
+                            fiducap_found_init()};
   ASSERT_EQ(fiducap_discover(200, server_.port(), found, 4), 1u);
   EXPECT_STREQ(found[0].address, "127.0.0.1");
 }
@@ -129,13 +132,18 @@ TEST_F(CApiTest, SaysWhatCannotBeAndSurvivesNothing) {
 }
 
 TEST_F(CApiTest, Controls) {
-  fiducap_control* control = fiducap_control_open("127.0.0.1", server_.port(), "correct horse", 20'000);
+  fiducap_control* control =
+      fiducap_control_open("127.0.0.1", server_.port(), "correct horse", 20'000);
   char problem[FIDUCAP_TEXT_SIZE] = "";
-  fiducap_controlled_body bodies[2] = {fiducap_controlled_body_init(), fiducap_controlled_body_init()};
+  fiducap_controlled_body bodies[2] = {fiducap_controlled_body_init(),
+                                       fiducap_controlled_body_init()};
   std::uint32_t count = 2;
   int mapping = -1;
   char recording[FIDUCAP_NAME_SIZE];
-  ASSERT_EQ(fiducap_control_list(control, bodies, &count, &mapping, recording, problem, sizeof(problem)), 1) << problem;
+  ASSERT_EQ(
+      fiducap_control_list(control, bodies, &count, &mapping, recording, problem, sizeof(problem)),
+      1)
+      << problem;
   EXPECT_EQ(count, 2u);
   EXPECT_STREQ(bodies[1].name, "arm");
   EXPECT_EQ(bodies[1].pivot_position_m[2], 0.3);
@@ -151,16 +159,17 @@ TEST_F(CApiTest, ServesThePythonPackage) {
 #ifdef FIDUCAP_SANITIZED
   GTEST_SKIP() << "python3 cannot load a library with a sanitizer in it";
 #endif
-  if (std::system("python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))' 2>/dev/null") != 0) {
+  if (std::system("python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))' 2>/dev/null") !=
+      0) {
     GTEST_SKIP() << "no python3 (3.8 or newer)";
   }
   std::atomic<bool> done{false};
   std::string output;
   std::thread python([&] {
     const std::string package = std::string(FIDUCAP_SOURCE_DIR) + "/client/python";
-    output = output_of("FIDUCAP_LIBRARY=" FIDUCAP_C_LIBRARY " FIDUCAP_TEST_PORT=" + std::to_string(server_.port()) +
-                       " PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + package + " python3 -m unittest discover -s " +
-                       package + "/tests 2>&1");
+    output = output_of("FIDUCAP_LIBRARY=" FIDUCAP_C_LIBRARY " FIDUCAP_TEST_PORT=" +
+                       std::to_string(server_.port()) + " PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" +
+                       package + " python3 -m unittest discover -s " + package + "/tests 2>&1");
     done = true;
   });
   EXPECT_TRUE(publish_until(server_, *scene_, [&] { return done.load(); }));

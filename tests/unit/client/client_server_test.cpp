@@ -1,7 +1,8 @@
-// The server and the client library in one program, over real loopback sockets. The I/O thread is a real one, the
-// server's clock is moved by the test, and every wait ends as soon as what it waits for is there.
-#include <fiducap/client.hpp>
+// The server and the client library in one program, over real loopback sockets. The I/O thread is a
+// real one, the server's clock is moved by the test, and every wait ends as soon as what it waits
+// for is there.
 #include <gtest/gtest.h>
+#include <fiducap/client.hpp>
 
 #include <atomic>
 #include <boost/asio/io_context.hpp>
@@ -22,7 +23,8 @@ class ClientServerTest : public testing::Test {
  protected:
   bool receives_frame(const Client& client, TestServer& server, Frame& frame) {
     const auto before = client.statistics().frames;
-    return publish_until(server, *scene_, [&] { return client.statistics().frames > before; }) && client.latest(frame);
+    return publish_until(server, *scene_, [&] { return client.statistics().frames > before; }) &&
+           client.latest(frame);
   }
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm"}, 1);
@@ -44,9 +46,10 @@ TEST_F(ClientServerTest, FramesArriveAsTheyWereSent) {
   EXPECT_EQ(drone.name, "drone");
   EXPECT_EQ(drone.tracking, Tracking::kTracking);
   EXPECT_TRUE(drone.valid);
-  EXPECT_EQ(drone.position_m, (std::array<double, 3>{sent.X_WP.p.x(), sent.X_WP.p.y(), sent.X_WP.p.z()}));
-  EXPECT_EQ(drone.orientation_wxyz,
-            (std::array<double, 4>{sent.X_WP.q.w(), sent.X_WP.q.x(), sent.X_WP.q.y(), sent.X_WP.q.z()}));
+  EXPECT_EQ(drone.position_m,
+            (std::array<double, 3>{sent.X_WP.p.x(), sent.X_WP.p.y(), sent.X_WP.p.z()}));
+  EXPECT_EQ(drone.orientation_wxyz, (std::array<double, 4>{sent.X_WP.q.w(), sent.X_WP.q.x(),
+                                                           sent.X_WP.q.y(), sent.X_WP.q.z()}));
   EXPECT_EQ(drone.velocity_m_s, (std::array<double, 3>{0.5, -0.25, 0.125}));
   constexpr double kFloat = 1e-6;  // sigmas travel as 32-bit floats
   EXPECT_NEAR(drone.position_sigma_m, 0.01, kFloat);
@@ -71,7 +74,8 @@ TEST_F(ClientServerTest, TheServerListsItsClientsUntilTheyLeave) {
     EXPECT_GT(clients[0].frames_sent, 0u);
     EXPECT_EQ(clients[0].frames_dropped, 0u);
   }
-  EXPECT_TRUE(wait_until([&] { return server.clients().empty(); })) << "the client did not say good-bye";
+  EXPECT_TRUE(wait_until([&] { return server.clients().empty(); }))
+      << "the client did not say good-bye";
 }
 
 TEST_F(ClientServerTest, CountsFramesThatNeverCame) {
@@ -114,7 +118,8 @@ TEST_F(ClientServerTest, ComesBackAfterARestartOfTheServer) {
   const std::uint64_t before_restart = frame.number;
   ASSERT_TRUE(receives_frame(client, *server, frame));
   EXPECT_LT(frame.number, before_restart);
-  EXPECT_TRUE(client.wait_for_frame(before_restart, std::chrono::milliseconds(0))) << "newer than all before";
+  EXPECT_TRUE(client.wait_for_frame(before_restart, std::chrono::milliseconds(0)))
+      << "newer than all before";
   EXPECT_EQ(frame.bodies[0].name, "other");
   const std::lock_guard lock(mutex);
   EXPECT_EQ(connections, (std::vector<bool>{true, false, true}));
@@ -126,8 +131,9 @@ TEST_F(ClientServerTest, FindsAServerThatStartsLater) {
   const Client client(options_for(port));
   Frame frame;
   EXPECT_FALSE(client.latest(frame));
-  ASSERT_TRUE(wait_until([&] { return client.statistics().problem.find("fiducapd") != std::string::npos; }))
-      << client.statistics().problem;
+  ASSERT_TRUE(wait_until([&] {
+    return client.statistics().problem.find("fiducapd") != std::string::npos;
+  })) << client.statistics().problem;
   TestServer server(*scene_, port);
   EXPECT_TRUE(receives_frame(client, server, frame));
   EXPECT_EQ(client.statistics().reconnects, 0u);
@@ -169,9 +175,8 @@ TEST_F(ClientServerTest, NewNamesArriveWhileFramesFlow) {
   model->generation = 2;
   model->bodies[0].name = "renamed";
   scene_->model = model;
-  ASSERT_TRUE(publish_until(server, *scene_, [&] {
-    return client.latest(frame) && frame.bodies[0].name == "renamed";
-  }));
+  ASSERT_TRUE(publish_until(
+      server, *scene_, [&] { return client.latest(frame) && frame.bodies[0].name == "renamed"; }));
   EXPECT_TRUE(client.statistics().connected);
 }
 
@@ -180,10 +185,12 @@ TEST_F(ClientServerTest, TwoClientsReceiveTheSame) {
   const Client one(options_for(server.port()));
   const Client two(options_for(server.port()));
   Frame frame;
-  ASSERT_TRUE(publish_until(server, *scene_, [&] { return one.latest(frame) && two.latest(frame); }));
+  ASSERT_TRUE(
+      publish_until(server, *scene_, [&] { return one.latest(frame) && two.latest(frame); }));
   EXPECT_EQ(server.clients().size(), 2u);
   Frame other;
-  ASSERT_TRUE(wait_until([&] { return one.latest(frame) && two.latest(other) && frame.number == other.number; }));
+  ASSERT_TRUE(wait_until(
+      [&] { return one.latest(frame) && two.latest(other) && frame.number == other.number; }));
   EXPECT_EQ(frame.bodies[1].position_m, other.bodies[1].position_m);
 }
 
@@ -195,8 +202,9 @@ TEST_F(ClientServerTest, OneClientTooManyIsToldWhy) {
   Frame frame;
   ASSERT_TRUE(receives_frame(*first, server, frame));
   const Client second(options_for(server.port()));
-  ASSERT_TRUE(wait_until([&] { return second.statistics().problem.find("max_clients") != std::string::npos; }))
-      << second.statistics().problem;
+  ASSERT_TRUE(wait_until([&] {
+    return second.statistics().problem.find("max_clients") != std::string::npos;
+  })) << second.statistics().problem;
   first.reset();
   EXPECT_TRUE(receives_frame(second, server, frame)) << "a place is free now";
 }
@@ -254,7 +262,8 @@ TEST_F(ClientServerTest, WaitsForTheNextFrame) {
   ASSERT_TRUE(client.wait_for_frame(0, kPatience));
   ASSERT_TRUE(client.latest(frame));
   EXPECT_FALSE(client.wait_for_frame(scene_->number, std::chrono::milliseconds(1)));
-  auto waiting = std::async(std::launch::async, [&] { return client.wait_for_frame(scene_->number, kPatience); });
+  auto waiting = std::async(std::launch::async,
+                            [&] { return client.wait_for_frame(scene_->number, kPatience); });
   auto next = std::make_shared<SceneFrame>(*scene_);
   ++next->number;
   server.publish(next);
@@ -306,7 +315,8 @@ TEST_F(ClientServerTest, MeasuresLatencyOnlyOnTheSameTimeLine) {
   if (monotonic_ns() > 20'000'000'000) {
     EXPECT_TRUE(std::isnan(client.statistics().latency_p50_s));
   }
-  ASSERT_TRUE(publish_until(server, *scene_, [&] { return std::isfinite(client.statistics().latency_p50_s); }));
+  ASSERT_TRUE(publish_until(server, *scene_,
+                            [&] { return std::isfinite(client.statistics().latency_p50_s); }));
   EXPECT_GT(client.statistics().latency_p50_s, 0.0);
   EXPECT_LT(client.statistics().latency_p50_s, to_seconds(kPatience));
   EXPECT_GE(client.statistics().latency_p99_s, client.statistics().latency_p50_s);
@@ -326,8 +336,9 @@ TEST(ClientTest, SaysThatAHostNameIsUnknown) {
   ClientOptions options;
   options.server = "no such host";
   const Client client(options);
-  EXPECT_TRUE(wait_until([&] { return client.statistics().problem.find("no such host") != std::string::npos; }))
-      << client.statistics().problem;
+  EXPECT_TRUE(wait_until([&] {
+    return client.statistics().problem.find("no such host") != std::string::npos;
+  })) << client.statistics().problem;
   EXPECT_FALSE(client.statistics().connected);
 }
 
@@ -339,7 +350,8 @@ TEST_F(ClientServerTest, LatestAllocatesNothingOnceTheFrameHasRoom) {
   ASSERT_TRUE(publish_until(server, *scene_, [&] { return client.statistics().frames >= 50; }));
   ASSERT_TRUE(client.wait_for_frame(scene_->number - 1, kPatience));
   ASSERT_TRUE(client.latest(frame));
-  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more than that.
+  // Other threads may renew a lease meanwhile; a thousand readings that allocated would show more
+  // than that.
   constexpr std::uint64_t kOfARenewal = 100;
   const AllocationCounter allocations;
   for (int i = 0; i < 1000; ++i) ASSERT_TRUE(client.latest(frame));
@@ -355,7 +367,8 @@ TEST_F(ClientServerTest, ReadingAndPredictingAllocateNotOnceWhileNobodyElseDoes)
   const Client client(options);
   Frame frame;
   Body body;
-  ASSERT_TRUE(publish_until(*server, *scene_, [&] { return client.latest(frame) && client.statistics().frames > 10; }));
+  ASSERT_TRUE(publish_until(
+      *server, *scene_, [&] { return client.latest(frame) && client.statistics().frames > 10; }));
   ASSERT_TRUE(client.predict("body7", std::chrono::milliseconds(20), body));
   server.reset();
   ASSERT_TRUE(wait_until([&] { return !client.statistics().connected; }));
@@ -391,7 +404,8 @@ TEST_F(ClientServerTest, ASteadyStreamAllocatesNothingOnEitherSide) {
     }
   };
   send(50);
-  // The renewal once a second is a new message each time; 300 frames that allocated would show far more.
+  // The renewal once a second is a new message each time; 300 frames that allocated would show far
+  // more.
   constexpr std::uint64_t kOfARenewal = 100;
   const AllocationCounter allocations;
   send(300);

@@ -33,13 +33,16 @@ class ClockFilterTest : public testing::Test {
   }
 
   Nanoseconds server_of(Nanoseconds own) const {
-    return own + offset_ + static_cast<Nanoseconds>(std::llround(static_cast<double>(own - kStart) * drift_));
+    return own + offset_ +
+           static_cast<Nanoseconds>(std::llround(static_cast<double>(own - kStart) * drift_));
   }
   double error_s(Nanoseconds own) const {
     return static_cast<double>(filter_.at(own).offset - (server_of(own) - own)) * 1e-9;
   }
   void ask(const Delay& there, const Delay& back) {
-    const auto span = [&](const Delay& delay) { return static_cast<Nanoseconds>(delay(random_) * 1e9); };
+    const auto span = [&](const Delay& delay) {
+      return static_cast<Nanoseconds>(delay(random_) * 1e9);
+    };
     const Nanoseconds came = now_ + span(there);
     const Nanoseconds went = came + 20'000;  // the server takes 20 µs
     filter_.add({now_, server_of(came), server_of(went), went + span(back)});
@@ -113,7 +116,8 @@ TEST_F(ClockFilterTest, FollowsADriftThatChangesWithTemperature) {
   const auto way = uniform(5e-3, 2e-3);
   std::vector<double> errors;
   for (int i = 0; i < 3000; ++i) {
-    offset_ += static_cast<Nanoseconds>(kDriftFollowed * std::sin(2 * M_PI * i / 3000) * 1e8);  // 5 min period
+    offset_ += static_cast<Nanoseconds>(kDriftFollowed * std::sin(2 * M_PI * i / 3000) *
+                                        1e8);  // 5 min period
     if (i > 100) errors.push_back(std::abs(error_s(now_)));
     ask(way, way);
   }
@@ -122,10 +126,12 @@ TEST_F(ClockFilterTest, FollowsADriftThatChangesWithTemperature) {
 }
 
 TEST_F(ClockFilterTest, ItsSigmaIsHonest) {
-  // Share of errors below two sigmas over many runs; a Gaussian would give 95 %. Much less is a lie, all would be a sigma
-  // without meaning.
-  const auto jammed = [quick = uniform(5e-3, 2e-3), slow = exponential(5e-3, 50e-3)](std::mt19937& random) {
-    return random() % 10 < 3 ? slow(random) : quick(random);  // a machine that is too busy now and then
+  // Share of errors below two sigmas over many runs; a Gaussian would give 95 %. Much less is a
+  // lie, all would be a sigma without meaning.
+  const auto jammed = [quick = uniform(5e-3, 2e-3),
+                       slow = exponential(5e-3, 50e-3)](std::mt19937& random) {
+    return random() % 10 < 3 ? slow(random)
+                             : quick(random);  // a machine that is too busy now and then
   };
   for (const Delay& way : {uniform(5e-3, 2e-3), exponential(0.2e-3, 0.5e-3), Delay(jammed)}) {
     for (const int samples : {20, 50, 300}) {
@@ -144,8 +150,9 @@ TEST_F(ClockFilterTest, ItsSigmaIsHonest) {
         sum_error_s += std::abs(error_s(now_));
       }
       RecordProperty("within_" + std::to_string(samples), within);
-      EXPECT_GE(within, kRuns * 90 / 100) << samples << " samples, mean sigma " << sum_sigma_s / kRuns
-                                          << " s, mean error " << sum_error_s / kRuns << " s";
+      EXPECT_GE(within, kRuns * 90 / 100)
+          << samples << " samples, mean sigma " << sum_sigma_s / kRuns << " s, mean error "
+          << sum_error_s / kRuns << " s";
       EXPECT_LT(sum_sigma_s, 4 * sum_error_s) << samples << " samples";
     }
   }
@@ -189,9 +196,9 @@ TEST_F(ClockFilterTest, AFrozenServerClockIsNeverKnown) {
 }
 
 TEST_F(ClockFilterTest, IgnoresAnswersThatCannotBe) {
-  filter_.add({10, 100, 90, 20});    // answered before it came
-  filter_.add({10, 100, 200, 20});   // took longer there than away
-  filter_.add({20, 100, 100, 10});   // back before it went
+  filter_.add({10, 100, 90, 20});   // answered before it came
+  filter_.add({10, 100, 200, 20});  // took longer there than away
+  filter_.add({20, 100, 100, 10});  // back before it went
   EXPECT_EQ(filter_.at(100).samples, 0);
 }
 

@@ -65,7 +65,8 @@ TEST_F(ClockTest, GivesFramesTheTimeOfThisMachine) {
 }
 
 TEST_F(ClockTest, TellsTheOperator) {
-  ASSERT_TRUE(publish([&] { return server_.clients()[0].clock.has_value(); })) << server_.clients()[0].detail;
+  ASSERT_TRUE(publish([&] { return server_.clients()[0].clock.has_value(); }))
+      << server_.clients()[0].detail;
   const ClockOffset clock = *server_.clients()[0].clock;
   EXPECT_NEAR(clock.offset_s, 1e-9 * static_cast<double>(kOffset.count()), kLoopback_s);
   EXPECT_GT(clock.sigma_s, 0);
@@ -77,14 +78,16 @@ TEST_F(ClockTest, PredictsToNow) {
   scene_->bodies[0].X_WP.p = {0, 0, 0};
   scene_->bodies[0].v_WP = {1, 0, 0};
   ASSERT_TRUE(publish([&] { return client_->latest(frame) && frame.at_client_ns != 0; }));
-  ASSERT_TRUE(publish([&] { return client_->predict_now("drone", std::chrono::milliseconds(100), body); }));
+  ASSERT_TRUE(
+      publish([&] { return client_->predict_now("drone", std::chrono::milliseconds(100), body); }));
   EXPECT_GE(body.position_m[0], 0.1 - kLoopback_s) << "1 m/s for 0.1 s and the age of the frame";
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   ASSERT_TRUE(client_->latest(frame));
   Body later;
   ASSERT_TRUE(client_->predict_now("drone", std::chrono::milliseconds(100), later));
   EXPECT_GE(later.position_m[0], 0.12 - kLoopback_s) << "an old frame is carried further";
-  EXPECT_FALSE(client_->predict_now("drone", Client::kMaxPrediction, later)) << "with its age beyond the limit";
+  EXPECT_FALSE(client_->predict_now("drone", Client::kMaxPrediction, later))
+      << "with its age beyond the limit";
 }
 
 }  // namespace

@@ -12,23 +12,31 @@
 namespace fiducap::sdk {
 namespace {
 
-// Fixtures written by hand from the protobuf wire format; the server's tests expect the same bytes from its encoder.
+// Fixtures written by hand from the protobuf wire format; the server's tests expect the same bytes
+// from its encoder.
 const std::string kProtocolHex = "0d 46444331 ";
-const std::string kChallengeHex = kProtocolHex + "1a 1b 09 0807060504030201 11 1817161514131211 19 2827262524232221";
+const std::string kChallengeHex =
+    kProtocolHex + "1a 1b 09 0807060504030201 11 1817161514131211 19 2827262524232221";
 const std::string kLeaseHex =
-    kProtocolHex + "22 20 09 2827262524232221 11 1817161514131211 19 0807060504030201 20 b817 28 02";
+    kProtocolHex +
+    "22 20 09 2827262524232221 11 1817161514131211 19 0807060504030201 20 b817 28 02";
 const std::string kNoticeHex = kProtocolHex + "42 10 09 2827262524232221 18 03 22 03 627965";
-const std::string kModelHex =
-    kProtocolHex + "32 24 09 2827262524232221 10 02 20 01 30 02 3a 09 08 01 12 05 64726f6e65 3a 08 08 ac02 12 03 61726d";
-const std::string kFrameHex = kProtocolHex +
-    "3a 8502 09 2827262524232221 10 07 20 01 30 01 39 0807060504030201 41 1817161514131211 49 3837363534333231"
+const std::string kModelHex = kProtocolHex +
+                              "32 24 09 2827262524232221 10 02 20 01 30 02 3a 09 08 01 12 05 "
+                              "64726f6e65 3a 08 08 ac02 12 03 61726d";
+const std::string kFrameHex =
+    kProtocolHex +
+    "3a 8502 09 2827262524232221 10 07 20 01 30 01 39 0807060504030201 41 1817161514131211 49 "
+    "3837363534333231"
     "55 0000c842 60 01 6a d101 08 01 10 01 18 01"
     "22 1b 09 000000000000f03f 11 00000000000000c0 19 000000000000d03f"
     "2a 24 09 1cc7711cc771cc3f 11 1cc7711cc771dc3f 19 721cc7711cc7e13f 21 555555555555e53f"
     "32 0f 0d 0000003f 15 000080be 1d 0000003e 3a 0f 0d 0000803f 15 00000040 1d 00008040 42 00"
     "4d 00000040 55 0000003f 5a 54"
-    "0000803f 00000000 00000000 00000000 00000000 000080bf 00008040 00000000 00000000 00000000 00000000"
-    "00000040 00000000 00000000 00000000 0000803e 00000000 00000000 0000803d 00000000 0000003e 60 14 68 03";
+    "0000803f 00000000 00000000 00000000 00000000 000080bf 00008040 00000000 00000000 00000000 "
+    "00000000"
+    "00000040 00000000 00000000 00000000 0000803e 00000000 00000000 0000803d 00000000 0000003e 60 "
+    "14 68 03";
 
 MessageKind decode(Decoder& decoder, const std::vector<std::byte>& bytes) {
   return decoder.decode(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
@@ -116,10 +124,12 @@ void expect_rules(const Decoder& decoder, MessageKind kind) {
       double sum = 0;
       for (const double x : body.position_m) sum += x;
       for (const double x : body.orientation_wxyz) sum += x;
-      EXPECT_EQ(std::isfinite(sum), body.valid) << "a valid pose is finite, one that is not valid is absent";
+      EXPECT_EQ(std::isfinite(sum), body.valid)
+          << "a valid pose is finite, one that is not valid is absent";
     }
   } else if (kind == MessageKind::kModel) {
-    EXPECT_LE(decoder.model().place.first_body + decoder.model().bodies.size(), decoder.model().place.body_count);
+    EXPECT_LE(decoder.model().place.first_body + decoder.model().bodies.size(),
+              decoder.model().place.body_count);
   } else if (kind == MessageKind::kLease) {
     EXPECT_GT(decoder.lease().lease, 0);
   }
@@ -224,7 +234,8 @@ TEST(ClientCodec, ASubscribeIsLongEnoughAndFitsADatagram) {
   request.frames_received = request.frames_lost = ~0ull;
   request.clock_offset = request.clock_sigma = request.latency_p99 = -1;
   request.multicast = true;
-  request.profile = {true, true, 99.5F, true, std::vector<std::string>(32, std::string(28, 'b'))};  // 900 bytes of names
+  request.profile = {true, true, 99.5F, true,
+                     std::vector<std::string>(32, std::string(28, 'b'))};  // 900 bytes of names
   EXPECT_LE(encode(request).size(), kMaxDatagram);
 }
 
@@ -232,7 +243,8 @@ TEST(ClientCodec, UnsubscribeMatchesTheBytes) {
   const auto bytes = encode_unsubscribe(0x0102030405060708);
   const auto expected = from_hex(kProtocolHex + "2a 09 09 0807060504030201");
   ASSERT_EQ(bytes.size(), expected.size());
-  EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(), reinterpret_cast<const std::uint8_t*>(expected.data())));
+  EXPECT_TRUE(std::equal(bytes.begin(), bytes.end(),
+                         reinterpret_cast<const std::uint8_t*>(expected.data())));
 }
 
 TEST(ClientCodec, AClockQueryIsWhatProtobufReads) {

@@ -89,7 +89,8 @@ TEST_F(ControlTest, TakesNoCommandsWithoutAConfiguredToken) {
 }
 
 TEST_F(ControlTest, ShutsOutWhoGuesses) {
-  for (int i = 0; i < native::WrongProofs::kAllowed; ++i) EXPECT_FALSE(Control(options("guess")).commit_map());
+  for (int i = 0; i < native::WrongProofs::kAllowed; ++i)
+    EXPECT_FALSE(Control(options("guess")).commit_map());
   EXPECT_FALSE(Control(options()).commit_map()) << "not even with the right token, for ten seconds";
   server_.clock().advance(native::WrongProofs::kWindow);
   server_.publish(scene_);  // forgets the connections that ended
@@ -103,7 +104,8 @@ TEST_F(ControlTest, SaysThatNobodyListens) {
   { nowhere.port = TestServer(*scene_).port(); }
   const auto outcome = Control(nowhere).commit_map();
   EXPECT_FALSE(outcome);
-  EXPECT_NE(outcome.problem.find(std::to_string(nowhere.port)), std::string::npos) << outcome.problem;
+  EXPECT_NE(outcome.problem.find(std::to_string(nowhere.port)), std::string::npos)
+      << outcome.problem;
 }
 
 TEST_F(ControlTest, ComesBackAfterARestartOfTheServer) {

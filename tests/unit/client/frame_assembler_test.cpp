@@ -20,7 +20,8 @@ class FrameAssemblerTest : public testing::Test {
   void add_model_part(std::uint64_t generation, std::uint32_t index) {
     ModelPart part{kSession, generation, 0, place(index), {}};
     for (std::uint32_t i = index * 3; i < (index == 0 ? 3 : kBodies); ++i) {
-      part.bodies.emplace_back(static_cast<int>(i) + 1, "body" + std::to_string(i) + "g" + std::to_string(generation));
+      part.bodies.emplace_back(static_cast<int>(i) + 1,
+                               "body" + std::to_string(i) + "g" + std::to_string(generation));
     }
     assembler_.add(part);
   }
@@ -125,7 +126,8 @@ TEST_F(FrameAssemblerTest, NeverShowsAnOldPoseInAPlaceThatNoPartFilled) {
   add(1, 0);
   ASSERT_NE(add(1, 1), nullptr);
   for (std::uint64_t number = 2; number < 5; ++number) {
-    FramePart twice = part(number, 0);  // claims to be the second part, fills the first places again
+    FramePart twice =
+        part(number, 0);  // claims to be the second part, fills the first places again
     twice.place = {1, 2, 0, kBodies};
     twice.frame.bodies.resize(2);
     add(number, 0);

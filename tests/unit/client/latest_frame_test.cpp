@@ -102,7 +102,8 @@ TEST(LatestFrame, ReadersNeverSeeHalfAFrameOrAnOlderOne) {
         if (!latest.read([&](const Frame& newest) { copy = newest; })) continue;
         bool whole = copy.number >= last;
         for (const Body& body : copy.bodies) {
-          for (const double x : body.position_m) whole = whole && x == static_cast<double>(copy.number);
+          for (const double x : body.position_m)
+            whole = whole && x == static_cast<double>(copy.number);
         }
         torn += whole ? 0 : 1;
         ++reads;

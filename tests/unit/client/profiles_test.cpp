@@ -1,4 +1,5 @@
-// What a client asks for is what it gets: axes, rate, choice of bodies, multicast, discovery. Real loopback sockets.
+// What a client asks for is what it gets: axes, rate, choice of bodies, multicast, discovery. Real
+// loopback sockets.
 #include <cmath>
 
 #include "support/allocation_counter.hpp"
@@ -27,7 +28,8 @@ TEST_F(ProfilesTest, TurnsTheAxes) {
   const Client client(options);
   ASSERT_TRUE(receives(client, server)) << client.statistics().problem;
   EXPECT_EQ(frame_.bodies[0].position_m, (std::array<double, 3>{1, 3, -2}));
-  EXPECT_NE(server.clients()[0].detail.find("y-up m"), std::string::npos) << server.clients()[0].detail;
+  EXPECT_NE(server.clients()[0].detail.find("y-up m"), std::string::npos)
+      << server.clients()[0].detail;
 }
 
 TEST_F(ProfilesTest, SendsTheBodiesThatWereChosenAlsoWhenOneAppearsLater) {
@@ -43,7 +45,8 @@ TEST_F(ProfilesTest, SendsTheBodiesThatWereChosenAlsoWhenOneAppearsLater) {
   auto model = std::make_shared<SceneModel>(*scene_->model);
   model->generation = 2;
   scene_->model = model;
-  ASSERT_TRUE(publish_until(server, *scene_, [&] { return client.latest(frame_) && frame_.bodies.size() == 2; }));
+  ASSERT_TRUE(publish_until(server, *scene_,
+                            [&] { return client.latest(frame_) && frame_.bodies.size() == 2; }));
   EXPECT_EQ(frame_.bodies[0].name, "boat");
   EXPECT_EQ(frame_.bodies[1].name, "cart");
 }
@@ -82,7 +85,8 @@ TEST_F(ProfilesTest, ServesManyDifferentClientsAtOnce) {
     clients.push_back(std::make_unique<Client>(options));
   }
   ASSERT_TRUE(publish_until(server, *scene_, [&] {
-    return std::all_of(clients.begin(), clients.end(), [](auto& c) { return c->statistics().frames > 10; });
+    return std::all_of(clients.begin(), clients.end(),
+                       [](auto& c) { return c->statistics().frames > 10; });
   }));
   for (std::size_t i = 0; i < clients.size(); ++i) {
     ASSERT_TRUE(clients[i]->latest(frame_));
@@ -105,10 +109,12 @@ TEST_F(ProfilesTest, SaysThatTheServerEncodesEnoughProfiles) {
   auto options = options_for(server.port());
   options.max_rate_hz = 17;
   const Client one_too_many(options);
-  EXPECT_TRUE(wait_until([&] { return one_too_many.statistics().problem.find("profiles") != std::string::npos; }))
-      << one_too_many.statistics().problem;
+  EXPECT_TRUE(wait_until([&] {
+    return one_too_many.statistics().problem.find("profiles") != std::string::npos;
+  })) << one_too_many.statistics().problem;
   clients.pop_back();
-  EXPECT_TRUE(wait_until([&] { return one_too_many.statistics().connected; })) << one_too_many.statistics().problem;
+  EXPECT_TRUE(wait_until([&] { return one_too_many.statistics().connected; }))
+      << one_too_many.statistics().problem;
 }
 
 TEST_F(ProfilesTest, RefusesNamesThatNoDatagramHolds) {
@@ -130,11 +136,13 @@ TEST_F(ProfilesTest, SendsMulticastOnceForAllWhoWantIt) {
   const Client second(options);
   const Client alone(options_for(server.port()));
   if (!publish_until(server, *scene_, [&] {
-        return first.statistics().frames > 20 && second.statistics().frames > 20 && alone.statistics().frames > 20;
+        return first.statistics().frames > 20 && second.statistics().frames > 20 &&
+               alone.statistics().frames > 20;
       })) {
     FAIL() << first.statistics().problem;
   }
-  if (!first.statistics().multicast) GTEST_SKIP() << "multicast does not come back on this machine's loopback";
+  if (!first.statistics().multicast)
+    GTEST_SKIP() << "multicast does not come back on this machine's loopback";
   EXPECT_TRUE(second.statistics().multicast);
   EXPECT_FALSE(alone.statistics().multicast);
   EXPECT_EQ(first.statistics().lost, 0u);

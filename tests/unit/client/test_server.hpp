@@ -1,7 +1,7 @@
 #pragma once
 
-#include <fiducap/client.hpp>
 #include <gtest/gtest.h>
+#include <fiducap/client.hpp>
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -34,10 +34,12 @@ inline std::int64_t monotonic_ns() {
 /// A server with its I/O thread, as in fiducapd.
 class TestServer {
  public:
-  explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0, native::NativeConfig config = {},
-                      OperatorDesk* desk = nullptr, const Clock* clock = nullptr) {
+  explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0,
+                      native::NativeConfig config = {}, OperatorDesk* desk = nullptr,
+                      const Clock* clock = nullptr) {
     config.port = port;
-    auto started = native::start_native_server(io_, config, scene.model, clock != nullptr ? *clock : clock_, desk);
+    auto started = native::start_native_server(io_, config, scene.model,
+                                               clock != nullptr ? *clock : clock_, desk);
     EXPECT_TRUE(started) << started.error().text();
     server_ = std::move(*started);
     port_ = native::bound_port(*server_);
@@ -73,7 +75,8 @@ class TestServer {
   }
 
   boost::asio::io_context io_{1};
-  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_{io_.get_executor()};
+  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_{
+      io_.get_executor()};
   FakeClock clock_{instant_from_ns(1'000'000'000'000)};
   std::unique_ptr<Streamer> server_;
   std::uint16_t port_{};
@@ -81,7 +84,8 @@ class TestServer {
 };
 
 /// Publishes until the condition holds. @return false when patience ends.
-inline bool publish_until(TestServer& server, SceneFrame& scene, const std::function<bool()>& condition) {
+inline bool publish_until(TestServer& server, SceneFrame& scene,
+                          const std::function<bool()>& condition) {
   const auto end = std::chrono::steady_clock::now() + kPatience;
   while (!condition()) {
     if (std::chrono::steady_clock::now() > end) return false;
@@ -125,10 +129,11 @@ class ClientThatNeverReads {
     server.sin_port = htons(port);
     server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     EXPECT_EQ(::connect(fd_, reinterpret_cast<sockaddr*>(&server), sizeof(server)), 0);
-    std::array<std::uint8_t, 150> question{0x0d, 'F', 'D', 'C', '1', 0x12, 142, 1};  // Subscribe, 142 bytes:
-    question[8] = 0x09;                                                              // token
-    question[17] = 0x3a;                                                             // padding,
-    question[18] = 130;                                                              // 130 bytes
+    std::array<std::uint8_t, 150> question{0x0d, 'F',  'D', 'C',
+                                           '1',  0x12, 142, 1};  // Subscribe, 142 bytes:
+    question[8] = 0x09;                                          // token
+    question[17] = 0x3a;                                         // padding,
+    question[18] = 130;                                          // 130 bytes
     question[19] = 1;
     EXPECT_EQ(::send(fd_, question.data(), question.size(), 0), 150);
     std::array<std::uint8_t, 64> challenge{};

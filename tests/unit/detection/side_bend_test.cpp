@@ -28,7 +28,8 @@ TEST(SideBend, ALensPushesFittedCornersOff) {
   double worst = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     const auto& px = kSquareNearTheEdge[i];
-    const auto raw = camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+    const auto raw =
+        camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
     worst = std::max(worst, ((*fitted)[i] - *raw).norm());
   }
   EXPECT_GT(worst, 0.1) << "there is nothing to correct";
@@ -36,10 +37,12 @@ TEST(SideBend, ALensPushesFittedCornersOff) {
 
 TEST(SideBend, UnbendingGivesTheTrueCorners) {
   const CameraModel camera = wide_lens();
-  const auto corrected = unbend_corners(camera, *corners_of_fitted_sides(camera, kSquareNearTheEdge));
+  const auto corrected =
+      unbend_corners(camera, *corners_of_fitted_sides(camera, kSquareNearTheEdge));
   for (std::size_t i = 0; i < 4; ++i) {
     const auto& px = kSquareNearTheEdge[i];
-    const auto raw = camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
+    const auto raw =
+        camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
     EXPECT_LT((corrected[i] - *raw).norm(), 5e-3);
   }
 }

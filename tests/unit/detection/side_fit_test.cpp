@@ -42,7 +42,8 @@ double rms_from(double off_px, double distance) {
 }
 
 TEST(SideFit, FindsTheCornersOfRenderedTagsToAFewHundredthsOfAPixel) {
-  // Sides along the rows and columns of pixels: the hardest case. The library's own are 0.08 and more off.
+  // Sides along the rows and columns of pixels: the hardest case. The library's own are 0.08 and
+  // more off.
   EXPECT_LT(rms_from(0.0, 0.84), 0.05);  // 55 px
   EXPECT_LT(rms_from(0.0, 1.8), 0.06);   // 25 px
 }
@@ -61,14 +62,16 @@ TEST(SideFit, SaysWhenThereIsNoSideOrItWouldGoTooFar) {
   std::mt19937 random(1);
   for (auto& px : flat.pixels) px = static_cast<std::uint8_t>(random() % 256);
   if (const auto fitted = fit_sides(flat, square, kModules)) {
-    for (std::size_t i = 0; i < 4; ++i) EXPECT_LT(((*fitted)[i] - square[i]).norm(), 60.0 / kModules);
+    for (std::size_t i = 0; i < 4; ++i)
+      EXPECT_LT(((*fitted)[i] - square[i]).norm(), 60.0 / kModules);
   }
 }
 
 TEST(SideFit, ReadsNoPixelOutsideOfTheImage) {
   GrayImage image;
   image.resize(30, 30);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<std::uint8_t>(i);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i)
+    image.pixels[i] = static_cast<std::uint8_t>(i);
   // Under a sanitizer this is the test; without one it only has to come back.
   (void)fit_sides(image, {{{-3, 33}, {33, 33}, {33, -3}, {-3, -3}}}, kModules);
   (void)fit_sides(image, {{{0, 29}, {29, 29}, {29, 0}, {0, 0}}}, kModules);

@@ -9,7 +9,8 @@ namespace {
 
 constexpr int kTags = 4000;
 
-/// Distances of tags whose corners scatter with `true_px`, as a filter sees them that is sure of everything else.
+/// Distances of tags whose corners scatter with `true_px`, as a filter sees them that is sure of
+/// everything else.
 void learn(CornerNoise& noise, double true_px, double outliers) {
   std::mt19937 random(5);
   std::chi_squared_distribution<double> distance(8);

@@ -18,7 +18,8 @@ inline CameraModel example_camera() {
 }
 
 /// What a camera would see of a tag standing at X_VT.
-inline TagObservation example_observation(int tag_id, double edge_m, const Pose& X_VT, const CameraModel& camera) {
+inline TagObservation example_observation(int tag_id, double edge_m, const Pose& X_VT,
+                                          const CameraModel& camera) {
   TagObservation seen;
   seen.tag_id = tag_id;
   seen.edge_m = edge_m;

@@ -12,7 +12,8 @@ class Restart : public testing::TestWithParam<const char*> {
   Restart() {
     CameraMount mount;
     mount.model = example_camera();
-    filter_ = make_body_filter(GetParam(), BodySensors{.cameras = {mount}, .imu = std::nullopt}, WorkspaceGauge{}, EstimatorConfig{});
+    filter_ = make_body_filter(GetParam(), BodySensors{.cameras = {mount}, .imu = std::nullopt},
+                               WorkspaceGauge{}, EstimatorConfig{});
     for (int i = 0; i < 3; ++i) {
       const Pose X_VT{exp_so3({2.6, 0.4, 0.3}), {-0.6 + 0.6 * i, 0.1, 2.0}};
       clean_.tags.push_back(example_observation(i, 0.2, X_VT, example_camera()));

@@ -62,9 +62,13 @@ TEST_P(SteadyLoop, StandsStillWhenTheBodyDoes) {
 
 TEST_P(SteadyLoop, ReadingsThatNeverEndInAnImageDoNotGrowMemory) {
   for (int i = 0; i < 60; ++i) run_image();
-  for (int i = 0; i < 1000; ++i) filter_->propagate({now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
+  for (int i = 0; i < 1000; ++i)
+    filter_->propagate(
+        {now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
   const AllocationCounter allocations;
-  for (int i = 0; i < 5000; ++i) filter_->propagate({now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
+  for (int i = 0; i < 5000; ++i)
+    filter_->propagate(
+        {now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
   EXPECT_EQ(allocations.count(), 0u);
 }
 

@@ -21,7 +21,8 @@ namespace {
 constexpr int kKills = 36;
 // Short enough to hit the opening of the store as well.
 constexpr int kLongestLife_ms = 60;
-// Every other writer is let go on until it has said this many versions, however slow the machine is.
+// Every other writer is let go on until it has said this many versions, however slow the machine
+// is.
 constexpr int kMostVersions = 8;
 
 /// When a writer is killed: so long after it has said so many lines.
@@ -99,7 +100,8 @@ TEST(MapStoreKill, EveryReportedVersionSurvives) {
       reported.clear();
     }
     const auto draw = [&](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
-    const Life life = i % 2 == 0 ? Life{0, draw(kLongestLife_ms)} : Life{1 + draw(kMostVersions - 1), draw(5)};
+    const Life life =
+        i % 2 == 0 ? Life{0, draw(kLongestLife_ms)} : Life{1 + draw(kMostVersions - 1), draw(5)};
     const auto stored = run_and_kill(path, life);
     kills_with_versions += stored.empty() ? 0 : 1;
     reported.insert(stored.begin(), stored.end());

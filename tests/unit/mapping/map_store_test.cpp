@@ -137,8 +137,10 @@ TEST_F(MapStoreTest, KeepsTheNewestExtrinsicsOfEachCamera) {
   {
     auto store = open();
     ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{}}));
-    ASSERT_TRUE(store.save_extrinsics({"alpha", 1, Pose{exp_so3({1, 2, 3}), {0.1, 0.2, 0.3}}, StoredClock{-0.012, 0.02}}));
-    ASSERT_TRUE(store.save_extrinsics({"beta", 0, Pose{Eigen::Quaterniond::Identity(), {7, 8, 9}}}));
+    ASSERT_TRUE(store.save_extrinsics(
+        {"alpha", 1, Pose{exp_so3({1, 2, 3}), {0.1, 0.2, 0.3}}, StoredClock{-0.012, 0.02}}));
+    ASSERT_TRUE(
+        store.save_extrinsics({"beta", 0, Pose{Eigen::Quaterniond::Identity(), {7, 8, 9}}}));
   }
   const auto all = open().extrinsics();
   ASSERT_EQ(all->size(), 2u);

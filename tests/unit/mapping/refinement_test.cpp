@@ -121,7 +121,8 @@ class RefinementTest : public ::testing::Test {
     problem_.estimated = true_tags_;
     for (KnownTag& tag : problem_.estimated)
       if (tag.tag_id != 0) tag.X_WT = moved(tag.X_WT, jolt(kStartError_m, 0.05));
-    for (RefinementFrame& frame : problem_.frames) frame.X_WB = moved(frame.X_WB, jolt(kStartError_m, 0.05));
+    for (RefinementFrame& frame : problem_.frames)
+      frame.X_WB = moved(frame.X_WB, jolt(kStartError_m, 0.05));
   }
 
   /// The first estimated tag with its true pose becomes an input.
@@ -130,10 +131,12 @@ class RefinementTest : public ::testing::Test {
     problem_.fixed.push_back(true_tags_[static_cast<std::size_t>(tag_id)]);
   }
 
-  /// The answer is as close to the truth as the corners of `evidence` allow; `gauge_freedom` as for bundle_nees.
+  /// The answer is as close to the truth as the corners of `evidence` allow; `gauge_freedom` as for
+  /// bundle_nees.
   void expect_efficient(const RefinementResult& result, const RefinementProblem& evidence,
                         int gauge_freedom = 0) const {
-    const BundleNees nees = bundle_nees(evidence, true_tags_, true_poses_, result.tags, result.X_WB, gauge_freedom);
+    const BundleNees nees =
+        bundle_nees(evidence, true_tags_, true_poses_, result.tags, result.X_WB, gauge_freedom);
     EXPECT_LT(std::abs(nees.sigmas()), kSigmas) << nees.value << " of " << nees.numbers;
   }
 
@@ -274,7 +277,8 @@ TEST_F(RefinementTest, APriorPullsWhereNothingElseDoes) {
   }
   for (Pose& X_WB : back.X_WB) X_WB.p.x() -= 1.0;
   expect_efficient(back, problem_, 6);
-  // The priors balance: they agree with each other, so the noise of the corners leaves their mean alone.
+  // The priors balance: they agree with each other, so the noise of the corners leaves their mean
+  // alone.
   EXPECT_LT(mean_error.norm(), 1e-6);
 }
 
@@ -290,8 +294,9 @@ TEST_F(RefinementTest, OfTwoPriorsTheTighterWins) {
   }
   const auto result = refine(problem_);
   ASSERT_TRUE(result) << result.error().text();
-  // 1 : 100 by variance: half a millimetre of the 50 mm. The solver stops when a step changes the cost (about 900) by
-  // less than 1e-8 of it, which a shift by 0.04 mm does; three such steps are forgiven.
+  // 1 : 100 by variance: half a millimetre of the 50 mm. The solver stops when a step changes the
+  // cost (about 900) by less than 1e-8 of it, which a shift by 0.04 mm does; three such steps are
+  // forgiven.
   EXPECT_NEAR(result->tags[2].X_WT.p.z() - true_tags_[2].X_WT.p.z(), 0.05 / 101, 1.2e-4);
 }
 

@@ -95,7 +95,8 @@ TEST(Scene, ThePivotMoves) {
   Scene scene(two_bodies());
   scene.ingest(1, estimate(100), report(100), {}, 0);
   scene.set_pivot(1, {Eigen::Quaterniond::Identity(), {0.5, 0, 0}});
-  EXPECT_NEAR(scene.sample(at_ms(100), at_ms(100), {}, 200.0, nullptr)->bodies[1].X_WP.p.x(), 0.5, 1e-12);
+  EXPECT_NEAR(scene.sample(at_ms(100), at_ms(100), {}, 200.0, nullptr)->bodies[1].X_WP.p.x(), 0.5,
+              1e-12);
 }
 
 TEST(Scene, ALostSourceLosesOnlyItsBody) {

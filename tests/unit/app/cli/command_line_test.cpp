@@ -36,12 +36,25 @@ Answer say(std::vector<std::string> words) {
   return {code, out.str(), err.str()};
 }
 
-const std::vector<std::vector<std::string>> kVerbs{
-    {"watch"},         {"replay"},        {"evaluate"},      {"map"},
-    {"map", "export"}, {"map", "import"}, {"map", "log"},    {"map", "diff"},
-    {"map", "show"},   {"tags"},          {"tags", "sheet"}, {"simulate"},
-    {"doctor"},        {"control"},       {"control", "list"}, {"control", "rename"},
-    {"calibrate"},     {"calibrate", "imu"}, {"calibrate", "extrinsics"}};
+const std::vector<std::vector<std::string>> kVerbs{{"watch"},
+                                                   {"replay"},
+                                                   {"evaluate"},
+                                                   {"map"},
+                                                   {"map", "export"},
+                                                   {"map", "import"},
+                                                   {"map", "log"},
+                                                   {"map", "diff"},
+                                                   {"map", "show"},
+                                                   {"tags"},
+                                                   {"tags", "sheet"},
+                                                   {"simulate"},
+                                                   {"doctor"},
+                                                   {"control"},
+                                                   {"control", "list"},
+                                                   {"control", "rename"},
+                                                   {"calibrate"},
+                                                   {"calibrate", "imu"},
+                                                   {"calibrate", "extrinsics"}};
 
 TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
   for (auto words : kVerbs) {

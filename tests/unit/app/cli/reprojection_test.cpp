@@ -37,10 +37,9 @@ class ReprojectionTest : public ::testing::Test {
   CameraMount camera_;
   std::vector<StampedPose> poses_{{at(0), {exp_so3({0, 0, 0.4}), {1, 2, 3}}}};
   // Two metres in front of that camera, facing it.
-  std::vector<TagPlace> map_{
-      {4, 0.2,
-       poses_[0].X_WB* Pose{exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}} *
-           Pose{exp_so3({3.1, 0.2, 0}), {0.1, -0.1, 2}}}};
+  std::vector<TagPlace> map_{{4, 0.2,
+                              poses_[0].X_WB* Pose{exp_so3({0.1, -0.2, 0.3}), {0.05, -0.02, 0.01}} *
+                                  Pose{exp_so3({3.1, 0.2, 0}), {0.1, -0.1, 2}}}};
 };
 
 TEST_F(ReprojectionTest, IsTheRootMeanSquareDistanceOfTheFourCorners) {
@@ -59,8 +58,9 @@ TEST_F(ReprojectionTest, OneBadCornerCountsAQuarterOfItsSquare) {
 }
 
 TEST_F(ReprojectionTest, SaysWhyADetectionIsNotScored) {
-  map_.push_back(
-      {5, 0.2, poses_[0].X_WB * camera_.X_BV * Pose{Eigen::Quaterniond::Identity(), {0, 0, -1}}});  // behind the camera
+  map_.push_back({5, 0.2,
+                  poses_[0].X_WB * camera_.X_BV *
+                      Pose{Eigen::Quaterniond::Identity(), {0, 0, -1}}});  // behind the camera
   ReprojectionMeter meter({camera_}, poses_, map_);
   meter.add({0, at(0), {sighting({0, 0}), sighting({0, 0}, 5), sighting({0, 0}, 6)}});
   meter.add({0, at(1), {sighting({0, 0})}});

@@ -19,7 +19,8 @@ class CornerCamera : public testing::Test {
   }
   std::vector<TagSighting> see(std::uint64_t k = 0) {
     std::vector<TagSighting> out;
-    sight_corners(plain_camera(), [this](double) { return X_WV_; }, tags_, rules_, {1, 0, k}, out);
+    sight_corners(
+        plain_camera(), [this](double) { return X_WV_; }, tags_, rules_, {1, 0, k}, out);
     return out;
   }
   std::vector<RecordedTag> tags_;

@@ -175,13 +175,12 @@ TEST(ImageCamera, VignettingDarkensTheImageCorner) {
 
 // Daylight for x > 0, four times the light of the rest.
 constexpr double kSun = 4;
-DaylightConfig sunny_side() {
-  return {kSun, {0, -10, -10}, {1e4, 10, 10}};
-}
+DaylightConfig sunny_side() { return {kSun, {0, -10, -10}, {1e4, 10, 10}}; }
 
 TEST(ImageCamera, InDaylightForLongEverythingLooksAsItDoesInTheHall) {
   StillCamera hall(small_camera(), clean_settings());
-  StillCamera outside(small_camera(), clean_settings(), "clutter", {kSun, {-10, -10, -10}, {10, 10, 10}});
+  StillCamera outside(small_camera(), clean_settings(), "clutter",
+                      {kSun, {-10, -10, -10}, {10, 10, 10}});
   const EvenMotion still(facing_camera(1));
   const auto image = outside.photograph(still, {tag_at(3, 0.4)});
   const auto expected = hall.photograph(still, {tag_at(3, 0.4)});

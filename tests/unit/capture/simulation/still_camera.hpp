@@ -30,8 +30,8 @@ class EvenMotion final : public Trajectory {
 /// A camera whose body axes are its own, in a box of 10 m around the origin.
 class StillCamera final {
  public:
-  StillCamera(const CameraModel& model, const CameraSimulation& settings, const std::string& texture = "clutter",
-              const DaylightConfig& sun = {})
+  StillCamera(const CameraModel& model, const CameraSimulation& settings,
+              const std::string& texture = "clutter", const DaylightConfig& sun = {})
       : camera_(mount(model), settings,
                 {{Eigen::Vector3d::Constant(-5), Eigen::Vector3d::Constant(5)}, texture},
                 std::move(*TagFamily::named("tag36h11")), sun) {}

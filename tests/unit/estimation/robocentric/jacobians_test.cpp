@@ -1,5 +1,5 @@
-// Every analytic Jacobian of the robocentric filter against central differences, and every change of the covariance
-// against the Jacobian of the change of the mean.
+// Every analytic Jacobian of the robocentric filter against central differences, and every change
+// of the covariance against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
 #include "estimation/robocentric/corner_measurement.hpp"
@@ -41,8 +41,11 @@ void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd&
   Eigen::MatrixXd expected = J * before.P() * J.transpose();
   if (added_noise.size() > 0) expected += added_noise;
   const Eigen::MatrixXd got = after.P();
-  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
-      << "got\n" << got << "\nexpected\n" << expected;
+  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(),
+            kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
+      << "got\n"
+      << got << "\nexpected\n"
+      << expected;
   EXPECT_LT((got - got.transpose()).cwiseAbs().maxCoeff(), 1e-12);
 }
 
@@ -98,7 +101,8 @@ TEST(FrameTransition, CovarianceFollowsTheMean) {
 TEST(FrameTransition, KeepsTagsWhereTheyAreInTheWorkspace) {
   FilterState state = example_state();
   std::vector<Pose> before;
-  for (std::size_t i = 0; i < state.tags.size(); ++i) before.push_back(tag_in_workspace(state, i).X_WT);
+  for (std::size_t i = 0; i < state.tags.size(); ++i)
+    before.push_back(tag_in_workspace(state, i).X_WT);
   MotionSinceImage motion;
   for (int i = 0; i < 50; ++i) propagate(state, motion, example_input(true), kGravity, 0.005);
   FrameTransition transition;
@@ -134,7 +138,8 @@ TEST_P(MeasurementJacobian, MatchesDifferences) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, MeasurementJacobian, testing::Combine(testing::Values(0, 1), testing::Bool()));
+INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, MeasurementJacobian,
+                         testing::Combine(testing::Values(0, 1), testing::Bool()));
 
 TEST(Measurement, CarriesTheUncertaintyOfAKnownPlace) {
   const FilterState state = example_state();
@@ -165,7 +170,8 @@ TEST(WorkspaceAxes, TyingToTheReferenceTransformsTheCovariance) {
     rule.axis = 1;
     rule.yaw_rad = 0.3;
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
-    expect_covariance_follows_mean([&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
+    expect_covariance_follows_mean(
+        [&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
   }
 }
 
@@ -181,7 +187,8 @@ TEST(WorkspaceAxes, TheReferenceTagStandsWhereItShould) {
   EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
   const Eigen::Vector3d axis = tag.X_WT.q * Eigen::Vector3d::Unit(rule.axis);
   EXPECT_NEAR(std::atan2(axis.y(), axis.x()), rule.yaw_rad, 1e-9);
-  EXPECT_NEAR((state.q_WB.conjugate() * Eigen::Vector3d::UnitZ()).z(), tilt_before, 1e-9) << "up must stay up";
+  EXPECT_NEAR((state.q_WB.conjugate() * Eigen::Vector3d::UnitZ()).z(), tilt_before, 1e-9)
+      << "up must stay up";
   // By definition exact: position variance of the reference tag is gone.
   EXPECT_LT(tag.covariance.topLeftCorner(3, 3).cwiseAbs().maxCoeff(), 1e-9);
   EXPECT_LT(((shift * before).p - state.X_WB().p).norm(), 1e-9);
@@ -219,7 +226,8 @@ TEST(TagAugmentation, ASecondCamerasTagCarriesBothExtrinsics) {
   turn.bottomRightCorner<3, 3>() = X_V0V1.rotation();
   const Matrix6d information = r.H.transpose() * r.H / 0.16;
   expected.bottomRightCorner<6, 6>() += turn * information.inverse() * turn.transpose();
-  EXPECT_LT((after.P() - expected).cwiseAbs().maxCoeff(), kCovarianceTolerance * expected.cwiseAbs().maxCoeff());
+  EXPECT_LT((after.P() - expected).cwiseAbs().maxCoeff(),
+            kCovarianceTolerance * expected.cwiseAbs().maxCoeff());
 }
 
 TEST(FilterState, RemovingATagLeavesTheOthersAsTheyWere) {

@@ -9,11 +9,14 @@
 
 namespace fiducap::world {
 
-/// A body with two cameras, three clones and three tags in front of camera 0, far from the origin, nothing aligned with anything. Camera 0
-/// stands at its image; camera 1 has a rolling shutter and a clock that is off.
+/// A body with two cameras, three clones and three tags in front of camera 0, far from the origin,
+/// nothing aligned with anything. Camera 0 stands at its image; camera 1 has a rolling shutter and
+/// a clock that is off.
 inline FilterState example_state() {
   FilterState state;
-  state.reset({{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}, {exp_so3({0.15, -1.45, 0.1}), {0.06, 0.11, 0.02}}}, 3);
+  state.reset({{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}},
+               {exp_so3({0.15, -1.45, 0.1}), {0.06, 0.11, 0.02}}},
+              3);
   state.X_WB = {exp_so3({0.4, -0.6, 1.1}), {4.2, -3.7, 0.9}};
   state.v_WB = {0.5, 0.3, -0.4};
   state.bias_f = {0.05, -0.04, 0.06};
@@ -22,11 +25,14 @@ inline FilterState example_state() {
     WorldTag tag;
     tag.tag_id = 10 + i;
     tag.edge_m = 0.2;
-    tag.X_WT = state.X_WB * state.X_BV[0] * Pose{exp_so3({3.0 + 0.1 * i, 0.2 - 0.3 * i, 0.4}), {-0.3 + 0.3 * i, 0.1 * i, 1.5 + 0.4 * i}};
+    tag.X_WT = state.X_WB * state.X_BV[0] *
+               Pose{exp_so3({3.0 + 0.1 * i, 0.2 - 0.3 * i, 0.4}),
+                    {-0.3 + 0.3 * i, 0.1 * i, 1.5 + 0.4 * i}};
     state.add_tag(tag, Matrix6d::Identity());
   }
   for (int i = 0; i < 3; ++i) {
-    state.clones[static_cast<std::size_t>(i)].X_WV = {exp_so3({0.2 * i, -1.1, 0.3}), {4.0 - 0.2 * i, -3.5 + 0.1 * i, 0.8}};
+    state.clones[static_cast<std::size_t>(i)].X_WV = {exp_so3({0.2 * i, -1.1, 0.3}),
+                                                      {4.0 - 0.2 * i, -3.5 + 0.1 * i, 0.8}};
   }
   std::mt19937 random(7);
   std::normal_distribution<double> gauss;

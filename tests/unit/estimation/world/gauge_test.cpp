@@ -25,8 +25,10 @@ TEST(Gauge, TheReferenceTagStandsWhereItShould) {
   const KnownTag tag = tag_in_workspace(state, 2);
   EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
   EXPECT_LT(log_so3(turn_to_heading(rule, tag.X_WT.q)).norm(), 1e-9);
-  EXPECT_NEAR((state.X_WB.q.conjugate() * Eigen::Vector3d::UnitZ()).z(), up_before, 1e-9) << "up must stay up";
-  EXPECT_LT(tag.covariance.topLeftCorner(3, 3).cwiseAbs().maxCoeff(), 1e-9) << "exact by definition";
+  EXPECT_NEAR((state.X_WB.q.conjugate() * Eigen::Vector3d::UnitZ()).z(), up_before, 1e-9)
+      << "up must stay up";
+  EXPECT_LT(tag.covariance.topLeftCorner(3, 3).cwiseAbs().maxCoeff(), 1e-9)
+      << "exact by definition";
   EXPECT_LT(slack_of_reference(state, 2, rule, true).moved, 1e-9);
   EXPECT_LT(slack_of_reference(state, 2, rule, true).sigma, 1e-6);
   EXPECT_LT(((shift * before).p - state.X_WB.p).norm(), 1e-9);
@@ -46,15 +48,18 @@ TEST(Gauge, DistancesBetweenTagsDoNotNoticeWhereTheRoomIs) {
   const auto distance_variance = [](const FilterState& state) {
     const Eigen::Vector3d d = state.tags[1].X_WT.p - state.tags[0].X_WT.p;
     Eigen::RowVectorXd J = Eigen::RowVectorXd::Zero(state.size());
-    J.segment<6>(state.tag_at(0)) = -d.normalized().transpose() * plain_from_world_error(state.tags[0].X_WT.p).topRows<3>();
-    J.segment<6>(state.tag_at(1)) = d.normalized().transpose() * plain_from_world_error(state.tags[1].X_WT.p).topRows<3>();
+    J.segment<6>(state.tag_at(0)) =
+        -d.normalized().transpose() * plain_from_world_error(state.tags[0].X_WT.p).topRows<3>();
+    J.segment<6>(state.tag_at(1)) =
+        d.normalized().transpose() * plain_from_world_error(state.tags[1].X_WT.p).topRows<3>();
     return (J * state.P() * J.transpose())(0, 0);
   };
   FilterState state = example_state();
   const double before = distance_variance(state);
   tie_to_reference(state, 2, make_heading_rule({}, state.X_WB.q), true);
   EXPECT_NEAR(distance_variance(state), before, 1e-9 * before);
-  tie_to_known(state, 0, (state.X_WB * state.X_BV[0]).inverse() * state.tags[1].X_WT, {exp_so3({0.1, 0.2, 2.0}), {5, 6, 7}}, true);
+  tie_to_known(state, 0, (state.X_WB * state.X_BV[0]).inverse() * state.tags[1].X_WT,
+               {exp_so3({0.1, 0.2, 2.0}), {5, 6, 7}}, true);
   EXPECT_NEAR(distance_variance(state), before, 1e-6 * before);
 }
 
@@ -70,8 +75,8 @@ TEST(HeldTag, TeachesTheBodyAndLearnsNothing) {
   const double body_before = state.P().topLeftCorner<6, 6>().trace();
 
   const CameraModel model = example_camera();
-  const TagObservation seen =
-      example_observation(77, 0.2, (state.X_WB * state.X_BV[0]).inverse() * state.tags[0].X_WT, model);
+  const TagObservation seen = example_observation(
+      77, 0.2, (state.X_WB * state.X_BV[0]).inverse() * state.tags[0].X_WT, model);
   const std::array<TagToUse, 1> use{TagToUse{&seen, static_cast<int>(held), nullptr}};
   std::vector<bool> accepted;
   CornerUpdate<FilterState> update;
@@ -94,7 +99,10 @@ TEST(ForgottenMotion, LeavesTagsBiasesAndExtrinsicsAlone) {
   forget_motion(state, Pose{exp_so3({0, 0, 1}), {1, 2, 3}}, true);
   camera_errors_to_extrinsics(state);
   const int rest = state.size() - layout::kBiasF;
-  EXPECT_LT((state.P().bottomRightCorner(rest, rest) - before.P().bottomRightCorner(rest, rest)).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_LT((state.P().bottomRightCorner(rest, rest) - before.P().bottomRightCorner(rest, rest))
+                .cwiseAbs()
+                .maxCoeff(),
+            1e-9);
   EXPECT_TRUE((state.P().topRightCorner(layout::kBiasF, rest).isZero(1e-9)));
 }
 

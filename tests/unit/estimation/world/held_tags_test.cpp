@@ -15,16 +15,20 @@ class HeldTags : public testing::Test {
   HeldTags() {
     CameraMount mount;
     mount.model = example_camera();
-    filter_ = std::make_unique<WorldFilter>(BodySensors{.cameras = {mount}, .imu = ImuNoise{}}, WorkspaceGauge{}, EstimatorConfig{});
+    filter_ = std::make_unique<WorldFilter>(BodySensors{.cameras = {mount}, .imu = ImuNoise{}},
+                                            WorkspaceGauge{}, EstimatorConfig{});
     for (int i = 0; i < kMapTags; ++i) {
-      const Pose X_WT{exp_so3({2.6, 0.4, 0.3}), {-0.7 + 0.14 * (i % 10), -0.5 + 0.2 * (i / 10), 2.0}};
+      const Pose X_WT{exp_so3({2.6, 0.4, 0.3}),
+                      {-0.7 + 0.14 * (i % 10), -0.5 + 0.2 * (i / 10), 2.0}};
       map_.push_back({i, 0.2, X_WT, Matrix6d::Identity() * 1e-6});
     }
   }
 
   /// @param own  a tag in view that the map does not have (yet)
   UpdateReport show(int first, int own = -1) {
-    for (int i = 0; i < 10; ++i) filter_->propagate({now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
+    for (int i = 0; i < 10; ++i)
+      filter_->propagate(
+          {now_ += std::chrono::milliseconds(5), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
     TagObservations seen;
     seen.exposed_at = now_ - std::chrono::milliseconds(2);
     std::vector<KnownTag> known;
@@ -59,7 +63,8 @@ TEST_F(HeldTags, AreBoundedHoweverManyTheMapHas) {
 
 TEST_F(HeldTags, ATagThatTheMapTookOverComesBackAsOneOfTheMap) {
   constexpr int kOwn = 2;
-  for (int i = 0; i < 150; ++i) show(0, kOwn);  // tags are not told while the clock is vague and the filter young
+  for (int i = 0; i < 150; ++i)
+    show(0, kOwn);  // tags are not told while the clock is vague and the filter young
   std::vector<TagBelief> beliefs;
   filter_->tag_beliefs(beliefs);
   ASSERT_EQ(beliefs.size(), 1u);

@@ -1,5 +1,5 @@
-// Every analytic Jacobian of the world filter against central differences, and every change of the covariance against
-// the Jacobian of the change of the mean.
+// Every analytic Jacobian of the world filter against central differences, and every change of the
+// covariance against the Jacobian of the change of the mean.
 #include <gtest/gtest.h>
 
 #include "estimation/world/corner_measurement.hpp"
@@ -42,8 +42,11 @@ void expect_covariance_follows_mean(const Change& change, const Eigen::MatrixXd&
   Eigen::MatrixXd expected = J * example_state().P() * J.transpose();
   if (added_noise.size() > 0) expected += added_noise;
   const Eigen::MatrixXd got = after.P();
-  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
-      << "got\n" << got << "\nexpected\n" << expected;
+  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(),
+            kCovarianceTolerance * expected.cwiseAbs().maxCoeff())
+      << "got\n"
+      << got << "\nexpected\n"
+      << expected;
   EXPECT_LT((got - got.transpose()).cwiseAbs().maxCoeff(), 1e-12 * expected.cwiseAbs().maxCoeff());
 }
 
@@ -102,17 +105,20 @@ TEST(WorldTransition, CovarianceFollowsTheMean) {
 
 class WorldMeasurement : public testing::TestWithParam<std::tuple<int, bool>> {
  protected:
-  /// A tag in view of one of two cameras, in the state or known, and its Jacobian over the whole state.
+  /// A tag in view of one of two cameras, in the state or known, and its Jacobian over the whole
+  /// state.
   Eigen::MatrixXd jacobian(const FilterState& state) {
     const auto [camera, is_known] = GetParam();
     use_ = {&seen_, is_known ? -1 : 1, is_known ? &known_ : nullptr};
-    const Pose X_VT = (state.X_WB * state.X_BV[static_cast<std::size_t>(camera)]).inverse() * state.tags[1].X_WT;
+    const Pose X_VT =
+        (state.X_WB * state.X_BV[static_cast<std::size_t>(camera)]).inverse() * state.tags[1].X_WT;
     seen_ = example_observation(11, 0.2, X_VT, model_);
     seen_.rows = {0.4, 0.35, -0.3, -0.2};
     const TagMeasurement m = measure(state, camera, model_, use_, 0.4);
     EXPECT_TRUE(m.in_front);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(8, state.size());
-    for (std::size_t b = 0; b < m.block_count; ++b) H.middleCols<3>(m.blocks[b].at) += m.blocks[b].H;
+    for (std::size_t b = 0; b < m.block_count; ++b)
+      H.middleCols<3>(m.blocks[b].at) += m.blocks[b].H;
     return H;
   }
 
@@ -138,14 +144,17 @@ TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
   Eigen::MatrixXd room = Eigen::MatrixXd::Zero(state.size(), 6);
   room.middleRows<6>(kPosition).setIdentity();
   for (int c = 0; c < state.cameras(); ++c) room.middleRows<6>(layout::camera(c)).setIdentity();
-  for (std::size_t i = 0; i < state.tags.size(); ++i) room.middleRows<6>(state.tag_at(i)).setIdentity();
+  for (std::size_t i = 0; i < state.tags.size(); ++i)
+    room.middleRows<6>(state.tag_at(i)).setIdentity();
   EXPECT_LT((H * room).norm(), 1e-12 * H.norm());
 }
 
-INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, WorldMeasurement, testing::Combine(testing::Values(0, 1), testing::Bool()));
+INSTANTIATE_TEST_SUITE_P(CamerasAndKinds, WorldMeasurement,
+                         testing::Combine(testing::Values(0, 1), testing::Bool()));
 
 /// How much the place of point `at` (mean p), seen from camera c, is uncertain; W axes.
-Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at, const Eigen::Vector3d& p) {
+Eigen::Matrix3d seen_from_camera(const FilterState& state, int c, int at,
+                                 const Eigen::Vector3d& p) {
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(3, state.size());
   A.middleCols<3>(at) += Eigen::Matrix3d::Identity();
   A.middleCols<3>(at + 3) -= skew(p);
@@ -163,11 +172,14 @@ TEST(WorldCorrection, WhatACameraKnowsAboutPlacesStaysWhenTheyMove) {
     carry_covariance(after, correction, camera);
 
     EXPECT_LT((after.P() - after.P().transpose()).norm(), 1e-12 * after.P().norm());
-    const auto expect_same = [&](int at, const Eigen::Vector3d& p_before, const Eigen::Vector3d& p_after) {
+    const auto expect_same = [&](int at, const Eigen::Vector3d& p_before,
+                                 const Eigen::Vector3d& p_after) {
       const Eigen::Matrix3d known = seen_from_camera(before, camera, at, p_before);
-      EXPECT_LT((seen_from_camera(after, camera, at, p_after) - known).norm(), 1e-11 * known.norm());
+      EXPECT_LT((seen_from_camera(after, camera, at, p_after) - known).norm(),
+                1e-11 * known.norm());
       // … and would not stay by itself.
-      EXPECT_GT((seen_from_camera(before, camera, at, p_after) - known).norm(), 1e-2 * known.norm());
+      EXPECT_GT((seen_from_camera(before, camera, at, p_after) - known).norm(),
+                1e-2 * known.norm());
     };
     expect_same(layout::kPosition, before.X_WB.p, after.X_WB.p);
     expect_same(layout::camera(1 - camera), before.X_WV(1 - camera).p, after.X_WV(1 - camera).p);
@@ -183,7 +195,8 @@ TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
     rule.axis = 1;
     rule.yaw_rad = 0.3;
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
-    expect_covariance_follows_mean([&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
+    expect_covariance_follows_mean(
+        [&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
   }
 }
 
@@ -200,7 +213,8 @@ TEST(WorldExtrinsics, AreWhatTheCameraDoesNotShareWithTheBody) {
         },
         state.size());
     const Eigen::MatrixXd expected = J * state.P() * J.transpose();
-    EXPECT_LT((extrinsics_covariance(state, c) - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+    EXPECT_LT((extrinsics_covariance(state, c) - expected).cwiseAbs().maxCoeff(),
+              1e-6 * expected.cwiseAbs().maxCoeff());
   }
 }
 
@@ -265,12 +279,14 @@ TEST(WorldOutput, CovariancesAreThoseOfThePlainErrors) {
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
         const FilterState other = moved(state, d);
         Eigen::VectorXd plain(15);
-        plain << other.X_WB.p, log_so3(other.X_WB.q * state.X_WB.q.conjugate()), other.v_WB, other.bias_f, other.bias_w;
+        plain << other.X_WB.p, log_so3(other.X_WB.q * state.X_WB.q.conjugate()), other.v_WB,
+            other.bias_f, other.bias_w;
         return plain;
       },
       state.size());
   const Eigen::MatrixXd expected = J * state.P() * J.transpose();
-  EXPECT_LT((body.covariance - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
+  EXPECT_LT((body.covariance - expected).cwiseAbs().maxCoeff(),
+            1e-6 * expected.cwiseAbs().maxCoeff());
 }
 
 }  // namespace

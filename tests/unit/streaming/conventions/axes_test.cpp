@@ -31,7 +31,8 @@ BodyPose random_body(std::mt19937& random) {
   body.v_WP = random_vector(random);
   body.w_WP_P = random_vector(random);
   body.a_WP = random_vector(random);
-  const Matrix12d root = Matrix12d::NullaryExpr([&] { return 1e-3 * std::normal_distribution<double>()(random); });
+  const Matrix12d root =
+      Matrix12d::NullaryExpr([&] { return 1e-3 * std::normal_distribution<double>()(random); });
   body.covariance = root * root.transpose();
   return body;
 }
@@ -52,7 +53,8 @@ Eigen::Matrix3d world(const OutputAxes& axes) {
   return axes.up == UpAxis::kDown ? kZDown : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
 }
 Eigen::Matrix3d body_axes(const OutputAxes& axes) {
-  return axes.scope == AxesScope::kWorldAndBody ? world(axes) : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+  return axes.scope == AxesScope::kWorldAndBody ? world(axes)
+                                                : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
 }
 
 TEST(Axes, ZUpInMetresChangesNothing) {
@@ -73,7 +75,8 @@ TEST(Axes, YUpPutsTheHeightIntoY) {
   BodyPose body;
   body.X_WP.p = {1, 2, 3};
   EXPECT_EQ(to_client(body, {UpAxis::kY}).X_WP.p, Eigen::Vector3d(1, 3, -2));
-  EXPECT_EQ(to_client(body, {UpAxis::kY, AxesScope::kWorld, 1000}).X_WP.p, Eigen::Vector3d(1000, 3000, -2000));
+  EXPECT_EQ(to_client(body, {UpAxis::kY, AxesScope::kWorld, 1000}).X_WP.p,
+            Eigen::Vector3d(1000, 3000, -2000));
 }
 
 TEST(Axes, ForwardLeftUpBecomesForwardRightDown) {
@@ -82,7 +85,8 @@ TEST(Axes, ForwardLeftUpBecomesForwardRightDown) {
   body.w_WP_P = {0, 0, 1};
   const auto out = to_client(body, {UpAxis::kDown, AxesScope::kWorldAndBody});
   EXPECT_EQ(out.X_WP.p, Eigen::Vector3d(1, -2, -3));
-  EXPECT_LT(angle_between(out.X_WP.q, exp_so3({0, 0, -0.7})), 1e-9) << "to the left is against the clock's yaw";
+  EXPECT_LT(angle_between(out.X_WP.q, exp_so3({0, 0, -0.7})), 1e-9)
+      << "to the left is against the clock's yaw";
   EXPECT_EQ(out.w_WP_P, Eigen::Vector3d(0, 0, -1));
 }
 
@@ -92,7 +96,8 @@ TEST(Axes, ALevelBodyIsLevelInYUpWorldAndBody) {
   const auto world_only = to_client(body, {UpAxis::kY, AxesScope::kWorld});
   const auto both = to_client(body, {UpAxis::kY, AxesScope::kWorldAndBody});
   // The body's own z stays its up in the first case, in the second its y is up.
-  EXPECT_LT((world_only.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(), kRounding);
+  EXPECT_LT((world_only.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitY()).norm(),
+            kRounding);
   EXPECT_LT((both.X_WP.q * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitY()).norm(), kRounding);
   EXPECT_LT(angle_between(both.X_WP.q, exp_so3({0, 0.7, 0})), 1e-9);
 }
@@ -106,8 +111,10 @@ TEST(Axes, AVectorFixedInTheBodyTurnsLikeTheWorld) {
       const Eigen::Vector3d arm_P = random_vector(random);
       const Eigen::Vector3d tip_W = body.X_WP * arm_P;
       // The client places the same arm, in its units and its body axes, on the pose it got.
-      const Eigen::Vector3d tip_client = out.X_WP * Eigen::Vector3d(axes.units_per_m * (body_axes(axes) * arm_P));
-      EXPECT_LT((tip_client - axes.units_per_m * (world(axes) * tip_W)).norm(), kRounding * axes.units_per_m * 10);
+      const Eigen::Vector3d tip_client =
+          out.X_WP * Eigen::Vector3d(axes.units_per_m * (body_axes(axes) * arm_P));
+      EXPECT_LT((tip_client - axes.units_per_m * (world(axes) * tip_W)).norm(),
+                kRounding * axes.units_per_m * 10);
       EXPECT_NEAR(out.X_WP.q.norm(), 1.0, kRounding);
     }
   }
@@ -122,8 +129,10 @@ TEST(Axes, VelocityAndRateMoveTheTipLikeTheWorld) {
     const Eigen::Vector3d speed_W = body.v_WP + body.X_WP.q * body.w_WP_P.cross(arm_P);
     const Eigen::Vector3d arm_client = axes.units_per_m * (body_axes(axes) * arm_P);
     const Eigen::Vector3d speed_client = out.v_WP + out.X_WP.q * out.w_WP_P.cross(arm_client);
-    EXPECT_LT((speed_client - axes.units_per_m * (world(axes) * speed_W)).norm(), kRounding * axes.units_per_m * 10);
-    EXPECT_LT((out.a_WP - axes.units_per_m * (world(axes) * body.a_WP)).norm(), kRounding * axes.units_per_m * 10);
+    EXPECT_LT((speed_client - axes.units_per_m * (world(axes) * speed_W)).norm(),
+              kRounding * axes.units_per_m * 10);
+    EXPECT_LT((out.a_WP - axes.units_per_m * (world(axes) * body.a_WP)).norm(),
+              kRounding * axes.units_per_m * 10);
   }
 }
 
@@ -137,7 +146,8 @@ TEST(Axes, WorldRateIsTheBodyRateSeenFromTheWorld) {
   }
 }
 
-/// What the client would see of one body that differs from `mean` by the error `e` (blocks of BodyPose::covariance).
+/// What the client would see of one body that differs from `mean` by the error `e` (blocks of
+/// BodyPose::covariance).
 BodyPose disturbed(const BodyPose& mean, const Eigen::Matrix<double, 12, 1>& e) {
   BodyPose body = mean;
   body.X_WP.p += e.segment<3>(0);
@@ -189,10 +199,12 @@ TEST(Axes, CanBeUndone) {
     EXPECT_LT((F * out.v_WP / axes.units_per_m - body.v_WP).norm(), kRounding);
     EXPECT_LT((G.transpose() * out.w_WP_P - body.w_WP_P).norm(), kRounding);
     const auto angular = [](const Matrix12d& P) {
-      return Eigen::Matrix3d(P.block<3, 3>(3, 3)).trace() + Eigen::Matrix3d(P.block<3, 3>(9, 9)).trace();
+      return Eigen::Matrix3d(P.block<3, 3>(3, 3)).trace() +
+             Eigen::Matrix3d(P.block<3, 3>(9, 9)).trace();
     };
     EXPECT_NEAR(angular(out.covariance), angular(body.covariance), kRounding);
-    EXPECT_LT((out.covariance - out.covariance.transpose()).norm(), kRounding * out.covariance.norm());
+    EXPECT_LT((out.covariance - out.covariance.transpose()).norm(),
+              kRounding * out.covariance.norm());
   }
 }
 

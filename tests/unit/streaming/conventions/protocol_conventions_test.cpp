@@ -18,15 +18,19 @@ TEST(ProtocolConventions, EachProtocolStandsOnceAndIsFound) {
   for (const auto& one : kProtocolConventions) {
     EXPECT_TRUE(names.insert(one.protocol).second) << one.protocol;
     EXPECT_EQ(&conventions_of(one.protocol), &one);
-    EXPECT_NE(one.when_invalid, WhenInvalid::kHold) << "never a stale pose as live by default: " << one.protocol;
+    EXPECT_NE(one.when_invalid, WhenInvalid::kHold)
+        << "never a stale pose as live by default: " << one.protocol;
   }
 }
 
-/// A point fixed in the world and one fixed in the body stay the same points, whatever the protocol's axes and units.
+/// A point fixed in the world and one fixed in the body stay the same points, whatever the
+/// protocol's axes and units.
 TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
-  const auto vector = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)); };
+  const auto vector = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random));
+  };
   for (const auto& one : kProtocolConventions) {
     const AxesChange change(one.axes);
     for (int i = 0; i < 50; ++i) {
@@ -34,10 +38,13 @@ TEST(ProtocolConventions, EveryProtocolKeepsTheGeometry) {
       const Eigen::Vector3d p_P = vector();
       const Pose X_CP = change.pose(X_WP);
       const Eigen::Vector3d p_as_the_client_sees_it =
-          one.axes.scope == AxesScope::kWorldAndBody ? change.length(p_P) : Eigen::Vector3d(one.axes.units_per_m * p_P);
-      EXPECT_LT((X_CP * p_as_the_client_sees_it - change.length(X_WP * p_P)).norm(), 1e3 * kRounding * one.axes.units_per_m)
+          one.axes.scope == AxesScope::kWorldAndBody ? change.length(p_P)
+                                                     : Eigen::Vector3d(one.axes.units_per_m * p_P);
+      EXPECT_LT((X_CP * p_as_the_client_sees_it - change.length(X_WP * p_P)).norm(),
+                1e3 * kRounding * one.axes.units_per_m)
           << one.protocol;
-      EXPECT_NEAR(change.length(p_P).norm(), one.axes.units_per_m * p_P.norm(), 1e-9) << one.protocol;
+      EXPECT_NEAR(change.length(p_P).norm(), one.axes.units_per_m * p_P.norm(), 1e-9)
+          << one.protocol;
     }
   }
 }

@@ -11,7 +11,8 @@
 namespace fiducap::native {
 namespace {
 
-// Every fixture is written by hand from the protobuf wire format (tag = field << 3 | type): made by us, no peer needed.
+// Every fixture is written by hand from the protobuf wire format (tag = field << 3 | type): made by
+// us, no peer needed.
 const std::string kProtocolHex = "0d 46444331 ";  // field 1, fixed32, "FDC1"
 
 std::vector<std::byte> subscribe_bytes(std::size_t padding = 128) {
@@ -24,7 +25,9 @@ std::vector<std::byte> subscribe_bytes(std::size_t padding = 128) {
       "28 64"                // frames_received 100
       "30 03";               // frames_lost 3
   for (std::size_t i = 0; i < padding; ++i) {
-    if (i == 0) body += "3a " + to_hex({static_cast<std::byte>(0x80 | (padding & 0x7f)), std::byte(padding >> 7)});
+    if (i == 0)
+      body += "3a " +
+              to_hex({static_cast<std::byte>(0x80 | (padding & 0x7f)), std::byte(padding >> 7)});
     body += "00";
   }
   const std::size_t size = from_hex(body).size();
@@ -52,7 +55,8 @@ TEST(NativeCodec, ReadsAnUnsubscribe) {
 TEST(NativeCodec, RefusesASubscribeThatIsNotPadded) {
   const auto request = decode_request(subscribe_bytes(64));
   ASSERT_FALSE(request);
-  EXPECT_NE(request.error().what.find("padded to 128"), std::string::npos) << request.error().text();
+  EXPECT_NE(request.error().what.find("padded to 128"), std::string::npos)
+      << request.error().text();
 }
 
 TEST(NativeCodec, RefusesWhatOnlyAServerSends) {
@@ -81,9 +85,11 @@ TEST(NativeCodec, RefusesALongDatagramAndALongName) {
 }
 
 TEST(NativeCodec, EveryTruncationIsAnError) {
-  for (const auto& whole : {subscribe_bytes(), from_hex(kProtocolHex + "2a 09 09 0807060504030201")}) {
+  for (const auto& whole :
+       {subscribe_bytes(), from_hex(kProtocolHex + "2a 09 09 0807060504030201")}) {
     for (std::size_t size = 0; size < whole.size(); ++size) {
-      EXPECT_FALSE(decode_request(std::span(whole).first(size))) << size << " of " << whole.size() << " bytes";
+      EXPECT_FALSE(decode_request(std::span(whole).first(size)))
+          << size << " of " << whole.size() << " bytes";
     }
   }
 }
@@ -110,11 +116,10 @@ TEST(NativeCodec, MutatedRequestsNeverBreakTheRules) {
 
 TEST(NativeCodec, ChallengeMatchesTheBytes) {
   EXPECT_EQ(encode(ChallengeAnswer{0x0102030405060708, 0x1112131415161718, 0x2122232425262728}),
-            from_hex(kProtocolHex +
-                     "1a 1b"
-                     "09 0807060504030201"     // token
-                     "11 1817161514131211"     // nonce
-                     "19 2827262524232221"));  // session
+            from_hex(kProtocolHex + "1a 1b"
+                                    "09 0807060504030201"     // token
+                                    "11 1817161514131211"     // nonce
+                                    "19 2827262524232221"));  // session
 }
 
 TEST(NativeCodec, ChallengeIsShorterThanAnySubscribe) {
@@ -122,14 +127,14 @@ TEST(NativeCodec, ChallengeIsShorterThanAnySubscribe) {
 }
 
 TEST(NativeCodec, LeaseMatchesTheBytes) {
-  EXPECT_EQ(encode(LeaseAnswer{0x2122232425262728, 0x1112131415161718, 0x0102030405060708, std::chrono::seconds(3), 2}),
-            from_hex(kProtocolHex +
-                     "22 20"
-                     "09 2827262524232221"  // session
-                     "11 1817161514131211"  // nonce
-                     "19 0807060504030201"  // token
-                     "20 b817"              // lease_ms 3000
-                     "28 02"));             // model_generation
+  EXPECT_EQ(encode(LeaseAnswer{0x2122232425262728, 0x1112131415161718, 0x0102030405060708,
+                               std::chrono::seconds(3), 2}),
+            from_hex(kProtocolHex + "22 20"
+                                    "09 2827262524232221"  // session
+                                    "11 1817161514131211"  // nonce
+                                    "19 0807060504030201"  // token
+                                    "20 b817"              // lease_ms 3000
+                                    "28 02"));             // model_generation
 }
 
 TEST(NativeCodec, NoticeMatchesTheBytes) {
@@ -141,17 +146,19 @@ TEST(NativeCodec, ModelMatchesTheBytes) {
   const SceneModel model{2, {{1, "drone"}, {300, "arm"}}};
   const auto datagrams = encode_model(0x2122232425262728, model);
   ASSERT_EQ(datagrams.size(), 1u);
-  EXPECT_EQ(datagrams[0], from_hex(kProtocolHex +
-                                   "32 24"
-                                   "09 2827262524232221"        // session
-                                   "10 02"                      // generation
-                                   "20 01"                      // part_count; part_index and first_body are 0
-                                   "30 02"                      // body_count
-                                   "3a 09 08 01 12 05 64726f6e65"    // 1 "drone"
-                                   "3a 08 08 ac02 12 03 61726d"));   // 300 "arm"
+  EXPECT_EQ(datagrams[0],
+            from_hex(kProtocolHex + "32 24"
+                                    "09 2827262524232221"  // session
+                                    "10 02"                // generation
+                                    "20 01"  // part_count; part_index and first_body are 0
+                                    "30 02"  // body_count
+                                    "3a 09 08 01 12 05 64726f6e65"   // 1 "drone"
+                                    "3a 08 08 ac02 12 03 61726d"));  // 300 "arm"
 }
 
-TEST(NativeCodec, AnEmptyModelIsOneDatagram) { EXPECT_EQ(encode_model(1, SceneModel{}).size(), 1u); }
+TEST(NativeCodec, AnEmptyModelIsOneDatagram) {
+  EXPECT_EQ(encode_model(1, SceneModel{}).size(), 1u);
+}
 
 TEST(NativeCodec, ABigModelIsSplitWithoutGaps) {
   SceneModel model;

@@ -42,7 +42,8 @@ class ControlConversationTest : public testing::Test {
   }
   v1::ControlReply reply() const {
     v1::ControlReply message;
-    EXPECT_TRUE(out_.size() > 4 && message.ParseFromArray(out_.data() + 4, static_cast<int>(out_.size()) - 4));
+    EXPECT_TRUE(out_.size() > 4 &&
+                message.ParseFromArray(out_.data() + 4, static_cast<int>(out_.size()) - 4));
     return message;
   }
 
@@ -101,7 +102,8 @@ TEST_F(ControlConversationTest, AChangedCommandIsNotProven) {
 TEST_F(ControlConversationTest, NoTruncationOfAMessageDoesAnything) {
   const auto whole = request(1, commit());
   for (std::size_t size = 4; size < whole.size(); ++size) {
-    auto cut = std::vector<std::byte>(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    auto cut =
+        std::vector<std::byte>(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
     cut[0] = static_cast<std::byte>(size - 4);
     ControlConversation conversation(std::string(32, 'c'), desk_, wrong_, size);
     std::vector<std::byte> out;
@@ -140,7 +142,8 @@ TEST_F(ControlConversationTest, LosesPatienceWithWhoIsSilentOrSlow) {
   EXPECT_FALSE(conversation_.patient(now_ + std::chrono::seconds(10)));
   ASSERT_TRUE(say(request(1, commit())));
   EXPECT_TRUE(conversation_.patient(now_ + std::chrono::seconds(60)));
-  for (const std::byte one : {std::byte{50}, std::byte{0}, std::byte{0}, std::byte{0}, std::byte{1}}) {
+  for (const std::byte one :
+       {std::byte{50}, std::byte{0}, std::byte{0}, std::byte{0}, std::byte{1}}) {
     EXPECT_TRUE(say({one}));  // a byte every three seconds
     now_ += std::chrono::seconds(3);
   }
@@ -164,7 +167,8 @@ TEST_F(ControlConversationTest, RandomBytesDoNothing) {
 TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
   const auto hex = [](const proof::Digest& digest) {
     std::string text;
-    for (const auto byte : digest) text += "0123456789abcdef"[byte >> 4], text += "0123456789abcdef"[byte & 15];
+    for (const auto byte : digest)
+      text += "0123456789abcdef"[byte >> 4], text += "0123456789abcdef"[byte & 15];
     return text;
   };
   const auto sha = [&](const std::string& text) {
@@ -176,7 +180,8 @@ TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
   EXPECT_EQ(sha("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(sha("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
             "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
-  EXPECT_EQ(sha(std::string(1'000'000, 'a')), "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+  EXPECT_EQ(sha(std::string(1'000'000, 'a')),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
   const auto hmac = [&](const std::string& key, const std::string& text) {
     proof::Hmac made(reinterpret_cast<const std::uint8_t*>(key.data()), key.size());
     made.add(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
@@ -184,8 +189,9 @@ TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
   };
   EXPECT_EQ(hmac("Jefe", "what do ya want for nothing?"),
             "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843");
-  EXPECT_EQ(hmac(std::string(131, '\xaa'), "Test Using Larger Than Block-Size Key - Hash Key First"),
-            "60e431591ee0b67f0d8a26aacbf5b77f8e0bc6213728c5140546040f0ee37f54");
+  EXPECT_EQ(
+      hmac(std::string(131, '\xaa'), "Test Using Larger Than Block-Size Key - Hash Key First"),
+      "60e431591ee0b67f0d8a26aacbf5b77f8e0bc6213728c5140546040f0ee37f54");
 }
 
 }  // namespace

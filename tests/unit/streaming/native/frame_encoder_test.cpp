@@ -30,7 +30,8 @@ v1::Frame parse(std::span<const std::byte> datagram) {
 }
 
 TEST(FrameEncoder, MatchesTheBytes) {
-  // Every number is different, and exact in binary; (2, 4, 5, 6)/9 is a unit quaternion with four different parts.
+  // Every number is different, and exact in binary; (2, 4, 5, 6)/9 is a unit quaternion with four
+  // different parts.
   const auto frame = make_scene_frame({"drone"}, 7);
   frame->at = instant_from_ns(0x0102030405060708);
   frame->published_at = instant_from_ns(0x1112131415161718);
@@ -46,39 +47,41 @@ TEST(FrameEncoder, MatchesTheBytes) {
   const auto datagrams = encoder.encode(*frame);
   ASSERT_EQ(datagrams.size(), 1u);
   const std::vector<std::byte> bytes(datagrams[0].begin(), datagrams[0].end());
-  EXPECT_EQ(to_hex(bytes), to_hex(from_hex(
-      "0d 46444331"
-      "3a 8f02"                     // Frame, 271 bytes
-      "09 2827262524232221"         // session
-      "10 07"                       // number
-      "20 01"                       // part_count
-      "30 01"                       // body_count
-      "39 0807060504030201"         // at
-      "41 1817161514131211"         // published_at
-      "49 3837363534333231"         // utc_offset
-      "55 0000c842"                 // rate 100
-      "60 01"                       // model_generation; map_version is 0
-      "6a db01"                     // Body, 219 bytes
-      "08 01"                       // id
-      "10 01"                       // tracking
-      "18 01"                       // valid
-      "22 1b 09 000000000000f03f 11 00000000000000c0 19 000000000000d03f"
-      "2a 24 09 1cc7711cc771cc3f 11 1cc7711cc771dc3f 19 721cc7711cc7e13f 21 555555555555e53f"
-      "32 0f 0d 0000003f 15 000080be 1d 0000003e"  // velocity
-      "3a 0f 0d 0000803f 15 00000040 1d 00008040"  // body rate
-      "42 00"                                      // acceleration zero
-      "4d 00000040"                                // position sigma: sqrt(4)
-      "55 0000003f"                                // rotation sigma: sqrt(0.25)
-      "5a 54 0000803f 00000000 00000000 00000000 00000000 000080bf"
-      "      00008040 00000000 00000000 00000000 00000000"
-      "      00000040 00000000 00000000 00000000"
-      "      0000803e 00000000 00000000"
-      "      0000803d 00000000"
-      "      0000003e"
-      "60 14"     // age 20 ns
-      "68 03"           // tags in view
-      "75 00004040"     // velocity sigma: sqrt(9)
-      "7d 00004040"))); // rate sigma
+  EXPECT_EQ(
+      to_hex(bytes),
+      to_hex(from_hex(
+          "0d 46444331"
+          "3a 8f02"              // Frame, 271 bytes
+          "09 2827262524232221"  // session
+          "10 07"                // number
+          "20 01"                // part_count
+          "30 01"                // body_count
+          "39 0807060504030201"  // at
+          "41 1817161514131211"  // published_at
+          "49 3837363534333231"  // utc_offset
+          "55 0000c842"          // rate 100
+          "60 01"                // model_generation; map_version is 0
+          "6a db01"              // Body, 219 bytes
+          "08 01"                // id
+          "10 01"                // tracking
+          "18 01"                // valid
+          "22 1b 09 000000000000f03f 11 00000000000000c0 19 000000000000d03f"
+          "2a 24 09 1cc7711cc771cc3f 11 1cc7711cc771dc3f 19 721cc7711cc7e13f 21 555555555555e53f"
+          "32 0f 0d 0000003f 15 000080be 1d 0000003e"  // velocity
+          "3a 0f 0d 0000803f 15 00000040 1d 00008040"  // body rate
+          "42 00"                                      // acceleration zero
+          "4d 00000040"                                // position sigma: sqrt(4)
+          "55 0000003f"                                // rotation sigma: sqrt(0.25)
+          "5a 54 0000803f 00000000 00000000 00000000 00000000 000080bf"
+          "      00008040 00000000 00000000 00000000 00000000"
+          "      00000040 00000000 00000000 00000000"
+          "      0000803e 00000000 00000000"
+          "      0000803d 00000000"
+          "      0000003e"
+          "60 14"            // age 20 ns
+          "68 03"            // tags in view
+          "75 00004040"      // velocity sigma: sqrt(9)
+          "7d 00004040")));  // rate sigma
 }
 
 TEST(FrameEncoder, SendsNoPoseOfABodyThatIsNotValid) {
@@ -99,7 +102,8 @@ TEST(FrameEncoder, SendsNoPoseOfABodyThatIsNotValid) {
 }
 
 TEST(FrameEncoder, SendsNoPoseWithNumbersThatAreNotFinite) {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e300}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), 1e300}) {
     const auto frame = make_scene_frame({"a", "b", "c"});
     frame->bodies[0].X_WP.p.y() = bad;
     frame->bodies[1].w_WP_P.z() = bad;
@@ -113,7 +117,8 @@ TEST(FrameEncoder, SendsNoPoseWithNumbersThatAreNotFinite) {
 TEST(FrameEncoder, SplitsABigSceneWithoutGaps) {
   for (const int count : {0, 1, 4, 5, 6, 100, static_cast<int>(kMaxBodies)}) {
     const auto frame = make_scene_frame(names(count));
-    for (auto& body : frame->bodies) body.age = -Duration{1} * 4'000'000'000'000;  // the longest encoding
+    for (auto& body : frame->bodies)
+      body.age = -Duration{1} * 4'000'000'000'000;  // the longest encoding
     FrameEncoder encoder(kSession);
     const auto datagrams = encoder.encode(*frame);
     ASSERT_LE(datagrams.size(), kMaxParts);
@@ -211,7 +216,8 @@ TEST(FrameEncoder, AFullPartOfTheLongestHeaderFitsADatagram) {
     FrameEncoder encoder(kSession, {0xffffffff, profile});
     std::vector<std::uint32_t> all(1000);
     for (std::uint32_t i = 0; i < 1000; ++i) all[i] = i;
-    for (const auto& datagram : encoder.encode(*frame, all, 1'000'000)) EXPECT_LE(datagram.size(), kMaxDatagram);
+    for (const auto& datagram : encoder.encode(*frame, all, 1'000'000))
+      EXPECT_LE(datagram.size(), kMaxDatagram);
   }
 }
 

@@ -28,8 +28,10 @@ TEST_F(NativeServerTest, SaysWhatToDoWhenThePortIsInUse) {
   const auto second = start();
   ASSERT_FALSE(second);
   EXPECT_EQ(second.error().code, ErrorCode::kUnavailable);
-  EXPECT_NE(second.error().text().find(std::to_string(config_.port)), std::string::npos) << second.error().text();
-  EXPECT_NE(second.error().text().find("streaming.native.port"), std::string::npos) << second.error().text();
+  EXPECT_NE(second.error().text().find(std::to_string(config_.port)), std::string::npos)
+      << second.error().text();
+  EXPECT_NE(second.error().text().find("streaming.native.port"), std::string::npos)
+      << second.error().text();
 }
 
 TEST_F(NativeServerTest, GivesThePortBackWhenItStops) {
@@ -44,7 +46,8 @@ TEST_F(NativeServerTest, SaysThatAnAddressIsNotOurs) {
   config_.address = "192.0.2.1";
   const auto server = start();
   ASSERT_FALSE(server);
-  EXPECT_NE(server.error().text().find("streaming.native.address"), std::string::npos) << server.error().text();
+  EXPECT_NE(server.error().text().find("streaming.native.address"), std::string::npos)
+      << server.error().text();
 }
 
 TEST_F(NativeServerTest, ListensOnIPv6) {

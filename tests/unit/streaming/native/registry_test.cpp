@@ -33,7 +33,8 @@ class RegistryTest : public testing::Test {
     out.set_padding(std::string(kMinSubscribe, '\0'));
     return bytes_of(envelope);
   }
-  static Datagram subscribe_as(std::uint64_t token, const v1::Profile& profile, bool multicast = false) {
+  static Datagram subscribe_as(std::uint64_t token, const v1::Profile& profile,
+                               bool multicast = false) {
     v1::Envelope envelope = parse(subscribe(token));
     *envelope.mutable_subscribe()->mutable_profile() = profile;
     envelope.mutable_subscribe()->set_multicast(multicast);
@@ -73,7 +74,9 @@ class RegistryTest : public testing::Test {
     return answer.challenge().token();
   }
   /// @return the token for the renewal, 0 when refused
-  std::uint64_t join(const Peer& from) { return parse(say(subscribe(challenge(from)), from).datagram).lease().token(); }
+  std::uint64_t join(const Peer& from) {
+    return parse(say(subscribe(challenge(from)), from).datagram).lease().token();
+  }
 
   Instant now_ = instant_from_ns(50'000'000'000);
   Registry registry_{RegistryLimits{4, 2, kLease}, {1, 2}, kSession};
@@ -209,22 +212,26 @@ TEST_F(RegistryTest, AFloodFromTenThousandPortsGetsFewAnswersAndLeavesNoTrace) {
 }
 
 TEST_F(RegistryTest, AFloodOfOneAddressDoesNotLockOutAnother) {
-  for (int i = 0; i < 10'000; ++i) (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
+  for (int i = 0; i < 10'000; ++i)
+    (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
   EXPECT_NE(join(peer(1000, 2)), 0u);
 }
 
 TEST_F(RegistryTest, AFloodOfOneAddressDoesNotEndItsOwnLease) {
   const auto token = join(peer(500));
-  for (int i = 0; i < 10'000; ++i) (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
+  for (int i = 0; i < 10'000; ++i)
+    (void)say(subscribe(0), peer(static_cast<std::uint16_t>(1000 + i)));
   EXPECT_TRUE(parse(say(subscribe(token), peer(500)).datagram).has_lease());
 }
 
 TEST_F(RegistryTest, TellsTheTimeOnlyToSubscribers) {
   const auto token = challenge(peer(1000));
-  EXPECT_TRUE(say(clock_query(token), peer(1000)).datagram.empty()) << "a proven address that never subscribed";
+  EXPECT_TRUE(say(clock_query(token), peer(1000)).datagram.empty())
+      << "a proven address that never subscribed";
   const auto renewed = parse(say(subscribe(token), peer(1000)).datagram).lease().token();
   EXPECT_TRUE(say(clock_query(renewed + 1), peer(1000)).datagram.empty());
-  EXPECT_TRUE(say(clock_query(renewed), peer(1001)).datagram.empty()) << "somebody else with his token";
+  EXPECT_TRUE(say(clock_query(renewed), peer(1001)).datagram.empty())
+      << "somebody else with his token";
   const auto question = clock_query(renewed);
   const auto reply = say(question, peer(1000));
   EXPECT_LE(reply.datagram.size(), question.size());
@@ -242,7 +249,8 @@ TEST_F(RegistryTest, IntroducesItselfSeldomAndShorterThanTheQuestion) {
   envelope.mutable_discovery_query()->set_padding(std::string(kMinDiscovery, '\0'));
   const auto question = bytes_of(envelope);
   EXPECT_TRUE(say(question, peer(1000)).datagram.empty()) << "not before it has something to say";
-  registry_.introduce_as(ServerCard{std::string(500, 'h'), std::string(500, 'v'), ~0u, 1e30, 65535});
+  registry_.introduce_as(
+      ServerCard{std::string(500, 'h'), std::string(500, 'v'), ~0u, 1e30, 65535});
   int answers = 0;
   for (int i = 0; i < 10'000; ++i) {
     const auto reply = say(question, peer(static_cast<std::uint16_t>(i)));
@@ -298,10 +306,12 @@ TEST_F(RegistryTest, NobodyMakesItEncodeByChangingHisMind) {
 }
 
 TEST_F(RegistryTest, NamesTheGroupOnlyToWhoAsksForIt) {
-  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(), 0u);
+  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(),
+            0u);
   registry_.offer_multicast({{239, 255, 42, 16}, 21601});
   now_ += std::chrono::milliseconds(60);
-  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(), 0u);
+  EXPECT_EQ(parse(say(subscribe(join(peer(1000))), peer(1000)).datagram).lease().multicast_port(),
+            0u);
   const auto token = challenge(peer(1001));
   const auto lease = parse(say(subscribe_as(token, {}, true), peer(1001)).datagram).lease();
   EXPECT_EQ(lease.multicast_port(), 21601u);

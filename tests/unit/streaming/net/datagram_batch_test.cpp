@@ -14,7 +14,9 @@ using boost::asio::ip::udp;
 
 class DatagramBatchTest : public testing::Test {
  protected:
-  udp::socket open() { return std::move(bind_udp(io_, {"127.0.0.1", 0, "streaming.test"}).value()); }
+  udp::socket open() {
+    return std::move(bind_udp(io_, {"127.0.0.1", 0, "streaming.test"}).value());
+  }
 
   static std::string read(udp::socket& socket) {
     std::array<char, 64> text{};
@@ -52,7 +54,8 @@ TEST_F(DatagramBatchTest, EveryDatagramGoesToItsOwnAddress) {
 }
 
 TEST_F(DatagramBatchTest, OneThatCannotGoDoesNotStopTheOthers) {
-  const udp::endpoint nowhere(boost::asio::ip::address_v4::broadcast(), 9);  // not allowed without SO_BROADCAST
+  const udp::endpoint nowhere(boost::asio::ip::address_v4::broadcast(),
+                              9);  // not allowed without SO_BROADCAST
   const auto to_two = two_.local_endpoint();
   add("lost", nowhere);
   add("found", to_two);

@@ -13,7 +13,9 @@ std::vector<std::byte> bytes(std::string_view text) {
   const auto view = std::as_bytes(std::span(text.data(), text.size()));
   return {view.begin(), view.end()};
 }
-SharedBytes frame(std::string_view text) { return std::make_shared<const std::vector<std::byte>>(bytes(text)); }
+SharedBytes frame(std::string_view text) {
+  return std::make_shared<const std::vector<std::byte>>(bytes(text));
+}
 
 class TcpOutboxTest : public testing::Test {
  protected:
@@ -21,7 +23,8 @@ class TcpOutboxTest : public testing::Test {
     const auto pieces = outbox_.take(now);
     std::string text = pieces ? "" : "nothing";
     if (pieces) {
-      for (const auto& piece : *pieces) text.append(reinterpret_cast<const char*>(piece.data()), piece.size());
+      for (const auto& piece : *pieces)
+        text.append(reinterpret_cast<const char*>(piece.data()), piece.size());
     }
     return text;
   }

@@ -13,7 +13,6 @@ namespace {
 
 using boost::asio::ip::tcp;
 
-
 /// Says every received byte back.
 class Echo final : public TcpSession {
  public:
@@ -29,10 +28,11 @@ class Echo final : public TcpSession {
 class TcpSessionTest : public testing::Test {
  protected:
   TcpSessionTest()
-      : listener_(std::move(TcpListener::open(io_, {"127.0.0.1", 0, "streaming.test"}, [this](tcp::socket socket) {
-                    sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
-                    sessions_.back()->start();
-                  }).value())) {}
+      : listener_(std::move(
+            TcpListener::open(io_, {"127.0.0.1", 0, "streaming.test"}, [this](tcp::socket socket) {
+              sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
+              sessions_.back()->start();
+            }).value())) {}
 
   tcp::socket connect() {
     tcp::socket client(io_);

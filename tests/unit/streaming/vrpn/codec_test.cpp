@@ -31,13 +31,27 @@ Header answer(std::uint32_t microseconds, Type type, std::uint32_t sequence) {
 
 const Pose kPose{{0.9273618495495704, 0.1, 0.2, 0.3}, {1.25, -2.5, 0.75}};
 
-std::span<const std::byte> bytes_of(std::string_view text) { return std::as_bytes(std::span(text)); }
+std::span<const std::byte> bytes_of(std::string_view text) {
+  return std::as_bytes(std::span(text));
+}
 
 std::vector<std::string> framed() {
-  return {"client_udp_description", "sender_control",      "sender_body1",      "type_got_first_connection",
-          "type_pos_quat",          "type_pong",           "client_sender_body1", "client_ping",
-          "pong",                   "pos_quat_sensor_0",   "pos_quat_sensor_1", "velocity",
-          "acceleration",           "to_room",             "workspace",         "unit_to_sensor"};
+  return {"client_udp_description",
+          "sender_control",
+          "sender_body1",
+          "type_got_first_connection",
+          "type_pos_quat",
+          "type_pong",
+          "client_sender_body1",
+          "client_ping",
+          "pong",
+          "pos_quat_sensor_0",
+          "pos_quat_sensor_1",
+          "velocity",
+          "acceleration",
+          "to_room",
+          "workspace",
+          "unit_to_sensor"};
 }
 
 TEST(VrpnCodec, CookieMatchesRecordedBytes) {
@@ -54,7 +68,8 @@ TEST(VrpnCodec, CookieCarriesTheConfiguredMinorVersion) {
 
 TEST(VrpnCodec, DescriptionsMatchRecordedBytes) {
   Bytes out;
-  encode_description(header(utc_ns(kAnswered_s, 0x6bd03), 0, kSenderDescription, 0), "VRPN Control", out);
+  encode_description(header(utc_ns(kAnswered_s, 0x6bd03), 0, kSenderDescription, 0), "VRPN Control",
+                     out);
   EXPECT_EQ(out, golden("sender_control"));
   out.clear();
   encode_description(header(utc_ns(kAnswered_s, 0x6bd03), 1, kSenderDescription, 1), "body1", out);
@@ -82,7 +97,8 @@ TEST(VrpnCodec, PingAndPongMatchRecordedBytes) {
   encode_empty(answer(0x70c66, Type::kPong, 0x19), out);
   EXPECT_EQ(out, golden("pong"));
   out.clear();
-  encode_empty(header(utc_ns(0x6b014416, 0xa3b56), 1, static_cast<std::int32_t>(Type::kPing), 0x1a), out);
+  encode_empty(header(utc_ns(0x6b014416, 0xa3b56), 1, static_cast<std::int32_t>(Type::kPing), 0x1a),
+               out);
   EXPECT_EQ(out, golden("client_ping"));
 }
 
@@ -97,19 +113,23 @@ TEST(VrpnCodec, PosQuatMatchesRecordedBytes) {
 
 TEST(VrpnCodec, VelocityAndAccelerationMatchRecordedBytes) {
   Bytes out;
-  encode_rate(report(Type::kVelocity, 2), 0, {0.5, -0.25, 0.125}, {std::cos(0.5), 0, 0, std::sin(0.5)}, 1.0, out);
+  encode_rate(report(Type::kVelocity, 2), 0, {0.5, -0.25, 0.125},
+              {std::cos(0.5), 0, 0, std::sin(0.5)}, 1.0, out);
   EXPECT_EQ(out, golden("velocity"));
   out.clear();
-  encode_rate(report(Type::kAcceleration, 3), 0, {0, 0, -9.8125}, Eigen::Quaterniond::Identity(), 1.0, out);
+  encode_rate(report(Type::kAcceleration, 3), 0, {0, 0, -9.8125}, Eigen::Quaterniond::Identity(),
+              1.0, out);
   EXPECT_EQ(out, golden("acceleration"));
 }
 
 TEST(VrpnCodec, AnswersMatchRecordedBytes) {
   Bytes out;
-  encode_to_room(answer(0x70c69, Type::kToRoom, 0x1a), {Eigen::Quaterniond::Identity(), {0, 0, -0.28}}, out);
+  encode_to_room(answer(0x70c69, Type::kToRoom, 0x1a),
+                 {Eigen::Quaterniond::Identity(), {0, 0, -0.28}}, out);
   EXPECT_EQ(out, golden("to_room"));
   out.clear();
-  encode_workspace(answer(0x70c73, Type::kWorkspace, 0x1d), {-0.2, -0.2, -0.1}, {0.2, 0.2, 0.2}, out);
+  encode_workspace(answer(0x70c73, Type::kWorkspace, 0x1d), {-0.2, -0.2, -0.1}, {0.2, 0.2, 0.2},
+                   out);
   EXPECT_EQ(out, golden("workspace"));
   out.clear();
   encode_unit_to_sensor(answer(0x70c6c, Type::kUnitToSensor, 0x1c), 1, Pose{}, out);
@@ -121,7 +141,8 @@ TEST(VrpnCodec, TextMatchesRecordedBytesButForItsLength) {
   Bytes out;
   encode_text(report(Type::kText, 0x18), {Severity::kWarning, 3, "hello"}, out);
   ASSERT_EQ(out.size(), 24u + 16u);
-  EXPECT_EQ(Bytes(out.begin(), out.begin() + 4), from_hex("00000026"));  // 24 + 8 + "hello\0", not 24 + 1032
+  EXPECT_EQ(Bytes(out.begin(), out.begin() + 4),
+            from_hex("00000026"));  // 24 + 8 + "hello\0", not 24 + 1032
   EXPECT_EQ(Bytes(out.begin() + 4, out.begin() + 38), Bytes(recorded.begin() + 4, recorded.end()));
 }
 
@@ -178,7 +199,8 @@ TEST(VrpnCodec, EveryTruncationOfARecordedMessageIsAnError) {
       const auto message = decode_message(cut);
       ASSERT_FALSE(message) << name << " cut at " << n;
       EXPECT_EQ(message.error().code, ErrorCode::kTruncated) << name;
-      EXPECT_NE(message.error().text().find("bytes at offset"), std::string::npos) << message.error().text();
+      EXPECT_NE(message.error().text().find("bytes at offset"), std::string::npos)
+          << message.error().text();
     }
   }
 }
@@ -226,25 +248,32 @@ TEST(VrpnCodec, RefusesAbsurdLengths) {
 }
 
 TEST(VrpnCodec, AcceptsAnyMinorVersionLogModeAndTail) {
-  const auto cookie = decode_cookie(bytes_of(std::string_view("vrpn: ver. 07.31  3\0\xed\1\2\3", 24)));
+  const auto cookie =
+      decode_cookie(bytes_of(std::string_view("vrpn: ver. 07.31  3\0\xed\1\2\3", 24)));
   ASSERT_TRUE(cookie) << cookie.error().text();
   EXPECT_EQ(cookie->minor, 31);
   EXPECT_EQ(cookie->log_mode, 3);
 }
 
 TEST(VrpnCodec, RefusesOtherCookies) {
-  const auto code = [](std::string_view text) { return decode_cookie(bytes_of(text)).error().code; };
+  const auto code = [](std::string_view text) {
+    return decode_cookie(bytes_of(text)).error().code;
+  };
   EXPECT_EQ(code(std::string_view("vrpn: ver. 06.38  0\0\0\0\0\0", 24)), ErrorCode::kUnsupported);
   EXPECT_EQ(code(std::string_view("vrpn: ver. 07.38  x\0\0\0\0\0", 24)), ErrorCode::kInvalid);
   EXPECT_EQ(code(std::string_view("GET / HTTP/1.1\r\nHost: a.b", 24)), ErrorCode::kInvalid);
-  EXPECT_NE(decode_cookie(bytes_of(std::string_view("vrpn: ver. 06.38  0\0\0\0\0\0", 24))).error().text().find("06.38"),
+  EXPECT_NE(decode_cookie(bytes_of(std::string_view("vrpn: ver. 06.38  0\0\0\0\0\0", 24)))
+                .error()
+                .text()
+                .find("06.38"),
             std::string::npos);
 }
 
 TEST(VrpnCodec, RefusesRequestsOutsideTheRules) {
   for (const std::string_view text :
-       {"127.0.0.1 1023", "127.0.0.1 65536", "127.0.0.1 99999999999", "127.0.0.1", "127.0.0.1 ", " 4000",
-        "127.0.0.1 40x0", "127.0.0.1  4000", "a;rm 4000", "127.0.0.1 -4000", "127.0.0.1\t4000"}) {
+       {"127.0.0.1 1023", "127.0.0.1 65536", "127.0.0.1 99999999999", "127.0.0.1", "127.0.0.1 ",
+        " 4000", "127.0.0.1 40x0", "127.0.0.1  4000", "a;rm 4000", "127.0.0.1 -4000",
+        "127.0.0.1\t4000"}) {
     std::string datagram(text);
     datagram += '\0';
     EXPECT_FALSE(decode_request(bytes_of(datagram))) << text;
@@ -268,8 +297,8 @@ TEST(VrpnCodec, RefusesUdpPortsBelow1024AndStrangeAddresses) {
 }
 
 TEST(VrpnCodec, ReadsNamesWhoseLengthIsWrong) {
-  EXPECT_EQ(*decode_name(from_hex("0000000a 626f647931 00")), "body1");    // vrpn-rs: 4 too large
-  EXPECT_EQ(*decode_name(from_hex("00000005 626f647931")), "body1");       // no zero byte
+  EXPECT_EQ(*decode_name(from_hex("0000000a 626f647931 00")), "body1");  // vrpn-rs: 4 too large
+  EXPECT_EQ(*decode_name(from_hex("00000005 626f647931")), "body1");     // no zero byte
   EXPECT_EQ(*decode_name(from_hex("00000006 626f647931 00 0000")), "body1");  // padding counted
 }
 
@@ -306,7 +335,8 @@ TEST(VrpnCodec, SurvivesRandomBytes) {
   for (int i = 0; i < 20000; ++i) {
     Bytes bytes(static_cast<std::size_t>(length(random)));
     for (auto& b : bytes) b = static_cast<std::byte>(byte(random));
-    if (bytes.size() >= 4) bytes[0] = bytes[1] = bytes[2] = std::byte{0};  // a length that may be fulfilled
+    if (bytes.size() >= 4)
+      bytes[0] = bytes[1] = bytes[2] = std::byte{0};  // a length that may be fulfilled
     if (const auto message = decode_message(bytes)) {
       ASSERT_LE(message->size, bytes.size());
       ASSERT_LE(message->payload.size() + 24, message->size);

@@ -20,7 +20,9 @@ inline constexpr std::int32_t kClientArm = 40;
 inline constexpr std::int32_t kClientGhost = 41;
 constexpr std::int32_t client_type(Type type) { return 90 - static_cast<std::int32_t>(type); }
 
-inline Header from_client(std::int32_t sender, std::int32_t type) { return {kNow_ns, sender, type, 0}; }
+inline Header from_client(std::int32_t sender, std::int32_t type) {
+  return {kNow_ns, sender, type, 0};
+}
 
 inline Bytes& operator+=(Bytes& a, const Bytes& b) {
   a.insert(a.end(), b.begin(), b.end());

@@ -99,11 +99,20 @@ TEST_F(VrpnConnectionTest, IgnoresANameOf64KiB) {
   auto connection = make();
   feed(connection, hello());
   Bytes huge;
-  BigEndianWriter(huge).u32(24 + 64000).u32(0).u32(0).i32(kClientGhost).i32(-1).u32(0).u32(63996).zeros(63996);
+  BigEndianWriter(huge)
+      .u32(24 + 64000)
+      .u32(0)
+      .u32(0)
+      .i32(kClientGhost)
+      .i32(-1)
+      .u32(0)
+      .u32(63996)
+      .zeros(63996);
   std::fill(huge.begin() + 28, huge.end(), std::byte{'a'});
   EXPECT_TRUE(feed(connection, huge).empty());
   EXPECT_TRUE(feed(connection, empty(kClientGhost, Type::kPing)).empty());
-  EXPECT_EQ(feed(connection, empty(kClientArm, Type::kPing)).size(), 1u) << "the conversation goes on";
+  EXPECT_EQ(feed(connection, empty(kClientArm, Type::kPing)).size(), 1u)
+      << "the conversation goes on";
 }
 
 TEST_F(VrpnConnectionTest, ClosesAtALengthOfFourGigabytes) {
@@ -148,7 +157,16 @@ TEST_F(VrpnConnectionTest, ReadsLengthsThatCountThePadding) {
   auto connection = make();
   feed(connection, hello());
   Bytes padded;
-  BigEndianWriter(padded).u32(24 + 16).u32(0).u32(0).i32(kClientGhost).i32(-1).u32(0).u32(6).text("drone").zeros(7);
+  BigEndianWriter(padded)
+      .u32(24 + 16)
+      .u32(0)
+      .u32(0)
+      .i32(kClientGhost)
+      .i32(-1)
+      .u32(0)
+      .u32(6)
+      .text("drone")
+      .zeros(7);
   feed(connection, padded);
   const auto sent = feed(connection, empty(kClientGhost, Type::kPing));
   ASSERT_EQ(sent.size(), 1u);
@@ -159,7 +177,8 @@ TEST_F(VrpnConnectionTest, NotesAClientsTextWithoutControlCharacters) {
   auto connection = make();
   feed(connection, hello());
   Bytes text;
-  encode_text(from_client(kClientArm, client_type(Type::kText)), {Severity::kError, 0, "lost\x1b[2J"}, text);
+  encode_text(from_client(kClientArm, client_type(Type::kText)),
+              {Severity::kError, 0, "lost\x1b[2J"}, text);
   EXPECT_TRUE(feed(connection, text).empty());
   const auto notes = connection.take_notes();
   ASSERT_EQ(notes.size(), 1u);

@@ -84,10 +84,17 @@ TEST_F(VrpnConnectionTest, IgnoresWhatAClientMustNotChange) {
   auto connection = make();
   feed(connection, hello());
   Bytes asked = empty(kClientArm, Type::kResetOrigin);
-  BigEndianWriter(asked).u32(32).u32(0).u32(0).i32(kClientArm).i32(client_type(Type::kSetUpdateRate)).u32(0).f64(1e9);
+  BigEndianWriter(asked)
+      .u32(32)
+      .u32(0)
+      .u32(0)
+      .i32(kClientArm)
+      .i32(client_type(Type::kSetUpdateRate))
+      .u32(0)
+      .f64(1e9);
   asked += empty(kClientArm, static_cast<Type>(85));  // vrpn_Button Change: a type that is not ours
-  asked += empty(kClientArm, static_cast<Type>(-900));  // a type never described
-  asked += empty(7, Type::kPing);                       // a sender never described
+  asked += empty(kClientArm, static_cast<Type>(-900));                 // a type never described
+  asked += empty(7, Type::kPing);                                      // a sender never described
   BigEndianWriter(asked).u32(24).u32(0).u32(0).i32(3).i32(-4).u32(0);  // log description
   BigEndianWriter(asked).u32(24).u32(0).u32(0).i32(0).i32(-77).u32(0);
   EXPECT_TRUE(feed(connection, asked).empty());
@@ -131,7 +138,8 @@ TEST_F(VrpnConnectionTest, ARetiredBodyIsNotAnswered) {
   auto connection = make();
   feed(connection, hello());
   senders_.update(SceneModel{2, {{1, "drone"}}});
-  for (const auto& message : feed(connection, empty(kClientArm, Type::kPing))) EXPECT_NE(message.header.type, 17);
+  for (const auto& message : feed(connection, empty(kClientArm, Type::kPing)))
+    EXPECT_NE(message.header.type, 17);
 }
 
 TEST_F(VrpnConnectionTest, ExplainsAnUnknownBodyOnceAndToThisClientOnly) {

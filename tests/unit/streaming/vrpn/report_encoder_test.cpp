@@ -40,7 +40,8 @@ std::vector<Report> decoded(const EncodedFrame& frame) {
     report.sensor = in.i32();
     in.i32();
     for (int i = 0; i < 3; ++i) report.vector[i] = in.f64();
-    for (int i = 0; i < 4; ++i) report.quaternion.coeffs()[i] = in.f64();  // x y z w, as Eigen stores them
+    for (int i = 0; i < 4; ++i)
+      report.quaternion.coeffs()[i] = in.f64();  // x y z w, as Eigen stores them
     if (in.left() > 0) report.dt_s = in.f64();
     EXPECT_EQ(in.left(), 0u);
     EXPECT_FALSE(in.failed());
@@ -133,7 +134,8 @@ TEST(VrpnReportEncoder, TheTurnOfVelocityMovesTheAttitudeForward) {
     // q(t + dt) = turn · q(t); the body rate is constant, so q(t + dt) = q(t) · exp(w_P dt).
     const Eigen::Quaterniond later = body.X_WP.q * exp_so3(body.w_WP_P * velocity.dt_s);
     EXPECT_LT(angle_between(velocity.quaternion * body.X_WP.q, later), 1e-9) << rate;
-    EXPECT_NEAR(velocity.dt_s, rate <= 0.9 * std::numbers::pi ? 1.0 : 0.9 * std::numbers::pi / rate, kRounding);
+    EXPECT_NEAR(velocity.dt_s, rate <= 0.9 * std::numbers::pi ? 1.0 : 0.9 * std::numbers::pi / rate,
+                kRounding);
     EXPECT_LT(log_so3(velocity.quaternion).norm(), std::numbers::pi);
   }
 }
@@ -208,7 +210,8 @@ TEST(VrpnReportEncoder, MoreSensorsMoveWithTheirBody) {
   auto frame = make_scene_frame({"arm", "drone"});
   BodyPose& arm = frame->bodies[0];
   const double c = std::sqrt(0.5);
-  arm.X_WP = {Eigen::Quaterniond(c, 0, 0, c), {1, 2, 3}};  // x of the body points along y of the world
+  arm.X_WP = {Eigen::Quaterniond(c, 0, 0, c),
+              {1, 2, 3}};  // x of the body points along y of the world
   arm.v_WP = {0.5, 0, 0};
   arm.w_WP_P = {0, 0, 2};
   arm.a_WP = {0, 0, 0};
@@ -232,9 +235,9 @@ TEST(VrpnReportEncoder, MoreSensorsMoveWithTheirBody) {
   const auto expect = [](BigEndianReader& in, std::initializer_list<double> values) {
     for (const double v : values) EXPECT_NEAR(in.f64(), v, 1e-12);
   };
-  expect(of_tip[0], {1, 2.1, 3, c, c, 0, 0});     // q_WP * half a turn about x, as x y z w
-  expect(of_tip[1], {0.5 - 0.2, 0, 0});           // 2 rad/s · 0.1 m, to the left of the tip
-  expect(of_tip[2], {0, -0.4, 0});                // 4 · 0.1 m, towards the pivot
+  expect(of_tip[0], {1, 2.1, 3, c, c, 0, 0});  // q_WP * half a turn about x, as x y z w
+  expect(of_tip[1], {0.5 - 0.2, 0, 0});        // 2 rad/s · 0.1 m, to the left of the tip
+  expect(of_tip[2], {0, -0.4, 0});             // 4 · 0.1 m, towards the pivot
 }
 
 TEST(VrpnReportEncoder, EqualDatagramsAreCutByTheKernel) {

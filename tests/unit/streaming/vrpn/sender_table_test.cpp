@@ -9,7 +9,8 @@ using testing::ElementsAre;
 
 SceneModel model(std::uint64_t generation, const std::vector<std::string>& names) {
   SceneModel made{generation, {}};
-  for (const auto& name : names) made.bodies.push_back({static_cast<int>(made.bodies.size()) + 1, name});
+  for (const auto& name : names)
+    made.bodies.push_back({static_cast<int>(made.bodies.size()) + 1, name});
   return made;
 }
 
@@ -42,7 +43,8 @@ TEST(VrpnSenderTable, ReadsAGenerationOnce) {
 
 TEST(VrpnSenderTable, ServesNeitherBrokenNorDoubledNames) {
   SenderTable table;
-  const auto refused = table.update(model(1, {"arm", "a@b", "arm", std::string(96, 'x'), "VRPN Control"}));
+  const auto refused =
+      table.update(model(1, {"arm", "a@b", "arm", std::string(96, 'x'), "VRPN Control"}));
   EXPECT_THAT(refused, ElementsAre("a@b", "arm", std::string(96, 'x'), "VRPN Control"));
   EXPECT_THAT(table.of_bodies(), ElementsAre(1, -1, -1, -1, -1));
   EXPECT_FALSE(table.find_body("VRPN Control"));
@@ -50,7 +52,8 @@ TEST(VrpnSenderTable, ServesNeitherBrokenNorDoubledNames) {
 
 TEST(VrpnSenderTable, ShowsAnAliasAndKnowsWhoseItIs) {
   SenderTable table(NameAliases{{"drone", "cf7"}, {"arm", "a@b"}});
-  EXPECT_THAT(table.update(model(1, {"arm", "drone"})), ElementsAre("a@b")) << "an alias obeys the rules, too";
+  EXPECT_THAT(table.update(model(1, {"arm", "drone"})), ElementsAre("a@b"))
+      << "an alias obeys the rules, too";
   EXPECT_FALSE(table.find_body("drone"));
   ASSERT_TRUE(table.find_body("cf7"));
   EXPECT_EQ(table.own_name_of(*table.find_body("cf7")), "drone");

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "strict_client.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
+#include "strict_client.hpp"
 #include "support/server_stage.hpp"
 
 namespace fiducap::vrpn {

@@ -14,13 +14,14 @@ namespace fiducap::vrpn {
 
 namespace {
 
-const std::vector<std::string> kAskable{"vrpn_Base ping_message", "vrpn_Tracker Request_Tracker_To_Room",
-                                        "vrpn_Tracker Request_Unit_To_Sensor",
-                                        "vrpn_Tracker Request_Tracker_Workspace"};
+const std::vector<std::string> kAskable{
+    "vrpn_Base ping_message", "vrpn_Tracker Request_Tracker_To_Room",
+    "vrpn_Tracker Request_Unit_To_Sensor", "vrpn_Tracker Request_Tracker_Workspace"};
 const std::map<std::string, std::size_t> kPayloads{
-    {"vrpn_Tracker Pos_Quat", 64},        {"vrpn_Tracker Velocity", 72}, {"vrpn_Tracker Acceleration", 72},
-    {"vrpn_Tracker To_Room", 56},         {"vrpn_Tracker Unit_To_Sensor", 64},
-    {"vrpn_Tracker Workspace", 48},       {"vrpn_Base pong_message", 0}};
+    {"vrpn_Tracker Pos_Quat", 64},       {"vrpn_Tracker Velocity", 72},
+    {"vrpn_Tracker Acceleration", 72},   {"vrpn_Tracker To_Room", 56},
+    {"vrpn_Tracker Unit_To_Sensor", 64}, {"vrpn_Tracker Workspace", 48},
+    {"vrpn_Base pong_message", 0}};
 
 std::uint32_t get_u32(const unsigned char* p) {
   return std::uint32_t{p[0]} << 24 | std::uint32_t{p[1]} << 16 | std::uint32_t{p[2]} << 8 | p[3];
@@ -83,7 +84,8 @@ void StrictClient::request(std::uint16_t port, int times, bool offer_udp) {
   const std::string text = "127.0.0.1 " + std::to_string(port_of(listener_)) + '\0';
   const sockaddr_in server = loopback(port);
   for (int i = 0; i < times; ++i) {
-    ::sendto(udp_, text.data(), text.size(), 0, reinterpret_cast<const sockaddr*>(&server), sizeof(server));
+    ::sendto(udp_, text.data(), text.size(), 0, reinterpret_cast<const sockaddr*>(&server),
+             sizeof(server));
   }
 }
 
@@ -94,7 +96,8 @@ int StrictClient::extra_connections() {
 }
 
 void StrictClient::pump() {
-  if (tcp_ < 0 && listener_ >= 0) tcp_ = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  if (tcp_ < 0 && listener_ >= 0)
+    tcp_ = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (tcp_ < 0 || closed_) return;
   if (!said_hello_ && order_ == CookieOrder::kFirst) say_hello();
   if (!reading_) return;
@@ -116,7 +119,8 @@ void StrictClient::say_hello() {
     out += "127.0.0.1";
     out += std::string(7, '\0');
   }
-  send_raw({reinterpret_cast<const std::byte*>(out.data()), reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+  send_raw({reinterpret_cast<const std::byte*>(out.data()),
+            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
   for (const auto& type : kAskable) {
     own_types_[type] = 1500 - 7 * static_cast<std::int32_t>(own_types_.size());
     describe(-2, own_types_[type], type);
@@ -135,12 +139,13 @@ void StrictClient::describe(std::int32_t kind, std::int32_t id, std::string_view
   put_u32(out, static_cast<std::uint32_t>(name.size() + 1));
   out += name;
   out += std::string(1 + (8 - payload % 8) % 8, '\0');
-  send_raw({reinterpret_cast<const std::byte*>(out.data()), reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+  send_raw({reinterpret_cast<const std::byte*>(out.data()),
+            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
 }
 
 void StrictClient::ask(std::string_view body, std::string_view type) {
-  const auto [entry, fresh] =
-      own_senders_.try_emplace(std::string(body), 900 - 3 * static_cast<std::int32_t>(own_senders_.size()));
+  const auto [entry, fresh] = own_senders_.try_emplace(
+      std::string(body), 900 - 3 * static_cast<std::int32_t>(own_senders_.size()));
   if (fresh) describe(-1, entry->second, body);
   std::string out;
   put_u32(out, 24);
@@ -149,7 +154,8 @@ void StrictClient::ask(std::string_view body, std::string_view type) {
   put_u32(out, static_cast<std::uint32_t>(entry->second));
   put_u32(out, static_cast<std::uint32_t>(own_types_.at(std::string(type))));
   put_u32(out, 0);
-  send_raw({reinterpret_cast<const std::byte*>(out.data()), reinterpret_cast<const std::byte*>(out.data()) + out.size()});
+  send_raw({reinterpret_cast<const std::byte*>(out.data()),
+            reinterpret_cast<const std::byte*>(out.data()) + out.size()});
 }
 
 void StrictClient::send_raw(const std::vector<std::byte>& bytes) {
@@ -172,7 +178,8 @@ void StrictClient::read_tcp() {
   }
   if (!cookie_seen_) {
     if (stream_.bytes.size() < 24) return;
-    if (std::memcmp(stream_.bytes.data(), "vrpn: ver. 07.35  0\0\0\0\0\0", 24) != 0) violated("cookie");
+    if (std::memcmp(stream_.bytes.data(), "vrpn: ver. 07.35  0\0\0\0\0\0", 24) != 0)
+      violated("cookie");
     stream_.bytes.erase(stream_.bytes.begin(), stream_.bytes.begin() + 24);
     cookie_seen_ = true;
   }
@@ -228,8 +235,10 @@ void StrictClient::take(const unsigned char* message, std::size_t length, bool u
   if (type_id < 0) return violated("system message " + std::to_string(type_id));
   const auto sender = senders_.find(sender_id);
   const auto type = types_.find(type_id);
-  if (sender == senders_.end() || type == types_.end()) return violated("used before it was described");
-  if (const auto wanted = kPayloads.find(type->second); wanted != kPayloads.end() && wanted->second != n) {
+  if (sender == senders_.end() || type == types_.end())
+    return violated("used before it was described");
+  if (const auto wanted = kPayloads.find(type->second);
+      wanted != kPayloads.end() && wanted->second != n) {
     return violated(type->second + " with " + std::to_string(n) + " bytes");
   }
   const double utc_s = get_u32(message + 4) + 1e-6 * get_u32(message + 8);
@@ -246,12 +255,14 @@ void StrictClient::take(const unsigned char* message, std::size_t length, bool u
   }
 }
 
-void StrictClient::learn(std::map<std::int32_t, std::string>& table, std::int32_t id, const unsigned char* payload,
-                         std::size_t n) {
-  if (n < 6 || get_u32(payload) != n - 4 || payload[n - 1] != 0 || n > 100) return violated("description");
+void StrictClient::learn(std::map<std::int32_t, std::string>& table, std::int32_t id,
+                         const unsigned char* payload, std::size_t n) {
+  if (n < 6 || get_u32(payload) != n - 4 || payload[n - 1] != 0 || n > 100)
+    return violated("description");
   const std::string name(reinterpret_cast<const char*>(payload + 4));
   // Ids without holes, but for the private ones at the far end that explain an unknown name.
-  if (id != static_cast<std::int32_t>(table.size()) && id < 1900) violated("id out of order: " + name);
+  if (id != static_cast<std::int32_t>(table.size()) && id < 1900)
+    violated("id out of order: " + name);
   if (!table.emplace(id, name).second) violated("described twice: " + name);
 }
 

@@ -10,9 +10,10 @@
 
 namespace fiducap::vrpn {
 
-/// A VRPN client that shares no code with the server and forgives nothing: it checks framing, padding, sequence numbers,
-/// order of descriptions, payload sizes and datagram sizes, and collects every violation. Plain non-blocking sockets;
-/// `pump` moves what can be moved. It numbers senders and types unlike any server, so that confused ids show.
+/// A VRPN client that shares no code with the server and forgives nothing: it checks framing,
+/// padding, sequence numbers, order of descriptions, payload sizes and datagram sizes, and collects
+/// every violation. Plain non-blocking sockets; `pump` moves what can be moved. It numbers senders
+/// and types unlike any server, so that confused ids show.
 class StrictClient final {
  public:
   enum class CookieOrder { kFirst, kAfterServer };
@@ -53,8 +54,9 @@ class StrictClient final {
   [[nodiscard]] bool closed_by_server() const { return closed_; }
   /// All 18 types are described.
   [[nodiscard]] bool ready() const { return types_.size() == 18; }
-  [[nodiscard]] std::vector<std::string> bodies() const;  ///< Without VRPN Control, as discovery sees them.
-  [[nodiscard]] int extra_connections();                  ///< Waiting in the listener's backlog.
+  [[nodiscard]] std::vector<std::string> bodies()
+      const;                              ///< Without VRPN Control, as discovery sees them.
+  [[nodiscard]] int extra_connections();  ///< Waiting in the listener's backlog.
 
   std::vector<Report> reports;
   std::vector<Text> texts;
@@ -74,9 +76,10 @@ class StrictClient final {
   void read_udp();
   void parse(Stream& stream, bool udp);
   void take(const unsigned char* message, std::size_t length, bool udp);
-  void learn(std::map<std::int32_t, std::string>& table, std::int32_t id, const unsigned char* payload, std::size_t n);
-  void take_report(const std::string& sender, const std::string& type, double utc_s, const unsigned char* payload,
-                   std::size_t n, bool udp);
+  void learn(std::map<std::int32_t, std::string>& table, std::int32_t id,
+             const unsigned char* payload, std::size_t n);
+  void take_report(const std::string& sender, const std::string& type, double utc_s,
+                   const unsigned char* payload, std::size_t n, bool udp);
   void violated(const std::string& what) { violations.push_back(what); }
 
   CookieOrder order_;

@@ -16,7 +16,8 @@ TEST(VrpnConfig, NamesEveryBrokenRuleAtOnce) {
   const auto errors = config.check();
   ASSERT_EQ(errors.size(), 4u);
   EXPECT_EQ(errors[0].text(),
-            "streaming.vrpn.address = localhost: must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all");
+            "streaming.vrpn.address = localhost: must be an IPv4 address, e.g. 127.0.0.1 or "
+            "0.0.0.0 for all");
   EXPECT_EQ(errors[3].value, "[0, 0, 0, 1, -1, 1]");
 }
 

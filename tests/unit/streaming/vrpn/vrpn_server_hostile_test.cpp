@@ -62,7 +62,8 @@ TEST_F(VrpnServerTest, AStalledTcpClientDisturbsNobodyAndLosesFrames) {
   clients_ = {&stalled, &reading};
   ASSERT_TRUE(until([&] { return stalled.ready() && reading.ready(); }));
   stalled.stop_reading();
-  constexpr int kFrames = 2000;  // 40 bodies · 184 bytes · 2000 = 15 MB, more than any socket buffer takes
+  constexpr int kFrames =
+      2000;  // 40 bodies · 184 bytes · 2000 = 15 MB, more than any socket buffer takes
   for (int i = 0; i < kFrames; ++i) {
     publish();
     const std::size_t wanted = static_cast<std::size_t>(i + 1) * 80;
@@ -122,7 +123,8 @@ TEST_F(VrpnServerTest, ClosesOnlyTheClientThatSendsGarbage) {
   StrictClient absurd;
   absurd.connect(port_);
   clients_ = {&good, &wrong_major, &absurd};
-  ASSERT_TRUE(until([&] { return good.ready() && absurd.ready() && wrong_major.closed_by_server(); }));
+  ASSERT_TRUE(
+      until([&] { return good.ready() && absurd.ready() && wrong_major.closed_by_server(); }));
   absurd.send_raw(from_hex("ffffffff 00000000 00000000"));
   ASSERT_TRUE(until([&] { return absurd.closed_by_server(); }));
   publish();
@@ -146,7 +148,8 @@ TEST_F(VrpnServerTest, SurvivesRandomBytesByTcpAndUdp) {
   for (int i = 0; i < 40; ++i) {
     std::vector<std::byte> noise(1 + static_cast<std::size_t>(i) * 37);
     for (auto& b : noise) b = static_cast<std::byte>(byte(random));
-    ::sendto(udp, noise.data(), noise.size(), 0, reinterpret_cast<const sockaddr*>(&server), sizeof(server));
+    ::sendto(udp, noise.data(), noise.size(), 0, reinterpret_cast<const sockaddr*>(&server),
+             sizeof(server));
     StrictClient raw(StrictClient::CookieOrder::kAfterServer);
     raw.connect(port_);
     if (i % 2 == 0) raw.send_raw(from_hex("7672706e3a207665722e2030372e3338 2020 30 0000000000"));

@@ -28,7 +28,8 @@ TEST_F(VrpnServerTest, ServesADirectClientByTcp) {
   EXPECT_EQ(client.reports[2].sender, "drone");
   EXPECT_FALSE(client.reports[0].udp);
   EXPECT_EQ(client.reports[2].values[0], 2.0);
-  // 2023-11-14 22:13:25.010 UTC, the stamp of the frame; doubles hold it to less than a microsecond.
+  // 2023-11-14 22:13:25.010 UTC, the stamp of the frame; doubles hold it to less than a
+  // microsecond.
   EXPECT_NEAR(client.reports[3].utc_s, 1700000005.010, 1e-6);
   EXPECT_THAT(client.violations, IsEmpty());
 }
@@ -72,13 +73,15 @@ TEST_F(VrpnServerTest, SensorsMoveWithTheirBodyWhateverItIsCalled) {
     EXPECT_EQ(extra.sender, "cf7");
     EXPECT_EQ(extra.sensor, 1);
     ASSERT_EQ(extra.values.size(), 7u);
-    for (int i = 0; i < 3; ++i) EXPECT_NEAR(extra.values[static_cast<std::size_t>(i)], X_WS.p[i], kRounding);
+    for (int i = 0; i < 3; ++i)
+      EXPECT_NEAR(extra.values[static_cast<std::size_t>(i)], X_WS.p[i], kRounding);
     const Eigen::Quaterniond q(extra.values[6], extra.values[3], extra.values[4], extra.values[5]);
     EXPECT_NEAR(std::abs(q.dot(X_WS.q)), 1.0, kRounding);
     EXPECT_THAT(client->violations, IsEmpty());
   }
   by_tcp.ask("cf7", "vrpn_Tracker Request_Unit_To_Sensor");
-  ASSERT_TRUE(until([&] { return by_tcp.answers["vrpn_Tracker Unit_To_Sensor"] == 2; })) << "one per sensor";
+  ASSERT_TRUE(until([&] { return by_tcp.answers["vrpn_Tracker Unit_To_Sensor"] == 2; }))
+      << "one per sensor";
 }
 
 TEST_F(VrpnServerTest, EverythingByTcpWhenUdpIsOffOrNotOffered) {
@@ -91,7 +94,8 @@ TEST_F(VrpnServerTest, EverythingByTcpWhenUdpIsOffOrNotOffered) {
   clients_ = {&offering, &not_offering};
   ASSERT_TRUE(until([&] { return offering.ready() && not_offering.ready(); }));
   publish();
-  ASSERT_TRUE(until([&] { return offering.reports.size() == 4 && not_offering.reports.size() == 4; }));
+  ASSERT_TRUE(
+      until([&] { return offering.reports.size() == 4 && not_offering.reports.size() == 4; }));
   for (const auto& report : offering.reports) EXPECT_FALSE(report.udp);
   EXPECT_THAT(offering.violations, IsEmpty());
 }
@@ -155,7 +159,8 @@ TEST_F(VrpnServerTest, TellsEveryClientOfALostBodyAndStopsItsReports) {
   lost->bodies[0].valid = false;
   lost->bodies[0].state = BodyState::kLost;
   server_->publish(lost);
-  ASSERT_TRUE(until([&] { return a.reports.size() == 6 && b.reports.size() == 6 && b.texts.size() == 1; }));
+  ASSERT_TRUE(
+      until([&] { return a.reports.size() == 6 && b.reports.size() == 6 && b.texts.size() == 1; }));
   ASSERT_EQ(a.texts.size(), 1u);
   EXPECT_EQ(a.texts[0].sender, "arm");
   EXPECT_EQ(a.texts[0].severity, 1u);
