@@ -7,7 +7,7 @@
 #include "base/clock.hpp"
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
 
 namespace fiducap {

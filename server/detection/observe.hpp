@@ -1,7 +1,7 @@
 #pragma once
 
 #include "capture/camera_frame.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/detector_config.hpp"
 #include "detection/tag_observation.hpp"
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap {
 

@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap {
 

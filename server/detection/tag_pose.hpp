@@ -3,7 +3,7 @@
 #include <array>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/corner_projection.hpp"
 #include "detection/tag_observation.hpp"
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "capture/camera_model.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/estimator_config.hpp"

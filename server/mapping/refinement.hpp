@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/known_tag.hpp"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/corner_projection.hpp"
 #include "estimation/known_tag.hpp"
 

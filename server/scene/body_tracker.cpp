@@ -1,6 +1,6 @@
 #include "scene/body_tracker.hpp"
 
-#include "estimation/filter_rules.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "scene/pivot.hpp"
 
 namespace fiducap {

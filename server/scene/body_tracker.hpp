@@ -8,7 +8,7 @@
 #include "base/config_check.hpp"
 #include "base/time.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/output_predictor.hpp"
+#include "estimation/imu/output_predictor.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {

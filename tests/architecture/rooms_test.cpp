@@ -11,8 +11,9 @@
 namespace {
 
 namespace fs = std::filesystem;
-constexpr std::array<std::string_view, 8> kRooms{"base",    "capture", "detection", "estimation",
-                                                 "mapping", "scene",   "streaming", "app"};
+constexpr std::array<std::string_view, 13> kRooms{
+    "base",  "middleware", "capture",     "detection", "estimation", "mapping", "pipeline",
+    "scene", "simulation", "calibration", "streaming", "daemon",     "tools"};
 
 std::ptrdiff_t place(std::string_view room) {
   return std::find(kRooms.begin(), kRooms.end(), room) - kRooms.begin();

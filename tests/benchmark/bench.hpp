@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "app/system_clock.hpp"
+#include "base/cpu_time.hpp"
 
 namespace fiducap::bench {
 

@@ -1,9 +1,9 @@
 #include <cstdio>
 
 #include "bench.hpp"
-#include "capture/simulation/simulation.hpp"
 #include "detection/observe.hpp"
 #include "detection/tag_detector.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::bench {
 namespace {

@@ -2,8 +2,8 @@
 #include <cstdio>
 #include <thread>
 
-#include "app/server.hpp"
 #include "bench.hpp"
+#include "daemon/server.hpp"
 #include "fiducap/client.hpp"
 
 namespace fiducap::bench {

@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "base/byte_reader.hpp"
-#include "capture/dds/encoded_size.hpp"
-#include "capture/dds/ros_image.hpp"
+#include "capture/ros/encoded_size.hpp"
+#include "capture/ros/ros_image.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;

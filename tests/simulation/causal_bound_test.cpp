@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 
 #include "base/so3.hpp"
-#include "capture/simulation/simulation.hpp"
+#include "simulation/simulation.hpp"
 #include "support/bound/causal_bound.hpp"
 
 namespace fiducap::bound {

@@ -6,10 +6,10 @@
 #include <random>
 #include <stdexcept>
 
-#include "app/system_clock.hpp"
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
+#include "daemon/system_clock.hpp"
 #include "simulation/guided_detection.hpp"
 #include "simulation/rendered_corners.hpp"
 

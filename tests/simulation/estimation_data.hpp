@@ -6,8 +6,8 @@
 
 #include "capture/recording/recording.hpp"
 #include "capture/sensor_source.hpp"
-#include "capture/simulation/simulation.hpp"
 #include "detection/detector_config.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap {
 

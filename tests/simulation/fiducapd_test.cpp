@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-#include "app/config_file.hpp"
+#include "daemon/config/config_file.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/system_clock.hpp"
+#include "base/cpu_time.hpp"
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
 #include "detection/observe.hpp"

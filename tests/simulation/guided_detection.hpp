@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "app/guided_search.hpp"
 #include "capture/sensor_source.hpp"
 #include "estimation/body_filter.hpp"
+#include "pipeline/guided_search.hpp"
 
 namespace fiducap {
 

@@ -1,6 +1,6 @@
 // Regions, forecast and filter together, on rendered images: the loop of a body's worker without
 // threads.
-#include "app/guided_search.hpp"
+#include "pipeline/guided_search.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 #include <memory>
 
 #include "capture/sample_merger.hpp"
-#include "capture/simulation/room_shape.hpp"
-#include "capture/simulation/simulation.hpp"
 #include "detection/observe.hpp"
 #include "detection/side_bend.hpp"
+#include "simulation/room_shape.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,7 +1,7 @@
 #include "simulation/rendered_corners.hpp"
 
-#include "app/system_clock.hpp"
-#include "capture/simulation/room_shape.hpp"
+#include "base/cpu_time.hpp"
+#include "simulation/room_shape.hpp"
 
 namespace fiducap {
 

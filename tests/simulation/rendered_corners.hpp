@@ -3,9 +3,9 @@
 #include <optional>
 #include <vector>
 
-#include "capture/simulation/simulation.hpp"
 #include "detection/points/point_tracker.hpp"
 #include "detection/tracking/tag_search.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap {
 

@@ -1,5 +1,5 @@
 // The whole server on loopback, in real time: what a client receives is the simulated truth.
-#include "app/server.hpp"
+#include "daemon/server.hpp"
 #include "mapping/map_store.hpp"
 
 #include <gmock/gmock.h>
@@ -17,10 +17,10 @@
 #include <filesystem>
 #include <thread>
 
-#include "app/system_clock.hpp"
 #include "capture/recording/recording.hpp"
-#include "capture/simulation/simulation.hpp"
+#include "daemon/system_clock.hpp"
 #include "mapping/map_store.hpp"
+#include "simulation/simulation.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {

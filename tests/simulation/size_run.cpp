@@ -4,7 +4,7 @@
 
 #include "capture/sample_merger.hpp"
 #include "detection/observe.hpp"
-#include "estimation/rejection_watch.hpp"
+#include "estimation/checks/rejection_watch.hpp"
 
 namespace fiducap {
 

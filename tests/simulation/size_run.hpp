@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "estimation/tag_size/size_check.hpp"
+#include "estimation/checks/size_check.hpp"
 #include "simulation/estimation_data.hpp"
 
 namespace fiducap {

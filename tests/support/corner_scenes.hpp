@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "base/so3.hpp"
-#include "capture/simulation/room_shape.hpp"
 #include "detection/tracking/expected_tag.hpp"
-#include "unit/capture/simulation/robot.hpp"
-#include "unit/capture/simulation/still_camera.hpp"
+#include "simulation/room_shape.hpp"
+#include "unit/simulation/robot.hpp"
+#include "unit/simulation/still_camera.hpp"
 
 namespace fiducap {
 

@@ -9,8 +9,8 @@
 
 #include "base/clock.hpp"
 #include "base/expected.hpp"
-#include "capture/camera_model.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {

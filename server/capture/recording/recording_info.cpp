@@ -1,10 +1,10 @@
 #include <cmath>
 
 #include "base/log.hpp"
-#include "capture/pinhole_yaml.hpp"
+#include "base/yaml_section.hpp"
+#include "capture/lens/pinhole_yaml.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
-#include "capture/yaml_section.hpp"
 
 namespace fiducap {
 namespace {

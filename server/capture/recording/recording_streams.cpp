@@ -3,7 +3,7 @@
 #include <fstream>
 
 #include "base/log.hpp"
-#include "capture/gray_file.hpp"
+#include "capture/recording/gray_file.hpp"
 
 namespace fiducap {
 namespace {

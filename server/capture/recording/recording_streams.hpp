@@ -6,8 +6,8 @@
 #include <optional>
 #include <variant>
 
-#include "capture/csv_reader.hpp"
 #include "capture/gray_image.hpp"
+#include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/sensor_source.hpp"

@@ -1,9 +1,9 @@
 #include <cmath>
 
-#include "capture/csv_reader.hpp"
+#include "base/yaml_section.hpp"
+#include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
-#include "capture/yaml_section.hpp"
 
 namespace fiducap {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <fstream>
 
-#include "capture/csv_writer.hpp"
-#include "capture/gray_file.hpp"
+#include "capture/recording/csv_writer.hpp"
+#include "capture/recording/gray_file.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_yaml.hpp"
 

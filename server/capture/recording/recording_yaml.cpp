@@ -5,7 +5,7 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "capture/lens_name.hpp"
+#include "capture/lens/lens_name.hpp"
 
 namespace fiducap {
 namespace {

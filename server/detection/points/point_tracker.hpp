@@ -9,7 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "capture/camera_frame.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/points/corner_finder.hpp"
 #include "detection/points/image_pyramid.hpp"
 #include "detection/points/motion_check.hpp"

@@ -3,10 +3,10 @@
 #include <span>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
-#include "estimation/corner_noise.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "estimation/filter/corner_noise.hpp"
+#include "estimation/filter/tag_measurement.hpp"
 #include "estimation/robocentric/filter_state.hpp"
-#include "estimation/tag_measurement.hpp"
 
 namespace fiducap::robocentric {
 

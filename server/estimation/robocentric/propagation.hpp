@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
-#include "estimation/inertial_input.hpp"
+#include "estimation/imu/inertial_input.hpp"
 #include "estimation/robocentric/filter_state.hpp"
 
 namespace fiducap::robocentric {

@@ -1,7 +1,7 @@
 #include "estimation/robocentric/relink.hpp"
 
 #include "base/so3.hpp"
-#include "estimation/heading_rule.hpp"
+#include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap::robocentric {
 

@@ -3,10 +3,10 @@
 #include <span>
 #include <vector>
 
-#include "capture/camera_model.hpp"
-#include "estimation/resection.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/propagation.hpp"
+#include "estimation/start/resection.hpp"
 
 namespace fiducap::robocentric {
 

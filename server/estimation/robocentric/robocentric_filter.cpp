@@ -5,10 +5,10 @@
 
 #include "base/assert.hpp"
 #include "base/so3.hpp"
-#include "estimation/chi_square.hpp"
-#include "estimation/filter_rules.hpp"
-#include "estimation/place_search.hpp"
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
+#include "estimation/start/place_search.hpp"
 
 namespace fiducap::robocentric {
 

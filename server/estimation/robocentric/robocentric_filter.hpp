@@ -4,16 +4,16 @@
 #include <optional>
 #include <vector>
 
-#include "estimation/attitude_start.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/corner_update.hpp"
-#include "estimation/imu_buffer.hpp"
+#include "estimation/filter/corner_update.hpp"
+#include "estimation/imu/imu_buffer.hpp"
 #include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
 #include "estimation/robocentric/propagation.hpp"
 #include "estimation/robocentric/relink.hpp"
 #include "estimation/robocentric/workspace_axes.hpp"
-#include "estimation/tag_candidates.hpp"
+#include "estimation/start/attitude_start.hpp"
+#include "estimation/start/tag_candidates.hpp"
 
 namespace fiducap::robocentric {
 

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "base/so3.hpp"
-#include "estimation/linear_term.hpp"
+#include "estimation/filter/linear_term.hpp"
 
 namespace fiducap::robocentric {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "estimation/heading_rule.hpp"
+#include "estimation/filter/heading_rule.hpp"
 #include "estimation/robocentric/filter_state.hpp"
 
 namespace fiducap::robocentric {

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <limits>
 
-#include "estimation/filter_rules.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/world_filter.hpp"
 
 namespace fiducap::world {

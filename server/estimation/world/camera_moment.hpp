@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "estimation/tag_measurement.hpp"
+#include "estimation/filter/tag_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {

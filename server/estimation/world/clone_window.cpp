@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <span>
 
-#include "estimation/linear_term.hpp"
+#include "estimation/filter/linear_term.hpp"
 #include "estimation/world/camera_moment.hpp"
 
 namespace fiducap::world {

@@ -3,9 +3,9 @@
 #include <span>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
-#include "estimation/corner_noise.hpp"
-#include "estimation/tag_measurement.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "estimation/filter/corner_noise.hpp"
+#include "estimation/filter/tag_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {

@@ -8,8 +8,8 @@
 #include "base/pose.hpp"
 #include "base/time.hpp"
 #include "estimation/body_estimate.hpp"
-#include "estimation/growing_covariance.hpp"
-#include "estimation/tag_record.hpp"
+#include "estimation/filter/growing_covariance.hpp"
+#include "estimation/filter/tag_record.hpp"
 #include "estimation/world/state_layout.hpp"
 
 namespace fiducap::world {

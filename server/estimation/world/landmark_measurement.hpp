@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap::world {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "base/assert.hpp"
-#include "estimation/chi_square.hpp"
-#include "estimation/kalman_gain.hpp"
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/kalman_gain.hpp"
 
 namespace fiducap::world {
 

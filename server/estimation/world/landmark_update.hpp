@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "estimation/world/landmark_measurement.hpp"
 

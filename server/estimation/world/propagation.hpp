@@ -1,6 +1,6 @@
 #pragma once
 
-#include "estimation/inertial_input.hpp"
+#include "estimation/imu/inertial_input.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {

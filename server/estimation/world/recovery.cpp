@@ -1,7 +1,7 @@
 // How the world filter loses the body, and finds it again among tags that it knows.
 #include <algorithm>
 
-#include "estimation/filter_rules.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/workspace_axes.hpp"
 #include "estimation/world/world_filter.hpp"
 

@@ -3,7 +3,7 @@
 
 #include "base/assert.hpp"
 #include "base/so3.hpp"
-#include "estimation/filter_rules.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
 #include "estimation/world/world_filter.hpp"

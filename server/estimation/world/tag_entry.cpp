@@ -6,7 +6,7 @@
 
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
-#include "estimation/linear_term.hpp"
+#include "estimation/filter/linear_term.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
 namespace fiducap::world {

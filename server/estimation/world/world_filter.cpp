@@ -5,8 +5,8 @@
 
 #include "base/assert.hpp"
 #include "base/so3.hpp"
-#include "estimation/chi_square.hpp"
-#include "estimation/filter_rules.hpp"
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
 

@@ -4,13 +4,13 @@
 #include <optional>
 #include <vector>
 
-#include "estimation/attitude_start.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/corner_update.hpp"
-#include "estimation/heading_rule.hpp"
-#include "estimation/imu_buffer.hpp"
-#include "estimation/place_search.hpp"
-#include "estimation/tag_candidates.hpp"
+#include "estimation/filter/corner_update.hpp"
+#include "estimation/filter/heading_rule.hpp"
+#include "estimation/imu/imu_buffer.hpp"
+#include "estimation/start/attitude_start.hpp"
+#include "estimation/start/place_search.hpp"
+#include "estimation/start/tag_candidates.hpp"
 #include "estimation/world/clone_window.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "base/clock.hpp"
-#include "base/dds/participant.hpp"
 #include "base/expected.hpp"
+#include "middleware/participant.hpp"
 #include "streaming/dds/dds_config.hpp"
 #include "streaming/streamer.hpp"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/clock.hpp"
-#include "base/dds/participant.hpp"
+#include "middleware/participant.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::dds {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "base/dds/participant.hpp"
+#include "middleware/participant.hpp"
 
 /// The ROS 2 messages that we write: descriptor and hash of each type. A ROS topic `/a/b` is
 /// `rt/a/b` on the wire.

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-#include "base/dds/participant.hpp"
+#include "middleware/participant.hpp"
 #include "streaming/dds/dds_config.hpp"
 
 namespace fiducap::dds {

@@ -13,10 +13,10 @@
 #include <cstdio>
 #include <thread>
 
-#include "app/server.hpp"
-#include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "bodies/prerendered.hpp"
+#include "daemon/server.hpp"
+#include "daemon/system_clock.hpp"
 #include "fiducap/client.hpp"
 
 namespace fiducap::bench {

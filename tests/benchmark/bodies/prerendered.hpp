@@ -5,7 +5,7 @@
 
 #include "base/clock.hpp"
 #include "capture/sensor_source.hpp"
-#include "capture/simulation/simulation.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::bench {
 

@@ -9,13 +9,13 @@
 #include <thread>
 #include <vector>
 
-#include "app/server.hpp"
-#include "app/system_clock.hpp"
 #include "base/log.hpp"
 #include "closed_loop/cascade.hpp"
 #include "closed_loop/feedback.hpp"
 #include "closed_loop/natnet_feed.hpp"
 #include "closed_loop/plant.hpp"
+#include "daemon/server.hpp"
+#include "daemon/system_clock.hpp"
 #include "fiducap/client.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "support/temporary_folder.hpp"

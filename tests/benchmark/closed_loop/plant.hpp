@@ -6,7 +6,7 @@
 #include <optional>
 #include <random>
 
-#include "capture/simulation/simulation.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::loop {
 

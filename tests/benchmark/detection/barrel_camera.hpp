@@ -1,7 +1,7 @@
 #pragma once
 
-#include "capture/camera_model.hpp"
-#include "capture/simulation/simulation.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::bench {
 

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <map>
 
-#include "app/system_clock.hpp"
-#include "capture/simulation/room_shape.hpp"
-#include "capture/simulation/simulation.hpp"
+#include "base/cpu_time.hpp"
 #include "detection/barrel_camera.hpp"
+#include "simulation/room_shape.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::bench {
 

@@ -4,16 +4,16 @@
 #include <cmath>
 #include <random>
 
-#include "app/guided_search.hpp"
-#include "app/system_clock.hpp"
+#include "base/cpu_time.hpp"
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
-#include "capture/simulation/room_shape.hpp"
-#include "capture/simulation/simulation.hpp"
 #include "detection/barrel_camera.hpp"
 #include "detection/observe.hpp"
 #include "detection/pixel_noise.hpp"
 #include "detection/side_bend.hpp"
+#include "pipeline/guided_search.hpp"
+#include "simulation/room_shape.hpp"
+#include "simulation/simulation.hpp"
 
 namespace fiducap::bench {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <map>
 
-#include "estimation/chi_square.hpp"
+#include "estimation/filter/chi_square.hpp"
 #include "estimation/parallel.hpp"
 
 namespace fiducap::bench {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "estimation/chi_square.hpp"
 #include "estimation/ensemble.hpp"
+#include "estimation/filter/chi_square.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
 

@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "capture/csv_reader.hpp"
+#include "capture/recording/csv_reader.hpp"
 
 namespace fiducap::bench {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 
 namespace fiducap::bench {
 

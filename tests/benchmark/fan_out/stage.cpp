@@ -10,9 +10,9 @@
 #include <memory>
 #include <thread>
 
-#include "app/system_clock.hpp"
 #include "base/object_pool.hpp"
 #include "base/so3.hpp"
+#include "daemon/system_clock.hpp"
 #include "streaming/native/native_server.hpp"
 #include "streaming/natnet/natnet_server.hpp"
 #include "streaming/qualisys/qualisys_server.hpp"

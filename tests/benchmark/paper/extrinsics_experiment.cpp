@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/cli/camera_imu_calibration.hpp"
 #include "base/so3.hpp"
+#include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "estimation/parallel.hpp"
 #include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"

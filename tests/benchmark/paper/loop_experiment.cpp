@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "capture/simulation/room_shape.hpp"
 #include "paper/experiments.hpp"
 #include "paper/motion_plots.hpp"
+#include "simulation/room_shape.hpp"
 
 namespace fiducap::bench {
 

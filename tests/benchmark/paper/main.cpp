@@ -9,10 +9,10 @@
 #include <ctime>
 #include <filesystem>
 
-#include "app/cli/whole_file.hpp"
 #include "base/log.hpp"
 #include "estimation/table.hpp"
 #include "paper/experiments.hpp"
+#include "tools/whole_file.hpp"
 
 namespace fiducap::bench {
 namespace {

@@ -1,5 +1,5 @@
 // A camera and an IMU driver on Fast DDS, read as a source.
-#include "capture/dds/ros_source.hpp"
+#include "capture/ros/ros_source.hpp"
 
 #include <gmock/gmock.h>
 

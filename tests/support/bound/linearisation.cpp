@@ -6,7 +6,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
-#include "estimation/heading_rule.hpp"
+#include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap::bound {
 

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "capture/camera_model.hpp"
 #include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/recording/recording.hpp"
 
 namespace fiducap::bound {

@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "capture/camera_calibration_file.hpp"
-#include "capture/kalibr_file.hpp"
+#include "capture/lens/camera_calibration_file.hpp"
+#include "capture/lens/kalibr_file.hpp"
 #include "support/shared_data.hpp"
 #include "support/temporary_folder.hpp"
 

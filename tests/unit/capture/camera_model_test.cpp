@@ -1,4 +1,4 @@
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 
 #include <gtest/gtest.h>
 

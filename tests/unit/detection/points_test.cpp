@@ -11,7 +11,7 @@
 #include "detection/points/patch_flow.hpp"
 #include "detection/points/point_tracker.hpp"
 #include "support/allocation_counter.hpp"
-#include "unit/capture/simulation/still_camera.hpp"
+#include "unit/simulation/still_camera.hpp"
 
 namespace fiducap {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "capture/simulation/room_shape.hpp"
-#include "unit/capture/simulation/still_camera.hpp"
+#include "simulation/room_shape.hpp"
+#include "unit/simulation/still_camera.hpp"
 
 namespace fiducap {
 

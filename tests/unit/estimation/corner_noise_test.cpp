@@ -1,4 +1,4 @@
-#include "estimation/corner_noise.hpp"
+#include "estimation/filter/corner_noise.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The kernels, with and without AVX2, against Eigen.
-#include "estimation/dense_kernels.hpp"
+#include "estimation/filter/dense_kernels.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "base/so3.hpp"
-#include "capture/camera_model.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "detection/corner_projection.hpp"
 
 namespace fiducap {

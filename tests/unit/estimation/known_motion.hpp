@@ -5,7 +5,7 @@
 #include <Eigen/Core>
 
 #include "base/so3.hpp"
-#include "estimation/output_predictor.hpp"
+#include "estimation/imu/output_predictor.hpp"
 
 namespace fiducap {
 

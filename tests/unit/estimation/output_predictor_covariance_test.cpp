@@ -4,7 +4,7 @@
 #include <Eigen/Cholesky>
 #include <random>
 
-#include "estimation/output_predictor.hpp"
+#include "estimation/imu/output_predictor.hpp"
 #include "support/jacobian_check.hpp"
 #include "unit/estimation/known_motion.hpp"
 

@@ -1,4 +1,4 @@
-#include "estimation/output_predictor.hpp"
+#include "estimation/imu/output_predictor.hpp"
 
 #include <gtest/gtest.h>
 

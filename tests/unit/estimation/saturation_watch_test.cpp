@@ -1,4 +1,4 @@
-#include "estimation/saturation_watch.hpp"
+#include "estimation/imu/saturation_watch.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
 // Six numbers of a tag say what its eight do.
-#include "estimation/stacked_update.hpp"
+#include "estimation/filter/stacked_update.hpp"
 
 #include <gtest/gtest.h>
 
 #include <array>
 
-#include "estimation/chi_square.hpp"
+#include "estimation/filter/chi_square.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "world/example_state.hpp"
 

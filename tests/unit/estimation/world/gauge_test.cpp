@@ -4,8 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <array>
 
-#include "estimation/chi_square.hpp"
-#include "estimation/corner_update.hpp"
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/corner_update.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"

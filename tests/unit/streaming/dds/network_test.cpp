@@ -1,4 +1,4 @@
-#include "base/dds/network.hpp"
+#include "middleware/network.hpp"
 
 #include <gmock/gmock.h>
 

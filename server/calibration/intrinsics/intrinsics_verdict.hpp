@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calibration/intrinsics/image_map.hpp"
+
+namespace fiducap {
+
+enum class IntrinsicsGrade {
+  kGood,
+  kWeak,     ///< Works, and `advice` says what would make it better.
+  kUseless,  ///< Must not be used.
+};
+
+/// What a person wants to know of a calibration.
+struct IntrinsicsVerdict {
+  IntrinsicsGrade grade{IntrinsicsGrade::kGood};
+  std::vector<std::string> advice;  ///< One sentence each, the worst first; empty when good.
+
+  int images{};
+  std::size_t sightings{};
+  std::size_t points{};
+  double covered{};          ///< Share of the image's cells with points.
+  double seen_angle_rad{};   ///< Widest angle off the axis at which a point was.
+  double image_angle_rad{};  ///< Widest angle of the image itself, as far as the lens model goes.
+  double tilted{};       ///< Share of sightings turned by more than 25° against the line of sight.
+  double focal_sigma{};  ///< 1-sigma of the focal lengths, relative.
+  double uncertainty_median_px{};  ///< Over the image, see ImageCell::uncertainty_px.
+  double uncertainty_worst_px{};
+  double reprojection_rms_px{};  ///< Per point.
+  double
+      misfit_px{};  ///< RMS of what residuals have in common in a part of the image, beyond noise.
+};
+
+[[nodiscard]] IntrinsicsVerdict judge(const IntrinsicsCalibration& calibration,
+                                      const ImageMap& map);
+
+}  // namespace fiducap

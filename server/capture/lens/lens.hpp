@@ -1,0 +1,57 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "capture/lens/camera_model.hpp"
+
+namespace fiducap {
+
+/// A raw point and how it moves with the ideal one; both at focal length 1, principal point (0, 0).
+struct DistortedPoint {
+  Eigen::Vector2d point;
+  Eigen::Matrix2d raw_from_ideal;  ///< ∂ raw / ∂ ideal
+};
+
+/// The lens of a CameraModel at focal length 1: ideal pinhole point ↔ raw point.
+///
+/// OpenCV has the same formulas, but its `undistortPoints` iterates a fixed point that diverges for
+/// strong lenses without saying so, its `fisheye::undistortPoints` clamps the angle, neither
+/// notices a folded polynomial and both allocate. So this is a bracketed Newton iteration of our
+/// own; the tests compare it with OpenCV where OpenCV converges.
+///
+/// "Radius" is what the polynomial is about: tan θ for radial-tangential, θ for equidistant lenses.
+class Lens final {
+ public:
+  /// @pre camera.distortion != Distortion::kNone
+  explicit Lens(const CameraModel& camera);
+
+  [[nodiscard]] double radius_of(const Eigen::Vector2d& ideal) const;
+  /// True when the image stops moving outwards somewhere between the centre and `radius`.
+  [[nodiscard]] bool folds_back_before(double radius) const;
+  [[nodiscard]] DistortedPoint distort(const Eigen::Vector2d& ideal) const;
+  /// @return nullopt when no ideal point within `max_angle_rad` and before the fold has this raw
+  /// point.
+  [[nodiscard]] std::optional<Eigen::Vector2d> undistort(const Eigen::Vector2d& raw,
+                                                         double max_angle_rad) const;
+
+ private:
+  /// 1 + k1 s + k2 s² …, s = radius²
+  using Polynomial = std::array<double, 5>;
+
+  [[nodiscard]] DistortedPoint distort_radial_tangential(const Eigen::Vector2d& ideal) const;
+  [[nodiscard]] DistortedPoint distort_equidistant(const Eigen::Vector2d& ideal) const;
+  /// Takes out the radial part alone. @return the ideal point on the ray through `raw`.
+  [[nodiscard]] std::optional<Eigen::Vector2d> undistort_radius(const Eigen::Vector2d& raw,
+                                                                double limit) const;
+
+  Distortion kind_;
+  Polynomial scale_;  ///< raw radius = radius × scale
+  Polynomial slope_;  ///< d raw radius / d radius
+  double p1_;
+  double p2_;
+};
+
+}  // namespace fiducap

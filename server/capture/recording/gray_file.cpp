@@ -1,0 +1,89 @@
+#include "capture/recording/gray_file.hpp"
+
+#include <fstream>
+#include <string>
+
+#include <opencv2/imgcodecs.hpp>
+
+namespace fiducap {
+namespace {
+
+constexpr std::uintmax_t kMaxImageFile_bytes = 256 << 20;
+
+Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
+  std::error_code error;
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return fail(ErrorCode::kNotFound, "no such image", path.string());
+  if (size == 0 || size > kMaxImageFile_bytes) {
+    return fail(ErrorCode::kInvalid, "is no image: " + std::to_string(size) + " bytes",
+                path.string());
+  }
+  bytes.resize(static_cast<std::size_t>(size));
+  std::ifstream file(path, std::ios::binary);
+  if (file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size)))
+    return {};
+  return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
+}
+
+/// A rotation tag of a JPEG would turn the image away from its calibration.
+Expected<cv::Mat> decode(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch) {
+  if (const auto read = read_bytes(file, scratch); !read) return tl::unexpected(read.error());
+  cv::Mat decoded;
+  try {
+    decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "is no image that can be read: " + broken.err, file.string());
+  }
+  if (decoded.empty())
+    return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
+  return decoded;
+}
+
+}  // namespace
+
+Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                              GrayImage& out) {
+  // Not decoded straight into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when
+  // the bytes are no image.
+  const auto decoded = decode(file, scratch);
+  if (!decoded) return tl::unexpected(decoded.error());
+  if (decoded->cols != out.width || decoded->rows != out.height) {
+    return fail(ErrorCode::kInvalid,
+                "is " + std::to_string(decoded->cols) + " x " + std::to_string(decoded->rows) +
+                    ", the calibration is for " + std::to_string(out.width) + " x " +
+                    std::to_string(out.height),
+                file.string());
+  }
+  decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  return {};
+}
+
+Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
+                                          std::vector<std::uint8_t>& scratch, GrayImage& out) {
+  const auto decoded = decode(file, scratch);
+  if (!decoded) return tl::unexpected(decoded.error());
+  out.resize(decoded->cols, decoded->rows);
+  decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
+  return {};
+}
+
+Expected<void> write_gray_file(const std::filesystem::path& file,
+                               std::vector<std::uint8_t>& scratch, const GrayImage& image) {
+  const cv::Mat pixels(image.height, image.width, CV_8UC1,
+                       const_cast<std::uint8_t*>(image.pixels.data()));
+  constexpr int kQuickest = 1;
+  try {
+    cv::imencode(".png", pixels, scratch, {cv::IMWRITE_PNG_COMPRESSION, kQuickest});
+  } catch (const cv::Exception& broken) {
+    return fail(ErrorCode::kInvalid, "cannot be encoded: " + broken.err, file.string());
+  }
+  std::ofstream out(file, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(scratch.data()),
+            static_cast<std::streamsize>(scratch.size()));
+  out.flush();
+  if (out.good()) return {};
+  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
+              file.string());
+}
+
+}  // namespace fiducap

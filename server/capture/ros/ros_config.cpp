@@ -1,0 +1,42 @@
+#include "capture/ros/ros_config.hpp"
+
+#include <algorithm>
+#include <cctype>
+
+namespace fiducap::dds {
+
+namespace {
+
+constexpr std::string_view kCompressed = "/compressed";
+
+bool is_topic(const std::string& name) {
+  const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '/'; };
+  return name.size() >= 2 && name.size() <= 200 && name.front() == '/' && name.back() != '/' &&
+         name.find("//") == std::string::npos && std::all_of(name.begin(), name.end(), good);
+}
+
+}  // namespace
+
+std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const {
+  Checker checker{prefix};
+  checker.within("camera_info_wait_s", camera_info_wait_s, 0, 600)
+      .require(!images.empty() && images.size() <= 16, "images",
+               std::to_string(images.size()) + " entries", "must name 1 to 16 topics")
+      .require(imu.empty() || is_topic(imu), "imu", '"' + imu + '"',
+               "must be a topic, e.g. /imu/data");
+  for (const auto& topic : images) {
+    checker.require(is_topic(topic), "images", '"' + topic + '"',
+                    "must be topics, e.g. /camera/image_raw");
+  }
+  return checker.errors;
+}
+
+bool is_compressed(const std::string& image_topic) { return image_topic.ends_with(kCompressed); }
+
+std::string camera_info_topic(const std::string& image_topic) {
+  std::string base = image_topic;
+  if (is_compressed(base)) base.resize(base.size() - kCompressed.size());
+  return base.substr(0, base.rfind('/')) + "/camera_info";
+}
+
+}  // namespace fiducap::dds

@@ -1,0 +1,64 @@
+#include "daemon/bodies/body_threads.hpp"
+
+#include <algorithm>
+
+#include "base/log.hpp"
+
+namespace fiducap {
+
+void BodyThreads::start(std::function<void()> all_ended) {
+  running_ = workers_.size();
+  for (const auto& worker : workers_) {
+    BodyWorker* body = worker.get();
+    computing_.emplace_back([this, body, all_ended](std::stop_token stop) {
+      body->work(stop);
+      if (--running_ == 0 && !stop.stop_requested()) all_ended();
+    });
+    reading_.emplace_back([body](std::stop_token stop) { body->read(stop); });
+  }
+}
+
+bool BodyThreads::some_are_reading() const {
+  return std::any_of(workers_.begin(), workers_.end(),
+                     [](const auto& worker) { return worker->reading(); });
+}
+
+bool BodyThreads::stop(Duration patience) {
+  constexpr Duration kLook = std::chrono::milliseconds(5);
+  for (auto& thread : reading_) thread.request_stop();
+  for (auto& thread : computing_) thread.request_stop();
+  for (auto& thread : computing_) thread.join();
+  computing_.clear();
+  const Instant until = clock_.now() + patience;
+  while (!reading_.empty() && some_are_reading() && clock_.now() < until) {
+    if (!clock_.wait_until(clock_.now() + kLook, {})) break;
+  }
+  bool all = true;
+  for (std::size_t i = 0; i < reading_.size(); ++i) {
+    if (workers_[i]->reading()) {
+      log::warning("capture",
+                   workers_[i]->name() + ": the device does not let go; it is left behind");
+      all = false;
+    } else {
+      reading_[i].join();
+    }
+  }
+  if (all) reading_.clear();
+  return all;
+}
+
+void BodyThreads::log_statistics() const {
+  for (const auto& worker : workers_) {
+    log::info("app", worker->name() + ": " + worker->statistics().text());
+    for (const auto& line : worker->learned_text()) log::info("app", worker->name() + ": " + line);
+    for (const auto& line : worker->doubts()) log::warning("app", worker->name() + ": " + line);
+  }
+}
+
+std::vector<LearnedBody> BodyThreads::learned() const {
+  std::vector<LearnedBody> all;
+  for (const auto& worker : workers_) all.push_back({worker->name(), worker->learned()});
+  return all;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,79 @@
+#include "daemon/config/config_file.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "daemon/config/config_override.hpp"
+#include "daemon/config/config_printer.hpp"
+#include "daemon/config/config_reader.hpp"
+#include "daemon/config/server_schema.hpp"
+
+namespace fiducap {
+
+namespace {
+
+ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& name) {
+  try {
+    YAML::Node document = YAML::Load(text);
+    return document.IsNull() ? YAML::Node(YAML::NodeType::Map) : document;
+  } catch (const YAML::Exception& failure) {
+    const std::string where = name + ":" + std::to_string(failure.mark.line + 1);
+    return tl::unexpected(
+        std::vector{ConfigFault{{"file", name, "is not YAML: " + failure.msg}, where}});
+  }
+}
+
+void number_the_bodies(std::vector<BodyConfig>& bodies) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    if (bodies[i].id == 0) bodies[i].id = static_cast<int>(i) + 1;
+  }
+}
+
+}  // namespace
+
+ConfigResult<ServerConfig> parse_config(const std::string& text, const std::string& name,
+                                        const std::vector<std::string>& sets) {
+  auto document = parse_yaml(text, name);
+  if (!document) return tl::unexpected(document.error());
+  Reading reading{name, std::filesystem::path(name).parent_path().string(), {}};
+  if (document->IsMap()) {
+    for (const auto& set : sets) apply_override(*document, set, reading);
+  }
+  ServerConfig read;
+  read_whole(*document, reading, read);
+  number_the_bodies(read.bodies);
+  for (auto& error : check(read)) {
+    // A value that could not even be read keeps its default: whatever rule that breaks is not the
+    // user's fault.
+    const bool said =
+        std::any_of(reading.faults.begin(), reading.faults.end(),
+                    [&](const ConfigFault& fault) { return fault.error.path == error.path; });
+    std::string where = reading.where(error.path);
+    if (!said) reading.faults.push_back({std::move(error), std::move(where)});
+  }
+  if (!reading.faults.empty()) return tl::unexpected(std::move(reading.faults));
+  return read;
+}
+
+ConfigResult<ServerConfig> load_config(const std::string& file,
+                                       const std::vector<std::string>& sets) {
+  if (file.empty()) return parse_config("", "defaults", sets);
+  std::ifstream stream(file);
+  std::ostringstream text;
+  if (!stream || std::filesystem::is_directory(file) || !(text << stream.rdbuf())) {
+    return tl::unexpected(
+        std::vector{ConfigFault{{"file", file, "cannot be read (or is empty)"}, ""}});
+  }
+  return parse_config(text.str(), file, sets);
+}
+
+std::string print_config(const ServerConfig& config) {
+  ServerConfig copy = config;  // visitors see members as theirs to change
+  ConfigPrinter printer;
+  describe(printer, copy);
+  return printer.text();
+}
+
+}  // namespace fiducap

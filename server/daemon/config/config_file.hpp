@@ -1,0 +1,151 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <tl/expected.hpp>
+
+#include "base/config_check.hpp"
+#include "base/log.hpp"
+#include "base/pose.hpp"
+#include "capture/camera_device.hpp"
+#include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "capture/ros/ros_config.hpp"
+#include "daemon/control_desk.hpp"
+#include "daemon/session_recorder.hpp"
+#include "detection/detector_config.hpp"
+#include "estimation/estimator_config.hpp"
+#include "mapping/map_builder.hpp"
+#include "middleware/network.hpp"
+#include "scene/body_tracker.hpp"
+#include "simulation/simulation.hpp"
+#include "streaming/dds/dds_config.hpp"
+#include "streaming/mavlink/mavlink_config.hpp"
+#include "streaming/native/native_server.hpp"
+#include "streaming/natnet/natnet_config.hpp"
+#include "streaming/qualisys/qualisys_server.hpp"
+#include "streaming/vicon/vicon_config.hpp"
+#include "streaming/vrpn/vrpn_server.hpp"
+#include "streaming/web/web_server.hpp"
+
+namespace fiducap {
+
+enum class SourceType { kSimulator, kRecording, kCamera, kRos };
+
+/// A folder in the EuRoC/ASL layout, played at its own pace.
+struct RecordingSourceConfig {
+  std::string folder;
+  bool loop{false};
+  double speed{1.0};
+};
+
+/// Where a body's samples come from. `type` decides which of the four is read; in the file their
+/// keys stand directly below `source`.
+struct SourceConfig {
+  SourceType type{SourceType::kSimulator};
+  simulation::SimulatedBodyConfig
+      simulator;  ///< `cameras` empty: the truth is what the body believes.
+  RecordingSourceConfig recording;
+  CameraDeviceConfig camera;
+  dds::RosSourceConfig ros;
+};
+
+struct CameraConfig {
+  std::string calibration;  ///< Kalibr camchain (lens, place, time) or a calibration file of one
+                            ///< camera (lens only).
+  CameraMount mount;        ///< What `calibration` does not say.
+};
+
+struct BodyConfig {
+  std::string name;
+  int id{0};  ///< Streaming id; 0: place in the list, from 1.
+  std::string filter{"world"};
+  SourceConfig source;
+  std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
+  bool use_imu{true};                 ///< False: the IMU is not listened to.
+  std::string kalibr_imu;             ///< Kalibr imu.yaml; goes before `imu`.
+  std::optional<ImuNoise> imu;        ///< nullopt: the recording's or the simulator's own.
+  Pose pivot;                         ///< X_BP: what is streamed, in body axes.
+  BodyLimits limits;
+};
+
+struct MapSettings {
+  MapConfig builder;
+  std::string store;  ///< SQLite file; empty: the map is forgotten at the end.
+  std::string file;   ///< Surveyed start for an empty store: our YAML, csv or WPILib json.
+  double file_tag_size_m{0.1651};      ///< WPILib files do not carry sizes.
+  std::optional<int> reference_tag;    ///< WorkspaceGauge
+  std::optional<Pose> reference_pose;  ///< X_WT of the reference tag.
+  bool use_learned_extrinsics{
+      true};  ///< Start from what was learned about the cameras and stored beside the map.
+};
+
+struct StreamingConfig {
+  double rate_hz{100.0};
+  std::vector<std::string>
+      optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
+  vrpn::VrpnConfig vrpn;
+  native::NativeConfig native;
+  natnet::NatNetConfig natnet;
+  vicon::ViconConfig vicon;
+  qualisys::QualisysConfig qualisys;
+  web::WebConfig web;
+  dds::DdsConfig dds;
+  mavlink::MavlinkConfig mavlink;
+};
+
+/// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.
+struct ServerConfig {
+  log::Level log_level{log::Level::kInfo};
+  TagSetConfig tags;
+  DetectorConfig detector;
+  EstimatorConfig estimator;
+  MapSettings map;
+  simulation::RoomConfig simulation;
+  std::vector<BodyConfig> bodies;
+  StreamingConfig streaming;
+  dds::NetworkConfig dds;  ///< For ROS 2 in both directions.
+  OperatorConfig operators;
+  RecorderConfig recorder;
+};
+
+/// One broken rule and where it was written.
+struct ConfigFault {
+  ConfigError error;
+  std::string where;  ///< `config/demo.yaml:12`, `--set`, or empty
+
+  [[nodiscard]] std::string text() const {
+    return where.empty() ? error.text() : where + ": " + error.text();
+  }
+};
+
+template <typename T>
+using ConfigResult = tl::expected<T, std::vector<ConfigFault>>;
+
+/// Reads a configuration and checks it. Unknown keys, wrong types and broken rules are reported all
+/// at once.
+///
+/// Relative paths in the file are relative to the file, those of `sets` to the working directory;
+/// `~` and environment variables are not expanded. Files that the configuration names are not
+/// opened here (see body_sensors.hpp).
+/// @param file  empty: defaults and `sets` only
+/// @param sets  `path.to.key=value`, value in YAML, list entries by number:
+/// `bodies.0.source.folder=x`
+[[nodiscard]] ConfigResult<ServerConfig> load_config(const std::string& file,
+                                                     const std::vector<std::string>& sets = {});
+
+/// The same for text that is already there. @param name  stands in messages; its folder is the base
+/// of relative paths
+[[nodiscard]] ConfigResult<ServerConfig> parse_config(const std::string& text,
+                                                      const std::string& name,
+                                                      const std::vector<std::string>& sets = {});
+
+/// The effective configuration as YAML: every key, paths resolved. Loads again to the same.
+[[nodiscard]] std::string print_config(const ServerConfig& config);
+
+/// The rules of all rooms and those between them, e.g. that names are unique.
+[[nodiscard]] std::vector<ConfigError> check(const ServerConfig& config);
+
+}  // namespace fiducap

@@ -1,0 +1,224 @@
+// The rules of all rooms, and those that only the whole configuration can break.
+#include <algorithm>
+#include <set>
+
+#include "daemon/config/config_file.hpp"
+#include "daemon/protocol_servers.hpp"
+
+namespace fiducap {
+
+namespace {
+
+using Errors = std::vector<ConfigError>;
+
+/// Rooms name their own section (`vrpn.port`); the file has it further down
+/// (`streaming.vrpn.port`).
+void append(Errors& all, Errors more, const std::string& prefix) {
+  for (auto& error : more) {
+    for (std::size_t from = 0; from != std::string::npos; from = prefix.find('.', from)) {
+      if (from > 0) ++from;
+      const std::string tail = prefix.substr(from);
+      if (error.path.rfind(tail, 0) != 0) continue;
+      error.path = prefix + error.path.substr(tail.size());
+      break;
+    }
+    all.push_back(std::move(error));
+  }
+}
+
+void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
+  append(all,
+         Checker{prefix}
+             .positive("gyro_noise_rad_s_rtHz", noise.gyro_noise_rad_s_rtHz)
+             .not_negative("gyro_walk_rad_s2_rtHz", noise.gyro_walk_rad_s2_rtHz)
+             .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
+             .not_negative("accel_walk_m_s3_rtHz", noise.accel_walk_m_s3_rtHz)
+             .positive("rate_hz", noise.rate_hz)
+             .not_negative("gyro_range_rad_s", noise.gyro_range_rad_s)
+             .not_negative("accel_range_m_s2", noise.accel_range_m_s2)
+             .errors,
+         prefix);
+}
+
+constexpr double kLargestClockError_s = 0.2;
+
+void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
+  append(all,
+         Checker{prefix}
+             .not_negative("position_sigma_m", mount.position_sigma_m)
+             .not_negative("rotation_sigma_rad", mount.rotation_sigma_rad)
+             .within("time_shift_sigma_s", mount.time_shift_sigma_s, 0, kLargestClockError_s)
+             .within("readout_s", mount.readout_s, 0, kLargestClockError_s)
+             .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
+             .positive("rate_hz", mount.rate_hz)
+             .errors,
+         prefix);
+  if (!has_file) append(all, mount.model.check(), prefix + "model.");
+}
+
+void check_source(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  switch (body.source.type) {
+    case SourceType::kSimulator: {
+      // Cameras that a file describes are checked when the file has been read.
+      const bool by_file =
+          std::any_of(body.cameras.begin(), body.cameras.end(),
+                      [](const CameraConfig& camera) { return !camera.calibration.empty(); });
+      auto robot = body.source.simulator;
+      if (robot.cameras.empty() && by_file) break;
+      if (robot.cameras.empty()) {
+        for (const auto& camera : body.cameras) robot.cameras.push_back(camera.mount);
+      }
+      append(all, simulation::check(robot, prefix), prefix);
+      break;
+    }
+    case SourceType::kRecording:
+      append(all,
+             Checker{prefix}
+                 .require(!body.source.recording.folder.empty(), "folder", "\"\"",
+                          "must name a recording")
+                 .positive("speed", body.source.recording.speed)
+                 .errors,
+             prefix);
+      break;
+    case SourceType::kCamera:
+      append(all, body.source.camera.check(prefix), prefix);
+      break;
+    case SourceType::kRos:
+      append(all, body.source.ros.check(prefix), prefix);
+      break;
+  }
+}
+
+void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  const bool camera = body.source.type == SourceType::kCamera;
+  const bool ros = body.source.type == SourceType::kRos;
+  Checker rules{prefix};
+  rules
+      .require(is_body_name(body.name), "name", '"' + body.name + '"',
+               "must have 1 to 63 of a-z A-Z 0-9 _ - .")
+      .require(body.id >= 1, "id", body.id, "must be >= 1")
+      .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
+               "must be robocentric or world")
+      .require(!camera || body.cameras.size() == 1, "cameras",
+               std::to_string(body.cameras.size()) + " entries",
+               "a camera source has exactly one camera")
+      .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}",
+               "a camera source has no IMU")
+      .require(!ros || body.cameras.size() == body.source.ros.images.size(), "cameras",
+               std::to_string(body.cameras.size()) + " entries",
+               "a ros source has one camera per topic in source.images")
+      .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
+               "a simulated body needs at least one camera");
+  append(all, rules.errors, prefix);
+  check_source(all, body, prefix + "source.");
+  for (std::size_t i = 0; i < body.cameras.size(); ++i) {
+    const auto& [calibration, mount] = body.cameras[i];
+    // The lens may come by a file, or by the camera_info of ROS.
+    const bool elsewhere = !calibration.empty() || (ros && mount.model.width == 0);
+    check_mount(all, mount, elsewhere, prefix + "cameras." + std::to_string(i) + ".");
+  }
+  if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
+  append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
+}
+
+void check_streaming(Errors& all, const StreamingConfig& streaming) {
+  Checker rules{"streaming."};
+  rules.within("rate_hz", streaming.rate_hz, 1, 1000);
+  for (const auto& name : streaming.optional) {
+    const auto& names = protocol_names();
+    std::string all_names;
+    for (const auto& one : names) all_names += (all_names.empty() ? "" : ", ") + one;
+    rules.require(std::find(names.begin(), names.end(), name) != names.end(), "optional", name,
+                  "must be some of " + all_names);
+  }
+  append(all, rules.errors, "streaming.");
+  append(all, streaming.vrpn.check(), "streaming.vrpn.");
+  append(all, streaming.native.check(), "streaming.native.");
+  append(all, streaming.natnet.check(), "streaming.natnet.");
+  append(all, streaming.vicon.check(), "streaming.vicon.");
+  append(all, streaming.qualisys.check(), "streaming.qualisys.");
+  append(all, streaming.dds.check(), "streaming.dds.");
+  append(all, streaming.mavlink.check(), "streaming.mavlink.");
+  append(all, streaming.web.check(), "streaming.web.");
+}
+
+void check_vehicles(Errors& all, const ServerConfig& config) {
+  for (std::size_t i = 0; i < config.streaming.mavlink.vehicles.size(); ++i) {
+    const std::string& name = config.streaming.mavlink.vehicles[i].body;
+    const bool known = std::any_of(config.bodies.begin(), config.bodies.end(),
+                                   [&name](const BodyConfig& body) { return body.name == name; });
+    if (known || name.empty()) continue;
+    all.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
+                   "must be the name of one of the bodies"});
+  }
+}
+
+/// An alias of nobody is a typing error.
+void check_aliases(Errors& all, const ServerConfig& config) {
+  const StreamingConfig& streaming = config.streaming;
+  const auto check = [&](const std::string& protocol, const NameAliases& aliases) {
+    Checker rules{"streaming." + protocol + ".aliases."};
+    for (const auto& entry : aliases) {
+      const bool known =
+          std::any_of(config.bodies.begin(), config.bodies.end(),
+                      [&](const BodyConfig& body) { return body.name == entry.first; });
+      rules
+          .require(known, entry.first, '"' + entry.second + '"',
+                   "must stand for the name of one of the bodies")
+          .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
+    }
+    append(all, rules.errors, rules.prefix);
+  };
+  check("vrpn", streaming.vrpn.aliases);
+  check("natnet", streaming.natnet.aliases);
+  check("vicon", streaming.vicon.aliases);
+  check("qualisys", streaming.qualisys.aliases);
+  check("dds", streaming.dds.aliases);
+}
+
+void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
+  std::set<std::string> names;
+  std::set<int> ids;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    Checker rules{"bodies." + std::to_string(i) + "."};
+    rules
+        .require(names.insert(bodies[i].name).second, "name", '"' + bodies[i].name + '"',
+                 "is taken by another body")
+        .require(ids.insert(bodies[i].id).second, "id", bodies[i].id, "is taken by another body");
+    append(all, rules.errors, "bodies.");
+  }
+}
+
+void check_map(Errors& all, const MapSettings& map) {
+  append(all, map.builder.check(), "map.");
+  append(all,
+         Checker{"map."}
+             .positive("file_tag_size_m", map.file_tag_size_m)
+             .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
+                      "needs reference_tag: whose pose is it?")
+             .errors,
+         "map.");
+}
+
+}  // namespace
+
+std::vector<ConfigError> check(const ServerConfig& config) {
+  Errors all;
+  append(all, config.tags.check(), "tags.");
+  append(all, config.detector.check(), "detector.");
+  append(all, config.estimator.check(), "estimator.");
+  check_map(all, config.map);
+  append(all, simulation::check(config.simulation, "simulation."), "simulation.");
+  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
+    check_body(all, config.bodies[i], "bodies." + std::to_string(i) + ".");
+  }
+  check_unique(all, config.bodies);
+  check_streaming(all, config.streaming);
+  check_vehicles(all, config);
+  check_aliases(all, config);
+  append(all, config.dds.check(), "dds.");
+  append(all, config.operators.check(), "operator.");
+  return all;
+}
+
+}  // namespace fiducap

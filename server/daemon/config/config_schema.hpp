@@ -1,0 +1,141 @@
+#pragma once
+
+#include "daemon/config/config_file.hpp"
+#include "daemon/config/config_words.hpp"
+
+/// What a configuration file may say, one description per struct. A visitor V reads, prints or
+/// lists the same fields:
+///
+///   value(key, x)             one value                word(key, x, words)   an enum
+///   seconds(key, duration)    a time span in seconds   path(key, text)       a file or folder
+///   section(key, struct)      a struct of its own      list(key, structs)    a list of them
+///   optional_section(key, struct)                      a struct that may be missing
+///
+/// Keys are the names of the members, so that the rules of `check()` point at what the user wrote.
+namespace fiducap {
+
+template <class V>
+void describe(V& v, TagSetConfig& c) {
+  v.value("family", c.family);
+  v.value("size_m", c.size_m);
+  v.value("sizes_m", c.sizes_m);
+  v.value("ignore", c.ignore);
+  v.value("max_hamming", c.max_hamming);
+}
+
+template <class V>
+void describe(V& v, DetectorConfig& c) {
+  v.value("decimate", c.decimate);
+  v.value("blur_sigma_px", c.blur_sigma_px);
+  v.value("refine_edges", c.refine_edges);
+  v.value("fit_sides", c.fit_sides);
+  v.value("max_hamming", c.max_hamming);
+  v.value("min_decision_margin", c.min_decision_margin);
+  v.value("min_white_black_diff", c.min_white_black_diff);
+  v.value("adapt_contrast", c.adapt_contrast);
+  v.value("regions", c.regions);
+  v.value("search_period_s", c.search_period_s);
+  v.value("threads", c.threads);
+}
+
+template <class V>
+void describe(V& v, EstimatorConfig& c) {
+  v.value("corner_noise_px", c.corner_noise_px);
+  v.value("learn_corner_noise", c.learn_corner_noise);
+  v.value("estimate_extrinsics", c.estimate_extrinsics);
+  v.value("estimate_clocks", c.estimate_clocks);
+  v.value("landmarks", c.landmarks);
+  v.value("gate_probability", c.gate_probability);
+  v.value("max_local_tags", c.max_local_tags);
+  v.value("hand_over_above", c.hand_over_above);
+  v.value("branch_evidence", c.branch_evidence);
+  v.value("branch_views", c.branch_views);
+  v.value("max_imu_gap_s", c.max_imu_gap_s);
+  v.value("motion_accel_m_s2_rtHz", c.motion_accel_m_s2_rtHz);
+  v.value("motion_angular_rad_s2_rtHz", c.motion_angular_rad_s2_rtHz);
+}
+
+template <class V>
+void describe(V& v, MapSettings& c) {
+  v.word("mode", c.builder.mode, words::kMapMode);
+  v.path("store", c.store);
+  v.path("file", c.file);
+  v.value("file_tag_size_m", c.file_tag_size_m);
+  v.value("reference_tag", c.reference_tag);
+  v.value("reference_pose", c.reference_pose);
+  v.value("use_learned_extrinsics", c.use_learned_extrinsics);
+  v.value("publish_position_sigma_m", c.builder.publish_position_sigma_m);
+  v.value("publish_rotation_sigma_rad", c.builder.publish_rotation_sigma_rad);
+  v.value("publish_sightings", c.builder.publish_sightings);
+  v.value("commit_period_s", c.builder.commit_period_s);
+}
+
+template <class V>
+void describe(V& v, CameraModel& c) {
+  v.value("width", c.width);
+  v.value("height", c.height);
+  v.value("fu", c.fu);
+  v.value("fv", c.fv);
+  v.value("cu", c.cu);
+  v.value("cv", c.cv);
+  v.word("distortion", c.distortion, words::kDistortion);
+  v.value("coefficients", c.coefficients);
+}
+
+template <class V>
+void describe(V& v, CameraMount& c) {
+  v.section("model", c.model);
+  v.value("X_BV", c.X_BV);
+  v.value("position_sigma_m", c.position_sigma_m);
+  v.value("rotation_sigma_rad", c.rotation_sigma_rad);
+  v.seconds("time_shift_s", c.time_shift);
+  v.value("time_shift_sigma_s", c.time_shift_sigma_s);
+  v.value("readout_s", c.readout_s);
+  v.value("readout_sigma_s", c.readout_sigma_s);
+  v.value("rate_hz", c.rate_hz);
+}
+
+template <class V>
+void describe(V& v, CameraConfig& c) {
+  v.path("calibration", c.calibration);
+  describe(v, c.mount);
+}
+
+template <class V>
+void describe(V& v, ImuNoise& c) {
+  v.value("gyro_noise_rad_s_rtHz", c.gyro_noise_rad_s_rtHz);
+  v.value("gyro_walk_rad_s2_rtHz", c.gyro_walk_rad_s2_rtHz);
+  v.value("accel_noise_m_s2_rtHz", c.accel_noise_m_s2_rtHz);
+  v.value("accel_walk_m_s3_rtHz", c.accel_walk_m_s3_rtHz);
+  v.value("rate_hz", c.rate_hz);
+  v.value("gyro_range_rad_s", c.gyro_range_rad_s);
+  v.value("accel_range_m_s2", c.accel_range_m_s2);
+}
+
+template <class V>
+void describe(V& v, RecordingSourceConfig& c) {
+  v.path("folder", c.folder);
+  v.value("loop", c.loop);
+  v.value("speed", c.speed);
+}
+
+template <class V>
+void describe(V& v, CameraDeviceConfig& c) {
+  v.device("open", c.open);
+  v.value("width", c.width);
+  v.value("height", c.height);
+  v.value("rate_hz", c.rate_hz);
+  v.value("exposure_s", c.exposure_s);
+  v.value("latency_s", c.latency_s);
+  v.value("loop", c.loop);
+}
+
+template <class V>
+void describe(V& v, BodyLimits& c) {
+  v.value("max_position_sigma_m", c.max_position_sigma_m);
+  v.value("max_rotation_sigma_rad", c.max_rotation_sigma_rad);
+  v.value("coast_after_s", c.coast_after_s);
+  v.value("lose_after_s", c.lose_after_s);
+}
+
+}  // namespace fiducap

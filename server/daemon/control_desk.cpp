@@ -1,0 +1,126 @@
+#include "daemon/control_desk.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <ctime>
+#include <utility>
+
+#include "base/log.hpp"
+#include "daemon/system_clock.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr std::size_t kShortestToken = 8;
+constexpr double kUnit = 1e-3;  // further from 1 a quaternion is a mistake, not rounding
+
+std::string name_of_now() {
+  const std::time_t now = static_cast<std::time_t>(utc_now_ns() / 1'000'000'000);
+  std::tm broken{};
+  gmtime_r(&now, &broken);
+  std::array<char, 32> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d_%H-%M-%S", &broken);
+  return text.data();
+}
+
+}  // namespace
+
+std::vector<ConfigError> OperatorConfig::check() const {
+  return Checker{"operator."}
+      .require(token.empty() || token.size() >= kShortestToken, "token", "(secret)",
+               "must have at least 8 characters, or be empty: then nobody may change anything")
+      .errors;
+}
+
+bool is_body_name(const std::string& name) {
+  const auto good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
+  };
+  return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
+}
+
+ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
+                         SessionRecorder& recorder, std::function<void()> commit)
+    : config_(std::move(config)),
+      scene_(scene),
+      map_(map),
+      recorder_(recorder),
+      commit_(std::move(commit)) {}
+
+bool ControlDesk::admits(std::string_view token) const {
+  if (config_.token.empty() || token.size() != config_.token.size()) return false;
+  unsigned difference =
+      0;  // every byte is looked at: the time says nothing about the first wrong one
+  for (std::size_t i = 0; i < token.size(); ++i)
+    difference |=
+        static_cast<unsigned char>(token[i]) ^ static_cast<unsigned char>(config_.token[i]);
+  return difference == 0;
+}
+
+std::vector<OperatorDesk::Body> ControlDesk::bodies() const {
+  std::vector<Body> all;
+  for (const Scene::Listed& body : scene_.list())
+    all.push_back({body.description.id, body.description.name, body.enabled, body.X_BP});
+  return all;
+}
+
+Expected<std::size_t> ControlDesk::index_of(int body_id) const {
+  const auto list = scene_.list();
+  for (std::size_t i = 0; i < list.size(); ++i)
+    if (list[i].description.id == body_id) return i;
+  return fail(ErrorCode::kNotFound, "there is no body with id " + std::to_string(body_id));
+}
+
+Expected<void> ControlDesk::set_enabled(int body_id, bool enabled) {
+  const auto body = index_of(body_id);
+  if (!body) return tl::unexpected(body.error());
+  scene_.set_enabled(*body, enabled);
+  log::info("app", "body " + std::to_string(body_id) +
+                       (enabled ? " is streamed again" : " is streamed no more"));
+  return {};
+}
+
+Expected<void> ControlDesk::rename(int body_id, const std::string& name) {
+  const auto body = index_of(body_id);
+  if (!body) return tl::unexpected(body.error());
+  if (!is_body_name(name))
+    return fail(ErrorCode::kInvalid, "a body's name must have 1 to 63 of a-z A-Z 0-9 _ - .",
+                "\"" + name + "\"");
+  for (const Scene::Listed& other : scene_.list())
+    if (other.description.id != body_id && other.description.name == name)
+      return fail(ErrorCode::kInvalid, "another body has this name", "\"" + name + "\"");
+  scene_.rename(*body, name);
+  log::info("app",
+            "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
+  return {};
+}
+
+Expected<void> ControlDesk::set_pivot(int body_id, const Pose& X_BP) {
+  const auto body = index_of(body_id);
+  if (!body) return tl::unexpected(body.error());
+  if (!X_BP.p.allFinite() || !X_BP.q.coeffs().allFinite() || std::abs(X_BP.q.norm() - 1.0) > kUnit)
+    return fail(ErrorCode::kInvalid, "a pivot needs finite numbers and a unit quaternion");
+  scene_.set_pivot(*body, {X_BP.q.normalized(), X_BP.p});
+  return {};
+}
+
+Expected<void> ControlDesk::set_map_mode(MapMode mode) {
+  map_.set_mode(mode);
+  log::info("mapping", mode == MapMode::kFrozen ? "the map is frozen" : "the map grows again");
+  return {};
+}
+
+Expected<void> ControlDesk::commit_map() {
+  if (!commit_)
+    return fail(ErrorCode::kUnsupported,
+                "the map has no store; set map.store to keep it from run to run");
+  commit_();
+  return {};
+}
+
+Expected<void> ControlDesk::start_recording(const std::string& name) {
+  return recorder_.start(name.empty() ? name_of_now() : name);
+}
+
+}  // namespace fiducap

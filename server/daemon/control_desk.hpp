@@ -1,0 +1,53 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "daemon/session_recorder.hpp"
+#include "scene/scene.hpp"
+#include "streaming/operator_desk.hpp"
+
+namespace fiducap {
+
+struct OperatorConfig {
+  std::string token;  ///< Whoever knows it may change things; empty: nobody may.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+/// 1 to 63 of a-z A-Z 0-9 _ - . so that every protocol can carry the name.
+[[nodiscard]] bool is_body_name(const std::string& name);
+
+/// What clients may change, carried out on the scene, the map and the recorder.
+class ControlDesk final : public OperatorDesk {
+ public:
+  /// @param commit  asks the keeper of the map for a version now; empty: the map has no store
+  ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map, SessionRecorder& recorder,
+              std::function<void()> commit);
+
+  [[nodiscard]] bool admits(std::string_view token) const override;
+  [[nodiscard]] std::string_view token() const override { return config_.token; }
+  [[nodiscard]] std::vector<Body> bodies() const override;
+  Expected<void> set_enabled(int body_id, bool enabled) override;
+  Expected<void> rename(int body_id, const std::string& name) override;
+  Expected<void> set_pivot(int body_id, const Pose& X_BP) override;
+  [[nodiscard]] MapMode map_mode() const override { return map_.mode(); }
+  Expected<void> set_map_mode(MapMode mode) override;
+  Expected<void> commit_map() override;
+  Expected<void> start_recording(const std::string& name) override;
+  Expected<void> stop_recording() override { return recorder_.stop(); }
+  [[nodiscard]] std::optional<std::string> recording() const override {
+    return recorder_.current();
+  }
+
+ private:
+  [[nodiscard]] Expected<std::size_t> index_of(int body_id) const;
+
+  OperatorConfig config_;
+  Scene& scene_;
+  MapBuilder& map_;
+  SessionRecorder& recorder_;
+  std::function<void()> commit_;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,80 @@
+#include "daemon/frame_mailbox.hpp"
+
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/posix/stream_descriptor.hpp>
+#include <cerrno>
+#include <cstdint>
+#include <mutex>
+#include <system_error>
+#include <utility>
+
+namespace fiducap {
+
+class FrameMailbox::Impl {
+ public:
+  Impl(boost::asio::io_context& io, Receiver receiver)
+      : bell_(io, open_bell()), ring_fd_(bell_.native_handle()), receiver_(std::move(receiver)) {
+    wait();
+  }
+
+  void put(std::shared_ptr<const SceneFrame> frame) {
+    {
+      const std::lock_guard lock(mutex_);
+      newest_.swap(frame);
+    }
+    // `frame` is now the one that nobody fetched; it dies here, outside the lock.
+    const std::uint64_t one = 1;
+    // The counter cannot fill up: the reader sets it back to zero, and 2^64 frames take a while.
+    [[maybe_unused]] const auto written = ::write(ring_fd_, &one, sizeof one);
+  }
+
+  void close() {
+    receiver_ = nullptr;
+    boost::system::error_code ignored;
+    bell_.cancel(ignored);
+  }
+
+ private:
+  static int open_bell() {
+    const int fd = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
+    if (fd < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
+    return fd;
+  }
+
+  void wait() {
+    bell_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                     [this](const boost::system::error_code& failure) {
+                       if (failure || !receiver_) return;
+                       deliver();
+                       if (receiver_) wait();
+                     });
+  }
+
+  void deliver() {
+    std::uint64_t count{};
+    [[maybe_unused]] const auto read = ::read(ring_fd_, &count, sizeof count);
+    std::shared_ptr<const SceneFrame> frame;
+    {
+      const std::lock_guard lock(mutex_);
+      frame.swap(newest_);
+    }
+    if (frame) receiver_(frame);
+  }
+
+  boost::asio::posix::stream_descriptor bell_;
+  int ring_fd_;
+  Receiver receiver_;
+  std::mutex mutex_;
+  std::shared_ptr<const SceneFrame> newest_;
+};
+
+FrameMailbox::FrameMailbox(boost::asio::io_context& io, Receiver receiver)
+    : impl_(std::make_unique<Impl>(io, std::move(receiver))) {}
+FrameMailbox::~FrameMailbox() = default;
+void FrameMailbox::put(std::shared_ptr<const SceneFrame> frame) { impl_->put(std::move(frame)); }
+void FrameMailbox::close() { impl_->close(); }
+
+}  // namespace fiducap

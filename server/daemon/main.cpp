@@ -1,0 +1,59 @@
+// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration.
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <exception>
+#include <iostream>
+
+#include "base/log.hpp"
+#include "daemon/bodies/body_setup.hpp"
+#include "daemon/config/config_file.hpp"
+#include "daemon/server.hpp"
+#include "daemon/system_clock.hpp"
+
+namespace {
+
+int complain(const std::vector<fiducap::ConfigFault>& faults) {
+  for (const auto& fault : faults) std::cerr << fault.text() << "\n";
+  return faults.empty() ? 0 : 2;
+}
+
+int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
+  const fiducap::SystemClock clock;
+  fiducap::log::set_level(config.log_level);
+  auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);
+  if (!server) {
+    fiducap::log::error("app", server.error().text());
+    return 1;
+  }
+  if (!(*server)->run()) std::_Exit(0);  // the map is stored; a device that hangs must not hold us
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Fiducap server: motion capture from printed tags."};
+  std::string file;
+  std::vector<std::string> sets;
+  bool exit_at_end = false, check = false, print = false;
+  app.add_option("--config", file, "configuration, YAML")->required();
+  app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
+      ->allow_extra_args(false);
+  app.add_flag("--check-config", check, "say whether the configuration is usable, and end");
+  app.add_flag("--print-config", print, "write the effective configuration, and end");
+  app.add_flag("--exit-at-end", exit_at_end, "end when every source has ended");
+  app.set_version_flag("--version", FIDUCAP_VERSION);
+  try {
+    app.parse(argc, argv);
+    const auto config = fiducap::load_config(file, sets);
+    if (!config) return complain(config.error());
+    if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
+    if (check) return complain(fiducap::check_files(*config));
+    return serve(*config, exit_at_end);
+  } catch (const CLI::ParseError& wrong) {
+    return app.exit(wrong) == 0 ? 0 : 2;
+  } catch (const std::exception& failure) {
+    std::cerr << "fiducapd: " << failure.what() << "\n";
+    return 1;
+  }
+}

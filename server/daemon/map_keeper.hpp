@@ -1,0 +1,54 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "base/clock.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "estimation/body_filter.hpp"
+#include "mapping/map_builder.hpp"
+#include "mapping/map_store.hpp"
+
+namespace fiducap {
+
+/// What a body has learned about its cameras.
+struct LearnedBody {
+  std::string name;
+  std::vector<ExtrinsicsEstimate> cameras;
+};
+
+/// Writes the map to its store: every `commit_period_s` when it has changed, and at the end. Only
+/// in `mapping` mode. A store that cannot be written is said once, then tried again each period;
+/// what is stored stays as it was.
+class MapKeeper final {
+ public:
+  using Learned = std::function<std::vector<LearnedBody>()>;
+
+  /// @param learned  called on the keeper's thread before each commit
+  MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
+            Learned learned);
+
+  /// Commits until stopped, and once more then.
+  void run(std::stop_token stop);
+  /// The next round comes now, not at the end of the period. From any thread.
+  void request_commit() { requested_ = true; }
+  /// One round, if the map has changed.
+  void commit();
+
+ private:
+  [[nodiscard]] Expected<void> store_all();
+  [[nodiscard]] Expected<void> store_learned();
+
+  MapStore store_;
+  MapBuilder& map_;
+  Duration period_;
+  const Clock& clock_;
+  Learned learned_;
+  std::atomic<bool> requested_{false};
+  bool failing_{false};
+};
+
+}  // namespace fiducap

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "daemon/config/config_file.hpp"
+#include "estimation/body_filter.hpp"
+#include "mapping/map_store.hpp"
+#include "mapping/tag_map.hpp"
+
+namespace fiducap {
+
+/// What the server knows about the room when it starts.
+struct StartMap {
+  TagMap map;
+  std::optional<MapStore> store;          ///< nullopt: the map is forgotten at the end.
+  std::vector<StoredExtrinsics> learned;  ///< Of earlier sessions.
+};
+
+/// Opens the store and takes its newest map; an empty store (or none) starts from `map.file`, which
+/// is committed then.
+/// @return Error naming the file: damaged, of another tag family, not writable
+[[nodiscard]] Expected<StartMap> open_start_map(const MapSettings& settings,
+                                                const TagSetConfig& tags);
+
+/// Puts what was learned about the body's cameras in place of the configured X_BV, where it does
+/// not contradict the configuration: a camera that has been moved and measured again starts from
+/// the new measurement.
+void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
+                 BodySensors& sensors);
+
+}  // namespace fiducap

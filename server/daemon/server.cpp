@@ -1,0 +1,293 @@
+#include "daemon/server.hpp"
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <csignal>
+#include <exception>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "base/log.hpp"
+#include "daemon/bodies/body_setup.hpp"
+#include "daemon/bodies/body_threads.hpp"
+#include "daemon/control_desk.hpp"
+#include "daemon/frame_mailbox.hpp"
+#include "daemon/map_start.hpp"
+#include "daemon/protocol_servers.hpp"
+#include "daemon/publisher.hpp"
+#include "daemon/session_recorder.hpp"
+#include "daemon/system_clock.hpp"
+#include "daemon/urgency.hpp"
+#include "scene/scene.hpp"
+#include "streaming/stream_hub.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
+constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
+
+}  // namespace
+
+class Server::Impl final {
+ public:
+  Impl(const ServerConfig& config, const ServerOptions& options, const Clock& clock)
+      : config_(config),
+        options_(options),
+        clock_(clock),
+        goodbye_(io_),
+        signals_(io_),
+        bodies_(clock),
+        recorder_(config.recorder) {}
+
+  Expected<void> build();
+  bool run();
+  void stop();
+  [[nodiscard]] ServerPorts ports() const { return ports_; }
+  [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
+
+ private:
+  struct Body {
+    BodySetup setup;
+    std::unique_ptr<SensorSource> source;
+  };
+
+  Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  Expected<std::unique_ptr<SensorSource>> open_ros(const BodyConfig& body, BodySetup& setup);
+  void build_scene(const std::vector<Body>& bodies);
+  void build_workers(std::vector<Body> bodies);
+  Expected<void> build_streaming();
+  Expected<std::shared_ptr<dds::Participant>> join_dds();
+  void start_threads();
+  void serve();
+  bool shut_down();
+
+  ServerConfig config_;
+  ServerOptions options_;
+  const Clock& clock_;
+  Instant simulation_start_{};
+  boost::asio::io_context io_{1};
+  boost::asio::steady_timer goodbye_;
+  boost::asio::signal_set signals_;
+  std::shared_ptr<dds::Participant> participant_;
+  std::optional<MapBuilder> map_;
+  std::optional<Scene> scene_;
+  BodyThreads bodies_;
+  std::optional<MapKeeper> keeper_;
+  SessionRecorder recorder_;
+  std::optional<ControlDesk> desk_;
+  StreamHub hub_;
+  ServerPorts ports_;
+  std::optional<FrameMailbox> mailbox_;
+  std::optional<Publisher> publisher_;
+  std::jthread keeping_;
+  std::jthread recording_;
+  std::jthread publishing_;
+};
+
+Expected<void> Server::Impl::build() {
+  if (config_.bodies.empty())
+    return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
+  auto start = open_start_map(config_.map, config_.tags);
+  if (!start) return tl::unexpected(start.error());
+  auto bodies = open_bodies(*start);
+  if (!bodies) return tl::unexpected(bodies.error());
+  log::info("mapping", "map version " + std::to_string(start->map.version) + " with " +
+                           std::to_string(start->map.tags.size()) + " tags");
+  map_.emplace(config_.map.builder, std::move(start->map));
+  if (start->store) {
+    keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
+                    [this] { return bodies_.learned(); });
+  }
+  build_scene(*bodies);
+  build_workers(std::move(*bodies));
+  std::function<void()> commit;
+  if (keeper_) commit = [this] { keeper_->request_commit(); };
+  desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
+  return build_streaming();
+}
+
+Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartMap& start) {
+  std::vector<Body> bodies;
+  std::optional<Error> first_failure;
+  std::size_t opened = 0;
+  simulation_start_ = clock_.now();
+  for (const auto& config : config_.bodies) {
+    auto setup = read_body_setup(config, config_.simulation);
+    if (!setup)
+      return tl::unexpected(
+          Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
+    if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
+    if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);
+    auto motion = options_.motion ? options_.motion(config.name) : nullptr;
+    auto source = config.source.type == SourceType::kRos
+                      ? open_ros(config, *setup)
+                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_,
+                                    std::move(motion));
+    if (!source && config.source.type == SourceType::kRos) {
+      return tl::unexpected(
+          Error{source.error().code, config.name + ": " + source.error().text(), {}});
+    }
+    if (source && options_.source) *source = options_.source(config.name, std::move(*source));
+    if (source) {
+      ++opened;
+    } else {
+      if (!first_failure)
+        first_failure = Error{source.error().code, config.name + ": " + source.error().text(), {}};
+      source = failed_source(source.error());
+    }
+    bodies.push_back({std::move(*setup), std::move(*source)});
+  }
+  if (opened == 0) return tl::unexpected(*first_failure);
+  return bodies;
+}
+
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body,
+                                                               BodySetup& setup) {
+  auto participant = join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  return open_ros_body(body, setup, *participant, clock_);
+}
+
+void Server::Impl::build_scene(const std::vector<Body>& bodies) {
+  std::vector<SceneBody> described;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const BodyConfig& config = config_.bodies[i];
+    described.push_back({{config.id, config.name},
+                         config.pivot,
+                         config.limits,
+                         bodies[i].setup.sensors,
+                         config_.estimator});
+  }
+  scene_.emplace(described);
+}
+
+void Server::Impl::build_workers(std::vector<Body> bodies) {
+  const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
+  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_,
+                           recorder_,    config_.estimator};
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const BodyConfig& config = config_.bodies[i];
+    BodySensors& sensors = bodies[i].setup.sensors;
+    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag));
+    auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
+    if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
+    bodies_.add(
+        std::make_unique<BodyWorker>(BodyParts{i, config.id, config.name, std::move(sensors),
+                                               std::move(bodies[i].source), std::move(filter)},
+                                     shared));
+  }
+}
+
+Expected<void> Server::Impl::build_streaming() {
+  auto ports = start_protocols(
+      {io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
+  if (!ports) return tl::unexpected(ports.error());
+  ports_ = *ports;
+  mailbox_.emplace(io_,
+                   [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
+  publisher_.emplace(
+      config_.streaming.rate_hz, *scene_, *map_, clock_,
+      [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
+  return {};
+}
+
+/// One participant for ROS sources and ROS topics, made when first needed.
+Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
+  if (participant_) return participant_;
+  auto joined = dds::Participant::open(config_.dds);
+  if (joined) participant_ = *joined;
+  return joined;
+}
+
+void Server::Impl::start_threads() {
+  bodies_.start([this] {
+    log::info("app", "every source has ended");
+    if (options_.exit_at_end) stop();
+  });
+  if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
+  recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
+  publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
+}
+
+bool Server::Impl::run() {
+  if (options_.stop_on_signals) {
+    signals_.add(SIGINT);
+    signals_.add(SIGTERM);
+    signals_.async_wait([this](const boost::system::error_code& failure, int) {
+      if (!failure) stop();
+    });
+  }
+  start_threads();
+  log::info("app", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
+                       (ports_.web == 0 ? ""
+                                        : ", page on http://" + config_.streaming.web.address +
+                                              ":" + std::to_string(ports_.web) + "/"));
+  serve();
+  return shut_down();
+}
+
+void Server::Impl::serve() {
+  if (!run_urgently()) {
+    log::info("app",
+              "no right to real-time scheduling: with all cores busy a frame may wait for a "
+              "millisecond or two "
+              "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
+  }
+  for (;;) {
+    try {
+      io_.run();
+      return;
+    } catch (const std::exception& failure) {
+      log::error("streaming", failure.what());  // of one handler; the others go on
+    }
+  }
+}
+
+void Server::Impl::stop() {
+  boost::asio::post(io_, [this] {
+    mailbox_->close();
+    hub_.stop();
+    boost::system::error_code ignored;
+    signals_.cancel(ignored);
+    goodbye_.expires_after(kGoodbye);
+    goodbye_.async_wait([this](const boost::system::error_code&) { io_.stop(); });
+  });
+}
+
+bool Server::Impl::shut_down() {
+  publishing_.request_stop();
+  const bool all = bodies_.stop(kSourcePatience);
+  publishing_.join();
+  recording_.request_stop();
+  recording_.join();
+  if (keeping_.joinable()) {
+    keeping_.request_stop();
+    keeping_.join();
+  }
+  bodies_.log_statistics();
+  log::info("app", std::to_string(publisher_->frames()) + " frames published, " +
+                       std::to_string(publisher_->missed()) + " ticks missed; stopped");
+  return all;
+}
+
+Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config,
+                                                const ServerOptions& options, const Clock& clock) {
+  auto impl = std::make_unique<Impl>(config, options, clock);
+  if (const auto built = impl->build(); !built) return tl::unexpected(built.error());
+  return std::unique_ptr<Server>(new Server(std::move(impl)));
+}
+
+Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Server::~Server() = default;
+bool Server::run() { return impl_->run(); }
+void Server::stop() { impl_->stop(); }
+ServerPorts Server::ports() const { return impl_->ports(); }
+Instant Server::simulation_start() const { return impl_->simulation_start(); }
+
+}  // namespace fiducap

@@ -1,0 +1,127 @@
+#include "daemon/session_recorder.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <exception>
+#include <utility>
+
+#include "base/log.hpp"
+
+namespace fiducap {
+
+namespace {
+
+bool is_folder_name(const std::string& name) {
+  const auto good = [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.' || c == ' ';
+  };
+  return !name.empty() && name.size() <= 127 && name.front() != '.' &&
+         std::all_of(name.begin(), name.end(), good);
+}
+
+}  // namespace
+
+void SessionRecorder::add_body(const std::string& name, RecordingInfo info) {
+  info.name = name;
+  info.has_images.assign(info.cameras.size(), config_.images);
+  info.has_corners.assign(info.cameras.size(), !config_.images);
+  bodies_.push_back(std::move(info));
+}
+
+Expected<void> SessionRecorder::start(const std::string& name) {
+  if (const auto running = current())
+    return fail(ErrorCode::kUnavailable,
+                "the recording \"" + *running + "\" is under way; stop it first");
+  if (!is_folder_name(name))
+    return fail(ErrorCode::kInvalid,
+                "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
+  auto session = std::make_shared<Session>();
+  session->name = name;
+  const auto folder =
+      std::filesystem::path(config_.folder.empty() ? "recordings" : config_.folder) / name;
+  std::error_code error;
+  if (std::filesystem::exists(folder, error))
+    return fail(ErrorCode::kInvalid, "there is a recording of this name; nothing is overwritten",
+                folder.string());
+  for (RecordingInfo info : bodies_) {
+    info.folder = (folder / info.name).string();
+    auto writer = RecordingWriter::create(info);
+    if (!writer) return tl::unexpected(writer.error());
+    session->writers.push_back(std::move(*writer));
+  }
+  const std::lock_guard lock(mutex_);
+  session_ = std::move(session);
+  recording_ = true;
+  log::info("recorder", "recording to " + folder.string());
+  return {};
+}
+
+Expected<void> SessionRecorder::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!session_) return fail(ErrorCode::kUnavailable, "no recording is under way");
+    recording_ = false;
+    waiting_.push_back({std::exchange(session_, nullptr), 0, std::nullopt});
+  }
+  filled_.notify_one();
+  return {};
+}
+
+std::optional<std::string> SessionRecorder::current() const {
+  const std::lock_guard lock(mutex_);
+  return session_ ? std::optional(session_->name) : std::nullopt;
+}
+
+void SessionRecorder::take(std::size_t body, const SensorSample& sample) {
+  if (!recording_) return;
+  if (std::holds_alternative<CameraFrame>(sample) && !config_.images) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!session_) return;
+    if (waiting_.size() >= kMaxWaiting) {
+      ++session_->dropped;
+      return;
+    }
+    waiting_.push_back({session_, body, sample});
+  }
+  filled_.notify_one();
+}
+
+void SessionRecorder::run(std::stop_token stop) {
+  std::vector<Item> writing;
+  for (bool last = false; !last;) {
+    {
+      std::unique_lock lock(mutex_);
+      filled_.wait(lock, stop, [this] { return !waiting_.empty(); });
+      last = stop.stop_requested();
+      if (last && session_) waiting_.push_back({std::exchange(session_, nullptr), 0, std::nullopt});
+      writing.swap(waiting_);
+    }
+    for (Item& item : writing) write(item);
+    writing.clear();
+  }
+}
+
+void SessionRecorder::write(Item& item) {
+  Session& session = *item.session;
+  Expected<void> done;
+  try {
+    if (item.sample) {
+      if (!session.failed) done = session.writers.at(item.body).write(*item.sample);
+    } else {
+      for (auto& writer : session.writers)
+        if (auto finished = writer.finish(); !finished) done = finished;
+      log::info("recorder", "recording \"" + session.name + "\" ended, " +
+                                std::to_string(session.dropped) +
+                                " samples dropped because the disk was slow");
+    }
+  } catch (const std::exception& failure) {
+    done = fail(ErrorCode::kUnavailable, failure.what());
+  }
+  if (done || session.failed) return;
+  session.failed = true;
+  log::error("recorder", "recording \"" + session.name +
+                             "\" cannot be written any more: " + done.error().text());
+}
+
+}  // namespace fiducap

@@ -1,0 +1,18 @@
+#include "daemon/urgency.hpp"
+
+#include <sched.h>
+
+namespace fiducap {
+
+namespace {
+constexpr int kPriority =
+    10;  // any above none will do; lower than the kernel's own interrupt threads (50)
+}  // namespace
+
+bool run_urgently() {
+  sched_param wanted{};
+  wanted.sched_priority = kPriority;
+  return sched_setscheduler(0, SCHED_RR | SCHED_RESET_ON_FORK, &wanted) == 0;
+}
+
+}  // namespace fiducap

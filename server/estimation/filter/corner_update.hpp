@@ -1,0 +1,80 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "capture/lens/camera_model.hpp"
+#include "estimation/body_estimate.hpp"
+#include "estimation/filter/corner_noise.hpp"
+#include "estimation/filter/stacked_update.hpp"
+
+namespace fiducap {
+
+/// The update of RCARS II-D4 with all tags of one image at once, iterated if asked for. Keeps its
+/// memory between images.
+///
+/// @tparam State  a filter's mean and covariance: `P()`, `add_error`, `error_to`, `copy_mean`,
+/// `held_tags()`, and next to it
+///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const
+///                TagToUse>, const CornerNoise&, ImageMeasurement&)` and `void
+///                carry_covariance(State&, correction, int camera)`
+template <class State>
+class CornerUpdate final {
+ public:
+  struct Options {
+    double gate{};  ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
+    int iterations{
+        1};  ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
+    /// Where the first linearisation is done, when somebody knows better than the prior mean;
+    /// nullptr: at the prior.
+    const State* start{nullptr};
+  };
+
+  /// @param noise     of this camera's corners; learns from every tag
+  /// @param accepted  out: per entry of `tags`, whether it was used
+  UpdateReport apply(State& state, int camera, const CameraModel& model,
+                     std::span<const TagToUse> tags, const Options& options, CornerNoise& noise,
+                     std::vector<bool>& accepted) {
+    UpdateReport report;
+    const bool moves = options.iterations > 1 || options.start != nullptr;
+    if (moves) prior_.copy_mean(state);
+    if (options.start != nullptr) state.copy_mean(*options.start);
+    measure_image(state, camera, model, tags, noise, image_);
+    if (moves) image_.take_off(state.error_to(prior_));
+    update_.prepare(state.P(), image_);
+    update_.gate(state.P(), image_, options.gate, accepted);
+    for (const auto& tag : update_.judged()) noise.learn(tag.distance, tag.noise_share);
+    report.tags_used = static_cast<int>(update_.used().size());
+    report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
+    if (update_.empty()) {
+      if (moves) state.copy_mean(prior_);
+      return report;
+    }
+    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+      if (iteration > 0) {
+        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present
+        // point.
+        measure_image(state, camera, model, tags, noise, image_);
+        image_.take_off(state.error_to(prior_));
+        update_.prepare(state.P(), image_);
+      }
+      const double nis = update_.solve(state.P(), image_, state.held_tags());
+      if (iteration == 0) report.nis = nis;
+      if (moves) state.copy_mean(prior_);
+      state.add_error(update_.correction());
+    }
+    update_.shrink(state.P(), state.held_tags());
+    carry_covariance(state, update_.correction(), camera);
+    report.nis_dof = update_.degrees_of_freedom();
+    measure_image(state, camera, model, tags, noise, image_);
+    report.reprojection_px = update_.rms_px(image_);
+    return report;
+  }
+
+ private:
+  State prior_;  ///< mean only
+  ImageMeasurement image_;
+  StackedUpdate update_;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,98 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "estimation/filter/tag_measurement.hpp"
+
+namespace fiducap {
+
+/// The Kalman update with all tags of one image at once, in whatever coordinates the filter has.
+/// Keeps its memory between images.
+///
+/// A tag's eight numbers that are seen through one pose alone (TagMeasurement::relative) are turned
+/// by an orthogonal matrix so that six of them carry all that the pose shows; the other two hold
+/// nothing but noise, count for distances, and are not stacked. The covariance of the shared pose
+/// with the state is computed once per image.
+///
+/// `P` is the live covariance of the state, n × n and symmetric. Order of use: prepare and gate,
+/// then solve, with prepare again before each further solve, then shrink.
+class StackedUpdate final {
+ public:
+  using Covariance = Eigen::Ref<Eigen::MatrixXd>;
+  using ConstCovariance = Eigen::Ref<const Eigen::MatrixXd>;
+
+  /// Takes over where the image is linearised.
+  void prepare(ConstCovariance P, const ImageMeasurement& image);
+
+  /// Takes in the measurements whose Mahalanobis distance on the *joint* covariance is below
+  /// `limit` (chi-square of 8), so that a tag seen again after drift counts as the loop closure it
+  /// is.
+  /// @param accepted  out: per measurement, whether it was taken in
+  void gate(ConstCovariance P, const ImageMeasurement& image, double limit,
+            std::vector<bool>& accepted);
+
+  /// What gate() saw of one measurement.
+  struct Judged {
+    double distance{};     ///< yᵀ S⁻¹ y; NaN when it lies behind the camera
+    double noise_share{};  ///< trace R / trace S
+  };
+  [[nodiscard]] std::span<const Judged> judged() const { return judged_; }
+
+  [[nodiscard]] bool empty() const { return used_.empty(); }
+  [[nodiscard]] std::span<const std::size_t> used() const { return used_; }
+  /// Of what solve() answers.
+  [[nodiscard]] int degrees_of_freedom() const { return 8 * static_cast<int>(used_.size()); }
+
+  /// @param held  first columns of six-wide blocks that must not learn (Schmidt's consider states)
+  /// @return normalised innovation squared yᵀ S⁻¹ y; the correction stands in correction()
+  double solve(ConstCovariance P, const ImageMeasurement& image, std::span<const int> held);
+  [[nodiscard]] Eigen::Ref<const Eigen::VectorXd> correction() const { return dx_.head(n_); }
+
+  /// P ← P − K S Kᵀ of the last solve(): symmetric by construction. What held blocks know of each
+  /// other stays; their correlation with the rest follows, so that their uncertainty is neither
+  /// forgotten nor counted twice.
+  void shrink(Covariance P, std::span<const int> held);
+
+  /// RMS over the corners of the used tags, raw pixels.
+  [[nodiscard]] double rms_px(const ImageMeasurement& image) const;
+
+ private:
+  /// A relative measurement after turning.
+  struct Turned {
+    Matrix6d H;  ///< upper triangular
+    Vector6d y;
+    double rest_square{};  ///< of the two numbers that hold nothing but noise, in variances of it
+  };
+
+  void reserve(Eigen::Index rows);
+  void stack(ConstCovariance P, const ImageMeasurement& image);
+  void stack_gain(ConstCovariance P, const TagMeasurement& m, const Turned& turned,
+                  Eigen::Index at);
+  void stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen::Index at);
+  void stack_scatter(const TagMeasurement& m, const Turned& turned, Eigen::Index at);
+  void stack_scatter(const TagMeasurement& m, Eigen::Index at);
+  [[nodiscard]] Judged judge(ConstCovariance P, const TagMeasurement& m,
+                             const Turned& turned) const;
+  [[nodiscard]] Judged judge(ConstCovariance P, const TagMeasurement& m) const;
+
+  Eigen::Index n_{0};
+  Eigen::Index rows_{0};  ///< of the stack
+  std::vector<std::size_t> used_;
+  std::vector<Judged> judged_;  ///< per measurement of the last gate()
+  std::vector<Turned>
+      turned_;  ///< per measurement of the last prepare(); of those that are relative
+  Eigen::Matrix<double, Eigen::Dynamic, 6>
+      shared_;           ///< covariance of the state with the shared pose, n × 6
+  Matrix6d shared_own_;  ///< covariance of the shared pose itself
+  Eigen::MatrixXd PHt_;  ///< n × rows; after solve() the square-root gain K S^{1/2}
+  Eigen::Matrix<double, 6, Eigen::Dynamic> shared_PHt_;  ///< the same of the shared pose, 6 × rows
+  Eigen::MatrixXd S_;                                    ///< its lower triangle
+  Eigen::VectorXd y_;
+  Eigen::VectorXd dx_;
+  std::vector<unsigned char> held_mask_;
+};
+
+}  // namespace fiducap

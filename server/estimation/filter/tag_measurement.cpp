@@ -1,0 +1,20 @@
+#include "estimation/filter/tag_measurement.hpp"
+
+namespace fiducap {
+
+void ImageMeasurement::take_off(const Eigen::VectorXd& error) {
+  Vector6d of_shared = Vector6d::Zero();
+  for (std::size_t k = 0; k < shared.term_count; ++k)
+    of_shared += shared.terms[k].J * error.segment<3>(shared.terms[k].at);
+  for (TagMeasurement& m : tags) {
+    if (m.relative) {
+      m.y += m.H * of_shared;
+      if (m.own != TagMeasurement::kGiven) m.y -= m.H * error.segment<6>(m.own);
+    } else {
+      for (std::size_t b = 0; b < m.block_count; ++b)
+        m.y -= m.blocks[b].H * error.segment<3>(m.blocks[b].at);
+    }
+  }
+}
+
+}  // namespace fiducap

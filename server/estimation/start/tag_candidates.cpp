@@ -1,0 +1,151 @@
+#include "estimation/start/tag_candidates.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/so3.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr int kFitSteps = 5;
+// Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
+constexpr double kSameBranch_rad = 0.05;
+// A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
+// still.
+constexpr double kHopelessCostPerNumber = 25.0;
+// Without attitude: after so many views a branch that costs this many times the other is out.
+constexpr int kRatioViews = 3;
+constexpr double kClearRatio = 9.0;
+
+/// The other attitude that gives nearly the same picture: the face's normal mirrored at the line of
+/// sight. Exact for a tag that is far away compared with its size.
+Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3d& p_VT) {
+  const Eigen::Vector3d normal = q_VT * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d towards = -p_VT.normalized();
+  const Eigen::Vector3d axis = normal.cross(towards);
+  const double sine = axis.norm();
+  if (sine < 1e-9) return q_VT;
+  return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
+}
+
+}  // namespace
+
+void TagCandidates::forget(int tag_id) {
+  std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
+}
+
+std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen,
+                                               const CameraModel& model, double noise_px,
+                                               const std::optional<CameraAttitude>& attitude,
+                                               const Patience& patience) {
+  const auto poses = solve_tag_pose(seen, model);
+  if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
+  Candidate& candidate = candidates_[{seen.tag_id, camera}];
+  ++candidate.seen_times;
+  const bool forced = patience.forced_after > 0 && candidate.seen_times >= patience.forced_after;
+  const double noise = std::max(noise_px, config_.corner_noise_px);
+  const double weight = 1.0 / (noise * noise);
+  const auto decided =
+      attitude ? judge_turning(candidate, seen, model, weight, poses, attitude->q_WV, forced)
+               : judge_alone(candidate, weight, poses, forced);
+  if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
+  forget(seen.tag_id);
+  return decided;
+}
+
+std::optional<TagVerdict> TagCandidates::judge_turning(
+    Candidate& candidate, const TagObservation& seen, const CameraModel& model, double weight,
+    const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV, bool forced) {
+  auto& views = candidate.views;
+  if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
+  views.push_back({seen, weight, q_WV, poses[0].X_VT.p});
+  Branch best = fit(views, model, q_WV * poses[0].X_VT.q, true);
+  const auto mirror = [&] {
+    return q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p);
+  };
+  Branch rival = fit(views, model, mirror(), true);
+  if (rival.cost < best.cost) std::swap(best, rival);
+  // Seen almost from the front both branches share one valley, which is flat: then the mirrored
+  // attitude itself is the rival, and must be as improbable as another valley's floor.
+  if (angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad)
+    rival = fit(views, model, mirror(), false);
+
+  const double numbers = 8.0 * static_cast<double>(views.size());
+  if (best.cost > kHopelessCostPerNumber * numbers) {
+    candidate = Candidate{};
+    return std::nullopt;
+  }
+  const bool one_branch = angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad;
+  if (!one_branch && !forced && rival.cost - best.cost < config_.branch_evidence)
+    return std::nullopt;
+  // The newest image alone fixes the pose; the views only said which of its two valleys is the
+  // right one.
+  const Eigen::Quaterniond q_VT = q_WV.conjugate() * best.q_WT;
+  const bool first = angle_between(poses[0].X_VT.q, q_VT) <= angle_between(poses[1].X_VT.q, q_VT);
+  return TagVerdict{poses[first ? 0 : 1].X_VT, best.q_WT};
+}
+
+TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraModel& model,
+                                         Eigen::Quaterniond q_WT, bool turns) const {
+  double cost = 0;
+  for (int step = 0; step < kFitSteps; ++step) {
+    // Normal equations of the shared attitude, each view's own position eliminated (Schur
+    // complement).
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    cost = 0;
+    for (View& view : views) {
+      const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
+      const CornerResidual r = corner_residual(view.seen, X_VT, model);
+      if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
+      const auto H_p = r.H.leftCols<3>();
+      const Eigen::Matrix<double, 8, 3> H_q =
+          r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
+      const Eigen::LDLT<Eigen::Matrix3d> pp((H_p.transpose() * H_p).eval());
+      const Eigen::Matrix3d pq = H_p.transpose() * H_q;
+      const Eigen::Vector3d own = pp.solve(H_p.transpose() * r.y);
+      A += view.weight * (H_q.transpose() * H_q - pq.transpose() * pp.solve(pq));
+      b += view.weight * (H_q.transpose() * r.y - pq.transpose() * own);
+      cost += view.weight * (r.y - H_p * own).squaredNorm();
+      view.p_VT += own;
+    }
+    if (!turns) continue;
+    A.diagonal().array() += 1e-9 * A.trace() + 1e-12;
+    Eigen::Vector3d d = A.ldlt().solve(b);
+    const double size = d.norm();
+    if (size > 0.3) d *= 0.3 / size;  // stay in the valley
+    q_WT = (exp_so3(d) * q_WT).normalized();
+  }
+  return {q_WT, cost};
+}
+
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, double weight,
+                                                     const std::array<TagPose, 2>& poses,
+                                                     bool forced) {
+  // Follow the branch that turned least since the last view; the first view follows its better one.
+  bool follows_better = true;
+  if (candidate.seen_times > 1) {
+    follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
+                     angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
+  }
+  const TagPose& followed = poses[follows_better ? 0 : 1];
+  const TagPose& rival = poses[follows_better ? 1 : 0];
+  candidate.followed_q_VT = followed.X_VT.q;
+  candidate.followed_cost +=
+      4 * weight * followed.rms_px * followed.rms_px;  // rms over four corners
+  candidate.rival_cost += 4 * weight * rival.rms_px * rival.rms_px;
+  const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
+  const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
+  // Corners may be much sharper than configured: then the ratio of the costs speaks before their
+  // difference does.
+  const bool clear_ratio = candidate.seen_times >= kRatioViews && large > kClearRatio * small;
+  if (!forced && !clear_ratio && !(evidence >= config_.branch_evidence)) return std::nullopt;
+  return TagVerdict{candidate.followed_cost <= candidate.rival_cost ? followed.X_VT : rival.X_VT,
+                    std::nullopt};
+}
+
+}  // namespace fiducap

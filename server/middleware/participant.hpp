@@ -1,0 +1,171 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "base/time.hpp"
+#include "middleware/network.hpp"
+
+struct dds_topic_descriptor;
+
+/// Cyclone DDS, as far as fiducap uses it. Its header is seen by participant.cpp and by those who
+/// fill its structs.
+namespace fiducap::dds {
+
+/// One entity of the middleware; deletes it, and what hangs on it, at the end.
+class Entity final {
+ public:
+  Entity() = default;
+  explicit Entity(std::int32_t handle) : handle_(handle) {}
+  Entity(Entity&& other) noexcept : handle_(std::exchange(other.handle_, 0)) {}
+  Entity& operator=(Entity&& other) noexcept {
+    std::swap(handle_, other.handle_);
+    return *this;
+  }
+  Entity(const Entity&) = delete;
+  Entity& operator=(const Entity&) = delete;
+  ~Entity();
+
+  [[nodiscard]] std::int32_t handle() const { return handle_; }
+  [[nodiscard]] explicit operator bool() const { return handle_ > 0; }
+
+ private:
+  std::int32_t handle_{0};
+};
+
+/// What a topic is: its name on the wire and its type.
+struct TopicName {
+  std::string name;                    ///< As on the wire: `rt/tf`.
+  const dds_topic_descriptor* type{};  ///< Made by idlc.
+  std::string type_hash{};  ///< `RIHS01_…`, for ROS 2 from Iron on; empty: not a type of ROS.
+};
+
+struct Qos {
+  bool reliable{true};
+  bool for_late_joiners{false};  ///< Transient local: who comes later gets the newest.
+  int depth{1};                  ///< Of the newest messages per instance, so many are kept.
+  double deadline_s{0};          ///< Offered or asked for; 0: none.
+};
+
+/// A process's membership in one domain. Thread-safe.
+class Participant final {
+ public:
+  /// @return Error naming the interface when there is no such one, or when this process is in the
+  /// domain already.
+  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config);
+
+  [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
+  [[nodiscard]] int domain() const { return domain_; }
+
+ private:
+  Participant(Entity domain_entity, Entity participant, int domain)
+      : domain_entity_(std::move(domain_entity)),
+        participant_(std::move(participant)),
+        domain_(domain) {}
+
+  Entity domain_entity_;  // goes last
+  Entity participant_;
+  int domain_;
+};
+
+/// Writes one topic. Not thread-safe; readers are counted by the middleware's own threads.
+class Writer final {
+ public:
+  [[nodiscard]] static Expected<Writer> make(const Participant& in, const TopicName& topic,
+                                             const Qos& qos);
+
+  [[nodiscard]] bool has_readers() const;
+  /// Of each reader the participant it belongs to, as hexadecimal digits. For display: allocates.
+  [[nodiscard]] std::vector<std::string> reading_participants() const;
+  /// Never waits. @param sample  a struct of the topic's type; copied.
+  /// @return false when the middleware does not take it: a reader that must not lose anything is
+  /// too slow
+  bool write(const void* sample);
+  /// Several samples share a packet until `flush`; without it they stay in the machine.
+  void flush();
+  /// The instance of this key is no more.
+  void dispose(const void* sample);
+
+  [[nodiscard]] std::int32_t handle() const { return writer_.handle(); }
+  [[nodiscard]] const std::string& topic() const { return name_; }
+  [[nodiscard]] std::uint64_t written() const { return written_; }
+  [[nodiscard]] std::uint64_t refused() const { return refused_; }
+
+ private:
+  Writer() = default;
+
+  Entity topic_;
+  Entity writer_;
+  std::string name_;
+  std::uint64_t written_{0};
+  std::uint64_t refused_{0};
+};
+
+/// Reads one topic. Owned by one thread.
+class Reader final {
+ public:
+  [[nodiscard]] static Expected<Reader> make(const Participant& in, const TopicName& topic,
+                                             const Qos& qos);
+  [[nodiscard]] std::int32_t handle() const { return reader_.handle(); }
+
+  /// One message on loan from the middleware.
+  class Loan final {
+   public:
+    Loan() = default;
+    Loan(std::int32_t reader, void* sample) : reader_(reader), sample_(sample) {}
+    Loan(Loan&& other) noexcept
+        : reader_(other.reader_), sample_(std::exchange(other.sample_, nullptr)) {}
+    Loan& operator=(Loan&& other) noexcept {
+      std::swap(reader_, other.reader_);
+      std::swap(sample_, other.sample_);
+      return *this;
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    ~Loan();
+    [[nodiscard]] explicit operator bool() const { return sample_ != nullptr; }
+    template <typename T>
+    [[nodiscard]] const T& as() const {
+      return *static_cast<const T*>(sample_);
+    }
+
+   private:
+    std::int32_t reader_{0};
+    void* sample_{nullptr};
+  };
+
+  /// @return the oldest message not taken yet; empty when there is none.
+  [[nodiscard]] Loan take();
+
+ private:
+  Reader() = default;
+
+  Entity topic_;
+  Entity reader_;
+};
+
+/// Waits for messages of several readers.
+class WaitSet final {
+ public:
+  [[nodiscard]] static Expected<WaitSet> make(const Participant& in);
+  /// @param reader  outlives the wait set
+  [[nodiscard]] Expected<void> add(const Reader& reader);
+  /// @return true when a message is there before `patience` is over
+  [[nodiscard]] bool wait(Duration patience);
+
+ private:
+  WaitSet() = default;
+
+  Entity set_;
+  std::vector<Entity> conditions_;
+};
+
+/// What the middleware means by a negative answer.
+[[nodiscard]] std::string error_text(std::int32_t code);
+
+}  // namespace fiducap::dds

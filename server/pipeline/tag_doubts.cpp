@@ -1,0 +1,59 @@
+#include "pipeline/tag_doubts.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace fiducap {
+
+namespace {
+constexpr std::size_t kMostSaid = 20;
+constexpr double kPercent = 100;
+}  // namespace
+
+std::string size_text(const SizeFinding& finding) {
+  if (!finding.tag_id) {
+    return fmt::format(
+        "all tags look {:.2f} (± {:.2f}) times their configured size: is tags.size_m the edge of "
+        "the black square?",
+        finding.ratio, finding.sigma);
+  }
+  return fmt::format(
+      "tag {} looks {:.0f} % {} than its configured {:.3f} m ({:.3f} ± {:.3f} m): measure it, or "
+      "set tags.sizes_m",
+      *finding.tag_id, kPercent * std::abs(finding.ratio - 1),
+      finding.ratio > 1 ? "larger" : "smaller", finding.edge_m, finding.ratio * finding.edge_m,
+      finding.sigma * finding.edge_m);
+}
+
+std::string rejection_text(double share, bool has_imu) {
+  return fmt::format(
+      "{:.0f} % of the tags seen within ten seconds contradicted the rest. Look at, in this order: "
+      "printed sizes (tags.size_m, "
+      "tags.sizes_m); the camera's calibration (lens, resolution){}; tags that move, or are there "
+      "twice",
+      kPercent * share, has_imu ? "; where the camera sits on the IMU; the clocks" : "");
+}
+
+std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& report,
+                           const std::optional<BodyEstimate>& estimate,
+                           std::span<const TagBelief> own, std::span<const KnownTag> known) {
+  std::string text;
+  if (const auto share = rejections_.add(report)) text = rejection_text(*share, has_imu_);
+  if (estimate) {
+    sizes_.add({seen, *estimate, report, own, known});
+    if (const auto finding = sizes_.take_news())
+      text += (text.empty() ? "" : "; ") + size_text(*finding);
+  }
+  if (text.empty()) return text;
+  const std::lock_guard lock(mutex_);
+  if (said_.size() < kMostSaid) said_.push_back(text);
+  return text;
+}
+
+std::vector<std::string> TagDoubts::said() const {
+  const std::lock_guard lock(mutex_);
+  return said_;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "estimation/checks/rejection_watch.hpp"
+#include "estimation/checks/size_check.hpp"
+
+namespace fiducap {
+
+/// Example: `tag 7 looks 12 % larger than its configured 0.100 m (0.112 ± 0.002 m): measure it, or
+/// set tags.sizes_m`.
+[[nodiscard]] std::string size_text(const SizeFinding& finding);
+/// @param share  of the sightings that was rejected
+[[nodiscard]] std::string rejection_text(double share, bool has_imu);
+
+/// What a person should look at when tags do not fit together, in words. Nothing is corrected.
+class TagDoubts final {
+ public:
+  TagDoubts(const BodySensors& sensors, const EstimatorConfig& config)
+      : sizes_(sensors, config.corner_noise_px), has_imu_(sensors.imu.has_value()) {}
+
+  void add(const ImuSample& imu) { sizes_.add(imu); }
+  /// @param estimate  nullopt: the filter does not run
+  /// @return what is new, as one line; empty most of the time
+  [[nodiscard]] std::string add(const TagObservations& seen, const UpdateReport& report,
+                                const std::optional<BodyEstimate>& estimate,
+                                std::span<const TagBelief> own, std::span<const KnownTag> known);
+  /// All that was said, oldest first. From any thread.
+  [[nodiscard]] std::vector<std::string> said() const;
+
+ private:
+  SizeCheck sizes_;
+  RejectionWatch rejections_;
+  bool has_imu_;
+  mutable std::mutex mutex_;
+  std::vector<std::string> said_;
+};
+
+}  // namespace fiducap

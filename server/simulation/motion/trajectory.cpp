@@ -1,0 +1,84 @@
+#include <algorithm>
+#include <cmath>
+
+#include "simulation/motion/motion_plan.hpp"
+#include "simulation/motion/pose_file.hpp"
+#include "simulation/motion/pose_spline.hpp"
+#include "simulation/motion/time_warp.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap::simulation {
+
+namespace {
+
+/// A spline of body poses, run through from rest.
+class SplineTrajectory final : public Trajectory {
+ public:
+  SplineTrajectory(PoseSpline spline, double speed)
+      : spline_(std::move(spline)),
+        warp_(spline_.closed() ? std::nullopt : std::optional(spline_.length())),
+        speed_(speed) {}
+
+  [[nodiscard]] Point at(double t_s) const override {
+    const TimeWarp::Point along = warp_.at(t_s * speed_);
+    const double first = along.first * speed_;
+    const double second = along.second * speed_ * speed_;
+    const PoseSpline::Point p = spline_.at(along.s);
+    return {p.X, p.velocity * first, p.acceleration * (first * first) + p.velocity * second,
+            p.rate * first};
+  }
+
+ private:
+  PoseSpline spline_;
+  TimeWarp warp_;
+  double speed_;
+};
+
+/// Stretches or squeezes the time of the motion so that it just reaches the first of its limits.
+void meet_limits(PoseSpline& spline, const MotionPlan& plan, const Pose& X_BV) {
+  if (plan.speed_m_s <= 0) return;
+  double share = 0;
+  const double step = 0.2 * spline.spacing();
+  for (double s = 0; s < spline.length(); s += step) {
+    const PoseSpline::Point p = spline.at(s);
+    const Eigen::Vector3d camera_velocity = p.velocity + p.X.q * p.rate.cross(X_BV.p);
+    share =
+        std::max({share, camera_velocity.norm() / plan.speed_m_s, p.rate.norm() / plan.rate_rad_s,
+                  std::sqrt(p.acceleration.norm() / plan.acceleration_m_s2)});
+  }
+  if (share > 0) spline.set_spacing(spline.spacing() * share);
+}
+
+}  // namespace
+
+Pose forward_camera() {
+  // Columns: camera x (right), y (down), z (ahead) in body axes x ahead, y left, z up.
+  Eigen::Matrix3d R_BV;
+  R_BV << 0, 0, 1,  //
+      -1, 0, 0,     //
+      0, -1, 0;
+  return {Eigen::Quaterniond(R_BV), Eigen::Vector3d::Zero()};
+}
+
+Expected<std::unique_ptr<Trajectory>> make_trajectory(const TrajectoryConfig& config,
+                                                      const RoomConfig& room, const Pose& X_BV) {
+  if (config.kind == "file") {
+    auto poses = read_pose_file(config.file);
+    if (!poses) return tl::unexpected(poses.error());
+    return std::make_unique<SplineTrajectory>(fit_spline(*poses), config.speed);
+  }
+  if (tags_of(room).empty())
+    return fail(ErrorCode::kInvalid, "expected a room with at least one tag", "trajectory");
+  const auto plan = plan_motion(config, room);
+  if (!plan)
+    return fail(ErrorCode::kUnsupported, "no such kind of trajectory: " + config.kind,
+                "trajectory");
+  const Pose X_VB = X_BV.inverse();
+  std::vector<Pose> X_WB;
+  for (const Pose& X_WV : plan->X_WV) X_WB.push_back(X_WV * X_VB);
+  PoseSpline spline(X_WB, plan->spacing_s, true);
+  meet_limits(spline, *plan, X_BV);
+  return std::make_unique<SplineTrajectory>(std::move(spline), config.speed);
+}
+
+}  // namespace fiducap::simulation

@@ -1,0 +1,181 @@
+#include "tools/calibrate/calibrate_imu_command.hpp"
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <locale>
+#include <sstream>
+
+#include <nlohmann/json.hpp>
+
+#include "capture/recording/recording_layout.hpp"
+#include "capture/recording/recording_streams.hpp"
+#include "tools/calibrate/svg_chart.hpp"
+#include "tools/whole_file.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr std::array<const char*, kImuAxes> kNames{"gyro x",  "gyro y",  "gyro z",
+                                                   "accel x", "accel y", "accel z"};
+constexpr std::array<const char*, 3> kColors{"#c0392b", "#1e8449", "#2255a4"};
+
+std::string scientific(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.3e", value);
+  return text.data();
+}
+
+/// Only imu0/data.csv is needed: no camera, no calibration.
+Expected<std::vector<ImuSample>> read_imu(const std::string& folder, const Terminal& terminal) {
+  const auto layout = RecordingLayout::find(folder);
+  if (!layout) return tl::unexpected(layout.error());
+  auto stream = ImuStream::open(*layout, RecordingInfo{});
+  if (!stream) return tl::unexpected(stream.error());
+  std::vector<ImuSample> samples;
+  ProgressLine line(terminal);
+  while (const auto sample = stream->next()) {
+    samples.push_back(std::get<ImuSample>(*sample));
+    if (samples.size() % 10000 == 0)
+      line.show("reading " + folder + ": " + std::to_string(samples.size()) + " samples");
+  }
+  stream->log_damage();
+  return samples;
+}
+
+LogLogChart chart(const StaticImuNoise& result, std::size_t first, const std::string& title,
+                  const std::string& unit) {
+  LogLogChart chart{title, "averaging time τ, s", "Allan deviation, " + unit, {}};
+  for (std::size_t axis = first; axis < first + 3; ++axis) {
+    ChartSeries measured{kNames[axis], kColors[axis - first], false, {}};
+    ChartSeries fitted{std::string(kNames[axis]) + ": fit", kColors[axis - first], true, {}};
+    for (const AllanPoint& p : result.plot[axis]) {
+      measured.points.emplace_back(p.tau_s, p.deviation);
+      fitted.points.emplace_back(p.tau_s, result.axes[axis].deviation(p.tau_s));
+    }
+    chart.series.push_back(std::move(measured));
+    chart.series.push_back(std::move(fitted));
+  }
+  return chart;
+}
+
+/// The two straight lines that are read: slope −1/2 through (1 s, N), slope +1/2 through (3 s, K).
+void add_lines(LogLogChart& chart, const std::vector<AllanPoint>& plot, double white, double walk,
+               bool walk_seen) {
+  ChartSeries down{"slope −1/2, read at 1 s", "#777", true, {}};
+  ChartSeries up{
+      walk_seen ? "slope +1/2, read at 3 s" : "slope +1/2, upper bound", "#b8860b", true, {}};
+  for (const AllanPoint& p : plot) {
+    down.points.emplace_back(p.tau_s, white / std::sqrt(p.tau_s));
+    const double rise = walk * std::sqrt(p.tau_s / 3);
+    if (rise > plot.back().deviation / 10) up.points.emplace_back(p.tau_s, rise);
+  }
+  chart.series.push_back(std::move(down));
+  chart.series.push_back(std::move(up));
+}
+
+std::string allan_svg(const StaticImuNoise& result) {
+  LogLogChart gyro = chart(result, 0, "Gyroscope", "rad/s");
+  LogLogChart accel = chart(result, 3, "Accelerometer", "m/s²");
+  add_lines(gyro, result.plot[0], result.noise.gyro_noise_rad_s_rtHz,
+            result.noise.gyro_walk_rad_s2_rtHz, result.gyro_walk_seen);
+  add_lines(accel, result.plot[3], result.noise.accel_noise_m_s2_rtHz,
+            result.noise.accel_walk_m_s3_rtHz, result.accel_walk_seen);
+  return to_svg({gyro, accel});
+}
+
+std::string json_report(const StaticImuNoise& r) {
+  nlohmann::ordered_json axes = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < kImuAxes; ++i) {
+    const AxisNoise& a = r.axes[i];
+    axes.push_back({{"axis", kNames[i]},
+                    {"noise_density", a.white},
+                    {"noise_density_sigma", a.white_sigma},
+                    {"flicker", a.flicker},
+                    {"random_walk", a.walk},
+                    {"random_walk_sigma", a.walk_sigma},
+                    {"random_walk_seen", a.walk_seen},
+                    {"random_walk_bound", a.walk_bound}});
+  }
+  const nlohmann::ordered_json report{
+      {"seconds", r.seconds},
+      {"rate_hz", r.rate_hz},
+      {"samples", r.samples},
+      {"lost", r.lost},
+      {"axes", axes},
+      {"gyroscope_noise_density", r.noise.gyro_noise_rad_s_rtHz},
+      {"gyroscope_random_walk", r.noise.gyro_walk_rad_s2_rtHz},
+      {"gyroscope_random_walk_is_bound", !r.gyro_walk_seen},
+      {"accelerometer_noise_density", r.noise.accel_noise_m_s2_rtHz},
+      {"accelerometer_random_walk", r.noise.accel_walk_m_s3_rtHz},
+      {"accelerometer_random_walk_is_bound", !r.accel_walk_seen}};
+  return report.dump(2) + "\n";
+}
+
+std::string too_short(const char* sensor, const AxisNoise& axis, const StaticImuNoise& r) {
+  const double needed = std::max(axis.seconds_to_see(axis.walk_bound), 2 * r.seconds);
+  return std::string("  ") + sensor + ": no bias walk to be seen in " + fixed(r.seconds / 60, 1) +
+         " min, the file has its upper bound (safe, a little pessimistic). To measure it record " +
+         fixed(needed / 60, 0) + " min or more.\n";
+}
+
+void print_table(const StaticImuNoise& r, const std::string& folder, const Terminal& terminal) {
+  terminal.out
+      << fixed(r.seconds / 60, 1) << " min at " << fixed(r.rate_hz, 2) << " Hz, " << r.lost
+      << " samples lost\n"
+      << "           white noise (unit/√Hz)    bias walk (unit/s/√Hz)     unit: rad/s, m/s²\n";
+  for (std::size_t i = 0; i < kImuAxes; ++i) {
+    const AxisNoise& a = r.axes[i];
+    terminal.out << "  " << kNames[i] << (i < 3 ? " " : "") << "  " << scientific(a.white) << " ± "
+                 << scientific(a.white_sigma) << "   "
+                 << (a.walk_seen ? scientific(a.walk) + " ± " + scientific(a.walk_sigma)
+                                 : "not seen, < " + scientific(a.walk_bound))
+                 << "\n";
+  }
+  if (!r.gyro_walk_seen) terminal.out << too_short("gyro", r.axes[0], r);
+  if (!r.accel_walk_seen) terminal.out << too_short("accelerometer", r.axes[3], r);
+  const std::filesystem::path to(folder);
+  terminal.out << "written: " << (to / "imu.yaml").string() << " (bodies: kalibr_imu), "
+               << (to / "allan.svg").string() << "\n";
+}
+
+}  // namespace
+
+std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& heading) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(6);
+  const char* bound = "  # upper bound (95 %): the recording shows no walk";
+  const ImuNoise& n = result.noise;
+  out << "# " << heading << "\n"
+      << "accelerometer_noise_density: " << n.accel_noise_m_s2_rtHz << "  # m/s^2/sqrt(Hz)\n"
+      << "accelerometer_random_walk: " << n.accel_walk_m_s3_rtHz
+      << (result.accel_walk_seen ? "  # m/s^3/sqrt(Hz)" : bound) << "\n"
+      << "gyroscope_noise_density: " << n.gyro_noise_rad_s_rtHz << "  # rad/s/sqrt(Hz)\n"
+      << "gyroscope_random_walk: " << n.gyro_walk_rad_s2_rtHz
+      << (result.gyro_walk_seen ? "  # rad/s^2/sqrt(Hz)" : bound) << "\n"
+      << "rostopic: /imu0\nupdate_rate: " << n.rate_hz << "\n";
+  return out.str();
+}
+
+int run_calibrate_imu(const CalibrateImuArguments& arguments, const Terminal& terminal) {
+  const auto samples = read_imu(arguments.recording, terminal);
+  if (!samples) return report(terminal, samples.error());
+  const auto result = identify_static_imu(*samples, arguments.recording);
+  if (!result) return report(terminal, result.error());
+  const std::filesystem::path to(arguments.out);
+  const std::string heading =
+      "IMU noise by fiducap calibrate imu, from " + fixed(result->seconds, 0) + " s at rest";
+  if (auto written = write_whole_file((to / "imu.yaml").string(), to_kalibr_imu(*result, heading));
+      !written)
+    return report(terminal, written.error());
+  if (auto written = write_whole_file((to / "allan.svg").string(), allan_svg(*result)); !written)
+    return report(terminal, written.error());
+  if (arguments.json)
+    terminal.out << json_report(*result);
+  else
+    print_table(*result, arguments.out, terminal);
+  return kExitOk;
+}
+
+}  // namespace fiducap

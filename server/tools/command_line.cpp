@@ -1,0 +1,416 @@
+#include "tools/command_line.hpp"
+
+#include <cmath>
+#include <functional>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "tools/calibrate/calibrate_camera_command.hpp"
+#include "tools/calibrate/calibrate_extrinsics_command.hpp"
+#include "tools/calibrate/calibrate_imu_command.hpp"
+#include "tools/live/control_command.hpp"
+#include "tools/live/doctor_command.hpp"
+#include "tools/live/watch_command.hpp"
+#include "tools/replay/evaluate_command.hpp"
+#include "tools/replay/replay_command.hpp"
+#include "tools/replay/simulate_command.hpp"
+#include "tools/tags/map_command.hpp"
+#include "tools/tags/tags_command.hpp"
+
+namespace fiducap {
+namespace {
+
+/// The arguments of all verbs and what is to be run.
+struct CommandLine {
+  ReplayArguments replay;
+  EvaluateArguments evaluate;
+  WatchArguments watch;
+  DoctorArguments doctor;
+  ControlArguments control;
+  MapArguments map;
+  TagSheetArguments tag_sheet;
+  CalibrateImuArguments calibrate_imu;
+  CalibrateExtrinsicsArguments calibrate_extrinsics;
+  CalibrateCameraArguments calibrate_camera;
+  SimulateArguments simulate;
+  std::function<int(const Terminal&)> chosen;
+};
+
+const CLI::Validator kPositive(
+    [](std::string& text) {
+      double value = 0;
+      const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
+      return good ? std::string() : "must be a number > 0, is '" + text + "'";
+    },
+    "NUMBER>0");
+
+void add_replay(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand(
+      "replay", "Run a recording through the filter, offline, as fast as the machine allows");
+  auto& a = line.replay;
+  verb->add_option("RECORDING", a.recording,
+                   "Folder in the EuRoC/ASL layout (mav0/cam0, mav0/imu0, mav0/tags0 …)")
+      ->required();
+  verb->add_option("--out", a.out,
+                   "Folder for <recording>.tum, map.csv, extrinsics.yaml and report.json")
+      ->required();
+  verb->add_option(
+      "--config", a.config,
+      "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
+  verb->add_option("--map", a.map, "Tags whose places are known: .yaml, .csv");
+  verb->add_option("--filter", a.filter, "Which filter")
+      ->check(CLI::IsMember({"robocentric", "world"}));
+  verb->add_option("--set", a.sets,
+                   "Override one key of the configuration; may be given several times")
+      ->allow_extra_args(false);
+  verb->add_flag("--json", a.json, "Print report.json instead of words");
+  verb->footer(
+      "Example:\n"
+      "  fiducap replay recordings/hall --out results --set estimator.corner_noise_px=0.3\n"
+      "  fiducap evaluate results/hall.tum recordings/hall");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_replay(a, t); }; });
+}
+
+void add_evaluate(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand("evaluate",
+                                  "Errors of a replay against the recording's truth or reference");
+  auto& a = line.evaluate;
+  verb->add_option(
+          "TUM", a.tum,
+          "The replay's <recording>.tum; map.csv and extrinsics.yaml are read from beside it")
+      ->required();
+  verb->add_option("RECORDING", a.recording, "The recording it was made from")->required();
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Poses are compared in the axes of the reference tag, nothing is fitted, the first 5 s are "
+      "left out.\n"
+      "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_evaluate(a, t); }; });
+}
+
+void add_watch(CLI::App& app, CommandLine& line) {
+  auto* verb =
+      app.add_subcommand("watch", "Live poses, rates, latency and loss as a client receives them");
+  auto& a = line.watch;
+  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")
+      ->capture_default_str();
+  verb->add_option("--duration", a.duration_s,
+                   "End after this many seconds; fails when nothing arrived")
+      ->check(kPositive);
+  verb->add_flag("--json", a.json, "One JSON object per frame and line");
+  verb->footer(
+      "Example:\n  fiducap watch --server robot-hall:21600\n"
+      "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_watch(a, t); }; });
+}
+
+void add_doctor(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand(
+      "doctor", "Why does a client see nothing? Network, ports, conventions, bodies");
+  auto& a = line.doctor;
+  verb->add_option("--config", a.config, "The server's configuration; without it the defaults");
+  verb->add_option("--set", a.sets,
+                   "Override one key of the configuration; may be given several times")
+      ->allow_extra_args(false);
+  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")
+      ->capture_default_str();
+  verb->footer("Example:\n  fiducap doctor --config config/demo.yaml");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_doctor(a, t); }; });
+}
+
+using ControlVerb = int (*)(const ControlArguments&, const Terminal&);
+
+CLI::App* add_control_verb(CLI::App& control, CommandLine& line, const char* name, const char* what,
+                           ControlVerb run, const char* example = "") {
+  auto* verb = control.add_subcommand(name, what);
+  verb->add_option("--server", line.control.server, "HOST or HOST:PORT of the native protocol")
+      ->capture_default_str();
+  verb->add_option("--token", line.control.token,
+                   "The operator's token; else the environment's FIDUCAP_TOKEN");
+  verb->callback([&line, run] {
+    line.chosen = [&line, run](const Terminal& t) { return run(line.control, t); };
+  });
+  verb->footer("Example:\n  fiducap control " + std::string(name) + std::string(example) +
+               " --token SECRET");
+  return verb;
+}
+
+void add_control(CLI::App& app, CommandLine& line) {
+  auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
+  control->require_subcommand(1);
+  control->footer(
+      "The server's configuration names the token: operator.token.\n"
+      "Example:\n  fiducap control disable rover --token SECRET\n  FIDUCAP_TOKEN=SECRET fiducap "
+      "control record flight-3");
+  auto& a = line.control;
+  add_control_verb(*control, line, "list", "Bodies, map mode, recording", run_control_list)
+      ->add_flag("--json", a.json, "One JSON object");
+  const auto for_body = [&](const char* name, const char* what, ControlVerb run,
+                            const char* example = " rover") {
+    auto* verb = add_control_verb(*control, line, name, what, run, example);
+    verb->add_option("BODY", a.body, "Its name or id")->required();
+    return verb;
+  };
+  for_body("enable", "Stream a body again", run_control_enable);
+  for_body("disable", "Stream a body no more; it is followed on", run_control_disable);
+  for_body("rename", "Give a body another name until the server ends", run_control_rename,
+           " rover scout")
+      ->add_option("NAME", a.name, "1 to 63 of a-z A-Z 0-9 _ - .")
+      ->required();
+  add_control_verb(*control, line, "freeze", "The map moves no more", run_control_freeze);
+  add_control_verb(*control, line, "map", "The map grows and is refined", run_control_map);
+  add_control_verb(*control, line, "commit", "Store the map now", run_control_commit);
+  add_control_verb(*control, line, "record", "Record the sensors of all bodies", run_control_record)
+      ->add_option("NAME", a.name, "Of the folder; without it the date and time");
+  add_control_verb(*control, line, "stop", "End the recording", run_control_stop);
+}
+
+using MapVerb = int (*)(const MapArguments&, const Terminal&);
+
+CLI::App* add_map_verb(CLI::App& map, CommandLine& line, const char* name, const char* what,
+                       const char* example, MapVerb run) {
+  auto* verb = map.add_subcommand(name, what);
+  verb->add_option("--store", line.map.store,
+                   "The map store, as map.store of the server's configuration says")
+      ->required();
+  verb->footer(std::string("Example:\n  fiducap map ") + example);
+  verb->callback(
+      [&line, run] { line.chosen = [&line, run](const Terminal& t) { return run(line.map, t); }; });
+  return verb;
+}
+
+void add_map(CLI::App& app, CommandLine& line) {
+  auto* map =
+      app.add_subcommand("map", "Look into the store of tag maps, take maps out, put maps in");
+  map->require_subcommand(1);
+  map->footer("Example:\n  fiducap map log --store hall.map");
+  auto& a = line.map;
+  auto* take =
+      add_map_verb(*map, line, "export", "Write one version to a file: .yaml (complete) or .csv",
+                   "export --store hall.map hall.yaml", run_map_export);
+  take->add_option("FILE", a.file, "Where to")->required();
+  take->add_option("--version", a.version, "Which version; the newest when not given");
+  auto* put = add_map_verb(*map, line, "import",
+                           "Store a file (.yaml, .csv, WPILib .json) as the next version",
+                           "import --store hall.map field.json --tag-size 0.1651", run_map_import);
+  put->add_option("FILE", a.file, "Where from")->required();
+  put->add_option("--tag-size", a.tag_size_m,
+                  "Edge of the tags in metres; WPILib files do not say it")
+      ->check(kPositive);
+  put->add_option("--comment", a.comment, "What the history shall say about it");
+  auto* log = add_map_verb(*map, line, "log", "All versions, newest first",
+                           "log --store hall.map --json", run_map_log);
+  log->add_flag("--json", a.json, "For scripts");
+  auto* diff =
+      add_map_verb(*map, line, "diff", "How far tags moved between two versions, in mm and degrees",
+                   "diff --store hall.map --from 3 --to 7", run_map_diff);
+  diff->add_option("--from", a.before, "The older version; the parent of --to when not given");
+  diff->add_option("--to", a.after, "The newer version; the newest when not given");
+  diff->add_flag("--json", a.json, "For scripts");
+  auto* show = add_map_verb(*map, line, "show", "The tags of one version",
+                            "show --store hall.map --version 3", run_map_show);
+  show->add_option("--version", a.version, "Which version; the newest when not given");
+  show->add_flag("--json", a.json, "For scripts");
+}
+
+void add_tags(CLI::App& app, CommandLine& line) {
+  auto* tags = app.add_subcommand("tags", "Tags to print");
+  tags->require_subcommand(1);
+  tags->footer("Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
+  auto* verb = tags->add_subcommand(
+      "sheet",
+      "A PDF with tags of exact size, cut marks and a ruler, and their sizes as YAML beside it");
+  auto& a = line.tag_sheet;
+  verb->add_option("--ids", a.ids, "Ids and ranges, e.g. 0-3,7")->capture_default_str();
+  verb->add_option("--size-mm", a.size_mm, "Edge between black and white border")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--paper", a.paper, "a4, a3 or letter")
+      ->check(CLI::IsMember({"a4", "a3", "letter"}))
+      ->capture_default_str();
+  verb->add_option("--family", a.family, "Tag family")->capture_default_str();
+  verb->add_option("--out", a.out, "The PDF")->capture_default_str();
+  verb->footer(
+      "Print at 100 %, then measure the ruler on the sheet.\n"
+      "Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_tag_sheet(a, t); }; });
+}
+
+void add_calibrate_imu(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand(
+      "imu", "IMU noise from a recording at rest: Allan deviation, white noise, bias walk");
+  auto& a = line.calibrate_imu;
+  verb->add_option("RECORDING", a.recording,
+                   "Folder in the EuRoC/ASL layout; mav0/imu0/data.csv is enough")
+      ->required();
+  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg")->capture_default_str();
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the "
+      "table for 10 minutes\n"
+      "at least; an hour shows the bias walk of a good gyro. A recording in which it moved is "
+      "refused.\n"
+      "Then: bodies: kalibr_imu: calibration/imu.yaml\n"
+      "Example:\n  fiducap calibrate imu recordings/still --out calibration");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_imu(a, t); }; });
+}
+
+void add_calibrate_extrinsics(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand("extrinsics",
+                                        "Where the camera sits on the IMU, and how far their "
+                                        "clocks are apart, from a waving recording");
+  auto& a = line.calibrate_extrinsics;
+  verb->add_option("RECORDING", a.recording,
+                   "Folder in the EuRoC/ASL layout with camera, IMU and tags")
+      ->required();
+  verb->add_option("--out", a.out, "Folder for camchain-imucam.yaml")->capture_default_str();
+  verb->add_option("--prior-mm", a.prior_mm, "How far the recording's T_BS may be off, per axis")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--prior-deg", a.prior_deg, "The same for its rotation")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_flag("--keep-time", a.keep_time, "Do not search the time offset");
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: rest for 2 s, then wave the robot for 60 s in front of three or more tags, near "
+      "enough to fill the image:\n"
+      "turn to and fro about all three axes, quickly but without blur, and move it to all sides. "
+      "Tags always in view.\n"
+      "cam0/sensor.yaml needs intrinsics and a rough T_BS; imu0/sensor.yaml the IMU's noise "
+      "(fiducap calibrate imu).\n"
+      "Then: bodies: cameras: calibration: calibration/camchain-imucam.yaml\n"
+      "Example:\n  fiducap calibrate extrinsics recordings/waving --out calibration");
+  verb->callback(
+      [&] { line.chosen = [&](const Terminal& t) { return run_calibrate_extrinsics(a, t); }; });
+}
+
+void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
+  auto* board =
+      verb.add_option("--checkerboard", a.checkerboard,
+                      "COLUMNSxROWS of inner corners, e.g. 9x6; without it tags are looked for");
+  verb.add_option("--square-mm", a.square_mm, "Of the checkerboard; changes no intrinsics")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb.add_option("--tag-mm", a.tag_mm,
+                  "Edge of the tags, all alike; changes no intrinsics. Default: what a recording "
+                  "says, else 160")
+      ->check(kPositive)
+      ->excludes(board);
+  verb.add_option("--family", a.family, "Tag family; default: what a recording says, else tag36h11")
+      ->excludes(board);
+  verb.add_flag("--loose", a.loose,
+                "The tags are moved relative to each other while recording (found out by itself, "
+                "but slowly)");
+}
+
+void add_calibrate_camera(CLI::App& calibrate, CommandLine& line) {
+  auto* verb = calibrate.add_subcommand("camera",
+                                        "Focal length, principal point and distortion of a camera, "
+                                        "from pictures of tags or of a checkerboard");
+  auto& a = line.calibrate_camera;
+  verb->add_option(
+          "INPUT", a.input,
+          "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)")
+      ->required();
+  add_camera_target_options(*verb, a);
+  verb->add_option("--lens", a.lens, "auto tries both and takes the one that explains the pictures")
+      ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant"}))
+      ->capture_default_str();
+  verb->add_option("--camera", a.camera, "Which camera of a recording")
+      ->check(CLI::Range(0, 63))
+      ->capture_default_str();
+  verb->add_option("--views", a.views, "Most pictures used, those that differ most")
+      ->check(CLI::Range(5, 2000))
+      ->capture_default_str();
+  verb->add_option("--out", a.out, "Folder for camera.yaml and camera.svg")->capture_default_str();
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Record: any tags that stand still (a sheet of `fiducap tags sheet` on a flat board, tags on "
+      "a wall; nobody needs to\n"
+      "know their places), or a checkerboard. Fix focus, zoom and exposure. Bring the target to "
+      "all parts of the image,\n"
+      "corners too, near enough to fill it, tilted by 30° to 50° to all sides. Hold still for each "
+      "picture, light the room:\n"
+      "blur and rolling shutters spoil corners. 50 different views are plenty. Then look at "
+      "camera.svg.\n"
+      "Exit code 1 and no camera.yaml when the result must not be used; verdict `weak` says what "
+      "to do better.\n"
+      "Then: bodies: cameras: calibration: calibration/camera.yaml\n"
+      "Example:\n  fiducap calibrate camera pictures/ --tag-mm 80\n"
+      "  fiducap calibrate camera board.mp4 --checkerboard 9x6 --square-mm 30 --out calibration");
+  verb->callback(
+      [&] { line.chosen = [&](const Terminal& t) { return run_calibrate_camera(a, t); }; });
+}
+
+void add_calibrate(CLI::App& app, CommandLine& line) {
+  auto* calibrate =
+      app.add_subcommand("calibrate", "Camera lens, IMU noise, and camera to IMU, from recordings");
+  calibrate->require_subcommand(1);
+  calibrate->footer(
+      "Example:\n  fiducap calibrate camera pictures/\n  fiducap calibrate imu recordings/still\n  "
+      "fiducap calibrate extrinsics recordings/waving");
+  add_calibrate_camera(*calibrate, line);
+  add_calibrate_imu(*calibrate, line);
+  add_calibrate_extrinsics(*calibrate, line);
+}
+
+void add_simulate(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand("simulate", "Write a recording of a simulated robot, with truth");
+  auto& a = line.simulate;
+  verb->add_option("--out", a.out, "New folder for the recording")->required();
+  verb->add_option("--room", a.room, "hall, table, sparse, loop or ceiling")
+      ->check(CLI::IsMember({"hall", "table", "sparse", "loop", "ceiling"}))
+      ->capture_default_str();
+  verb->add_option("--seconds", a.seconds, "Length")->check(kPositive)->capture_default_str();
+  verb->add_option("--seed", a.seed, "Same seed, same recording")->capture_default_str();
+  verb->add_option("--speed", a.speed, "Scales the time of the motion")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--corner-noise-px", a.corner_noise_px,
+                   "With --corners: 1-sigma of each coordinate")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  auto* images = verb->add_flag("--images", a.images, "Render images");
+  verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
+      ->excludes(images);
+  verb->add_flag("!--no-imu", a.imu, "A robot without IMU");
+  verb->footer(
+      "Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_simulate(a, t); }; });
+}
+
+}  // namespace
+
+int run_command_line(int argc, const char* const* argv, const Terminal& terminal) {
+  CLI::App app("Fiducap: motion capture from printed tags, spoken in every mocap dialect.",
+               "fiducap");
+  CommandLine line;
+  app.set_version_flag("--version", FIDUCAP_VERSION);
+  app.require_subcommand(1);
+  app.footer(
+      "Exit codes: 0 done, 1 failed, 2 wrong usage. `fiducap VERB --help` shows an example of each "
+      "verb.\n"
+      "Example:\n"
+      "  fiducap simulate --out recordings/table --room table\n"
+      "  fiducap replay recordings/table --out results\n"
+      "  fiducap evaluate results/table.tum recordings/table");
+  add_watch(app, line);
+  add_doctor(app, line);
+  add_control(app, line);
+  add_replay(app, line);
+  add_evaluate(app, line);
+  add_map(app, line);
+  add_tags(app, line);
+  add_calibrate(app, line);
+  add_simulate(app, line);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& problem) {
+    return app.exit(problem, terminal.out, terminal.err) == 0 ? kExitOk : kExitUsage;
+  }
+  return line.chosen(terminal);
+}
+
+}  // namespace fiducap

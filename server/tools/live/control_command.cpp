@@ -1,0 +1,156 @@
+#include "tools/live/control_command.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <iomanip>
+
+#include <nlohmann/json.hpp>
+
+#include "fiducap/control.hpp"
+#include "tools/live/watch_command.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr std::uint16_t kNativePort = 21600;
+
+/// The connection to the server, or why there can be none.
+Expected<ControlOptions> options_of(const ControlArguments& arguments) {
+  const auto address = parse_server_address(arguments.server, kNativePort);
+  if (!address)
+    return fail(ErrorCode::kInvalid,
+                "--server must be HOST or HOST:PORT, is '" + arguments.server + "'");
+  ControlOptions options;
+  options.server = address->host;
+  options.port = address->port;
+  options.token = arguments.token;
+  const char* from_environment = std::getenv("FIDUCAP_TOKEN");
+  if (options.token.empty() && from_environment != nullptr) options.token = from_environment;
+  if (options.token.empty()) {
+    return fail(ErrorCode::kInvalid,
+                "needs the operator's token (operator.token of the server's configuration): "
+                "--token T, or FIDUCAP_TOKEN=T");
+  }
+  return options;
+}
+
+int refused(const Terminal& terminal, const Outcome& outcome) {
+  return report(terminal, Error{ErrorCode::kUnavailable, outcome.problem, {}});
+}
+
+/// Carries out one command and says what is so now.
+template <typename Command>
+int carry_out(const ControlArguments& arguments, const Terminal& terminal, const std::string& now,
+              Command command) {
+  const auto options = options_of(arguments);
+  if (!options) return report(terminal, options.error());
+  Control control(*options);
+  const Outcome outcome = command(control);
+  if (!outcome) return refused(terminal, outcome);
+  terminal.out << now << "\n";
+  return kExitOk;
+}
+
+/// The same for one body, by name or id.
+template <typename Command>
+int carry_out_for_body(const ControlArguments& arguments, const Terminal& terminal,
+                       const std::string& now, Command command) {
+  return carry_out(
+      arguments, terminal, arguments.body + " " + now, [&](Control& control) -> Outcome {
+        ControlState state;
+        if (const Outcome outcome = control.list(state); !outcome) return outcome;
+        const auto found =
+            std::find_if(state.bodies.begin(), state.bodies.end(), [&](const ControlledBody& body) {
+              return body.name == arguments.body || std::to_string(body.id) == arguments.body;
+            });
+        if (found == state.bodies.end()) {
+          std::string known;
+          for (const ControlledBody& body : state.bodies)
+            known += (known.empty() ? "" : ", ") + body.name;
+          return {false, "there is no body \"" + arguments.body + "\"; known are " + known};
+        }
+        return command(control, found->id);
+      });
+}
+
+void print_json(const ControlState& state, std::ostream& out) {
+  nlohmann::json json{{"mapping", state.mapping},
+                      {"recording", state.recording},
+                      {"bodies", nlohmann::json::array()}};
+  for (const ControlledBody& body : state.bodies)
+    json["bodies"].push_back(
+        {{"id", body.id},
+         {"name", body.name},
+         {"enabled", body.enabled},
+         {"pivot", {{"p", body.pivot_position_m}, {"q_wxyz", body.pivot_orientation_wxyz}}}});
+  out << json.dump() << "\n";
+}
+
+void print(const ControlState& state, std::ostream& out) {
+  for (const ControlledBody& body : state.bodies)
+    out << std::setw(4) << body.id << "  " << std::left << std::setw(24) << body.name << std::right
+        << (body.enabled ? "streamed" : "not streamed") << "\n";
+  out << "map: " << (state.mapping ? "mapping" : "frozen")
+      << "; recording: " << (state.recording.empty() ? "none" : state.recording) << "\n";
+}
+
+}  // namespace
+
+int run_control_list(const ControlArguments& arguments, const Terminal& terminal) {
+  const auto options = options_of(arguments);
+  if (!options) return report(terminal, options.error());
+  Control control(*options);
+  ControlState state;
+  if (const Outcome outcome = control.list(state); !outcome) return refused(terminal, outcome);
+  if (arguments.json) {
+    print_json(state, terminal.out);
+  } else {
+    print(state, terminal.out);
+  }
+  return kExitOk;
+}
+
+int run_control_enable(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out_for_body(arguments, terminal, "is streamed",
+                            [](Control& control, int id) { return control.set_enabled(id, true); });
+}
+
+int run_control_disable(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out_for_body(arguments, terminal, "is not streamed", [](Control& control, int id) {
+    return control.set_enabled(id, false);
+  });
+}
+
+int run_control_rename(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out_for_body(
+      arguments, terminal, "is called " + arguments.name,
+      [&](Control& control, int id) { return control.rename(id, arguments.name); });
+}
+
+int run_control_freeze(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "the map is frozen",
+                   [](Control& control) { return control.set_mapping(false); });
+}
+
+int run_control_map(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "the map grows",
+                   [](Control& control) { return control.set_mapping(true); });
+}
+
+int run_control_commit(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "the map is being stored",
+                   [](Control& control) { return control.commit_map(); });
+}
+
+int run_control_record(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "recording",
+                   [&](Control& control) { return control.start_recording(arguments.name); });
+}
+
+int run_control_stop(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "the recording ends",
+                   [](Control& control) { return control.stop_recording(); });
+}
+
+}  // namespace fiducap

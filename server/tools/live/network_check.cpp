@@ -1,0 +1,135 @@
+#include "tools/live/network_check.hpp"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <memory>
+#include <sstream>
+
+namespace fiducap {
+
+namespace {
+
+constexpr const char* kGroup = "239.255.70.67";  // site-local; nobody's
+constexpr int kPatience_ms = 300;
+
+class Socket final {
+ public:
+  Socket() : fd_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
+  ~Socket() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
+  [[nodiscard]] int fd() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+std::string system_text() { return std::strerror(errno); }
+
+/// Address and port of /proc/net: hexadecimal, the address in the machine's byte order.
+std::optional<std::pair<std::string, std::uint16_t>> endpoint_of(const std::string& text) {
+  const std::size_t colon = text.find(':');
+  if (colon == std::string::npos || (colon != 8 && colon != 32)) return std::nullopt;
+  if (text.find_first_not_of("0123456789ABCDEFabcdef:") != std::string::npos) return std::nullopt;
+  const auto port = static_cast<std::uint16_t>(std::strtoul(text.c_str() + colon + 1, nullptr, 16));
+  std::array<std::uint32_t, 4> words{};
+  for (std::size_t i = 0; i < colon / 8; ++i)
+    words.at(i) =
+        static_cast<std::uint32_t>(std::strtoul(text.substr(8 * i, 8).c_str(), nullptr, 16));
+  std::array<char, INET6_ADDRSTRLEN> name{};
+  ::inet_ntop(colon == 8 ? AF_INET : AF_INET6, words.data(), name.data(), name.size());
+  return std::pair(std::string(name.data()), port);
+}
+
+}  // namespace
+
+std::vector<NetworkInterface> network_interfaces() {
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return {};
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> list(first, &::freeifaddrs);
+  std::vector<NetworkInterface> all;
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    if (one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+    sockaddr_in address{};
+    std::memcpy(&address, one->ifa_addr, sizeof address);
+    std::array<char, INET_ADDRSTRLEN> text{};
+    ::inet_ntop(AF_INET, &address.sin_addr, text.data(), text.size());
+    all.push_back({one->ifa_name, text.data(), (one->ifa_flags & IFF_UP) != 0,
+                   (one->ifa_flags & IFF_LOOPBACK) != 0, (one->ifa_flags & IFF_MULTICAST) != 0});
+  }
+  return all;
+}
+
+std::optional<std::string> multicast_fault(const NetworkInterface& interface) {
+  const Socket socket;
+  ip_mreqn group{};
+  ::inet_pton(AF_INET, kGroup, &group.imr_multiaddr);
+  ::inet_pton(AF_INET, interface.address.c_str(), &group.imr_address);
+  sockaddr_in any{};
+  any.sin_family = AF_INET;
+  socklen_t size = sizeof any;
+  if (::bind(socket.fd(), reinterpret_cast<const sockaddr*>(&any), size) != 0 ||
+      ::getsockname(socket.fd(), reinterpret_cast<sockaddr*>(&any), &size) != 0)
+    return "no socket: " + system_text();
+  if (::setsockopt(socket.fd(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0)
+    return "cannot join a group: " + system_text();
+  if (::setsockopt(socket.fd(), IPPROTO_IP, IP_MULTICAST_IF, &group, sizeof group) != 0)
+    return "cannot send to a group: " + system_text();
+  sockaddr_in to = any;
+  to.sin_addr = group.imr_multiaddr;
+  const char hello = 'f';
+  if (::sendto(socket.fd(), &hello, 1, 0, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 1)
+    return "cannot send to a group: " + system_text() +
+           " (is there a route? `ip route add 224.0.0.0/4 dev " + interface.name + "`)";
+  pollfd wait{socket.fd(), POLLIN, 0};
+  if (::poll(&wait, 1, kPatience_ms) != 1)
+    return "does not come back: a firewall may drop it (udp to 224.0.0.0/4)";
+  return std::nullopt;
+}
+
+std::optional<ListeningPort> listening_port_of(const std::string& line, Transport transport) {
+  constexpr const char* kTcpListens = "0A";
+  constexpr const char* kUdpOpen = "07";
+  std::istringstream words(line);
+  std::string slot;
+  std::string local;
+  std::string remote;
+  std::string state;
+  if (!(words >> slot >> local >> remote >> state)) return std::nullopt;
+  if (state != (transport == Transport::kTcp ? kTcpListens : kUdpOpen)) return std::nullopt;
+  const auto endpoint = endpoint_of(local);
+  if (!endpoint) return std::nullopt;
+  return ListeningPort{transport, endpoint->first, endpoint->second};
+}
+
+std::vector<ListeningPort> listening_ports() {
+  std::vector<ListeningPort> all;
+  for (const auto& [name, transport] :
+       {std::pair("tcp", Transport::kTcp), std::pair("tcp6", Transport::kTcp),
+        std::pair("udp", Transport::kUdp), std::pair("udp6", Transport::kUdp)}) {
+    std::ifstream file(std::string("/proc/net/") + name);
+    for (std::string line; std::getline(file, line);)
+      if (auto port = listening_port_of(line, transport)) all.push_back(*port);
+  }
+  return all;
+}
+
+std::optional<long long> largest_receive_buffer() {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  long long bytes = 0;
+  return file >> bytes ? std::optional(bytes) : std::nullopt;
+}
+
+}  // namespace fiducap

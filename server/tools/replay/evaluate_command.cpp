@@ -1,0 +1,115 @@
+#include "tools/replay/evaluate_command.hpp"
+
+#include <numbers>
+
+#include <nlohmann/json.hpp>
+
+namespace fiducap {
+namespace {
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+std::string line(const char* label, const std::optional<PoseErrors>& errors, const char* what) {
+  if (!errors) return {};
+  std::string text = label;
+  if (errors->samples == 0) return text + "nothing to compare\n";
+  return text + fixed(1000 * errors->position_rmse_m, 2) + " mm, " +
+         fixed(kDegrees * errors->rotation_rmse_rad, 3) + "° RMSE; worst " +
+         fixed(1000 * errors->position_max_m, 2) + " mm, " +
+         fixed(kDegrees * errors->rotation_max_rad, 3) + "° (" + std::to_string(errors->samples) +
+         " " + what + ")\n";
+}
+
+const char* name_of(Evaluation::Against against) {
+  switch (against) {
+    case Evaluation::Against::kTruth:
+      return "truth";
+    case Evaluation::Against::kOtherProgram:
+      return "other_program";
+    case Evaluation::Against::kNothing:
+      return "nothing";
+  }
+  return "nothing";
+}
+
+nlohmann::ordered_json json_of(const std::optional<PoseErrors>& errors) {
+  if (!errors) return nullptr;
+  return {{"samples", errors->samples},
+          {"position_rmse_m", errors->position_rmse_m},
+          {"position_max_m", errors->position_max_m},
+          {"orientation_rmse_deg", kDegrees * errors->rotation_rmse_rad},
+          {"orientation_max_deg", kDegrees * errors->rotation_max_rad}};
+}
+
+std::string heading(const Evaluation& e) {
+  std::string text = e.against == Evaluation::Against::kTruth
+                         ? "Errors against the recording's truth"
+                     : e.against == Evaluation::Against::kOtherProgram
+                         ? "Agreement with another program's answer"
+                         : "The recording has no truth and no reference";
+  if (e.reference_tag)
+    text += ", axes of tag " + std::to_string(*e.reference_tag) + ", nothing fitted";
+  if (e.reference_replaced) text += " (the recording's reference tag is not in both maps)";
+  return text + "\n";
+}
+
+}  // namespace
+
+std::string evaluation_text(const Evaluation& e) {
+  const ReprojectionSummary& r = e.reprojection;
+  std::string text = heading(e);
+  text += line("  pose           ", e.pose, "poses, first 5 s left out");
+  text += line("  levelled pose  ", e.levelled_pose, "poses; tag's place and heading only, z up");
+  text += line("  pose in W      ", e.world_pose, "poses");
+  text += line("  tag map        ", e.map, "tags");
+  text += line("  map, fitted    ", e.fitted_map, "tags; best rigid fit, shape alone");
+  text += line("  extrinsics     ", e.extrinsics, "cameras");
+  text += "  reprojection   median " + fixed(r.median_px, 3) + " px, 95 % " + fixed(r.p95_px, 3) +
+          " px (" + std::to_string(r.scored) + " of " + std::to_string(r.detections) +
+          " detections; " + std::to_string(r.without_pose) + " without pose, " +
+          std::to_string(r.without_tag) + " with unmapped tag, " +
+          std::to_string(r.outside_camera) + " outside the camera)\n";
+  text += "  coverage       " + fixed(100 * r.coverage(), 2) + " % (" +
+          std::to_string(r.frames_with_tags_and_pose) + " of " +
+          std::to_string(r.frames_with_tags) + " frames with tags have a pose)\n";
+  return text;
+}
+
+std::string evaluation_json(const Evaluation& e) {
+  const ReprojectionSummary& r = e.reprojection;
+  nlohmann::ordered_json json{{"against", name_of(e.against)},
+                              {"reference_tag", nullptr},
+                              {"reference_replaced", e.reference_replaced},
+                              {"pose", json_of(e.pose)},
+                              {"levelled_pose", json_of(e.levelled_pose)},
+                              {"world_pose", json_of(e.world_pose)},
+                              {"map", json_of(e.map)},
+                              {"fitted_map", json_of(e.fitted_map)},
+                              {"extrinsics", json_of(e.extrinsics)}};
+  if (e.reference_tag) json["reference_tag"] = *e.reference_tag;
+  json["reprojection"] = {{"detections", r.detections},
+                          {"scored", r.scored},
+                          {"without_pose", r.without_pose},
+                          {"without_tag", r.without_tag},
+                          {"outside_camera", r.outside_camera},
+                          {"median_px", r.median_px},
+                          {"p95_px", r.p95_px}};
+  json["coverage"] = {{"frames", r.frames},
+                      {"frames_with_tags", r.frames_with_tags},
+                      {"frames_with_tags_and_pose", r.frames_with_tags_and_pose},
+                      {"share", r.coverage()}};
+  return json.dump(2) + "\n";
+}
+
+int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
+  const auto info = read_recording_info(arguments.recording);
+  if (!info) return report(terminal, info.error());
+  const auto run = read_run(arguments.tum, info->cameras.size());
+  if (!run) return report(terminal, run.error());
+  const auto evaluation = evaluate(*run, arguments.recording);
+  if (!evaluation) return report(terminal, evaluation.error());
+  terminal.out << (arguments.json ? evaluation_json(*evaluation) : evaluation_text(*evaluation));
+  return kExitOk;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,172 @@
+#include "tools/replay/evaluation.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "daemon/system_clock.hpp"
+#include "detection/tag_detector.hpp"
+#include "tools/replay/run_files.hpp"
+#include "tools/tags/map_file.hpp"
+#include "tools/whole_file.hpp"
+
+namespace fiducap {
+namespace {
+
+/// What the recording has to compare with.
+struct Reference {
+  Evaluation::Against against{Evaluation::Against::kNothing};
+  std::vector<TruthSample> poses;
+  std::vector<TagPlace> map;
+  std::vector<Pose> X_BV;
+};
+
+Expected<Reference> read_reference(const std::string& recording) {
+  Reference reference;
+  auto truth = read_truth(recording);
+  auto other = read_reference_poses(recording);
+  const auto tags = read_truth_tags(recording);
+  auto extrinsics = read_truth_extrinsics(recording);
+  if (!truth) return tl::unexpected(truth.error());
+  if (!other) return tl::unexpected(other.error());
+  if (!tags) return tl::unexpected(tags.error());
+  if (!extrinsics) return tl::unexpected(extrinsics.error());
+  if (!truth->empty())
+    reference.against = Evaluation::Against::kTruth;
+  else if (!other->empty() || !tags->empty())
+    reference.against = Evaluation::Against::kOtherProgram;
+  reference.poses = truth->empty() ? std::move(*other) : std::move(*truth);
+  for (const RecordedTag& tag : *tags) reference.map.push_back({tag.tag_id, tag.edge_m, tag.X_WT});
+  reference.X_BV = std::move(*extrinsics);
+  return reference;
+}
+
+/// The recording's reference tag when both maps have it, else the lowest common id.
+void choose_reference_tag(const RecordingInfo& info, const RunResults& run,
+                          const Reference& reference, Evaluation& evaluation) {
+  const auto common = [&](int id) {
+    return find_tag(run.map, id) != nullptr && find_tag(reference.map, id) != nullptr;
+  };
+  if (info.reference_tag && common(*info.reference_tag)) {
+    evaluation.reference_tag = info.reference_tag;
+    return;
+  }
+  for (const TagPlace& tag : run.map) {
+    if (!common(tag.tag_id)) continue;
+    if (!evaluation.reference_tag || tag.tag_id < *evaluation.reference_tag)
+      evaluation.reference_tag = tag.tag_id;
+  }
+  evaluation.reference_replaced =
+      info.reference_tag.has_value() && evaluation.reference_tag.has_value();
+}
+
+std::optional<PoseErrors> extrinsics_errors(const std::vector<Pose>& estimated,
+                                            const std::vector<Pose>& truth) {
+  if (truth.empty() || truth.size() != estimated.size()) return std::nullopt;
+  ErrorSum sum;
+  for (std::size_t k = 0; k < truth.size(); ++k) sum.add(estimated[k], truth[k]);
+  return sum.result();
+}
+
+void compare(const RecordingInfo& info, const RunResults& run, const Reference& reference,
+             Evaluation& evaluation) {
+  evaluation.against = reference.against;
+  evaluation.extrinsics = extrinsics_errors(run.X_BV, reference.X_BV);
+  evaluation.fitted_map = fitted_map_errors(run.map, reference.map);
+  choose_reference_tag(info, run, reference, evaluation);
+  if (!evaluation.reference_tag) return;
+  const Pose& ours = find_tag(run.map, *evaluation.reference_tag)->X_WT;
+  const Pose& theirs = find_tag(reference.map, *evaluation.reference_tag)->X_WT;
+  evaluation.map = map_errors(run.map, reference.map, *evaluation.reference_tag);
+  if (reference.poses.empty()) return;
+  const Instant from = reference.poses.front().at + kSettling;
+  evaluation.pose = pose_errors(run.trajectory, reference.poses, ours, theirs, from);
+  if (info.imu) {
+    const bool along_x = heading_along_x(theirs);
+    evaluation.levelled_pose = pose_errors(run.trajectory, reference.poses, levelled(ours, along_x),
+                                           levelled(theirs, along_x), from);
+  }
+  if (!info.known_tags.empty())
+    evaluation.world_pose = pose_errors(run.trajectory, reference.poses, Pose{}, Pose{}, from);
+}
+
+/// The frames of a recording with the detections that anybody may use.
+class UsableCorners final {
+ public:
+  explicit UsableCorners(const RecordingInfo& info)
+      : tags_{info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags} {
+    if (info.max_hamming) tags_.max_hamming = *info.max_hamming;
+  }
+
+  CornerFrame of(SensorSample sample) {
+    if (const auto* image = std::get_if<CameraFrame>(&sample)) {
+      if (!detector_) detector_.emplace(tags_, DetectorConfig{});
+      return filtered(detector_->detect(*image));
+    }
+    return filtered(std::move(std::get<CornerFrame>(sample)));
+  }
+
+ private:
+  CornerFrame filtered(CornerFrame frame) const {
+    std::erase_if(frame.tags, [&](const TagSighting& tag) {
+      return tag.hamming > tags_.max_hamming ||
+             std::find(tags_.ignore.begin(), tags_.ignore.end(), tag.tag_id) != tags_.ignore.end();
+    });
+    return frame;
+  }
+
+  TagSetConfig tags_;
+  std::optional<TagDetector> detector_;
+};
+
+Expected<ReprojectionSummary> reproject(RecordingInfo info, const RunResults& run) {
+  info.imu.reset();
+  const SystemClock clock;
+  const auto source = open_recording(info, {}, clock);
+  if (!source) return tl::unexpected(source.error());
+  std::vector<CameraMount> cameras = info.cameras;
+  for (std::size_t k = 0; k < cameras.size(); ++k) cameras[k].X_BV = run.X_BV[k];
+  ReprojectionMeter meter(std::move(cameras), run.trajectory, run.map);
+  UsableCorners corners(info);
+  for (;;) {
+    auto sample = (*source)->next({});
+    if (!sample) return tl::unexpected(sample.error());
+    if (!*sample) return meter.summary();
+    if (!std::holds_alternative<ImuSample>(**sample)) meter.add(corners.of(std::move(**sample)));
+  }
+}
+
+}  // namespace
+
+Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
+  const std::filesystem::path folder = std::filesystem::path(tum).parent_path();
+  const auto text = read_whole_file(tum);
+  if (!text) return tl::unexpected(text.error());
+  auto trajectory = tum_from(*text, tum);
+  if (!trajectory) return tl::unexpected(trajectory.error());
+  const auto map = read_map_file((folder / "map.csv").string());
+  if (!map) return tl::unexpected(map.error());
+  const std::string extrinsics_path = (folder / "extrinsics.yaml").string();
+  const auto extrinsics_text = read_whole_file(extrinsics_path);
+  if (!extrinsics_text) return tl::unexpected(extrinsics_text.error());
+  auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);
+  if (!extrinsics) return tl::unexpected(extrinsics.error());
+  RunResults run{std::move(*trajectory), {}, std::move(*extrinsics)};
+  for (const MapTag& entry : map->tags)
+    run.map.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
+  return run;
+}
+
+Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording) {
+  const auto info = read_recording_info(recording);
+  if (!info) return tl::unexpected(info.error());
+  const auto reference = read_reference(recording);
+  if (!reference) return tl::unexpected(reference.error());
+  Evaluation evaluation;
+  compare(*info, run, *reference, evaluation);
+  const auto reprojection = reproject(*info, run);
+  if (!reprojection) return tl::unexpected(reprojection.error());
+  evaluation.reprojection = *reprojection;
+  return evaluation;
+}
+
+}  // namespace fiducap

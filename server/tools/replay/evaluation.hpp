@@ -1,0 +1,49 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "base/time.hpp"
+#include "capture/recording/recording.hpp"
+#include "tools/replay/pose_errors.hpp"
+#include "tools/replay/reprojection.hpp"
+
+namespace fiducap {
+
+/// The results of an offline run, read back.
+struct RunResults {
+  std::vector<StampedPose> trajectory;
+  std::vector<TagPlace> map;
+  std::vector<Pose> X_BV;  ///< One per camera.
+};
+
+/// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it
+[[nodiscard]] Expected<RunResults> read_run(const std::string& tum, std::size_t cameras);
+
+/// How good a run is. Poses are compared in the axes of the reference tag, as each side places that
+/// tag; nothing is fitted.
+struct Evaluation {
+  enum class Against { kTruth, kOtherProgram, kNothing } against{Against::kNothing};
+  std::optional<int> reference_tag;
+  bool reference_replaced{};  ///< The recording's reference tag is missing in a map: the lowest
+                              ///< common id stands in.
+  std::optional<PoseErrors> pose;
+  std::optional<PoseErrors>
+      levelled_pose;  ///< In axes at that tag with z up: its place and heading only. With IMU.
+  std::optional<PoseErrors>
+      world_pose;  ///< In W as both sides have it, when the recording fixes W by known tags.
+  std::optional<PoseErrors> map;
+  std::optional<PoseErrors> fitted_map;  ///< After a rigid fit over all tags: the shape alone.
+  std::optional<PoseErrors> extrinsics;  ///< All cameras, against truth/extrinsics.yaml.
+  ReprojectionSummary reprojection;
+};
+
+/// The part before this is left out of pose errors: a filter may need a moment to find its biases.
+inline constexpr Duration kSettling = std::chrono::seconds(5);
+
+/// @return Error when the recording cannot be read
+[[nodiscard]] Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording);
+
+}  // namespace fiducap

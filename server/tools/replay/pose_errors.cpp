@@ -1,0 +1,121 @@
+#include "tools/replay/pose_errors.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+#include <Eigen/Geometry>
+
+#include "base/so3.hpp"
+#include "detection/tag_pose.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr Duration kMaxTruthGap = std::chrono::milliseconds(50);
+
+}  // namespace
+
+void ErrorSum::add(const Pose& estimated, const Pose& truth) {
+  const double position = (estimated.p - truth.p).norm();
+  const double rotation = angle_between(estimated.q, truth.q);
+  ++errors_.samples;
+  position_squares_ += position * position;
+  rotation_squares_ += rotation * rotation;
+  errors_.position_max_m = std::max(errors_.position_max_m, position);
+  errors_.rotation_max_rad = std::max(errors_.rotation_max_rad, rotation);
+}
+
+PoseErrors ErrorSum::result() const {
+  PoseErrors errors = errors_;
+  if (errors.samples == 0) return errors;
+  errors.position_rmse_m = std::sqrt(position_squares_ / errors.samples);
+  errors.rotation_rmse_rad = std::sqrt(rotation_squares_ / errors.samples);
+  return errors;
+}
+
+const TagPlace* find_tag(std::span<const TagPlace> tags, int tag_id) {
+  const auto found =
+      std::find_if(tags.begin(), tags.end(), [&](const TagPlace& t) { return t.tag_id == tag_id; });
+  return found == tags.end() ? nullptr : &*found;
+}
+
+std::optional<Pose> truth_at(std::span<const TruthSample> truth, Instant at) {
+  const auto after = std::lower_bound(truth.begin(), truth.end(), at,
+                                      [](const TruthSample& s, Instant t) { return s.at < t; });
+  if (after == truth.end()) return std::nullopt;
+  if (after->at == at) return after->X_WB;
+  if (after == truth.begin()) return std::nullopt;
+  const auto before = after - 1;
+  const Duration gap = after->at - before->at;
+  if (gap > kMaxTruthGap) return std::nullopt;
+  const double s = to_seconds(at - before->at) / to_seconds(gap);
+  return Pose{before->X_WB.q.slerp(s, after->X_WB.q), (1 - s) * before->X_WB.p + s * after->X_WB.p};
+}
+
+PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const TruthSample> truth,
+                       const Pose& estimated_X_WA, const Pose& true_X_WA, Instant from) {
+  const Pose estimated_X_AW = estimated_X_WA.inverse();
+  const Pose true_X_AW = true_X_WA.inverse();
+  ErrorSum sum;
+  for (const StampedPose& estimate : estimates) {
+    if (estimate.at < from) continue;
+    if (const auto true_X_WB = truth_at(truth, estimate.at))
+      sum.add(estimated_X_AW * estimate.X_WB, true_X_AW * *true_X_WB);
+  }
+  return sum.result();
+}
+
+PoseErrors map_errors(std::span<const TagPlace> estimated, std::span<const TagPlace> truth,
+                      int reference_tag) {
+  const TagPlace* estimated_reference = find_tag(estimated, reference_tag);
+  const TagPlace* true_reference = find_tag(truth, reference_tag);
+  ErrorSum sum;
+  if (estimated_reference == nullptr || true_reference == nullptr) return {};
+  const Pose estimated_X_AW = estimated_reference->X_WT.inverse();
+  const Pose true_X_AW = true_reference->X_WT.inverse();
+  for (const TagPlace& tag : estimated) {
+    const TagPlace* true_tag = find_tag(truth, tag.tag_id);
+    if (true_tag == nullptr || tag.tag_id == reference_tag) continue;
+    sum.add(estimated_X_AW * tag.X_WT, true_X_AW * true_tag->X_WT);
+  }
+  return sum.result();
+}
+
+std::optional<PoseErrors> fitted_map_errors(std::span<const TagPlace> estimated,
+                                            std::span<const TagPlace> truth) {
+  std::vector<std::pair<const TagPlace*, const TagPlace*>> pairs;
+  for (const TagPlace& tag : estimated)
+    if (const TagPlace* true_tag = find_tag(truth, tag.tag_id)) pairs.emplace_back(&tag, true_tag);
+  if (pairs.size() < 2) return std::nullopt;
+  // Corners instead of centres: tags in one line leave no rotation open.
+  Eigen::Matrix3Xd from(3, 4 * pairs.size());
+  Eigen::Matrix3Xd to(3, 4 * pairs.size());
+  Eigen::Index column = 0;
+  for (const auto& [tag, true_tag] : pairs) {
+    for (int corner = 0; corner < 4; ++corner, ++column) {
+      from.col(column) = tag->X_WT * tag_corner(corner, true_tag->edge_m);
+      to.col(column) = true_tag->X_WT * tag_corner(corner, true_tag->edge_m);
+    }
+  }
+  const Eigen::Matrix4d fit = Eigen::umeyama(from, to, false);
+  const Pose moved{Eigen::Quaterniond(Eigen::Matrix3d(fit.topLeftCorner<3, 3>())),
+                   fit.topRightCorner<3, 1>()};
+  ErrorSum sum;
+  for (const auto& [tag, true_tag] : pairs) sum.add(moved * tag->X_WT, true_tag->X_WT);
+  return sum.result();
+}
+
+bool heading_along_x(const Pose& X_WT) {
+  return std::abs((X_WT.q * Eigen::Vector3d::UnitX()).z()) <=
+         std::abs((X_WT.q * Eigen::Vector3d::UnitY()).z());
+}
+
+Pose levelled(const Pose& X_WT, bool along_x) {
+  const Eigen::Vector3d axis =
+      X_WT.q * (along_x ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY());
+  const double heading = std::atan2(axis.y(), axis.x());
+  return {Eigen::Quaterniond(Eigen::AngleAxisd(heading, Eigen::Vector3d::UnitZ())), X_WT.p};
+}
+
+}  // namespace fiducap

@@ -1,0 +1,91 @@
+#include "tools/replay/reprojection.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "detection/tag_pose.hpp"
+
+namespace fiducap {
+
+namespace {
+
+/// Half the time between two images of one camera; the cameras take turns.
+Duration half_median_step(std::span<const StampedPose> poses, std::size_t cameras) {
+  std::vector<Duration> steps;
+  for (std::size_t i = cameras; i < poses.size(); ++i)
+    steps.push_back(poses[i].at - poses[i - cameras].at);
+  if (steps.empty()) return Duration{0};
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return *middle / 2;
+}
+
+}  // namespace
+
+ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
+                                     std::span<const StampedPose> poses,
+                                     std::span<const TagPlace> map)
+    : cameras_(std::move(cameras)),
+      poses_(poses),
+      half_period_(half_median_step(poses, cameras_.size())) {
+  for (const TagPlace& tag : map) map_.emplace(tag.tag_id, tag);
+}
+
+void ReprojectionMeter::add(const CornerFrame& frame) {
+  ++counts_.frames;
+  if (frame.tags.empty()) return;
+  ++counts_.frames_with_tags;
+  counts_.detections += static_cast<int>(frame.tags.size());
+  const StampedPose* pose = pose_near(frame.exposed_at);
+  if (pose == nullptr) {
+    counts_.without_pose += static_cast<int>(frame.tags.size());
+    return;
+  }
+  ++counts_.frames_with_tags_and_pose;
+  const CameraMount& camera = cameras_.at(static_cast<std::size_t>(frame.camera));
+  const Pose X_VW = (pose->X_WB * camera.X_BV).inverse();
+  for (const TagSighting& seen : frame.tags) score(seen, camera, X_VW);
+}
+
+const StampedPose* ReprojectionMeter::pose_near(Instant at) const {
+  const auto after = std::lower_bound(poses_.begin(), poses_.end(), at,
+                                      [](const StampedPose& p, Instant t) { return p.at < t; });
+  auto nearest = after;
+  if (after == poses_.end() || (after != poses_.begin() && at - (after - 1)->at < after->at - at)) {
+    if (after == poses_.begin()) return nullptr;
+    nearest = after - 1;
+  }
+  const Duration apart = nearest->at < at ? at - nearest->at : nearest->at - at;
+  return apart <= half_period_ ? &*nearest : nullptr;
+}
+
+void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera,
+                              const Pose& X_VW) {
+  const auto tag = map_.find(seen.tag_id);
+  if (tag == map_.end()) {
+    ++counts_.without_tag;
+    return;
+  }
+  double squares = 0;
+  for (int i = 0; i < 4; ++i) {
+    const auto px =
+        camera.model.project(X_VW * (tag->second.X_WT * tag_corner(i, tag->second.edge_m)));
+    if (!px) {
+      ++counts_.outside_camera;
+      return;
+    }
+    squares += (*px - seen.corners_px[static_cast<std::size_t>(i)]).squaredNorm();
+  }
+  errors_px_.push_back(std::sqrt(squares / 4));
+}
+
+ReprojectionSummary ReprojectionMeter::summary() const {
+  ReprojectionSummary summary = counts_;
+  summary.scored = static_cast<int>(errors_px_.size());
+  summary.median_px = quantile(errors_px_, 0.5);
+  summary.p95_px = quantile(errors_px_, 0.95);
+  return summary;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <map>
+#include <span>
+#include <vector>
+
+#include "base/quantile.hpp"
+#include "capture/camera_frame.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "tools/replay/pose_errors.hpp"
+
+namespace fiducap {
+
+/// How well poses, map and extrinsics explain the corners that were really seen, and how many
+/// frames have a pose.
+struct ReprojectionSummary {
+  int frames{};
+  int frames_with_tags{};
+  int frames_with_tags_and_pose{};
+  int detections{};      ///< Usable ones; ignored ids and too many corrected bits are left out.
+  int without_pose{};    ///< … whose image has no pose,
+  int without_tag{};     ///< … whose tag is not in the map,
+  int outside_camera{};  ///< … which pose and map put behind the camera or outside its lens model.
+  int scored{};          ///< The rest.
+  double median_px{};  ///< Of the root mean square distance of the four corners per detection, raw
+                       ///< pixels.
+  double p95_px{};
+  /// Share of the frames with tags that have a pose; 1 when there is no such frame.
+  [[nodiscard]] double coverage() const {
+    return frames_with_tags == 0
+               ? 1.0
+               : static_cast<double>(frames_with_tags_and_pose) / frames_with_tags;
+  }
+};
+
+/// Collects frame by frame. An image's pose is the one nearest to its stamp within half a frame
+/// period: a run that learned the camera's clock gives poses at corrected times.
+class ReprojectionMeter final {
+ public:
+  /// @param cameras  X_BV is what is tested
+  /// @pre poses sorted by time
+  ReprojectionMeter(std::vector<CameraMount> cameras, std::span<const StampedPose> poses,
+                    std::span<const TagPlace> map);
+
+  /// @param frame  usable detections only
+  void add(const CornerFrame& frame);
+  [[nodiscard]] ReprojectionSummary summary() const;
+
+ private:
+  void score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW);
+  /// nullptr: the image has no pose.
+  [[nodiscard]] const StampedPose* pose_near(Instant at) const;
+
+  std::vector<CameraMount> cameras_;
+  std::span<const StampedPose> poses_;
+  Duration half_period_{0};  ///< Of the poses; half the median step.
+  std::map<int, TagPlace> map_;
+  ReprojectionSummary counts_;
+  std::vector<double> errors_px_;
+};
+
+}  // namespace fiducap

@@ -1,0 +1,214 @@
+#include "tools/tags/tag_sheet.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <set>
+
+#include "tools/tags/pdf_document.hpp"
+#include "tools/tags/tag_pattern.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kMargin_mm =
+    4;  // white paper edge; nothing but the tags' own white zone may be cut by a printer
+constexpr double kGap_mm = 6;      // between two tags, room for the cut marks
+constexpr double kLabel_mm = 9;    // strip above each tag: arrow and words
+constexpr double kFooter_mm = 26;  // ruler and note
+constexpr double kCutMark_mm = 2.5;
+constexpr double kHairline_mm = 0.15;
+constexpr int kMaxIds = 10000;
+
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+/// Where the tags of one page stand.
+struct Layout {
+  double zone_mm{};  ///< Side of a tag with its white zone.
+  int columns{};
+  int rows{};
+
+  [[nodiscard]] std::size_t per_page() const { return static_cast<std::size_t>(columns * rows); }
+  [[nodiscard]] PdfPage::Point lower_left(const Paper& paper, std::size_t slot) const {
+    const int column = static_cast<int>(slot) % columns;
+    const int row = static_cast<int>(slot) / columns;
+    const double used = columns * zone_mm + (columns - 1) * kGap_mm;
+    return {(paper.width_mm - used) / 2 + column * (zone_mm + kGap_mm),
+            paper.height_mm - kMargin_mm - (row + 1) * (zone_mm + kLabel_mm) - row * kGap_mm};
+  }
+};
+
+int zone_modules(const TagPattern& pattern) {
+  return pattern.modules + (pattern.needs_white_ring ? 2 : 0);
+}
+
+Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) {
+  const double zones_per_size = static_cast<double>(zone_modules(pattern)) / pattern.border_modules;
+  Layout layout{order.size_mm * zones_per_size, 0, 0};
+  const double width = order.paper.width_mm - 2 * kMargin_mm;
+  const double height = order.paper.height_mm - 2 * kMargin_mm - kFooter_mm;
+  layout.columns = static_cast<int>((width + kGap_mm) / (layout.zone_mm + kGap_mm) + 1e-9);
+  layout.rows =
+      static_cast<int>((height + kGap_mm) / (layout.zone_mm + kLabel_mm + kGap_mm) + 1e-9);
+  if (layout.columns > 0 && layout.rows > 0) return layout;
+  const double largest = std::floor(std::min(width, height - kLabel_mm) / zones_per_size);
+  return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm does not fit on " +
+                                       order.paper.name + " with its white zone; up to " +
+                                       number(largest) +
+                                       " mm do, or take larger paper (--paper a3)");
+}
+
+/// One rectangle per run of black modules in a row.
+std::vector<PdfPage::Rectangle> black_runs(const TagPattern& pattern, PdfPage::Point corner,
+                                           double module_mm) {
+  std::vector<PdfPage::Rectangle> runs;
+  for (int row = 0; row < pattern.modules; ++row) {
+    for (int column = 0; column < pattern.modules;) {
+      int end = column;
+      while (end < pattern.modules && pattern.black_at(end, row)) ++end;
+      if (end > column)
+        runs.push_back({corner.x + column * module_mm,
+                        corner.y + (pattern.modules - 1 - row) * module_mm,
+                        (end - column) * module_mm, module_mm});
+      column = end + 1;
+    }
+  }
+  return runs;
+}
+
+void draw_cut_marks(PdfPage& page, PdfPage::Point corner, double side) {
+  for (const double right : {0.0, 1.0}) {
+    for (const double top : {0.0, 1.0}) {
+      const PdfPage::Point at{corner.x + right * side, corner.y + top * side};
+      const double out_x = right > 0 ? 1 : -1;
+      const double out_y = top > 0 ? 1 : -1;
+      page.line({at.x + 0.5 * out_x, at.y}, {at.x + kCutMark_mm * out_x, at.y}, kHairline_mm);
+      page.line({at.x, at.y + 0.5 * out_y}, {at.x, at.y + kCutMark_mm * out_y}, kHairline_mm);
+    }
+  }
+}
+
+void draw_label(PdfPage& page, PdfPage::Point zone, double side, const std::string& words) {
+  const double base = zone.y + side + 3.2;
+  const double arrow = std::min(4.0, side / 6);
+  const double x = zone.x + 1.5;
+  page.fill_polygon({{x, base}, {x + arrow, base}, {x + arrow / 2, base + arrow}});
+  // Helvetica is about half as wide as high; small tags get small letters.
+  const double room = side - arrow - 4;
+  const double letters = std::clamp(room / (0.56 * static_cast<double>(words.size())), 0.8, 4.0);
+  page.text({x + arrow + 1.2, base}, letters, words);
+}
+
+void draw_tag(PdfPage& page, const TagPattern& pattern, PdfPage::Point zone, const Layout& layout,
+              const TagSheetOrder& order) {
+  const double module = order.size_mm / pattern.border_modules;
+  const double ring = (zone_modules(pattern) - pattern.modules) / 2.0 * module;
+  page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, module));
+  draw_cut_marks(page, zone, layout.zone_mm);
+  draw_label(page, zone, layout.zone_mm,
+             "UP   id " + std::to_string(pattern.tag_id) + "   " + order.family + "   " +
+                 number(order.size_mm) + " mm");
+}
+
+void draw_ruler(PdfPage& page) {
+  constexpr double kLength_mm = 100;
+  const PdfPage::Point left{(page.width_mm() - kLength_mm) / 2, kMargin_mm + 9};
+  page.line(left, {left.x + kLength_mm, left.y}, kHairline_mm);
+  for (int mm = 0; mm <= static_cast<int>(kLength_mm); ++mm) {
+    const double height = mm % 10 == 0 ? 4.0 : mm % 5 == 0 ? 2.8 : 1.6;
+    page.line({left.x + mm, left.y}, {left.x + mm, left.y + height}, kHairline_mm);
+    if (mm % 10 == 0)
+      page.text({left.x + mm -
+                     (mm < 10    ? 0.6
+                      : mm < 100 ? 1.3
+                                 : 1.9),
+                 left.y + 5},
+                2.4, std::to_string(mm));
+  }
+  page.text({left.x - 24, kMargin_mm + 4}, 3.0,
+            "Print at 100 %, no scaling, no \"fit to page\". Then measure: this ruler must be 100 "
+            "mm long.");
+  page.text({left.x - 24, kMargin_mm + 0.5}, 2.4,
+            "Keep the white zone inside the cut marks. Glue flat on something stiff. Arrow = upper "
+            "edge.");
+}
+
+}  // namespace
+
+std::optional<Paper> paper_named(std::string_view name) {
+  if (name == "a4") return Paper{"a4", 210, 297};
+  if (name == "a3") return Paper{"a3", 297, 420};
+  if (name == "letter") return Paper{"letter", 215.9, 279.4};
+  return std::nullopt;
+}
+
+Expected<std::vector<int>> parse_id_list(std::string_view text) {
+  const auto bad = [&](std::string_view part) {
+    return fail(ErrorCode::kInvalid,
+                "'" + std::string(part) + "' in '" + std::string(text) +
+                    "' is neither an id nor a range; write for example 0-11 or 0,3,7-9");
+  };
+  std::vector<int> ids;
+  std::set<int> seen;
+  for (std::string_view rest = text;;) {
+    const std::size_t comma = rest.find(',');
+    const std::string_view part = rest.substr(0, comma);
+    int first = -1;
+    const char* const end = part.data() + part.size();
+    auto parsed = std::from_chars(part.data(), end, first);
+    int last = first;
+    if (parsed.ec == std::errc{} && parsed.ptr != end && *parsed.ptr == '-')
+      parsed = std::from_chars(parsed.ptr + 1, end, last);
+    if (parsed.ec != std::errc{} || parsed.ptr != end || first < 0 || last < first ||
+        last >= kMaxIds)
+      return bad(part);
+    for (int id = first; id <= last; ++id)
+      if (seen.insert(id).second) ids.push_back(id);
+    if (comma == std::string_view::npos) return ids;
+    rest.remove_prefix(comma + 1);
+  }
+}
+
+Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
+  if (!std::isfinite(order.size_mm) || order.size_mm < 5)
+    return fail(ErrorCode::kInvalid,
+                "a tag of " + number(order.size_mm) + " mm cannot be printed; take 5 mm or more");
+  if (order.ids.empty()) return fail(ErrorCode::kInvalid, "no ids given");
+  const auto patterns = tag_patterns(order.family, order.ids);
+  if (!patterns) return tl::unexpected(patterns.error());
+  const auto layout = lay_out(order, patterns->front());
+  if (!layout) return tl::unexpected(layout.error());
+
+  std::vector<PdfPage> pages;
+  for (std::size_t i = 0; i < patterns->size(); ++i) {
+    const std::size_t slot = i % layout->per_page();
+    if (slot == 0) {
+      pages.emplace_back(order.paper.width_mm, order.paper.height_mm);
+      draw_ruler(pages.back());
+    }
+    draw_tag(pages.back(), (*patterns)[i], layout->lower_left(order.paper, slot), *layout, order);
+  }
+  return to_pdf(pages, "Fiducap tags " + order.family + ", " + number(order.size_mm) + " mm");
+}
+
+std::string tag_sheet_yaml(const TagSheetOrder& order) {
+  const std::string size_m = number(order.size_mm / 1000);
+  std::string text =
+      "# Made with the sheet beside this file. Put the lines below `tags:` into the server's "
+      "configuration.\n"
+      "tags:\n"
+      "  family: " +
+      order.family + "\n" + "  size_m: " + size_m +
+      "   # edge between black and white border; correct it when your ruler says so\n" +
+      "  sizes_m:\n";
+  for (const int id : order.ids) text += "    " + std::to_string(id) + ": " + size_m + "\n";
+  return text;
+}
+
+}  // namespace fiducap

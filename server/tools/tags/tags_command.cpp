@@ -1,0 +1,35 @@
+#include "tools/tags/tags_command.hpp"
+
+#include <filesystem>
+
+#include "tools/tags/tag_sheet.hpp"
+#include "tools/whole_file.hpp"
+
+namespace fiducap {
+
+int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) {
+  const auto ids = parse_id_list(arguments.ids);
+  const auto paper = paper_named(arguments.paper);
+  if (!ids || !paper) {
+    report(terminal, ids ? Error{ErrorCode::kInvalid,
+                                 "paper is a4, a3 or letter, not '" + arguments.paper + "'",
+                                 {}}
+                         : ids.error());
+    return kExitUsage;
+  }
+  const TagSheetOrder order{arguments.family, *ids, arguments.size_mm, *paper};
+  const auto pdf = tag_sheet_pdf(order);
+  if (!pdf) return report(terminal, pdf.error());
+  const std::string stub = std::filesystem::path(arguments.out).replace_extension(".yaml").string();
+  if (auto written = write_whole_file(arguments.out, *pdf); !written)
+    return report(terminal, written.error());
+  if (auto written = write_whole_file(stub, tag_sheet_yaml(order)); !written)
+    return report(terminal, written.error());
+  terminal.out << arguments.out << ": " << ids->size() << " tags " << order.family << ", "
+               << order.size_mm << " mm, " << paper->name << "\n"
+               << stub << ": family and sizes for the server's configuration\n"
+               << "Print at 100 % and measure the ruler: it must be 100 mm long.\n";
+  return kExitOk;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,182 @@
+#include "capture/ros/ros_image.hpp"
+
+#include <fiducap_dds/ros_sensors.h>
+#include <gmock/gmock.h>
+
+#include <limits>
+#include <opencv2/imgcodecs.hpp>
+
+#include "base/log.hpp"
+
+namespace fiducap::dds {
+namespace {
+
+using testing::Each;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+CameraModel camera(int width, int height) {
+  CameraModel model;
+  model.width = width;
+  model.height = height;
+  model.fu = model.fv = 100;
+  model.cu = width / 2.0;
+  model.cv = height / 2.0;
+  return model;
+}
+
+class RosImageTest : public testing::Test {
+ protected:
+  Expected<void> convert(std::string_view encoding, std::uint32_t step,
+                         const std::vector<std::uint8_t>& data, bool big = false) {
+    return to_gray({static_cast<std::uint32_t>(model_.width),
+                    static_cast<std::uint32_t>(model_.height), encoding, big, step, data},
+                   model_, gray_);
+  }
+  CameraModel model_ = camera(2, 2);
+  GrayImage gray_;
+};
+
+TEST_F(RosImageTest, GrayIsCopiedWithoutTheRestOfItsRows) {
+  ASSERT_TRUE(convert("mono8", 3, {1, 2, 99, 3, 4}));  // the last row needs no filling
+  EXPECT_THAT(gray_.pixels, ElementsAre(1, 2, 3, 4));
+}
+
+TEST_F(RosImageTest, SixteenBitsGiveTheirHighByteInEitherOrderAndAnyStep) {
+  ASSERT_TRUE(convert("mono16", 5, {1, 10, 2, 20, 0, 3, 30, 4, 40}));
+  EXPECT_THAT(gray_.pixels, ElementsAre(10, 20, 30, 40));
+  ASSERT_TRUE(convert("mono16", 4, {1, 10, 2, 20, 3, 30, 4, 40}, true));
+  EXPECT_THAT(gray_.pixels, ElementsAre(1, 2, 3, 4));
+}
+
+TEST_F(RosImageTest, ColourIsWeighedAsTheEyeDoes) {
+  const std::vector<std::uint8_t> first_is_255{255, 0, 0, 255, 0, 0, 255, 0, 0, 255, 0, 0};
+  ASSERT_TRUE(convert("rgb8", 6, first_is_255));
+  EXPECT_THAT(gray_.pixels, Each(76));  // 0.299 × 255
+  ASSERT_TRUE(convert("bgr8", 6, first_is_255));
+  EXPECT_THAT(gray_.pixels, Each(29));  // 0.114 × 255
+}
+
+TEST_F(RosImageTest, BrightnessOfYuvIsWhereTheEncodingHasIt) {
+  ASSERT_TRUE(convert("yuv422", 4, {128, 50, 128, 60, 128, 70, 128, 80}));  // U Y V Y
+  EXPECT_THAT(gray_.pixels, ElementsAre(50, 60, 70, 80));
+  ASSERT_TRUE(convert("yuv422_yuy2", 4, {50, 128, 60, 128, 70, 128, 80, 128}));
+  EXPECT_THAT(gray_.pixels, ElementsAre(50, 60, 70, 80));
+}
+
+TEST_F(RosImageTest, BayerPatternsBeginWithTheColourThatTheyName) {
+  // Only the red pixels shine: the picture must come out as bright as red is, wherever the pattern
+  // has it.
+  model_ = camera(8, 8);
+  const std::pair<const char*, std::pair<int, int>> red_at[] = {{"bayer_rggb8", {0, 0}},
+                                                                {"bayer_bggr8", {1, 1}},
+                                                                {"bayer_gbrg8", {1, 0}},
+                                                                {"bayer_grbg8", {0, 1}}};
+  for (const auto& [encoding, place] : red_at) {
+    std::vector<std::uint8_t> data(64, 0);
+    for (int y = place.first; y < 8; y += 2) {
+      for (int x = place.second; x < 8; x += 2) data[static_cast<std::size_t>(8 * y + x)] = 255;
+    }
+    ASSERT_TRUE(convert(encoding, 8, data));
+    EXPECT_NEAR(gray_.pixels[8 * 4 + 4], 76, 1) << encoding;
+  }
+}
+
+TEST_F(RosImageTest, LyingSizesAreErrorsNotReads) {
+  EXPECT_FALSE(convert("mono8", 2, {1, 2, 3}));
+  EXPECT_FALSE(convert("mono8", 1, {1, 2, 3, 4, 5, 6}));
+  EXPECT_FALSE(convert("mono8", 0, {1, 2, 3, 4}));
+  EXPECT_FALSE(convert("mono8", std::numeric_limits<std::uint32_t>::max(), {1, 2, 3, 4}));
+  EXPECT_FALSE(convert("bgra8", 8, std::vector<std::uint8_t>(15)));
+  EXPECT_FALSE(convert("32FC1", 8, std::vector<std::uint8_t>(16)));
+  const RawImage huge{std::numeric_limits<std::uint32_t>::max(),
+                      std::numeric_limits<std::uint32_t>::max(),
+                      "mono8",
+                      false,
+                      4,
+                      {}};
+  const auto result = to_gray(huge, model_, gray_);
+  ASSERT_FALSE(result);
+  EXPECT_THAT(result.error().text(),
+              HasSubstr("4294967295 x 4294967295, the calibration is for 2 x 2"));
+}
+
+TEST_F(RosImageTest, CompressedImagesAreDecodedWhenTheirHeaderHasTheRightSize) {
+  model_ = camera(64, 48);
+  for (const char* ending : {".png", ".jpg"}) {
+    std::vector<std::uint8_t> bytes;
+    cv::imencode(ending, cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)), bytes);
+    ASSERT_TRUE(decode_gray(bytes, model_, gray_));
+    EXPECT_THAT(gray_.pixels, Each(testing::AllOf(testing::Ge(76), testing::Le(78))));
+    EXPECT_FALSE(decode_gray(bytes, camera(48, 64), gray_));
+    bytes.resize(40);
+    EXPECT_FALSE(decode_gray(bytes, model_, gray_));
+  }
+}
+
+TEST_F(RosImageTest, APictureOfAFewBytesThatAsksForGigabytesIsRefused) {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", cv::Mat(48, 64, CV_8UC1, cv::Scalar(77)), bytes);
+  bytes[16] = bytes[20] = 0x7f;  // width and height
+  EXPECT_FALSE(decode_gray(bytes, model_, gray_));
+}
+
+class RosLens : public testing::Test {
+ protected:
+  RosLens() {
+    info_.width = 640;
+    info_.height = 480;
+    info_.distortion_model = const_cast<char*>("plumb_bob");
+    info_.k[0] = 458;
+    info_.k[2] = 320;
+    info_.k[4] = 457;
+    info_.k[5] = 240;
+    use_coefficients(5);
+  }
+  void use_coefficients(std::uint32_t count) {
+    info_.d._buffer = coefficients_;
+    info_.d._length = info_.d._maximum = count;
+  }
+  double coefficients_[8]{-0.28, 0.07, 1e-4, 2e-4, 0.01, 1, 1, 1};
+  sensor_msgs_msg_dds__CameraInfo_ info_{};
+};
+
+TEST_F(RosLens, PlumbBobIsRadialTangentialAndEquidistantIsItself) {
+  auto lens = camera_model(info_);
+  ASSERT_TRUE(lens) << lens.error().text();
+  EXPECT_EQ(lens->distortion, Distortion::kRadialTangential);
+  EXPECT_THAT(lens->coefficients, ElementsAre(-0.28, 0.07, 1e-4, 2e-4, 0.01));
+  EXPECT_EQ(lens->fv, 457);
+  EXPECT_EQ(lens->cu, 320);
+  info_.distortion_model = const_cast<char*>("equidistant");
+  use_coefficients(4);
+  lens = camera_model(info_);
+  ASSERT_TRUE(lens) << lens.error().text();
+  EXPECT_EQ(lens->distortion, Distortion::kEquidistant);
+  use_coefficients(0);
+  lens = camera_model(info_);
+  ASSERT_TRUE(lens);
+  EXPECT_EQ(lens->distortion, Distortion::kNone);
+}
+
+TEST_F(RosLens, WhatWeCannotUseIsAnError) {
+  use_coefficients(8);
+  info_.distortion_model = const_cast<char*>("rational_polynomial");
+  EXPECT_FALSE(camera_model(info_));
+  info_.distortion_model = nullptr;
+  EXPECT_FALSE(camera_model(info_));
+  use_coefficients(0);
+  info_.width = 0;
+  EXPECT_FALSE(camera_model(info_));
+  info_.width = 0xffffffff;
+  EXPECT_FALSE(camera_model(info_));
+  info_.width = 640;
+  info_.binning_x = 2;
+  EXPECT_FALSE(camera_model(info_));
+  info_.binning_x = 0;
+  info_.k[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(camera_model(info_));
+}
+
+}  // namespace
+}  // namespace fiducap::dds

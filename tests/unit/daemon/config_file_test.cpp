@@ -1,0 +1,257 @@
+#include "daemon/config/config_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::ElementsAre;
+using testing::EndsWith;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::StartsWith;
+using testing::UnorderedElementsAre;
+
+constexpr const char* kOneCamera = R"(
+tags: {family: tag36h11, size_m: 0.2, sizes_m: {7: 0.4}, ignore: [13]}
+bodies:
+  - name: robot
+    source: {type: camera, open: clip.mp4}
+    cameras:
+      - model: {width: 640, height: 480, fu: 500, fv: 500, cu: 319.5, cv: 239.5}
+        X_BV: {p: [0.1, 0, 0], q_wxyz: [0.5, -0.5, 0.5, -0.5]}
+        time_shift_s: -0.0025
+streaming: {rate_hz: 250, vrpn: {up: "y"}}
+)";
+
+std::vector<std::string> faults_of(const std::string& text,
+                                   const std::vector<std::string>& sets = {}) {
+  const auto config = parse_config(text, "test.yaml", sets);
+  std::vector<std::string> lines;
+  if (!config) {
+    for (const auto& fault : config.error()) lines.push_back(fault.text());
+  }
+  return lines;
+}
+
+TEST(ConfigFile, ReadsWhatItSays) {
+  const auto config = parse_config(kOneCamera, "test.yaml");
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->tags.size_m, 0.2);
+  EXPECT_EQ(config->tags.edge_of(7), 0.4);
+  EXPECT_THAT(config->tags.ignore, ElementsAre(13));
+  ASSERT_EQ(config->bodies.size(), 1u);
+  const BodyConfig& body = config->bodies[0];
+  EXPECT_EQ(body.name, "robot");
+  EXPECT_EQ(body.id, 1);
+  EXPECT_EQ(body.source.type, SourceType::kCamera);
+  ASSERT_EQ(body.cameras.size(), 1u);
+  EXPECT_EQ(body.cameras[0].mount.model.fu, 500);
+  EXPECT_EQ(body.cameras[0].mount.X_BV.q.x(), -0.5);
+  EXPECT_EQ(body.cameras[0].mount.time_shift, std::chrono::microseconds(-2500));
+  EXPECT_EQ(config->streaming.rate_hz, 250);
+  EXPECT_EQ(config->streaming.vrpn.up, UpAxis::kY);
+}
+
+TEST(ConfigFile, HasADefaultForEverything) {
+  const auto config = parse_config("", "empty.yaml");
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->streaming.rate_hz, StreamingConfig{}.rate_hz);
+  EXPECT_THAT(config->bodies, IsEmpty());
+}
+
+TEST(ConfigFile, TellsAllFaultsAtOnceWithPathValueRuleAndLine) {
+  const auto faults = faults_of(R"(tags:
+  size_m: -1
+  colour: black
+estimator:
+  corner_noise_px: much
+streaming:
+  rate_hz: 5000
+)");
+  EXPECT_THAT(
+      faults,
+      UnorderedElementsAre(
+          StartsWith("test.yaml:2: tags.size_m = -1: must be"),
+          StartsWith("test.yaml:3: tags.colour = black: unknown key; known here are family"),
+          "test.yaml:5: estimator.corner_noise_px = much: must be a number",
+          "test.yaml:7: streaming.rate_hz = 5000: must be in [1, 1000]"));
+}
+
+TEST(ConfigFile, FindsUnknownKeysInsideLists) {
+  EXPECT_THAT(faults_of(kOneCamera, {"bodies.0.cameras.0.focal=3"}),
+              ElementsAre(StartsWith("--set: bodies.0.cameras.0.focal = 3: unknown key")));
+}
+
+TEST(ConfigFile, KnowsWhichKeysBelongToASource) {
+  EXPECT_THAT(
+      faults_of("bodies: [{name: a, source: {type: recording, folder: x, open: y}}]"),
+      ElementsAre(HasSubstr(
+          "bodies.0.source.open = y: unknown key; known here are type, folder, loop, speed")));
+}
+
+TEST(ConfigFile, RefusesAKeyGivenTwice) {
+  EXPECT_THAT(faults_of("tags: {size_m: 0.1}\ntags: {size_m: 0.2}\n"),
+              ElementsAre(EndsWith("is given twice")));
+}
+
+struct BadValue {
+  std::string yaml;
+  std::string fault;
+};
+
+class BadValueTest : public testing::TestWithParam<BadValue> {};
+
+TEST_P(BadValueTest, IsNamedWithItsRule) {
+  EXPECT_THAT(faults_of(GetParam().yaml), testing::Contains(HasSubstr(GetParam().fault)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    ConfigFile, BadValueTest,
+    testing::Values(
+        BadValue{"detector: {refine_edges: 1}", "detector.refine_edges = 1: must be true or false"},
+        BadValue{"detector: {max_hamming: 1.5}",
+                 "detector.max_hamming = 1.5: must be a whole number"},
+        BadValue{"tags: {size_m: \"0.2\"}", "must be a number"},
+        BadValue{"tags: {size_m: .nan}", "tags.size_m = .nan: must be a"},
+        BadValue{"tags: {ignore: 13}", "tags.ignore = 13: must be a list of whole numbers"},
+        BadValue{"tags: {sizes_m: [1]}", "must be a section of `id: number`"},
+        BadValue{"tags: 5", "tags = 5: must be a section"},
+        BadValue{"bodies: {}", "must be a list"},
+        BadValue{"map: {mode: chilled}", "map.mode = chilled: must be one of mapping, frozen"},
+        BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0], q_wxyz: [1, 0, 0, 0]}}",
+                 "map.reference_pose ="},
+        BadValue{"map: {reference_tag: 0, reference_pose: {q_wxyz: [1, 1, 0, 0]}}",
+                 "with a unit quaternion"},
+        BadValue{"map: {reference_pose: {p: [0, 0, 0]}}", "needs reference_tag"},
+        BadValue{"streaming: {vrpn: {port: 70000}}",
+                 "streaming.vrpn.port = 70000: must be a whole number in [0, 65535]"},
+        BadValue{"streaming: {web: {rate_hz: 0}}", "streaming.web.rate_hz = 0: must be"},
+        BadValue{"streaming: {optional: [telnet]}",
+                 "streaming.optional = telnet: must be some of vrpn"},
+        BadValue{"streaming: {natnet: {aliases: [drone]}}",
+                 "must be a section of `name: other name`"},
+        BadValue{"streaming: {natnet: {aliases: {ghost: RigidBody 1}}}",
+                 "streaming.natnet.aliases.ghost = \"RigidBody 1\": must stand for the name of one "
+                 "of the bodies"},
+        BadValue{"{streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
+                 "recording, folder: x}}]}",
+                 "streaming.dds.aliases.a = \"\": must not be empty"},
+        BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]",
+                 "bodies.0.name = \"a b\": must have"},
+        BadValue{"bodies: [{name: a, source: {type: recording}}]",
+                 "bodies.0.source.folder = \"\": must name"},
+        BadValue{"bodies: [{name: a, source: {type: simulator}}]", "bodies.0.cameras = []"},
+        BadValue{"bodies: [{name: a, source: {type: camera, open: x}}]", "exactly one camera"},
+        BadValue{"bodies: [{name: a, filter: magic, source: {type: recording, folder: x}}]",
+                 "bodies.0.filter = magic"},
+        BadValue{"bodies: [{name: a, source: {type: recording, folder: x}}, {name: a, source: "
+                 "{type: recording, folder: x}}]",
+                 "bodies.1.name = \"a\": is taken by another body"},
+        BadValue{"bodies: [{name: a, limits: {coast_after_s: -1}, source: {type: recording, "
+                 "folder: x}}]",
+                 "bodies.0.limits.coast_after_s = -1: must be"}));
+
+TEST(ConfigFile, SaysWhereTextStopsBeingYaml) {
+  EXPECT_THAT(faults_of("tags: {size_m: 0.1\nbodies: []\n"), ElementsAre(HasSubstr("is not YAML")));
+  EXPECT_THAT(faults_of("- a\n- b\n"), ElementsAre(HasSubstr("must be a section of `key: value`")));
+}
+
+TEST(ConfigFile, IsNotFoundWithItsName) {
+  const auto config = load_config("/nowhere/robot.yaml");
+  ASSERT_FALSE(config);
+  EXPECT_THAT(config.error().front().text(), HasSubstr("/nowhere/robot.yaml: cannot be read"));
+}
+
+TEST(ConfigOverride, GoesBeforeTheFile) {
+  const auto config =
+      parse_config(kOneCamera, "test.yaml",
+                   {"bodies.0.source.open=other.mp4", "streaming.rate_hz=50", "tags.sizes_m.9=0.3",
+                    "map.mode=frozen", "bodies.0.pivot={p: [0, 0, 1], q_wxyz: [1, 0, 0, 0]}"});
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_THAT(config->bodies[0].source.camera.open, EndsWith("/other.mp4"));
+  EXPECT_EQ(config->streaming.rate_hz, 50);
+  EXPECT_EQ(config->tags.edge_of(9), 0.3);
+  EXPECT_EQ(config->tags.edge_of(7), 0.4);
+  EXPECT_EQ(config->map.builder.mode, MapMode::kFrozen);
+  EXPECT_EQ(config->bodies[0].pivot.p.z(), 1);
+}
+
+TEST(ConfigFile, GivesABodyAnotherNameForTheClientsOfOneProtocol) {
+  const auto config = parse_config(
+      "bodies: [{name: drone, source: {type: recording, folder: x}}]", "test.yaml",
+      {"streaming.natnet.aliases={drone: Rigid Body 1}", "streaming.vicon.aliases.drone=cf7"});
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->streaming.natnet.aliases, (NameAliases{{"drone", "Rigid Body 1"}}));
+  EXPECT_EQ(config->streaming.vicon.aliases, (NameAliases{{"drone", "cf7"}}));
+  EXPECT_TRUE(config->streaming.qualisys.aliases.empty());
+  EXPECT_THAT(print_config(*config), HasSubstr("aliases: {\"drone\": \"Rigid Body 1\"}"));
+}
+
+TEST(ConfigOverride, IsCheckedLikeTheFile) {
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz=0"}),
+              ElementsAre("--set: streaming.rate_hz = 0: must be in [1, 1000]"));
+}
+
+TEST(ConfigOverride, SaysWhatIsWrongWithItsPath) {
+  EXPECT_THAT(faults_of(kOneCamera, {"bodies.3.name=x"}),
+              ElementsAre(HasSubstr("the list has 1 entries")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.speed=1"}), ElementsAre(HasSubstr("unknown key")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz.fast=1"}),
+              ElementsAre(HasSubstr("not a section")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz"}),
+              ElementsAre(HasSubstr("path.to.key=value")));
+  EXPECT_THAT(faults_of(kOneCamera, {"streaming.rate_hz=[1"}),
+              ElementsAre(HasSubstr("is not YAML")));
+}
+
+TEST(ConfigPaths, AreRelativeToTheFileThatNamesThem) {
+  const TemporaryFolder folder;
+  const auto file = folder.write("robot.yaml", kOneCamera);
+  const auto config = load_config(file, {"map.store=here.sqlite"});
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->bodies[0].source.camera.open, folder.file("clip.mp4"));
+  EXPECT_EQ(config->map.store, (std::filesystem::current_path() / "here.sqlite").string());
+}
+
+TEST(ConfigPaths, DevicesAndPipelinesStayAsTheyAre) {
+  for (const std::string device :
+       {"0", "/dev/video3", "v4l2src ! appsink", "rtsp://camera/stream"}) {
+    const auto config = parse_config("bodies: [{name: a, source: {type: camera, open: \"" + device +
+                                         "\"}, cameras: [{calibration: c.json}]}]",
+                                     "a/test.yaml");
+    ASSERT_TRUE(config) << config.error().front().text();
+    EXPECT_EQ(config->bodies[0].source.camera.open, device);
+  }
+}
+
+TEST(ConfigPrint, LoadsAgainToTheSame) {
+  const auto config =
+      parse_config(kOneCamera, "test.yaml",
+                   {"map.reference_tag=3", "bodies.0.limits.coast_after_s=0.1234567890123",
+                    "map.reference_pose={p: [1, 2, 3], q_wxyz: [0.7071, 0.7071, 0, 0]}"});
+  ASSERT_TRUE(config) << config.error().front().text();
+  const std::string printed = print_config(*config);
+  const auto again = parse_config(printed, "elsewhere/printed.yaml");
+  ASSERT_TRUE(again) << again.error().front().text() << "\n" << printed;
+  EXPECT_EQ(print_config(*again), printed);
+  EXPECT_EQ(again->bodies[0].limits.coast_after_s, 0.1234567890123);
+  EXPECT_EQ(again->map.reference_pose->p, config->map.reference_pose->p);
+}
+
+TEST(ConfigPrint, ShowsEveryKeyAlsoThoseWithDefaults) {
+  const auto config = parse_config(kOneCamera, "test.yaml");
+  ASSERT_TRUE(config);
+  for (const char* key : {"decimate:", "gate_probability:", "commit_period_s:",
+                          "reference_tag: null", "minor_version:", "lose_after_s:", "q_wxyz"}) {
+    EXPECT_THAT(print_config(*config), HasSubstr(key));
+  }
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,239 @@
+#include "daemon/map_keeper.hpp"
+
+#include <gtest/gtest.h>
+
+#include <sys/resource.h>
+
+#include <csignal>
+
+#include "daemon/map_start.hpp"
+#include "support/fake_clock.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+TagBelief belief(int id, double x) {
+  TagBelief certain;
+  certain.tag = {id, 0.16, {Eigen::Quaterniond::Identity(), {x, 0, 1}}};
+  certain.tag.covariance = Matrix6d::Identity() * 1e-8;
+  certain.sightings = 1000;
+  return certain;
+}
+
+class MapKeeperTest : public testing::Test {
+ protected:
+  void build(MapMode mode) {
+    MapConfig config;
+    config.mode = mode;
+    map_ = std::make_unique<MapBuilder>(config, TagMap{});
+    auto store = MapStore::open(file_);
+    ASSERT_TRUE(store) << store.error().text();
+    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_,
+                                          [this] { return learned_; });
+  }
+  void see(int id, double x = 1.0) {
+    map_->absorb(1, std::vector{belief(id, x)}, 1'700'000'000'000'000'000);
+  }
+  [[nodiscard]] std::vector<MapVersionInfo> stored() const {
+    auto store = MapStore::open(file_);
+    return store ? store->log().value() : std::vector<MapVersionInfo>{};
+  }
+
+  TemporaryFolder folder_;
+  std::string file_{folder_.file("map.sqlite")};
+  FakeClock clock_;
+  std::vector<LearnedBody> learned_;
+  std::unique_ptr<MapBuilder> map_;
+  std::unique_ptr<MapKeeper> keeper_;
+};
+
+TEST_F(MapKeeperTest, StoresAChangedMapAndOnlyOnce) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  keeper_->commit();
+  ASSERT_EQ(stored().size(), 1u);
+  EXPECT_EQ(stored().front().tags, 1);
+  see(5);
+  keeper_->commit();
+  EXPECT_EQ(stored().size(), 2u);
+}
+
+TEST_F(MapKeeperTest, StoresNothingWhileNothingIsKnown) {
+  build(MapMode::kMapping);
+  keeper_->commit();
+  EXPECT_TRUE(stored().empty());
+}
+
+TEST_F(MapKeeperTest, LeavesTheStoreAloneWhenTheMapIsFrozen) {
+  build(MapMode::kFrozen);
+  see(4);
+  keeper_->commit();
+  EXPECT_TRUE(stored().empty());
+}
+
+TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
+  build(MapMode::kMapping);
+  see(4);
+  std::stop_source stop;
+  stop.request_stop();
+  keeper_->run(stop.get_token());
+  EXPECT_EQ(stored().size(), 1u);
+}
+
+TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndAlthoughTheMapIsTheSame) {
+  build(MapMode::kMapping);
+  ExtrinsicsEstimate camera;
+  camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
+  ExtrinsicsEstimate unsure = camera;
+  unsure.clock.shift_sigma_s = 0.01;
+  learned_ = {{"robot", {camera, unsure}}};
+  std::stop_source stop;
+  stop.request_stop();
+  keeper_->run(stop.get_token());
+  auto store = MapStore::open(file_);
+  ASSERT_TRUE(store);
+  const auto extrinsics = store->extrinsics();
+  ASSERT_TRUE(extrinsics);
+  ASSERT_EQ(extrinsics->size(), 2U);
+  ASSERT_TRUE(extrinsics->front().clock);
+  EXPECT_EQ(extrinsics->front().clock->shift_s, 0.02);
+  EXPECT_FALSE(extrinsics->back().clock);
+}
+
+TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
+  build(MapMode::kMapping);
+  see(4);
+  learned_ = {
+      {"robot", {{Pose{Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}, Matrix6d::Identity()}}}};
+  keeper_->commit();
+  auto store = MapStore::open(file_);
+  ASSERT_TRUE(store);
+  const auto extrinsics = store->extrinsics();
+  ASSERT_TRUE(extrinsics);
+  ASSERT_EQ(extrinsics->size(), 1u);
+  EXPECT_EQ(extrinsics->front().body, "robot");
+  EXPECT_EQ(extrinsics->front().X_BV.p.z(), 0.3);
+}
+
+/// Files of this process cannot grow beyond this while it lives: what a full disk looks like.
+class FullDisk final {
+ public:
+  FullDisk() {
+    ::signal(SIGXFSZ, SIG_IGN);
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit none{0, before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &none);
+  }
+  ~FullDisk() { ::setrlimit(RLIMIT_FSIZE, &before_); }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  see(5);
+  {
+    const FullDisk full;
+    EXPECT_NO_THROW(keeper_->commit());
+    EXPECT_NO_THROW(keeper_->commit());
+  }
+  ASSERT_EQ(stored().size(), 1u) << "the stored map must stay as it was";
+  EXPECT_EQ(stored().front().tags, 1);
+  keeper_->commit();
+  ASSERT_EQ(stored().size(), 2u);
+  EXPECT_EQ(stored().front().tags, 2);
+}
+
+class MapStartTest : public testing::Test {
+ protected:
+  TemporaryFolder folder_;
+  MapSettings settings_;
+  TagSetConfig tags_;
+};
+
+TEST_F(MapStartTest, IsEmptyWithoutStoreAndFile) {
+  settings_.reference_tag = 3;
+  const auto start = open_start_map(settings_, tags_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_TRUE(start->map.tags.empty());
+  EXPECT_EQ(start->map.reference_tag, 3);
+  EXPECT_FALSE(start->store.has_value());
+}
+
+TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
+  settings_.store = folder_.file("map.sqlite");
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  const auto first = open_start_map(settings_, tags_);
+  ASSERT_TRUE(first) << first.error().text();
+  ASSERT_EQ(first->map.tags.size(), 1u);
+  EXPECT_EQ(first->map.version, 1);
+  settings_.file = folder_.file("gone.csv");
+  const auto second = open_start_map(settings_, tags_);
+  ASSERT_TRUE(second) << second.error().text();
+  EXPECT_EQ(second->map.version, 1);
+  ASSERT_NE(second->map.find(4), nullptr);
+  EXPECT_EQ(second->map.find(4)->tag.X_WT.p.y(), 2);
+}
+
+TEST_F(MapStartTest, NamesADamagedStoreAndLeavesItAlone) {
+  settings_.store = folder_.write("map.sqlite", std::string(10'000, 'x'));
+  const auto start = open_start_map(settings_, tags_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("map.sqlite"), std::string::npos) << start.error().text();
+  EXPECT_EQ(std::filesystem::file_size(settings_.store), 10'000u);
+}
+
+TEST_F(MapStartTest, RefusesAMapOfAnotherTagFamily) {
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  tags_.family = "tag25h9";
+  const auto start = open_start_map(settings_, tags_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("tag25h9"), std::string::npos) << start.error().text();
+}
+
+TEST_F(MapStartTest, NamesASurveyThatIsNotThere) {
+  settings_.file = folder_.file("survey.json");
+  const auto start = open_start_map(settings_, tags_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("survey.json"), std::string::npos);
+}
+
+TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
+  BodySensors sensors;
+  sensors.cameras.resize(2);
+  std::vector<CameraMount>& cameras = sensors.cameras;
+  cameras[0].X_BV.p = {0.1, 0, 0};
+  cameras[1].X_BV.p = {0.1, 0, 0};
+  const Pose close{Eigen::Quaterniond::Identity(), {0.11, 0, 0}};
+  const Pose far{Eigen::Quaterniond::Identity(), {0.5, 0, 0}};
+  use_learned({{"robot", 0, close}, {"robot", 1, far}, {"other", 0, far}, {"robot", 9, close}},
+              "robot", sensors);
+  EXPECT_EQ(cameras[0].X_BV.p.x(), 0.11);
+  EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
+}
+
+TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
+  BodySensors sensors;
+  sensors.cameras.resize(3);
+  sensors.cameras[0].readout_s = 0.01;
+  sensors.cameras[0].readout_sigma_s = 0.005;
+  sensors.cameras[1].time_shift_sigma_s = 0;
+  const StoredClock clock{-0.03, 0.015};
+  use_learned({{"robot", 0, Pose{}, clock}, {"robot", 1, Pose{}, clock}, {"robot", 2, Pose{}}},
+              "robot", sensors);
+  EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
+  EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
+  EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
+}
+
+}  // namespace
+}  // namespace fiducap

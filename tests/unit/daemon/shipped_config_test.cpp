@@ -1,0 +1,87 @@
+// Every file under config/ must load: a shipped example that does not is worse than none.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "daemon/config/config_file.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap {
+namespace {
+
+const std::filesystem::path kFolder = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config";
+
+std::vector<std::string> shipped() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(kFolder)) {
+    if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+ServerConfig load(const std::string& name) {
+  auto config = load_config((kFolder / (name + ".yaml")).string());
+  if (!config) {
+    for (const auto& fault : config.error()) ADD_FAILURE() << fault.text();
+    return {};
+  }
+  return std::move(*config);
+}
+
+class ShippedConfig : public testing::TestWithParam<std::string> {};
+
+TEST_P(ShippedConfig, LoadsAndPrintsToTheSame) {
+  const std::string printed = print_config(load(GetParam()));
+  const auto again = parse_config(printed, "printed.yaml");
+  ASSERT_TRUE(again) << again.error().front().text();
+  EXPECT_EQ(print_config(*again), printed);
+}
+
+INSTANTIATE_TEST_SUITE_P(Config, ShippedConfig, testing::ValuesIn(shipped()),
+                         [](const auto& test) { return test.param; });
+
+TEST(ShippedConfigs, AreTheFourOfTheReadme) {
+  EXPECT_THAT(shipped(), testing::IsSupersetOf({"demo", "one_robot", "recording", "video"}));
+}
+
+TEST(DemoConfig, HasThreeRobotsWithImagesInAHallOf24Tags) {
+  const ServerConfig demo = load("demo");
+  ASSERT_EQ(demo.bodies.size(), 3u);
+  for (const auto& body : demo.bodies) {
+    EXPECT_EQ(body.source.type, SourceType::kSimulator);
+    EXPECT_TRUE(body.source.simulator.camera.images) << body.name;
+    EXPECT_TRUE(body.use_imu) << body.name;
+  }
+  EXPECT_EQ(simulation::tags_of(demo.simulation).size(), 24u);
+  EXPECT_EQ(demo.simulation.tag_size_m, demo.tags.size_m);
+}
+
+TEST(DemoConfig, KnowsWhereItsReferenceTagReallyIs) {
+  // The workspace is the room only if the surveyed pose is the simulated one; the file has 17
+  // digits.
+  constexpr double kRounding = 1e-12;
+  const ServerConfig demo = load("demo");
+  ASSERT_TRUE(demo.map.reference_tag && demo.map.reference_pose);
+  const auto tags = simulation::tags_of(demo.simulation);
+  const auto tag = std::find_if(tags.begin(), tags.end(),
+                                [&](const auto& t) { return t.tag_id == *demo.map.reference_tag; });
+  ASSERT_NE(tag, tags.end());
+  EXPECT_LT((tag->X_WT.p - demo.map.reference_pose->p).norm(), kRounding);
+  EXPECT_LT(tag->X_WT.q.angularDistance(demo.map.reference_pose->q), 1e-7);
+}
+
+TEST(DemoConfig, StreamsOnTheUsualPorts) {
+  const ServerConfig demo = load("demo");
+  EXPECT_EQ(demo.streaming.rate_hz, 100);
+  EXPECT_EQ(demo.streaming.vrpn.port, 3883);
+  EXPECT_EQ(demo.streaming.native.port, 21600);
+  EXPECT_EQ(demo.streaming.web.port, 8080);
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,146 @@
+#include "simulation/imu_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include "base/so3.hpp"
+#include "robot.hpp"
+
+namespace fiducap::simulation {
+namespace {
+
+constexpr double kGravity = 9.81;
+
+ImuErrors no_errors() {
+  ImuErrors errors;
+  errors.noise = {0, 0, 0, 0, 200.0};
+  errors.gyro_bias.setZero();
+  errors.accel_bias.setZero();
+  return errors;
+}
+
+Trajectory::Point at_rest() {
+  return {{}, Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+}
+
+TEST(ImuModel, AtRestItFeelsTheFloorPushUp) {
+  ImuModel imu(no_errors(), kGravity, 1);
+  const ImuSample sample = imu.measure(0, at_rest());
+  EXPECT_EQ(sample.f_B, Eigen::Vector3d(0, 0, kGravity));
+  EXPECT_EQ(sample.w_WB_B, Eigen::Vector3d::Zero());
+}
+
+TEST(ImuModel, WithoutErrorsIntegrationGivesTheTrajectoryBack) {
+  // Mid-point integration at 1 kHz over 10 s of survey: its own error is below this; a wrong sign
+  // or frame is metres.
+  constexpr double kIntegration_m = 1e-4;
+  const auto trajectory = make_trajectory({}, room_of("hall")).value();
+  ImuModel imu(no_errors(), kGravity, 1);
+  constexpr double kStep_s = 1e-3;
+  Pose X = trajectory->at(0).X_WB;
+  Eigen::Vector3d v = trajectory->at(0).v_WB;
+  for (int k = 0; k < 10000; ++k) {
+    const ImuSample middle = imu.measure(0, trajectory->at((k + 0.5) * kStep_s));
+    const Eigen::Quaterniond q_middle = X.q * exp_so3(middle.w_WB_B * (0.5 * kStep_s));
+    const Eigen::Vector3d a = q_middle * middle.f_B - Eigen::Vector3d(0, 0, kGravity);
+    X.p += v * kStep_s + 0.5 * a * kStep_s * kStep_s;
+    v += a * kStep_s;
+    X.q = (X.q * exp_so3(middle.w_WB_B * kStep_s)).normalized();
+  }
+  EXPECT_LT((X.p - trajectory->at(10).X_WB.p).norm(), kIntegration_m);
+  EXPECT_LT(angle_between(X.q, trajectory->at(10).X_WB.q), kIntegration_m);
+}
+
+TEST(ImuModel, WhiteNoiseOfASampleIsDensityTimesRootOfRate) {
+  for (const double rate : {100.0, 400.0}) {
+    ImuErrors errors = no_errors();
+    errors.noise = {1e-3, 0, 2e-2, 0, rate};
+    ImuModel imu(errors, kGravity, 3);
+    constexpr int kSamples = 20000;
+    double gyro = 0;
+    double accel = 0;
+    double mean_of_100 = 0;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = 0; k < kSamples; ++k) {
+      const ImuSample s = imu.measure(static_cast<std::uint64_t>(k), at_rest());
+      const Eigen::Vector3d f = s.f_B - Eigen::Vector3d(0, 0, kGravity);
+      gyro += s.w_WB_B.squaredNorm();
+      accel += f.squaredNorm();
+      sum += s.w_WB_B;
+      if (k % 100 == 99) {
+        mean_of_100 += (sum / 100).squaredNorm();
+        sum.setZero();
+      }
+    }
+    constexpr double kFiveSigma = 5 * 1.4142 / 245;
+    EXPECT_NEAR(gyro / (3 * kSamples) / (1e-6 * rate), 1.0, kFiveSigma);
+    EXPECT_NEAR(accel / (3 * kSamples) / (4e-4 * rate), 1.0, kFiveSigma);
+    // White: the mean of 100 has a hundredth of the variance (Allan's −1/2 slope).
+    EXPECT_NEAR(mean_of_100 / (3 * kSamples / 100.0) / (1e-8 * rate), 1.0, 10 * kFiveSigma);
+  }
+}
+
+TEST(ImuModel, BiasSpreadsWithTheRootOfTime) {
+  ImuErrors errors = no_errors();
+  errors.noise.gyro_walk_rad_s2_rtHz = 2e-5;
+  errors.noise.accel_walk_m_s3_rtHz = 5e-4;
+  for (const double t : {1.0, 100.0}) {
+    double gyro = 0;
+    double accel = 0;
+    constexpr int kUnits = 1000;
+    for (std::uint64_t seed = 0; seed < kUnits; ++seed) {
+      const ImuBias bias = ImuModel(errors, kGravity, seed).bias_at(t);
+      gyro += bias.w.squaredNorm() / 3;
+      accel += bias.f.squaredNorm() / 3;
+    }
+    constexpr double kFiveSigma = 5 * 1.4142 / 54.8;
+    EXPECT_NEAR(gyro / kUnits / (4e-10 * t), 1.0, kFiveSigma);
+    EXPECT_NEAR(accel / kUnits / (25e-8 * t), 1.0, kFiveSigma);
+  }
+}
+
+TEST(ImuModel, TheTrueBiasIsTheOneInTheSamples) {
+  ImuErrors errors;
+  errors.noise.gyro_noise_rad_s_rtHz = 0;
+  errors.noise.accel_noise_m_s2_rtHz = 0;
+  ImuModel imu(errors, kGravity, 4);
+  for (std::uint64_t k = 0; k < 1000; k += 37) {
+    const ImuSample sample = imu.measure(k, at_rest());
+    const ImuBias bias = imu.bias_at(static_cast<double>(k) / errors.noise.rate_hz);
+    EXPECT_LT((sample.w_WB_B - bias.w).norm(), 1e-12);
+    EXPECT_LT((sample.f_B - Eigen::Vector3d(0, 0, kGravity) - bias.f).norm(), 1e-12);
+  }
+}
+
+TEST(ImuModel, ScaleAndMisalignmentDifferBySeedAndHaveTheirSize) {
+  ImuErrors errors = no_errors();
+  errors.scale_error = 0.01;
+  errors.misalignment_rad = 0.003;
+  double scale = 0;
+  double tilt = 0;
+  constexpr int kUnits = 2000;
+  Trajectory::Point turning = at_rest();
+  turning.w_WB_B = Eigen::Vector3d::UnitX();
+  for (std::uint64_t seed = 0; seed < kUnits; ++seed) {
+    const Eigen::Vector3d w = ImuModel(errors, kGravity, seed).measure(0, turning).w_WB_B;
+    scale += std::pow(w.x() - 1, 2);
+    tilt += (w.y() * w.y() + w.z() * w.z()) / 2;
+  }
+  constexpr double kFiveSigma = 5 * 1.4142 / 44.7;
+  EXPECT_NEAR(scale / kUnits / 1e-4, 1.0, kFiveSigma);
+  EXPECT_NEAR(tilt / kUnits / 9e-6, 1.0, kFiveSigma);
+}
+
+TEST(ImuModel, SaturatesAtItsRange) {
+  ImuErrors errors = no_errors();
+  errors.gyro_range_rad_s = 5;
+  errors.accel_range_m_s2 = 20;
+  Trajectory::Point wild = at_rest();
+  wild.w_WB_B = {9, -9, 1};
+  wild.a_WB = {100, 0, -100};
+  const ImuSample sample = ImuModel(errors, kGravity, 1).measure(0, wild);
+  EXPECT_EQ(sample.w_WB_B, Eigen::Vector3d(5, -5, 1));
+  EXPECT_EQ(sample.f_B, Eigen::Vector3d(20, 0, -20));
+}
+
+}  // namespace
+}  // namespace fiducap::simulation

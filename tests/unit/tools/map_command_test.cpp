@@ -1,0 +1,116 @@
+#include "tools/tags/map_command.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sstream>
+
+#include <nlohmann/json.hpp>
+
+#include "support/temporary_folder.hpp"
+#include "tools/whole_file.hpp"
+
+namespace fiducap {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr const char* kHeader = "id,size,px,py,pz,qw,qx,qy,qz\n";
+
+class MapCommandTest : public ::testing::Test {
+ protected:
+  MapCommandTest() { arguments_.store = folder_.file("hall.map"); }
+
+  int import(const std::string& rows) {
+    arguments_.file = folder_.file("in.csv");
+    EXPECT_TRUE(write_whole_file(arguments_.file, kHeader + rows));
+    return run_map_import(arguments_, terminal_);
+  }
+  std::string taken() {
+    std::string text = out_.str();
+    out_.str({});
+    return text;
+  }
+
+  TemporaryFolder folder_;
+  std::ostringstream out_;
+  std::ostringstream err_;
+  Terminal terminal_{out_, err_};
+  MapArguments arguments_;
+};
+
+TEST_F(MapCommandTest, ImportedVersionsAreLoggedNewestFirst) {
+  ASSERT_EQ(import("1,0.16,0,0,0,1,0,0,0\n"), kExitOk) << err_.str();
+  arguments_.comment = "after moving tag 1";
+  ASSERT_EQ(import("1,0.16,1,0,0,1,0,0,0\n"), kExitOk) << err_.str();
+  taken();
+  arguments_.json = true;
+  ASSERT_EQ(run_map_log(arguments_, terminal_), kExitOk);
+  const auto log = nlohmann::json::parse(taken());
+  ASSERT_EQ(log.size(), 2u);
+  EXPECT_EQ(log[0]["comment"], "after moving tag 1");
+  EXPECT_EQ(log[0]["parent"], log[1]["version"]);
+  EXPECT_EQ(log[1]["comment"], "import of in.csv");
+  EXPECT_GT(log[1]["created_utc_ns"], 0);
+}
+
+TEST_F(MapCommandTest, DiffSpeaksMillimetresAndDegrees) {
+  ASSERT_EQ(import("1,0.16,0,0,0,1,0,0,0\n2,0.16,0,0,0,1,0,0,0\n"), kExitOk);
+  // Moved by 12 mm and turned by 60 degrees about z: cos 30° = 0.8660254037844387.
+  ASSERT_EQ(import("1,0.16,0.012,0,0,0.8660254037844387,0,0,0.5\n3,0.16,0,0,0,1,0,0,0\n"), kExitOk);
+  taken();
+  ASSERT_EQ(run_map_diff(arguments_, terminal_), kExitOk) << err_.str();
+  const std::string text = taken();
+  EXPECT_THAT(text, HasSubstr("3 tags differ"));
+  EXPECT_THAT(text, HasSubstr("    1 moved      12.000 mm  60.0000 deg\n"));
+  EXPECT_THAT(text, HasSubstr("    2 removed\n"));
+  EXPECT_THAT(text, HasSubstr("    3 added\n"));
+}
+
+TEST_F(MapCommandTest, ExportReadsBackAsTheSameMap) {
+  ASSERT_EQ(import("1,0.16,0.1,0.2,0.3,0.8660254037844387,0,0,0.5\n"), kExitOk);
+  arguments_.file = folder_.file("out.yaml");
+  ASSERT_EQ(run_map_export(arguments_, terminal_), kExitOk) << err_.str();
+  ASSERT_EQ(run_map_import(arguments_, terminal_), kExitOk) << err_.str();
+  taken();
+  ASSERT_EQ(run_map_diff(arguments_, terminal_), kExitOk);
+  EXPECT_THAT(taken(), HasSubstr("no tag differs"));
+}
+
+TEST_F(MapCommandTest, ShowsOneVersion) {
+  ASSERT_EQ(import("7,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
+  ASSERT_EQ(import("8,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
+  taken();
+  arguments_.json = true;
+  arguments_.version = 1;
+  ASSERT_EQ(run_map_show(arguments_, terminal_), kExitOk) << err_.str();
+  const auto map = nlohmann::json::parse(taken());
+  ASSERT_EQ(map["tags"].size(), 1u);
+  EXPECT_EQ(map["tags"][0]["id"], 7);
+  EXPECT_DOUBLE_EQ(map["tags"][0]["position_m"][2], 0.3);
+}
+
+TEST_F(MapCommandTest, UnknownVersionsAndFormatsAreRefused) {
+  ASSERT_EQ(import("7,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
+  arguments_.version = 5;
+  EXPECT_EQ(run_map_show(arguments_, terminal_), kExitFailed);
+  arguments_.version.reset();
+  arguments_.file = folder_.file("out.xyz");
+  EXPECT_EQ(run_map_export(arguments_, terminal_), kExitFailed);
+  EXPECT_THAT(err_.str(), HasSubstr(".yaml or .csv"));
+}
+
+TEST_F(MapCommandTest, WpilibFilesNeedTheTagSize) {
+  arguments_.file = folder_.file("field.json");
+  ASSERT_TRUE(write_whole_file(arguments_.file, "{}"));
+  EXPECT_EQ(run_map_import(arguments_, terminal_), kExitFailed);
+  EXPECT_THAT(err_.str(), HasSubstr("--tag-size"));
+}
+
+TEST_F(MapCommandTest, LookingDoesNotMakeAStore) {
+  EXPECT_EQ(run_map_log(arguments_, terminal_), kExitFailed);
+  EXPECT_FALSE(std::filesystem::exists(arguments_.store));
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,43 @@
+#include "tools/whole_file.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(WholeFile, ReadsBackWhatWasWrittenIntoANewFolder) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a/b/text");
+  ASSERT_TRUE(write_whole_file(path, "one"));
+  ASSERT_TRUE(write_whole_file(path, "two\nlines"));
+  EXPECT_EQ(read_whole_file(path).value(), "two\nlines");
+  const auto entries =
+      std::distance(fs::directory_iterator(folder.file("a/b")), fs::directory_iterator());
+  EXPECT_EQ(entries, 1) << "a part was left behind";
+}
+
+TEST(WholeFile, SaysWhyItCannotWrite) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(write_whole_file(folder.file("plain"), "x"));
+  const auto written = write_whole_file(folder.file("plain/below"), "y");
+  ASSERT_FALSE(written);
+  EXPECT_EQ(written.error().code, ErrorCode::kUnavailable);
+}
+
+TEST(WholeFile, RefusesMissingAndOversizedFiles) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(read_whole_file(folder.file("none")).error().code, ErrorCode::kNotFound);
+  ASSERT_TRUE(write_whole_file(folder.file("ten"), "0123456789"));
+  EXPECT_EQ(read_whole_file(folder.file("ten"), 9).error().code, ErrorCode::kUnsupported);
+  EXPECT_TRUE(read_whole_file(folder.file("ten"), 10));
+}
+
+}  // namespace
+}  // namespace fiducap
