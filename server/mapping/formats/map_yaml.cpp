@@ -34,7 +34,7 @@ constexpr const char* kConvention =
     "quarantined.\n";
 
 /// Double-quoted, so that any text survives.
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   static constexpr char kDigits[] = "0123456789abcdef";
   std::string out = "\"";
   for (const char c : text) {
@@ -250,13 +250,13 @@ std::string map_to_yaml(const TagMap& map) {
   std::string out = kConvention;
   out += std::string("format: ") + kFormat + "\nformat_version: " + std::to_string(kFormatVersion) +
          "\n";
-  out += "family: " + quoted(map.family) + "\n";
+  out += "family: " + in_quotes(map.family) + "\n";
   if (map.reference_tag) out += "reference_tag: " + std::to_string(*map.reference_tag) + "\n";
   out +=
       "version: " + std::to_string(map.version) + "\nparent: " + std::to_string(map.parent) + "\n";
-  out += "hash: " + quoted(map.hash) + "\n";
+  out += "hash: " + in_quotes(map.hash) + "\n";
   out += "created_utc_ns: " + std::to_string(map.created_utc_ns) + "\n";
-  out += "comment: " + quoted(map.comment) + "\n";
+  out += "comment: " + in_quotes(map.comment) + "\n";
   out += "room_from_workspace:\n" + pose_lines(map.X_RW, "  ");
   out += map.tags.empty() ? "tags: []\n" : "tags:\n";
   for (const MapTag& entry : map.tags) out += tag_lines(entry);
