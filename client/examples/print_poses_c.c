@@ -21,7 +21,8 @@ int main(int argc, char** argv) {
   fiducap_frame frame = fiducap_frame_init();
   static fiducap_body bodies[64];
   for (int i = 0; i < frames; ++i) {
-    if (!fiducap_wait_for_frame(client, frame.number, 1000) || !fiducap_latest(client, &frame, bodies, 64)) {
+    if (!fiducap_wait_for_frame(client, frame.number, 1000) ||
+        !fiducap_latest(client, &frame, bodies, 64)) {
       fiducap_statistics statistics = fiducap_statistics_init();
       fiducap_get_statistics(client, &statistics);
       printf("no frame: %s\n", statistics.problem);
@@ -29,8 +30,8 @@ int main(int argc, char** argv) {
     }
     for (uint32_t b = 0; b < frame.body_count && b < 64; ++b) {
       if (!bodies[b].valid) continue; /* never fly with a pose that is not valid */
-      printf("%s at %.3f %.3f %.3f\n", bodies[b].name, bodies[b].position_m[0], bodies[b].position_m[1],
-             bodies[b].position_m[2]);
+      printf("%s at %.3f %.3f %.3f\n", bodies[b].name, bodies[b].position_m[0],
+             bodies[b].position_m[1], bodies[b].position_m[2]);
     }
     fflush(stdout);
   }

@@ -20,14 +20,16 @@ constexpr std::array<std::uint32_t, 64> kRound{
 constexpr std::uint32_t turn(std::uint32_t x, int by) { return x >> by | x << (32 - by); }
 
 std::uint32_t big_endian_word(const std::uint8_t* at) {
-  return std::uint32_t{at[0]} << 24 | std::uint32_t{at[1]} << 16 | std::uint32_t{at[2]} << 8 | at[3];
+  return std::uint32_t{at[0]} << 24 | std::uint32_t{at[1]} << 16 | std::uint32_t{at[2]} << 8 |
+         at[3];
 }
 
 }  // namespace
 
 // First 32 bits of the fractional parts of the square roots of the first 8 primes.
 Sha256::Sha256()
-    : state_{0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19} {}
+    : state_{0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+             0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19} {}
 
 void Sha256::add(const std::uint8_t* bytes, std::size_t size) {
   size_ += size;

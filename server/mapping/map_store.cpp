@@ -21,12 +21,13 @@ constexpr const char* kWhatToDo = "; it was not changed: restore a copy of it, o
 
 constexpr const char* kCreate = R"(
 CREATE TABLE IF NOT EXISTS version (
-  version INTEGER PRIMARY KEY, parent INTEGER NOT NULL, created_utc_ns INTEGER NOT NULL, hash TEXT NOT NULL,
-  comment TEXT NOT NULL, family TEXT NOT NULL, reference_tag INTEGER,
+  version INTEGER PRIMARY KEY, parent INTEGER NOT NULL, created_utc_ns INTEGER NOT NULL,
+  hash TEXT NOT NULL, comment TEXT NOT NULL, family TEXT NOT NULL, reference_tag INTEGER,
   rw_px REAL NOT NULL, rw_py REAL NOT NULL, rw_pz REAL NOT NULL,
   rw_qw REAL NOT NULL, rw_qx REAL NOT NULL, rw_qy REAL NOT NULL, rw_qz REAL NOT NULL) STRICT;
 CREATE TABLE IF NOT EXISTS tag (
-  version INTEGER NOT NULL REFERENCES version(version), tag_id INTEGER NOT NULL, edge_m REAL NOT NULL,
+  version INTEGER NOT NULL REFERENCES version(version), tag_id INTEGER NOT NULL,
+  edge_m REAL NOT NULL,
   px REAL NOT NULL, py REAL NOT NULL, pz REAL NOT NULL,
   qw REAL NOT NULL, qx REAL NOT NULL, qy REAL NOT NULL, qz REAL NOT NULL,
   covariance BLOB NOT NULL, state TEXT NOT NULL, first_seen_utc_ns INTEGER NOT NULL,

@@ -1,8 +1,10 @@
-/* The C structs as programs made for ABI 1 know them (64-bit): a field that moves breaks every one of them. New fields
- * go to the end; then only the sizes below change. Compiled as C; there is nothing to run. */
+/* The C structs as programs made for ABI 1 know them (64-bit): a field that moves breaks every one
+ * of them. New fields go to the end; then only the sizes below change. Compiled as C; there is
+ * nothing to run. */
 #include <fiducap.h>
 
-#define AT(type, field, offset) _Static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
+#define AT(type, field, offset) \
+  _Static_assert(offsetof(type, field) == (offset), #type "." #field " moved")
 #define SIZE(type, size) _Static_assert(sizeof(type) == (size), #type " has another size")
 
 #if UINTPTR_MAX == UINT64_MAX

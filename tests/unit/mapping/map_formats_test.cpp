@@ -84,7 +84,8 @@ constexpr const char* kHandWritten = R"(format: fiducap-map
 format_version: 1
 family: tag36h11
 tags:
-  - {id: 4, edge_m: 0.2, position: [1, 2, 3], quaternion_wxyz: [0.7071, 0, 0, 0.7071], state: surveyed}
+  - {id: 4, edge_m: 0.2, position: [1, 2, 3], quaternion_wxyz: [0.7071, 0, 0, 0.7071],)"
+                                     R"( state: surveyed}
   - {id: 2, edge_m: 0.1, position: [0, 0, 0], quaternion_wxyz: [1, 0, 0, 0], state: surveyed}
 )";
 
