@@ -1,6 +1,8 @@
 #include "src/conversation.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <stdexcept>
 #include <utility>
 
 namespace fiducap::sdk {
@@ -134,6 +136,31 @@ Nanoseconds Conversation::pause_after_question(bool model_complete) const {
   if (leased_ && model_complete) return std::max(lease_ / 3, kAnswerTimeout);
   if (token_ != 0 && unanswered_ <= kQuickQuestions) return std::min(retry_, kAnswerTimeout);
   return retry_;
+}
+
+Profile profile_of(const ClientOptions& options) {
+  constexpr std::size_t kBytesForNames =
+      900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
+  Profile profile;
+  profile.y_up = options.up == WorldUp::kY;
+  profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
+  const bool limits_rate = std::isfinite(options.max_rate_hz) && options.max_rate_hz > 0;
+  profile.max_rate_hz = limits_rate ? static_cast<float>(options.max_rate_hz) : 0.0F;
+  profile.without_covariance = !options.covariance;
+  profile.bodies = options.bodies;
+  std::size_t bytes = 0;
+  for (const auto& name : profile.bodies) {
+    if (name.empty() || name.size() > kMaxBodyName) {
+      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " +
+                                  std::to_string(name.size()));
+    }
+    bytes += name.size() + 3;
+  }
+  if (profile.bodies.size() > kMaxChosenBodies || bytes > kBytesForNames) {
+    throw std::invalid_argument(
+        "fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
+  }
+  return profile;
 }
 
 }  // namespace fiducap::sdk

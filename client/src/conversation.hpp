@@ -74,4 +74,8 @@ class Conversation {
   std::string problem_{"not asked yet"};
 };
 
+/// What these options ask a server to send.
+/// @throw std::invalid_argument when it does not fit a datagram
+[[nodiscard]] Profile profile_of(const ClientOptions& options);
+
 }  // namespace fiducap::sdk

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <limits>
 #include <random>
-#include <stdexcept>
 
 namespace fiducap::sdk {
 
@@ -27,32 +26,6 @@ constexpr double kPlausibleLatency_s = 10.0;
 Nanoseconds retry_of(const ClientOptions& options) {
   const double wanted_s = std::isfinite(options.reconnect_s) ? options.reconnect_s : 0.5;
   return static_cast<Nanoseconds>(std::clamp(wanted_s, 0.05, 60.0) * 1e9);
-}
-
-/// @throw std::invalid_argument when it does not fit a datagram
-Profile profile_of(const ClientOptions& options) {
-  constexpr std::size_t kBytesForNames =
-      900;  // of a Subscribe, with the rest and the padding below kMaxDatagram
-  Profile profile;
-  profile.y_up = options.up == WorldUp::kY;
-  profile.turn_bodies = profile.y_up && options.scope == TurnedAxes::kWorldAndBody;
-  const bool limits_rate = std::isfinite(options.max_rate_hz) && options.max_rate_hz > 0;
-  profile.max_rate_hz = limits_rate ? static_cast<float>(options.max_rate_hz) : 0.0F;
-  profile.without_covariance = !options.covariance;
-  profile.bodies = options.bodies;
-  std::size_t bytes = 0;
-  for (const auto& name : profile.bodies) {
-    if (name.empty() || name.size() > kMaxBodyName) {
-      throw std::invalid_argument("fiducap: a body's name has 1 to 128 bytes, not " +
-                                  std::to_string(name.size()));
-    }
-    bytes += name.size() + 3;
-  }
-  if (profile.bodies.size() > kMaxChosenBodies || bytes > kBytesForNames) {
-    throw std::invalid_argument(
-        "fiducap: at most 32 bodies with 900 bytes of names together; empty means all");
-  }
-  return profile;
 }
 
 std::uint64_t random_word() {

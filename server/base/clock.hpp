@@ -6,7 +6,7 @@
 
 namespace fiducap {
 
-/// The only way a room learns what time it is. The real one lives in `app/`, tests drive a
+/// The only way a room learns what time it is. The real one lives in `daemon/`, tests drive a
 /// `FakeClock`.
 class Clock {
  public:

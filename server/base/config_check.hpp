@@ -17,6 +17,16 @@ struct ConfigError {
   [[nodiscard]] std::string text() const { return path + " = " + value + ": " + rule; }
 };
 
+/// One broken rule and where it was written.
+struct ConfigFault {
+  ConfigError error;
+  std::string where;  ///< `config/demo.yaml:12`, `--set`, or empty
+
+  [[nodiscard]] std::string text() const {
+    return where.empty() ? error.text() : where + ": " + error.text();
+  }
+};
+
 /// Collects every broken rule of one section, so that a user sees all faults at once.
 struct Checker {
   std::string prefix;  ///< e.g. `estimator.`

@@ -12,6 +12,18 @@ namespace {
 constexpr std::uintmax_t kMaxCalibrationFile_bytes = 16 << 20;
 // Written with few digits a rotation is a little off; more than this is a different matrix.
 constexpr double kRotationTolerance = 1e-2;
+constexpr std::size_t kLongestValue = 80;
+
+/// A value as it stands in a message: one line, not endless.
+std::string shown(const YAML::Node& node) {
+  if (node.IsMap() && node.size() > 0) return "{…}";
+  if (node.IsSequence() && node.size() > 6) return "[…]";
+  YAML::Emitter out;
+  out << YAML::Flow << node;
+  std::string text = out.c_str();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text.size() <= kLongestValue ? text : text.substr(0, kLongestValue) + "…";
+}
 
 }  // namespace
 
@@ -50,6 +62,32 @@ Expected<Pose> pose_of_matrix(const std::vector<double>& m) {
   return Pose{Eigen::Quaterniond(R).normalized(), X.topRightCorner<3, 1>()};
 }
 
+bool YamlReading::is_overridden(const std::string& path) const {
+  return std::any_of(overridden.begin(), overridden.end(), [&](const std::string& set) {
+    return path == set || path.rfind(set + ".", 0) == 0;
+  });
+}
+
+std::string YamlReading::where(const std::string& path) const {
+  for (std::string at = path; !at.empty();) {
+    if (is_overridden(at)) return "--set";
+    if (const auto found = places.find(at); found != places.end()) return found->second;
+    const auto dot = at.rfind('.');
+    at = dot == std::string::npos ? "" : at.substr(0, dot);
+  }
+  return file;
+}
+
+YamlSection::YamlSection(const YAML::Node& node, std::string path,
+                         std::shared_ptr<YamlReading> reading)
+    : node_(node), path_(std::move(path)), reading_(std::move(reading)) {
+  if (node_.IsMap() || node_.IsNull()) return;
+  reading_->faults.push_back(
+      {{path_.empty() ? "file" : path_, shown(node_), "must be a section of `key: value`"},
+       reading_->where(path_)});
+  node_ = YAML::Node(YAML::NodeType::Map);
+}
+
 Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
   Expected<std::string> text = read_calibration_text(path);
   if (!text) return tl::unexpected(text.error());
@@ -57,12 +95,10 @@ Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
   // YAML forbids the tabs with which some programs indent their JSON.
   if (text->starts_with("{")) std::replace(text->begin(), text->end(), '\t', ' ');
   try {
-    YAML::Node root = YAML::Load(*text);
+    const YAML::Node root = YAML::Load(*text);
     if (!root.IsMap())
       return fail(ErrorCode::kInvalid, "is not a YAML map of keys and values", path.string());
-    auto faults = std::make_shared<Faults>();
-    faults->file = path.string();
-    return YamlSection(std::move(root), "", std::move(faults));
+    return YamlSection(root, "", std::make_shared<YamlReading>(YamlReading{path.string()}));
   } catch (const YAML::Exception& broken) {
     return fail(ErrorCode::kInvalid, std::string("is not YAML: ") + broken.what(), path.string());
   }
@@ -71,11 +107,25 @@ Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
 YAML::Node YamlSection::find(const std::string& key) const {
   if (!node_.IsMap()) return YAML::Node(YAML::NodeType::Undefined);
   const YAML::Node& looked_at = node_;  // the const operator does not add the key
-  return looked_at[key];
+  const YAML::Node found = looked_at[key];
+  return found.IsDefined() ? found : YAML::Node(YAML::NodeType::Undefined);
+}
+
+YAML::Node YamlSection::take(const std::string& key) const {
+  known_.push_back(key);
+  YAML::Node node = find(key);
+  const std::string path = path_of(key);
+  if (node.IsDefined() && !reading_->is_overridden(path)) {
+    reading_->places[path] = reading_->file + ":" + std::to_string(node.Mark().line + 1);
+  }
+  return node;
+}
+
+std::string YamlSection::path_of(const std::string& key) const {
+  return path_.empty() ? key : path_ + "." + key;
 }
 
 bool YamlSection::has(const std::string& key) const {
-  if (!node_.IsMap()) return false;
   const YAML::Node found = find(key);
   return found.IsDefined() && !found.IsNull();
 }
@@ -83,63 +133,45 @@ bool YamlSection::has(const std::string& key) const {
 bool YamlSection::is_map(const std::string& key) const { return has(key) && find(key).IsMap(); }
 
 YamlSection YamlSection::section(const std::string& key) const {
-  if (!has(key)) return {YAML::Node(YAML::NodeType::Map), place_ + key + ".", faults_};
-  const YAML::Node below = find(key);
-  if (!below.IsMap()) complain(key, "must be a map");
-  return {below, place_ + key + ".", faults_};
+  const YAML::Node found = take(key);
+  const bool there = found.IsDefined() && !found.IsNull();
+  return below(there ? found : YAML::Node(YAML::NodeType::Map), key);
 }
 
 std::vector<YamlSection> YamlSection::sections(const std::string& key) const {
-  std::vector<YamlSection> below;
-  if (!has(key)) return below;
-  const YAML::Node list = find(key);
-  if (!list.IsSequence()) complain(key, "must be a list");
+  std::vector<YamlSection> found;
+  const YAML::Node list = take(key);
+  if (!list.IsDefined() || list.IsNull()) return found;
+  if (!list.IsSequence()) report(key, list, "must be a list");
   for (std::size_t i = 0; list.IsSequence() && i < list.size(); ++i) {
-    const std::string name = key + "[" + std::to_string(i) + "]";
-    if (list[i].IsMap()) {
-      below.push_back({list[i], place_ + name + ".", faults_});
-    } else {
-      complain(name, "must be a map");
-    }
+    found.push_back(below(list[i], key + "." + std::to_string(i)));
   }
-  return below;
+  return found;
 }
 
-std::optional<double> YamlSection::number(const std::string& key) const {
-  if (!has(key)) return std::nullopt;
-  double value = 0;
-  if (YAML::convert<double>::decode(find(key), value) && std::isfinite(value)) return value;
-  complain(key, "must be a finite number");
-  return std::nullopt;
+template <typename T>
+std::optional<T> YamlSection::get(const std::string& key) const {
+  const YAML::Node node = take(key);
+  if (!node.IsDefined() || node.IsNull()) return std::nullopt;
+  T value{};
+  const Broken broken = read_value(node, value);
+  report(key, node, broken);
+  if (broken) return std::nullopt;
+  return value;
 }
 
-std::optional<int> YamlSection::integer(const std::string& key) const {
-  if (!has(key)) return std::nullopt;
-  int value = 0;
-  if (YAML::convert<int>::decode(find(key), value)) return value;
-  complain(key, "must be an integer");
-  return std::nullopt;
-}
+std::optional<double> YamlSection::number(const std::string& key) const { return get<double>(key); }
+
+std::optional<int> YamlSection::integer(const std::string& key) const { return get<int>(key); }
 
 std::optional<std::string> YamlSection::text(const std::string& key) const {
-  if (!has(key)) return std::nullopt;
-  if (find(key).IsScalar()) return find(key).Scalar();
-  complain(key, "must be a text");
-  return std::nullopt;
-}
-
-std::optional<bool> YamlSection::flag(const std::string& key) const {
-  if (!has(key)) return std::nullopt;
-  bool value = false;
-  if (YAML::convert<bool>::decode(find(key), value)) return value;
-  complain(key, "must be true or false");
-  return std::nullopt;
+  return get<std::string>(key);
 }
 
 std::vector<double> YamlSection::numbers(const std::string& key) const {
   std::vector<double> out;
   if (!has(key)) return out;
-  const YAML::Node found = find(key);
+  const YAML::Node found = take(key);
   if (found.IsMap() && found["data"]) {
     append_numbers(key + ".data", found["data"], 0, out);
   } else {
@@ -154,10 +186,10 @@ void YamlSection::append_numbers(const std::string& key, const YAML::Node& node,
   double value = 0;
   if (node.IsSequence() && depth < kMaxDepth) {
     for (const YAML::Node& below : node) append_numbers(key, below, depth + 1, out);
-  } else if (depth > 0 && YAML::convert<double>::decode(node, value) && std::isfinite(value)) {
+  } else if (depth > 0 && !read_value(node, value)) {
     out.push_back(value);
   } else {
-    complain(key, "must be a list of finite numbers");
+    report(key, node, "must be a list of finite numbers");
   }
 }
 
@@ -167,27 +199,6 @@ std::optional<Pose> YamlSection::pose(const std::string& key) const {
   if (X) return *X;
   complain(key, X.error().what);
   return std::nullopt;
-}
-
-std::vector<std::pair<int, double>> YamlSection::numbers_by_id(const std::string& key) const {
-  std::vector<std::pair<int, double>> out;
-  if (!has(key)) return out;
-  const YAML::Node map = find(key);
-  if (!map.IsMap()) {
-    complain(key, "must be a map id: number");
-    return out;
-  }
-  for (const auto& entry : map) {
-    int id = 0;
-    double value = 0;
-    if (YAML::convert<int>::decode(entry.first, id) &&
-        YAML::convert<double>::decode(entry.second, value)) {
-      out.emplace_back(id, value);
-    } else {
-      complain(key, "must be a map id: number");
-    }
-  }
-  return out;
 }
 
 double YamlSection::required_number(const std::string& key) const {
@@ -217,15 +228,46 @@ Pose YamlSection::required_pose(const std::string& key) const {
   return pose(key).value_or(Pose{});
 }
 
-void YamlSection::complain(const std::string& key, const std::string& text) const {
-  faults_->list.push_back(place_ + key + " " + text);
+void YamlSection::report(const std::string& key, const YAML::Node& node,
+                         const Broken& broken) const {
+  if (!broken) return;
+  const std::string path = path_of(key);
+  reading_->faults.push_back({{path, shown(node), *broken}, reading_->where(path)});
+}
+
+void YamlSection::complain(const std::string& key, const std::string& rule) const {
+  const std::string path = path_of(key);
+  reading_->faults.push_back({{path, "", rule}, reading_->where(path)});
+}
+
+void YamlSection::refuse_unknown_keys() const {
+  if (!node_.IsMap()) return;
+  std::set<std::string> given;
+  for (const auto& entry : node_) {
+    const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : shown(entry.first);
+    std::string rule;
+    if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
+      rule = "unknown key; known here are ";
+      for (const auto& known : known_) rule += (known == known_.front() ? "" : ", ") + known;
+    } else if (!given.insert(key).second) {
+      rule = "is given twice";
+    }
+    if (rule.empty()) continue;
+    const int line = entry.first.Mark().line + 1;
+    const bool set = reading_->is_overridden(path_of(key));
+    reading_->faults.push_back({{path_of(key), shown(entry.second), rule},
+                                set ? "--set" : reading_->file + ":" + std::to_string(line)});
+  }
 }
 
 Expected<void> YamlSection::check() const {
-  if (faults_->list.empty()) return {};
+  if (reading_->faults.empty()) return {};
   std::string all;
-  for (const std::string& fault : faults_->list) all += (all.empty() ? "" : "; ") + fault;
-  return fail(ErrorCode::kInvalid, all, faults_->file);
+  for (const auto& [error, where] : reading_->faults) {
+    all += (all.empty() ? "" : "; ") + error.path + " " + error.rule;
+    if (!error.value.empty()) all += ", is " + error.value;
+  }
+  return fail(ErrorCode::kInvalid, all, reading_->file);
 }
 
 }  // namespace fiducap

@@ -1,29 +1,63 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <yaml-cpp/yaml.h>
 
+#include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "base/pose.hpp"
+#include "base/yaml_values.hpp"
 
 namespace fiducap {
 
-/// One map of a YAML calibration file. Getters never throw: what is broken or missing is collected,
-/// with its place, and `check` gives it all at once. Included only by the files that read such a
-/// format.
+/// What all sections of one file share: where things were written, and what is wrong with them.
+struct YamlReading {
+  std::string file;                             ///< As the user wrote it; stands in messages.
+  std::string folder{};                         ///< Base of relative paths in the file.
+  std::set<std::string> overridden{};           ///< Paths that were not given by the file.
+  std::map<std::string, std::string> places{};  ///< Path → `file:line` of everything given.
+  std::vector<ConfigFault> faults{};
+
+  [[nodiscard]] bool is_overridden(const std::string& path) const;
+  /// Where `path` was written, or the nearest section around it.
+  [[nodiscard]] std::string where(const std::string& path) const;
+};
+
+/// One map of a YAML file: a configuration or a calibration. Nothing throws: what is broken or
+/// missing is collected, with path, value and rule, so that a user sees all of it at once.
 class YamlSection final {
  public:
-  /// Accepts OpenCV's `%YAML:1.0` first line, and JSON, which is a kind of YAML.
+  /// A calibration file. Accepts OpenCV's `%YAML:1.0` first line, and JSON, which is a kind of
+  /// YAML.
   [[nodiscard]] static Expected<YamlSection> load(const std::filesystem::path& path);
+  /// @param path  of the section, e.g. `bodies.0`; empty: the whole file
+  YamlSection(const YAML::Node& node, std::string path, std::shared_ptr<YamlReading> reading);
 
   [[nodiscard]] bool has(const std::string& key) const;
   [[nodiscard]] bool is_map(const std::string& key) const;
+  /// What stands at `key`; undefined when nothing does. From now on a known key.
+  [[nodiscard]] YAML::Node take(const std::string& key) const;
+  [[nodiscard]] std::string path_of(const std::string& key) const;
+  /// `node`, which was found at `key` or below it, as a section; not a map: a fault.
+  [[nodiscard]] YamlSection below(const YAML::Node& node, const std::string& key) const {
+    return {node, path_of(key), reading_};
+  }
+  [[nodiscard]] YamlReading& reading() const { return *reading_; }
+
+  /// Absent: `out` stays. Not what it must be: a fault, and `out` stays.
+  template <typename T>
+  void read(const std::string& key, T& out) const {
+    const YAML::Node node = take(key);
+    if (node.IsDefined()) report(key, node, read_value(node, out));
+  }
   /// The map below `key`; a section without keys when there is none.
   [[nodiscard]] YamlSection section(const std::string& key) const;
   /// The maps of the list below `key`; empty when there is none.
@@ -33,13 +67,10 @@ class YamlSection final {
   [[nodiscard]] std::optional<double> number(const std::string& key) const;
   [[nodiscard]] std::optional<int> integer(const std::string& key) const;
   [[nodiscard]] std::optional<std::string> text(const std::string& key) const;
-  [[nodiscard]] std::optional<bool> flag(const std::string& key) const;
   /// A list, nested lists row by row, or OpenCV's {rows, cols, data}. Absent: empty.
   [[nodiscard]] std::vector<double> numbers(const std::string& key) const;
   /// A 4 × 4 matrix as a pose; a fault when it is not a rigid one.
   [[nodiscard]] std::optional<Pose> pose(const std::string& key) const;
-  /// `key: value` pairs of a map id → number.
-  [[nodiscard]] std::vector<std::pair<int, double>> numbers_by_id(const std::string& key) const;
   /// The same getters, where absence is a fault.
   [[nodiscard]] double required_number(const std::string& key) const;
   [[nodiscard]] int required_integer(const std::string& key) const;
@@ -47,24 +78,24 @@ class YamlSection final {
                                                      std::size_t count) const;
   [[nodiscard]] Pose required_pose(const std::string& key) const;
 
-  void complain(const std::string& key, const std::string& text) const;
+  void report(const std::string& key, const YAML::Node& node, const Broken& broken) const;
+  void complain(const std::string& key, const std::string& rule) const;
+  /// Keys that nobody took, and keys given twice, are faults.
+  void refuse_unknown_keys() const;
   /// Error with all faults of the file so far, this section's parents and children included.
   [[nodiscard]] Expected<void> check() const;
 
  private:
-  struct Faults {
-    std::string file;
-    std::vector<std::string> list;
-  };
-  YamlSection(YAML::Node node, std::string place, std::shared_ptr<Faults> faults)
-      : node_(std::move(node)), place_(std::move(place)), faults_(std::move(faults)) {}
   [[nodiscard]] YAML::Node find(const std::string& key) const;
+  template <typename T>
+  [[nodiscard]] std::optional<T> get(const std::string& key) const;
   void append_numbers(const std::string& key, const YAML::Node& node, int depth,
                       std::vector<double>& out) const;
 
   YAML::Node node_;
-  std::string place_;  ///< Keys above, `cam0.`
-  std::shared_ptr<Faults> faults_;
+  std::string path_;
+  std::shared_ptr<YamlReading> reading_;
+  mutable std::vector<std::string> known_;
 };
 
 /// A rigid pose of a row-major 4 × 4 matrix. Error says in what way it is not rigid.

@@ -277,4 +277,16 @@ Expected<std::unique_ptr<SensorSource>> open_camera_device(const CameraDeviceCon
   return std::make_unique<LiveCamera>(std::move(reader), config, clock);
 }
 
+std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
+                                      const SourceSurroundings& around,
+                                      const std::string& body_prefix) {
+  Checker rules{body_prefix, config.check(body_prefix + "source.")};
+  rules
+      .require(around.cameras.size() == 1, "cameras",
+               std::to_string(around.cameras.size()) + " entries",
+               "a camera source has exactly one camera")
+      .require(!around.has_imu, "imu", "{…}", "a camera source has no IMU");
+  return rules.errors;
+}
+
 }  // namespace fiducap

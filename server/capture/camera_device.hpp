@@ -9,6 +9,7 @@
 #include "base/expected.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
+#include "capture/source_surroundings.hpp"
 
 namespace fiducap {
 
@@ -27,6 +28,23 @@ struct CameraDeviceConfig {
 
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
+
+/// Keys of a configuration, see daemon/config/config_schema.hpp.
+template <class V>
+void describe(V& v, CameraDeviceConfig& c) {
+  v.device("open", c.open);
+  v.value("width", c.width);
+  v.value("height", c.height);
+  v.value("rate_hz", c.rate_hz);
+  v.value("exposure_s", c.exposure_s);
+  v.value("latency_s", c.latency_s);
+  v.value("loop", c.loop);
+}
+
+/// Rules about the rest of the body.
+[[nodiscard]] std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
+                                                    const SourceSurroundings& around,
+                                                    const std::string& body_prefix);
 
 /// A file ends with nullopt, a device or pipeline that gives nothing more with an Error. A stop is
 /// seen between two images: a V4L2 device that hangs is given up by OpenCV after 10 s.

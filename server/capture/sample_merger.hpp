@@ -33,8 +33,8 @@ struct MergerStatistics {
 ///
 /// Order given out: IMU samples by time; an image exposed at t comes right *after the first* IMU
 /// sample at or after t, so that the filter can interpolate up to t and never has to guess. Without
-/// IMU: images by time. Equal images of several cameras: by camera index. Not thread-safe; app/
-/// guards it.
+/// IMU: images by time. Equal images of several cameras: by camera index. Not thread-safe: whoever
+/// has it guards it.
 ///
 /// Images come later than the IMU samples of their time, so IMU samples are held back until every
 /// camera that was heard of within the window has shown that no earlier image is on its way, or

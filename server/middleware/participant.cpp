@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "base/log.hpp"
+#include "middleware/reader.hpp"
 
 namespace fiducap::dds {
 

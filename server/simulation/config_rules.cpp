@@ -168,4 +168,18 @@ std::vector<ConfigError> check(const SimulatedBodyConfig& body, const std::strin
   return checker.errors;
 }
 
+std::vector<ConfigError> check_source(const SimulatedBodyConfig& robot,
+                                      const SourceSurroundings& around,
+                                      const std::string& body_prefix) {
+  Checker rules{body_prefix};
+  rules.require(!around.cameras.empty(), "cameras", "[]",
+                "a simulated body needs at least one camera");
+  // Cameras that a file describes are checked when the file has been read.
+  if (robot.cameras.empty() && around.calibrated_by_files) return rules.errors;
+  SimulatedBodyConfig as_simulated = robot;
+  if (robot.cameras.empty()) as_simulated.cameras = around.cameras;
+  append(rules.errors, check(as_simulated, body_prefix + "source."));
+  return rules.errors;
+}
+
 }  // namespace fiducap::simulation

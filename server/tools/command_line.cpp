@@ -1,17 +1,14 @@
 #include "tools/command_line.hpp"
 
-#include <cmath>
-#include <functional>
 #include <string>
 
 #include <CLI/CLI.hpp>
 
-#include "tools/calibrate/calibrate_camera_command.hpp"
-#include "tools/calibrate/calibrate_extrinsics_command.hpp"
-#include "tools/calibrate/calibrate_imu_command.hpp"
+#include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/live/control_command.hpp"
 #include "tools/live/doctor_command.hpp"
 #include "tools/live/watch_command.hpp"
+#include "tools/positive_number.hpp"
 #include "tools/replay/evaluate_command.hpp"
 #include "tools/replay/replay_command.hpp"
 #include "tools/replay/simulate_command.hpp"
@@ -30,20 +27,10 @@ struct CommandLine {
   ControlArguments control;
   MapArguments map;
   TagSheetArguments tag_sheet;
-  CalibrateImuArguments calibrate_imu;
-  CalibrateExtrinsicsArguments calibrate_extrinsics;
-  CalibrateCameraArguments calibrate_camera;
+  CalibrateArguments calibrate;
   SimulateArguments simulate;
-  std::function<int(const Terminal&)> chosen;
+  ChosenVerb chosen;
 };
-
-const CLI::Validator kPositive(
-    [](std::string& text) {
-      double value = 0;
-      const bool good = CLI::detail::lexical_cast(text, value) && std::isfinite(value) && value > 0;
-      return good ? std::string() : "must be a number > 0, is '" + text + "'";
-    },
-    "NUMBER>0");
 
 void add_replay(CLI::App& app, CommandLine& line) {
   auto* verb = app.add_subcommand(
@@ -237,125 +224,6 @@ void add_tags(CLI::App& app, CommandLine& line) {
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_tag_sheet(a, t); }; });
 }
 
-void add_calibrate_imu(CLI::App& calibrate, CommandLine& line) {
-  auto* verb = calibrate.add_subcommand(
-      "imu", "IMU noise from a recording at rest: Allan deviation, white noise, bias walk");
-  auto& a = line.calibrate_imu;
-  verb->add_option("RECORDING", a.recording,
-                   "Folder in the EuRoC/ASL layout; mav0/imu0/data.csv is enough")
-      ->required();
-  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg")->capture_default_str();
-  verb->add_flag("--json", a.json, "Numbers for scripts");
-  verb->footer(
-      "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the "
-      "table for 10 minutes\n"
-      "at least; an hour shows the bias walk of a good gyro. A recording in which it moved is "
-      "refused.\n"
-      "Then: bodies: kalibr_imu: calibration/imu.yaml\n"
-      "Example:\n  fiducap calibrate imu recordings/still --out calibration");
-  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_calibrate_imu(a, t); }; });
-}
-
-void add_calibrate_extrinsics(CLI::App& calibrate, CommandLine& line) {
-  auto* verb = calibrate.add_subcommand("extrinsics",
-                                        "Where the camera sits on the IMU, and how far their "
-                                        "clocks are apart, from a waving recording");
-  auto& a = line.calibrate_extrinsics;
-  verb->add_option("RECORDING", a.recording,
-                   "Folder in the EuRoC/ASL layout with camera, IMU and tags")
-      ->required();
-  verb->add_option("--out", a.out, "Folder for camchain-imucam.yaml")->capture_default_str();
-  verb->add_option("--prior-mm", a.prior_mm, "How far the recording's T_BS may be off, per axis")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb->add_option("--prior-deg", a.prior_deg, "The same for its rotation")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb->add_flag("--keep-time", a.keep_time, "Do not search the time offset");
-  verb->add_flag("--json", a.json, "Numbers for scripts");
-  verb->footer(
-      "Record: rest for 2 s, then wave the robot for 60 s in front of three or more tags, near "
-      "enough to fill the image:\n"
-      "turn to and fro about all three axes, quickly but without blur, and move it to all sides. "
-      "Tags always in view.\n"
-      "cam0/sensor.yaml needs intrinsics and a rough T_BS; imu0/sensor.yaml the IMU's noise "
-      "(fiducap calibrate imu).\n"
-      "Then: bodies: cameras: calibration: calibration/camchain-imucam.yaml\n"
-      "Example:\n  fiducap calibrate extrinsics recordings/waving --out calibration");
-  verb->callback(
-      [&] { line.chosen = [&](const Terminal& t) { return run_calibrate_extrinsics(a, t); }; });
-}
-
-void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
-  auto* board =
-      verb.add_option("--checkerboard", a.checkerboard,
-                      "COLUMNSxROWS of inner corners, e.g. 9x6; without it tags are looked for");
-  verb.add_option("--square-mm", a.square_mm, "Of the checkerboard; changes no intrinsics")
-      ->check(kPositive)
-      ->capture_default_str();
-  verb.add_option("--tag-mm", a.tag_mm,
-                  "Edge of the tags, all alike; changes no intrinsics. Default: what a recording "
-                  "says, else 160")
-      ->check(kPositive)
-      ->excludes(board);
-  verb.add_option("--family", a.family, "Tag family; default: what a recording says, else tag36h11")
-      ->excludes(board);
-  verb.add_flag("--loose", a.loose,
-                "The tags are moved relative to each other while recording (found out by itself, "
-                "but slowly)");
-}
-
-void add_calibrate_camera(CLI::App& calibrate, CommandLine& line) {
-  auto* verb = calibrate.add_subcommand("camera",
-                                        "Focal length, principal point and distortion of a camera, "
-                                        "from pictures of tags or of a checkerboard");
-  auto& a = line.calibrate_camera;
-  verb->add_option(
-          "INPUT", a.input,
-          "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)")
-      ->required();
-  add_camera_target_options(*verb, a);
-  verb->add_option("--lens", a.lens, "auto tries both and takes the one that explains the pictures")
-      ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant"}))
-      ->capture_default_str();
-  verb->add_option("--camera", a.camera, "Which camera of a recording")
-      ->check(CLI::Range(0, 63))
-      ->capture_default_str();
-  verb->add_option("--views", a.views, "Most pictures used, those that differ most")
-      ->check(CLI::Range(5, 2000))
-      ->capture_default_str();
-  verb->add_option("--out", a.out, "Folder for camera.yaml and camera.svg")->capture_default_str();
-  verb->add_flag("--json", a.json, "Numbers for scripts");
-  verb->footer(
-      "Record: any tags that stand still (a sheet of `fiducap tags sheet` on a flat board, tags on "
-      "a wall; nobody needs to\n"
-      "know their places), or a checkerboard. Fix focus, zoom and exposure. Bring the target to "
-      "all parts of the image,\n"
-      "corners too, near enough to fill it, tilted by 30° to 50° to all sides. Hold still for each "
-      "picture, light the room:\n"
-      "blur and rolling shutters spoil corners. 50 different views are plenty. Then look at "
-      "camera.svg.\n"
-      "Exit code 1 and no camera.yaml when the result must not be used; verdict `weak` says what "
-      "to do better.\n"
-      "Then: bodies: cameras: calibration: calibration/camera.yaml\n"
-      "Example:\n  fiducap calibrate camera pictures/ --tag-mm 80\n"
-      "  fiducap calibrate camera board.mp4 --checkerboard 9x6 --square-mm 30 --out calibration");
-  verb->callback(
-      [&] { line.chosen = [&](const Terminal& t) { return run_calibrate_camera(a, t); }; });
-}
-
-void add_calibrate(CLI::App& app, CommandLine& line) {
-  auto* calibrate =
-      app.add_subcommand("calibrate", "Camera lens, IMU noise, and camera to IMU, from recordings");
-  calibrate->require_subcommand(1);
-  calibrate->footer(
-      "Example:\n  fiducap calibrate camera pictures/\n  fiducap calibrate imu recordings/still\n  "
-      "fiducap calibrate extrinsics recordings/waving");
-  add_calibrate_camera(*calibrate, line);
-  add_calibrate_imu(*calibrate, line);
-  add_calibrate_extrinsics(*calibrate, line);
-}
-
 void add_simulate(CLI::App& app, CommandLine& line) {
   auto* verb = app.add_subcommand("simulate", "Write a recording of a simulated robot, with truth");
   auto& a = line.simulate;
@@ -403,7 +271,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_evaluate(app, line);
   add_map(app, line);
   add_tags(app, line);
-  add_calibrate(app, line);
+  add_calibrate(app, line.calibrate, line.chosen);
   add_simulate(app, line);
   try {
     app.parse(argc, argv);

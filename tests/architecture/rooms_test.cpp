@@ -1,13 +1,17 @@
-// The order of the rooms is a test, not a hope: an earlier room must not include a later one.
+// The order of the rooms is a test, not a hope: an earlier room must not include a later one, and
+// between the sub-rooms of one room there are only the arrows written down here.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
-#include <fstream>
+#include <map>
+#include <set>
 #include <string>
 #include <string_view>
 
+#include "architecture/source_files.hpp"
+
+namespace fiducap::test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -15,30 +19,115 @@ constexpr std::array<std::string_view, 13> kRooms{
     "base",  "middleware", "capture",     "detection", "estimation", "mapping", "pipeline",
     "scene", "simulation", "calibration", "streaming", "daemon",     "tools"};
 
+/// Sub-room → its neighbours in the same room that it may know. What stands in the room's own
+/// folder is open to all its sub-rooms: it is what they share.
+const std::map<std::string, std::set<std::string>> kSubRooms{
+    {"capture/lens", {}},
+    {"capture/recording", {"lens"}},
+    {"capture/ros", {"lens"}},
+    {"detection/points", {}},
+    {"detection/tracking", {}},
+    {"estimation/imu", {}},
+    {"estimation/filter", {}},
+    {"estimation/start", {}},
+    {"estimation/checks", {"imu"}},
+    {"estimation/robocentric", {"imu", "filter", "start"}},
+    {"estimation/world", {"imu", "filter", "start"}},
+    {"mapping/formats", {}},
+    {"pipeline/replay", {}},
+    {"simulation/motion", {}},
+    {"simulation/images", {}},
+    {"calibration/imu", {}},
+    {"calibration/intrinsics", {}},
+    {"calibration/extrinsics", {}},
+    {"streaming/conventions", {}},
+    {"streaming/net", {}},
+    {"streaming/dds", {"conventions", "net"}},
+    {"streaming/mavlink", {"conventions", "net"}},
+    {"streaming/native", {"conventions", "net"}},
+    {"streaming/natnet", {"conventions", "net"}},
+    {"streaming/qualisys", {"conventions", "net"}},
+    {"streaming/vicon", {"conventions", "net"}},
+    {"streaming/vrpn", {"conventions", "net"}},
+    {"streaming/web", {"conventions", "net"}},
+    {"daemon/config", {}},
+    {"daemon/bodies", {"config"}},
+    {"tools/tags", {}},
+    {"tools/replay", {"tags"}},
+    {"tools/calibrate", {}},
+    {"tools/live", {}},
+};
+
 std::ptrdiff_t place(std::string_view room) {
   return std::find(kRooms.begin(), kRooms.end(), room) - kRooms.begin();
 }
 
+bool is_room(std::string_view name) { return place(name) < std::ssize(kRooms); }
+
+/// `estimation` and `world` of `estimation/world/filter.hpp`; no sub-room: the second is empty.
+std::pair<std::string, std::string> rooms_of(const fs::path& path) {
+  auto part = path.begin();
+  const std::string room = part->string();
+  ++part;
+  return {room, std::next(part) == path.end() ? "" : part->string()};
+}
+
 TEST(Rooms, IncludeOnlyThemselvesAndRoomsBeforeThem) {
-  const fs::path server = fs::path(FIDUCAP_SOURCE_DIR) / "server";
   int includes = 0;
-  for (const auto& entry : fs::recursive_directory_iterator(server)) {
-    const auto extension = entry.path().extension();
-    if (extension != ".hpp" && extension != ".cpp") continue;
-    const std::string room = entry.path().lexically_relative(server).begin()->string();
-    std::ifstream file(entry.path());
-    for (std::string line; std::getline(file, line);) {
-      if (line.rfind("#include \"", 0) != 0) continue;
-      const auto from = line.find('"') + 1;
-      const auto slash = line.find('/', from);
-      if (slash == std::string::npos) continue;
-      const std::string included = line.substr(from, slash - from);
-      if (place(included) == static_cast<std::ptrdiff_t>(kRooms.size())) continue;
+  for (const SourceFile& file : source_files({"server"})) {
+    const auto room = rooms_of(file.path.lexically_relative("server")).first;
+    EXPECT_TRUE(is_room(room)) << file.path << " is in no room that has a place in the order";
+    for (const std::string& line : file.lines) {
+      const std::string included = included_by(line);
+      if (included.find('/') == std::string::npos) continue;
+      const auto other = rooms_of(included).first;
+      if (!is_room(other)) continue;
       ++includes;
-      EXPECT_LE(place(included), place(room)) << entry.path() << ": " << line;
+      EXPECT_LE(place(other), place(room)) << file.path << ": " << line;
     }
   }
   EXPECT_GT(includes, 20) << "the test did not find the sources";
 }
 
+TEST(Rooms, SubRoomsKnowOnlyTheNeighboursWrittenDown) {
+  std::set<std::string> seen;
+  for (const SourceFile& file : source_files({"server"})) {
+    const auto [room, sub_room] = rooms_of(file.path.lexically_relative("server"));
+    if (sub_room.empty()) continue;
+    const std::string name = room + "/" + sub_room;
+    seen.insert(name);
+    const auto known = kSubRooms.find(name);
+    ASSERT_NE(known, kSubRooms.end()) << file.path << ": write down what this sub-room may know";
+    for (const std::string& line : file.lines) {
+      const std::string included = included_by(line);
+      if (included.find('/') == std::string::npos) continue;
+      const auto [other_room, other] = rooms_of(included);
+      if (other_room != room || other.empty() || other == sub_room) continue;
+      EXPECT_TRUE(known->second.contains(other)) << file.path << ": " << line;
+    }
+  }
+  for (const auto& entry : kSubRooms) {
+    EXPECT_TRUE(seen.contains(entry.first)) << entry.first << " is gone: strike it out";
+  }
+}
+
+TEST(Rooms, NoArrowsBetweenSubRoomsFormACircle) {
+  for (const auto& [name, neighbours] : kSubRooms) {
+    const std::string room = name.substr(0, name.find('/') + 1);
+    std::set<std::string> reached;
+    std::vector<std::string> to_visit(neighbours.begin(), neighbours.end());
+    while (!to_visit.empty()) {
+      const std::string next = to_visit.back();
+      to_visit.pop_back();
+      EXPECT_NE(room + next, name) << name << " knows itself by way of others";
+      const auto found = kSubRooms.find(room + next);
+      ASSERT_NE(found, kSubRooms.end()) << name << " knows " << next << ", which is not there";
+      if (reached.insert(next).second) {
+        to_visit.insert(to_visit.end(), found->second.begin(), found->second.end());
+      }
+    }
+  }
+}
+
 }  // namespace
+}  // namespace fiducap::test

@@ -1,12 +1,13 @@
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
+
+#include "fiducap/types.hpp"
 
 /// The Fiducap client: poses of rigid bodies from a Fiducap server. C++17, no dependency in this
 /// header.
@@ -21,105 +22,6 @@
 #endif
 
 namespace fiducap {
-
-enum class Tracking : std::uint8_t { kSearching, kTracking, kCoasting, kLost };
-
-/// One body at one instant.
-struct Body {
-  int id{};
-  std::string name;
-  Tracking tracking{Tracking::kSearching};
-  bool valid{};  ///< False: there is no pose; all numbers down to the covariance are NaN.
-  std::array<double, 3> position_m{};                  ///< p_WP
-  std::array<double, 4> orientation_wxyz{1, 0, 0, 0};  ///< q_WP
-  std::array<double, 3> velocity_m_s{};                ///< v_WP, W axes
-  std::array<double, 3> body_rate_rad_s{};             ///< w_WP, P axes
-  std::array<double, 3> acceleration_m_s2{};           ///< W axes, at rest 0
-  double position_sigma_m{};                           ///< 1-sigma of the worst axis
-  double rotation_sigma_rad{};
-  double velocity_sigma_m_s{};
-  double rate_sigma_rad_s{};
-  /// Upper triangle, row by row, of the 6x6 covariance of (position, rotation vector), both in W;
-  /// m², m·rad, rad². NaN when the options leave it out.
-  std::array<float, 21> pose_covariance{};
-  double age_s{};  ///< Since the last image with a tag.
-  int tags_in_view{};
-};
-
-/// All bodies at one instant.
-struct Frame {
-  std::uint64_t number{};       ///< Counts up; starts again when the server starts again.
-  std::int64_t at_server_ns{};  ///< The instant the poses are for, server's clock.
-  /// The same instant on this machine's steady clock (std::chrono::steady_clock, CLOCK_MONOTONIC),
-  /// from the clock synchronisation with the server. 0: not known yet, or the server replays a
-  /// recording.
-  std::int64_t at_client_ns{};
-  double clock_sigma_s{};              ///< 1-sigma of at_client_ns. NaN: not known.
-  std::int64_t at_utc_ns{};            ///< The same instant, nanoseconds since 1970.
-  std::int64_t published_server_ns{};  ///< When the server made the frame, server's clock.
-  std::int64_t received_ns{};          ///< Arrival, client's steady clock.
-  std::int64_t map_version{};
-  double rate_hz{};
-  std::vector<Body> bodies;
-};
-
-enum class WorldUp : std::uint8_t {
-  kZ,
-  kY,  ///< x' = x, y' = z, z' = -y.
-};
-/// With y up: what turns.
-enum class TurnedAxes : std::uint8_t {
-  kWorld,         ///< Only the world's axes: q' = F q.
-  kWorldAndBody,  ///< The bodies' own axes, too: q' = F q F*.
-};
-
-struct ClientOptions {
-  std::string server{"127.0.0.1"};  ///< Address or host name.
-  std::uint16_t port{21600};
-  double reconnect_s{0.5};  ///< Pause between attempts while the server is away; 0.05 … 60.
-  std::string name;  ///< What the server's operator sees in the list of clients, at most 64 bytes.
-
-  // What to receive: the server does the work, once for all clients that want the same.
-  WorldUp up{WorldUp::kZ};
-  TurnedAxes scope{TurnedAxes::kWorld};
-  double max_rate_hz{0};            ///< The server leaves frames out to stay below; 0: every frame.
-  std::vector<std::string> bodies;  ///< Names, at most 32, that may also appear later; empty: all.
-  bool covariance{true};            ///< False: no pose_covariance, smaller frames.
-  bool multicast{
-      false};  ///< By multicast if the server has a group; falls back to unicast where none comes.
-};
-
-/// How the server's clock stands to this machine's steady clock: server = ours + offset.
-struct ClockStatus {
-  bool known{};
-  std::int64_t offset_ns{};
-  double drift_ppm{};  ///< The offset grows by so many µs per second.
-  double sigma_s{};    ///< 1-sigma of the offset from jitter. NaN: not known.
-  double bound_s{};    ///< It is never more wrong than this, even if there and back take different
-                       ///< times.
-  double round_trip_s{};  ///< Least one of the last half minute.
-};
-
-/// Counters since construction.
-struct ClientStatistics {
-  bool connected{};
-  std::string problem;  ///< While not connected: why, in one sentence for a person. Else empty.
-  std::uint64_t frames{};
-  std::uint64_t lost{};  ///< Gaps in the frame numbers.
-  std::uint64_t
-      dropped_by_server{};  ///< Of them: the server's socket was full. Of the present connection.
-  std::uint64_t dropped_here{};  ///< Datagrams that this machine dropped because the client's
-                                 ///< socket was full.
-  std::uint64_t reconnects{};
-  double rate_hz{};  ///< Over the last second.
-  /// Instant of the pose → arrival, over the last 1000 frames. NaN while the clocks are not known
-  /// or when the server replays a recording.
-  double latency_p50_s{};
-  double latency_p99_s{};
-  double latency_max_s{};
-  ClockStatus clock;
-  bool multicast{};  ///< Frames come by multicast.
-};
 
 /// Connects in the background, keeps the subscription alive, comes back by itself when the server
 /// does.

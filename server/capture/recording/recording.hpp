@@ -8,10 +8,12 @@
 #include <vector>
 
 #include "base/clock.hpp"
+#include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/sensor_source.hpp"
+#include "capture/source_surroundings.hpp"
 
 namespace fiducap {
 
@@ -23,6 +25,15 @@ struct RecordedTag {
   double position_sigma_m{};
   double rotation_sigma_rad{};
 };
+
+template <class V>
+void describe(V& v, RecordedTag& c) {
+  v.value("tag_id", c.tag_id);
+  v.value("edge_m", c.edge_m);
+  v.value("X_WT", c.X_WT);
+  v.value("position_sigma_m", c.position_sigma_m);
+  v.value("rotation_sigma_rad", c.rotation_sigma_rad);
+}
 
 /// What a recording says about itself: calibration and tags, no samples. The EuRoC/ASL folder
 /// layout with detections.
@@ -63,6 +74,25 @@ struct TruthSample {
 [[nodiscard]] Expected<std::vector<RecordedTag>> read_truth_tags(const std::string& folder);
 /// `truth/extrinsics.yaml`, one X_BV per camera in order. Empty when there is none.
 [[nodiscard]] Expected<std::vector<Pose>> read_truth_extrinsics(const std::string& folder);
+
+/// A folder in the EuRoC/ASL layout, played at its own pace.
+struct RecordingSourceConfig {
+  std::string folder;
+  bool loop{false};
+  double speed{1.0};
+};
+
+/// Keys of a configuration, see daemon/config/config_schema.hpp.
+template <class V>
+void describe(V& v, RecordingSourceConfig& c) {
+  v.path("folder", c.folder);
+  v.value("loop", c.loop);
+  v.value("speed", c.speed);
+}
+
+[[nodiscard]] std::vector<ConfigError> check_source(const RecordingSourceConfig& config,
+                                                    const SourceSurroundings& around,
+                                                    const std::string& body_prefix);
 
 struct RecordingPlayback {
   bool paced{

@@ -85,9 +85,9 @@ Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info)
   info.tag_family = yaml->text("family").value_or(info.tag_family);
   info.tag_size_m = yaml->number("default_size_m").value_or(info.tag_size_m);
   if (info.tag_size_m <= 0) yaml->complain("default_size_m", "must be > 0");
-  for (const auto& [id, size_m] : yaml->numbers_by_id("sizes_m")) {
+  if (yaml->has("sizes_m")) yaml->read("sizes_m", info.tag_sizes_m);
+  for (const auto& [id, size_m] : info.tag_sizes_m) {
     if (!(size_m > 0)) yaml->complain("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
-    info.tag_sizes_m[id] = size_m;
   }
   for (const double id : yaml->numbers("ignore_tags"))
     info.ignore_tags.push_back(static_cast<int>(id));

@@ -147,4 +147,13 @@ Expected<std::unique_ptr<SensorSource>> open_recording(const RecordingInfo& info
   return source;
 }
 
+std::vector<ConfigError> check_source(const RecordingSourceConfig& config,
+                                      const SourceSurroundings& /*around*/,
+                                      const std::string& body_prefix) {
+  return Checker{body_prefix + "source."}
+      .require(!config.folder.empty(), "folder", "\"\"", "must name a recording")
+      .positive("speed", config.speed)
+      .errors;
+}
+
 }  // namespace fiducap

@@ -31,6 +31,16 @@ std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const
   return checker.errors;
 }
 
+std::vector<ConfigError> check_source(const RosSourceConfig& config,
+                                      const SourceSurroundings& around,
+                                      const std::string& body_prefix) {
+  Checker rules{body_prefix, config.check(body_prefix + "source.")};
+  rules.require(around.cameras.size() == config.images.size(), "cameras",
+                std::to_string(around.cameras.size()) + " entries",
+                "a ros source has one camera per topic in source.images");
+  return rules.errors;
+}
+
 bool is_compressed(const std::string& image_topic) { return image_topic.ends_with(kCompressed); }
 
 std::string camera_info_topic(const std::string& image_topic) {

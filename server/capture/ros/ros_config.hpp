@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "capture/source_surroundings.hpp"
 
 namespace fiducap::dds {
 
@@ -21,8 +22,26 @@ struct RosSourceConfig {
   double camera_info_wait_s{
       10};  ///< For the lens of a camera that the configuration does not describe.
 
+  /// Cameras may have no lens in the configuration: their camera_info tells it.
+  static constexpr bool kTellsLenses = true;
+
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
+
+/// Keys of a configuration, see daemon/config/config_schema.hpp.
+template <class V>
+void describe(V& v, RosSourceConfig& c) {
+  v.value("images", c.images);
+  v.value("imu", c.imu);
+  v.value("reliable", c.reliable);
+  v.value("synchronized", c.synchronized);
+  v.value("camera_info_wait_s", c.camera_info_wait_s);
+}
+
+/// Rules of the source and about the rest of the body.
+[[nodiscard]] std::vector<ConfigError> check_source(const RosSourceConfig& config,
+                                                    const SourceSurroundings& around,
+                                                    const std::string& body_prefix);
 
 /// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
 [[nodiscard]] std::string camera_info_topic(const std::string& image_topic);

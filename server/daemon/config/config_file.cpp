@@ -37,12 +37,14 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
                                         const std::vector<std::string>& sets) {
   auto document = parse_yaml(text, name);
   if (!document) return tl::unexpected(document.error());
-  Reading reading{name, std::filesystem::path(name).parent_path().string(), {}};
+  const auto shared = std::make_shared<YamlReading>(
+      YamlReading{name, std::filesystem::path(name).parent_path().string()});
+  YamlReading& reading = *shared;
   if (document->IsMap()) {
     for (const auto& set : sets) apply_override(*document, set, reading);
   }
   ServerConfig read;
-  read_whole(*document, reading, read);
+  ConfigReader::read_all(YamlSection(*document, "", shared), read);
   number_the_bodies(read.bodies);
   for (auto& error : check(read)) {
     // A value that could not even be read keeps its default: whatever rule that breaks is not the

@@ -4,15 +4,13 @@
 #include <string>
 #include <vector>
 
-#include <tl/expected.hpp>
-
 #include "base/config_check.hpp"
+#include "base/expected.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
-#include "capture/camera_device.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
-#include "capture/ros/ros_config.hpp"
+#include "daemon/config/source_config.hpp"
 #include "daemon/control_desk.hpp"
 #include "daemon/session_recorder.hpp"
 #include "detection/detector_config.hpp"
@@ -31,26 +29,6 @@
 #include "streaming/web/web_server.hpp"
 
 namespace fiducap {
-
-enum class SourceType { kSimulator, kRecording, kCamera, kRos };
-
-/// A folder in the EuRoC/ASL layout, played at its own pace.
-struct RecordingSourceConfig {
-  std::string folder;
-  bool loop{false};
-  double speed{1.0};
-};
-
-/// Where a body's samples come from. `type` decides which of the four is read; in the file their
-/// keys stand directly below `source`.
-struct SourceConfig {
-  SourceType type{SourceType::kSimulator};
-  simulation::SimulatedBodyConfig
-      simulator;  ///< `cameras` empty: the truth is what the body believes.
-  RecordingSourceConfig recording;
-  CameraDeviceConfig camera;
-  dds::RosSourceConfig ros;
-};
 
 struct CameraConfig {
   std::string calibration;  ///< Kalibr camchain (lens, place, time) or a calibration file of one
@@ -78,8 +56,8 @@ struct MapSettings {
   double file_tag_size_m{0.1651};      ///< WPILib files do not carry sizes.
   std::optional<int> reference_tag;    ///< WorkspaceGauge
   std::optional<Pose> reference_pose;  ///< X_WT of the reference tag.
-  bool use_learned_extrinsics{
-      true};  ///< Start from what was learned about the cameras and stored beside the map.
+  /// Start from what was learned about the cameras and stored beside the map.
+  bool use_learned_extrinsics{true};
 };
 
 struct StreamingConfig {
@@ -109,16 +87,6 @@ struct ServerConfig {
   dds::NetworkConfig dds;  ///< For ROS 2 in both directions.
   OperatorConfig operators;
   RecorderConfig recorder;
-};
-
-/// One broken rule and where it was written.
-struct ConfigFault {
-  ConfigError error;
-  std::string where;  ///< `config/demo.yaml:12`, `--set`, or empty
-
-  [[nodiscard]] std::string text() const {
-    return where.empty() ? error.text() : where + ": " + error.text();
-  }
 };
 
 template <typename T>

@@ -40,7 +40,7 @@ Broken descend(YAML::Node& at, const std::string& part) {
 
 }  // namespace
 
-void apply_override(YAML::Node& document, const std::string& assignment, Reading& reading) {
+void apply_override(YAML::Node& document, const std::string& assignment, YamlReading& reading) {
   const auto equals = assignment.find('=');
   const std::string path = assignment.substr(0, equals);
   const auto broken = [&](const std::string& value, const std::string& rule) {

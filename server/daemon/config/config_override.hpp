@@ -4,12 +4,12 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "daemon/config/config_reader.hpp"
+#include "base/yaml_section.hpp"
 
 namespace fiducap {
 
 /// Writes one `path.to.key=value` into the document, before anything is checked; a key that no
 /// struct knows is found by the reader then. What cannot be applied becomes a fault.
-void apply_override(YAML::Node& document, const std::string& assignment, Reading& reading);
+void apply_override(YAML::Node& document, const std::string& assignment, YamlReading& reading);
 
 }  // namespace fiducap

@@ -3,7 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "daemon/config/config_values.hpp"
+#include "base/time.hpp"
+#include "base/yaml_values.hpp"
 
 namespace fiducap {
 

@@ -1,101 +1,97 @@
 #pragma once
 
-#include <map>
-#include <set>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "daemon/config/config_values.hpp"
+#include "base/time.hpp"
+#include "base/yaml_section.hpp"
 
 namespace fiducap {
-
-/// What all readers of one file share.
-struct Reading {
-  std::string file;                  ///< As the user wrote it; stands in messages.
-  std::string folder;                ///< Base of relative paths in the file.
-  std::set<std::string> overridden;  ///< Paths that came by `--set`.
-  std::map<std::string, std::string>
-      places{};  ///< Path → `file:line` of everything that was given.
-  std::vector<ConfigFault> faults{};
-
-  [[nodiscard]] bool is_overridden(const std::string& path) const;
-  /// Where `path` was written, or the nearest section around it.
-  [[nodiscard]] std::string where(const std::string& path) const;
-};
 
 /// The visitor that fills structs from one section of the file. Faults are collected, nothing is
 /// thrown.
 class ConfigReader final {
  public:
-  /// @param path  of the section, e.g. `bodies.0`; empty: the whole file
-  ConfigReader(const YAML::Node& section, std::string path, Reading& reading);
+  explicit ConfigReader(YamlSection section) : section_(std::move(section)) {}
 
   template <typename T>
   void value(const char* key, T& out) {
-    const YAML::Node node = take(key);
-    if (node.IsDefined()) report(key, node, read_value(node, out));
+    section_.read(key, out);
   }
   template <typename E, std::size_t N>
   void word(const char* key, E& out, const std::array<words::Word<E>, N>& vocabulary) {
-    const YAML::Node node = take(key);
-    if (node.IsDefined()) report(key, node, read_word<E>(node, vocabulary, out));
+    const YAML::Node node = section_.take(key);
+    if (node.IsDefined()) section_.report(key, node, read_word<E>(node, vocabulary, out));
   }
   template <typename T>
   void section(const char* key, T& out) {
-    const YAML::Node node = take(key);
-    if (node.IsDefined()) read_section(node, path_of(key), out);
+    const YAML::Node node = section_.take(key);
+    if (node.IsDefined()) read_all(section_.below(node, key), out);
   }
   template <typename T>
   void optional_section(const char* key, std::optional<T>& out) {
-    const YAML::Node node = take(key);
+    const YAML::Node node = section_.take(key);
     if (node.IsDefined() && node.IsNull()) out.reset();
-    if (node.IsDefined() && !node.IsNull()) read_section(node, path_of(key), out.emplace());
+    if (node.IsDefined() && !node.IsNull()) read_all(section_.below(node, key), out.emplace());
   }
   template <typename T>
   void list(const char* key, std::vector<T>& out) {
-    const YAML::Node node = take(key);
+    const YAML::Node node = section_.take(key);
     if (!node.IsDefined()) return;
-    if (!node.IsSequence()) return report(key, node, "must be a list");
+    if (!node.IsSequence()) return section_.report(key, node, "must be a list");
     out.assign(node.size(), T{});
     for (std::size_t i = 0; i < out.size(); ++i) {
-      read_section(node[i], path_of(key) + "." + std::to_string(i), out[i]);
+      read_all(section_.below(node[i], std::string(key) + "." + std::to_string(i)), out[i]);
     }
   }
-  void seconds(const char* key, Duration& out);
-  void path(const char* key, std::string& out);
+  void seconds(const char* key, Duration& out) {
+    double value = std::numeric_limits<double>::quiet_NaN();
+    section_.read(key, value);
+    if (!std::isnan(value)) out = from_seconds(value);
+  }
+  void path(const char* key, std::string& out) {
+    const YAML::Node node = section_.take(key);
+    if (!node.IsDefined()) return;
+    section_.report(key, node, read_value(node, out));
+    if (!out.empty()) out = resolved(key, out);
+  }
   /// A camera as OpenCV opens it; only a file name is a path.
-  void device(const char* key, std::string& out);
+  void device(const char* key, std::string& out) {
+    const YAML::Node node = section_.take(key);
+    if (!node.IsDefined()) return;
+    section_.report(key, node, read_value(node, out));
+    if (!out.empty() && is_file_name(out)) out = resolved(key, out);
+  }
+
+  /// Fills `out` from all of a section. Keys that `out` does not have are faults.
+  template <typename T>
+  static void read_all(YamlSection section, T& out) {
+    ConfigReader reader(std::move(section));
+    describe(reader, out);
+    reader.section_.refuse_unknown_keys();
+  }
 
  private:
-  template <typename T>
-  void read_section(const YAML::Node& node, const std::string& path, T& out) {
-    ConfigReader reader(node, path, reading_);
-    describe(reader, out);
-    reader.finish();
+  [[nodiscard]] std::string resolved(const char* key, const std::string& file) const {
+    const YamlReading& reading = section_.reading();
+    const bool by_file = !reading.is_overridden(section_.path_of(key));
+    const std::filesystem::path base = by_file ? reading.folder : "";
+    return std::filesystem::absolute(base / file).lexically_normal().string();
   }
-  template <typename T>
-  friend void read_whole(const YAML::Node& node, Reading& reading, T& out);
-
-  [[nodiscard]] std::string path_of(const std::string& key) const {
-    return path_.empty() ? key : path_ + "." + key;
+  [[nodiscard]] static bool is_file_name(const std::string& device) {
+    const bool number =
+        std::all_of(device.begin(), device.end(), [](char c) { return c >= '0' && c <= '9'; });
+    return !number && device.find('!') == std::string::npos &&
+           device.find("://") == std::string::npos;
   }
-  [[nodiscard]] std::string resolved(const std::string& path, const std::string& file) const;
-  [[nodiscard]] YAML::Node take(const char* key);
-  void report(const std::string& key, const YAML::Node& node, const Broken& broken);
-  /// Keys that nobody took, and keys given twice.
-  void finish();
 
-  YAML::Node section_;
-  std::string path_;
-  Reading& reading_;
-  std::vector<std::string> known_;
+  YamlSection section_;
 };
-
-template <typename T>
-void read_whole(const YAML::Node& node, Reading& reading, T& out) {
-  ConfigReader reader(node, "", reading);
-  describe(reader, out);
-  reader.finish();
-}
 
 }  // namespace fiducap

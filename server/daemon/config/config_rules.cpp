@@ -57,65 +57,38 @@ void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std
 }
 
 void check_source(Errors& all, const BodyConfig& body, const std::string& prefix) {
-  switch (body.source.type) {
-    case SourceType::kSimulator: {
-      // Cameras that a file describes are checked when the file has been read.
-      const bool by_file =
-          std::any_of(body.cameras.begin(), body.cameras.end(),
-                      [](const CameraConfig& camera) { return !camera.calibration.empty(); });
-      auto robot = body.source.simulator;
-      if (robot.cameras.empty() && by_file) break;
-      if (robot.cameras.empty()) {
-        for (const auto& camera : body.cameras) robot.cameras.push_back(camera.mount);
-      }
-      append(all, simulation::check(robot, prefix), prefix);
-      break;
-    }
-    case SourceType::kRecording:
-      append(all,
-             Checker{prefix}
-                 .require(!body.source.recording.folder.empty(), "folder", "\"\"",
-                          "must name a recording")
-                 .positive("speed", body.source.recording.speed)
-                 .errors,
-             prefix);
-      break;
-    case SourceType::kCamera:
-      append(all, body.source.camera.check(prefix), prefix);
-      break;
-    case SourceType::kRos:
-      append(all, body.source.ros.check(prefix), prefix);
-      break;
+  SourceSurroundings around;
+  for (const CameraConfig& camera : body.cameras) {
+    around.cameras.push_back(camera.mount);
+    around.calibrated_by_files |= !camera.calibration.empty();
   }
+  around.has_imu = body.imu || !body.kalibr_imu.empty();
+  visit_source(body.source, [&](const auto& source) {
+    append(all, check_source(source, around, prefix), prefix);
+  });
+}
+
+/// The lens may come by a file, or by the source itself.
+bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
+  const bool by_source = visit_source(source, [](const auto& config) {
+    return requires { config.kTellsLenses; };
+  });
+  return !camera.calibration.empty() || (by_source && camera.mount.model.width == 0);
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
-  const bool camera = body.source.type == SourceType::kCamera;
-  const bool ros = body.source.type == SourceType::kRos;
   Checker rules{prefix};
   rules
       .require(is_body_name(body.name), "name", '"' + body.name + '"',
                "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
-               "must be robocentric or world")
-      .require(!camera || body.cameras.size() == 1, "cameras",
-               std::to_string(body.cameras.size()) + " entries",
-               "a camera source has exactly one camera")
-      .require(!camera || (!body.imu && body.kalibr_imu.empty()), "imu", "{…}",
-               "a camera source has no IMU")
-      .require(!ros || body.cameras.size() == body.source.ros.images.size(), "cameras",
-               std::to_string(body.cameras.size()) + " entries",
-               "a ros source has one camera per topic in source.images")
-      .require(body.source.type != SourceType::kSimulator || !body.cameras.empty(), "cameras", "[]",
-               "a simulated body needs at least one camera");
+               "must be robocentric or world");
   append(all, rules.errors, prefix);
-  check_source(all, body, prefix + "source.");
+  check_source(all, body, prefix);
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {
-    const auto& [calibration, mount] = body.cameras[i];
-    // The lens may come by a file, or by the camera_info of ROS.
-    const bool elsewhere = !calibration.empty() || (ros && mount.model.width == 0);
-    check_mount(all, mount, elsewhere, prefix + "cameras." + std::to_string(i) + ".");
+    check_mount(all, body.cameras[i].mount, lens_is_elsewhere(body.source, body.cameras[i]),
+                prefix + "cameras." + std::to_string(i) + ".");
   }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");

@@ -113,24 +113,6 @@ void describe(V& v, ImuNoise& c) {
 }
 
 template <class V>
-void describe(V& v, RecordingSourceConfig& c) {
-  v.path("folder", c.folder);
-  v.value("loop", c.loop);
-  v.value("speed", c.speed);
-}
-
-template <class V>
-void describe(V& v, CameraDeviceConfig& c) {
-  v.device("open", c.open);
-  v.value("width", c.width);
-  v.value("height", c.height);
-  v.value("rate_hz", c.rate_hz);
-  v.value("exposure_s", c.exposure_s);
-  v.value("latency_s", c.latency_s);
-  v.value("loop", c.loop);
-}
-
-template <class V>
 void describe(V& v, BodyLimits& c) {
   v.value("max_position_sigma_m", c.max_position_sigma_m);
   v.value("max_rotation_sigma_rad", c.max_rotation_sigma_rad);

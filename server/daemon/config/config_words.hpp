@@ -3,18 +3,13 @@
 #include <array>
 #include <string_view>
 
+#include "base/words.hpp"
 #include "daemon/config/config_file.hpp"
 #include "streaming/conventions/validity.hpp"
 #include "streaming/operator_desk.hpp"
 
 /// The words a configuration uses for each enum.
 namespace fiducap::words {
-
-template <typename E>
-struct Word {
-  std::string_view text;
-  E value;
-};
 
 inline constexpr std::array<Word<log::Level>, 4> kLogLevel{{{"debug", log::Level::kDebug},
                                                             {"info", log::Level::kInfo},
@@ -26,10 +21,6 @@ inline constexpr std::array<Word<Distortion>, 3> kDistortion{
     {{"none", Distortion::kNone},
      {"radial-tangential", Distortion::kRadialTangential},
      {"equidistant", Distortion::kEquidistant}}};
-inline constexpr std::array<Word<SourceType>, 4> kSourceType{{{"simulator", SourceType::kSimulator},
-                                                              {"recording", SourceType::kRecording},
-                                                              {"camera", SourceType::kCamera},
-                                                              {"ros", SourceType::kRos}}};
 inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
     {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
 inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{

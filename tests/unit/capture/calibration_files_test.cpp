@@ -113,7 +113,7 @@ TEST_F(CalibrationFileTest, AFaultyCamchainIsRefusedWithTheReason) {
   EXPECT_THAT(error_of_camchain(replaced(kTwoCameras, "400.5", "-400.5")),
               HasSubstr("must be finite and > 0"));
   EXPECT_THAT(error_of_camchain("imu0: {}\n"), HasSubstr("no key cam0"));
-  EXPECT_THAT(error_of_camchain("cam0: 3\n"), HasSubstr("must be a map"));
+  EXPECT_THAT(error_of_camchain("cam0: 3\n"), HasSubstr("cam0 must be a section"));
   EXPECT_THAT(read_kalibr_camchain("/nowhere.yaml").error().text(), HasSubstr("no such file"));
 }
 

@@ -120,34 +120,16 @@ inline std::vector<std::string> names(int count) {
   return all;
 }
 
-/// Subscribes by hand and then neither reads nor renews.
-class ClientThatNeverReads {
- public:
-  explicit ClientThatNeverReads(std::uint16_t port) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {
-    sockaddr_in server{};
-    server.sin_family = AF_INET;
-    server.sin_port = htons(port);
-    server.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(fd_, reinterpret_cast<sockaddr*>(&server), sizeof(server)), 0);
-    std::array<std::uint8_t, 150> question{0x0d, 'F',  'D', 'C',
-                                           '1',  0x12, 142, 1};  // Subscribe, 142 bytes:
-    question[8] = 0x09;                                          // token
-    question[17] = 0x3a;                                         // padding,
-    question[18] = 130;                                          // 130 bytes
-    question[19] = 1;
-    EXPECT_EQ(::send(fd_, question.data(), question.size(), 0), 150);
-    std::array<std::uint8_t, 64> challenge{};
-    EXPECT_GT(::recv(fd_, challenge.data(), challenge.size(), 0), 16);
-    EXPECT_EQ(challenge[7], 0x09);
-    std::copy_n(challenge.begin() + 8, 8, question.begin() + 9);
-    EXPECT_EQ(::send(fd_, question.data(), question.size(), 0), 150);
+/// Servers publish this scene until a client has what the test waits for.
+class ClientServerTest : public testing::Test {
+ protected:
+  bool receives_frame(const Client& client, TestServer& server, Frame& frame) {
+    const auto before = client.statistics().frames;
+    return publish_until(server, *scene_, [&] { return client.statistics().frames > before; }) &&
+           client.latest(frame);
   }
-  ~ClientThatNeverReads() { ::close(fd_); }
-  ClientThatNeverReads(const ClientThatNeverReads&) = delete;
-  ClientThatNeverReads& operator=(const ClientThatNeverReads&) = delete;
 
- private:
-  int fd_;
+  std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm"}, 1);
 };
 
 }  // namespace fiducap

@@ -12,6 +12,7 @@
 #include <limits>
 #include <thread>
 
+#include "middleware/reader.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"

@@ -4,6 +4,7 @@
 #include <dds/ddsi/ddsi_serdata.h>
 #include <gmock/gmock.h>
 
+#include "middleware/reader.hpp"
 #include "streaming/dds/dds_server.hpp"
 #include "streaming/dds/ros_messages.hpp"
 #include "streaming/dds/ros_types.hpp"

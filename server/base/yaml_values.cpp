@@ -1,4 +1,4 @@
-#include "daemon/config/config_values.hpp"
+#include "base/yaml_values.hpp"
 
 #include <charconv>
 #include <cmath>
@@ -13,7 +13,8 @@ bool is_plain(const YAML::Node& node) { return node.IsScalar() && node.Tag() != 
 template <typename T>
 Broken read_plain(const YAML::Node& node, T& out, const char* rule) {
   if (!is_plain(node)) return rule;
-  const std::string& text = node.Scalar();
+  std::string_view text = node.Scalar();
+  if (text.starts_with('+')) text.remove_prefix(1);
   T value{};
   const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (failure == std::errc::result_out_of_range) return std::string(rule) + " that fits";
@@ -29,10 +30,15 @@ std::string plain_text(T value) {
   return {buffer.data(), result.ptr};
 }
 
+/// `[a, b]`, with these brackets.
 template <typename Range, typename ToText>
-std::string joined(const Range& range, ToText to_text) {
-  std::string text;
-  for (const auto& item : range) text += (text.empty() ? "" : ", ") + to_text(item);
+std::string joined(char open, const Range& range, char close, ToText to_text) {
+  std::string text(1, open);
+  for (const auto& item : range) {
+    if (text.size() > 1) text += ", ";
+    text += to_text(item);
+  }
+  text += close;
   return text;
 }
 
@@ -52,9 +58,8 @@ Broken read_map(const YAML::Node& node, const char* rule, std::map<Key, Value>& 
 
 template <typename Key, typename Value>
 std::string text_of_map(const std::map<Key, Value>& value) {
-  return "{" +
-         joined(value, [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); }) +
-         "}";
+  return joined('{', value, '}',
+                [](const auto& v) { return text_of(v.first) + ": " + text_of(v.second); });
 }
 
 }  // namespace
@@ -168,7 +173,7 @@ std::string text_of(const std::string& value) {
 }
 
 std::string text_of_numbers(std::span<const double> values) {
-  return "[" + joined(values, [](double v) { return text_of(v); }) + "]";
+  return joined('[', values, ']', [](double v) { return text_of(v); });
 }
 
 std::string text_of(const Eigen::Vector3d& value) { return text_of_numbers({value.data(), 3}); }
@@ -179,11 +184,11 @@ std::string text_of(const Pose& value) {
 }
 
 std::string text_of(const std::vector<int>& value) {
-  return "[" + joined(value, [](int v) { return text_of(v); }) + "]";
+  return joined('[', value, ']', [](int v) { return text_of(v); });
 }
 
 std::string text_of(const std::vector<std::string>& value) {
-  return "[" + joined(value, [](const std::string& v) { return text_of(v); }) + "]";
+  return joined('[', value, ']', [](const std::string& v) { return text_of(v); });
 }
 
 std::string text_of(const std::map<int, double>& value) { return text_of_map(value); }

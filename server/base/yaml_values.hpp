@@ -10,11 +10,12 @@
 #include <vector>
 
 #include <yaml-cpp/yaml.h>
+#include <Eigen/Core>
 
-#include "daemon/config/config_file.hpp"
-#include "daemon/config/config_words.hpp"
+#include "base/pose.hpp"
+#include "base/words.hpp"
 
-/// One value of a configuration ↔ YAML: what is not a section and not a list of sections.
+/// One value ↔ YAML: what is not a section and not a list of sections.
 namespace fiducap {
 
 /// nullopt: it was read; else the rule that the text breaks.

@@ -1,28 +1,19 @@
 #pragma once
 
-#include "daemon/config/config_schema.hpp"
+#include "simulation/simulation_config.hpp"
 
-/// What a configuration file may say about the simulated room and its robots.
-namespace fiducap {
-
-template <class V>
-void describe(V& v, RecordedTag& c) {
-  v.value("tag_id", c.tag_id);
-  v.value("edge_m", c.edge_m);
-  v.value("X_WT", c.X_WT);
-  v.value("position_sigma_m", c.position_sigma_m);
-  v.value("rotation_sigma_rad", c.rotation_sigma_rad);
-}
+/// Keys of a configuration about the room and its robots, see daemon/config/config_schema.hpp.
+namespace fiducap::simulation {
 
 template <class V>
-void describe(V& v, simulation::DaylightConfig& c) {
+void describe(V& v, DaylightConfig& c) {
   v.value("factor", c.factor);
   v.value("low", c.low);
   v.value("high", c.high);
 }
 
 template <class V>
-void describe(V& v, simulation::RoomConfig& c) {
+void describe(V& v, RoomConfig& c) {
   v.value("preset", c.preset);
   v.value("family", c.family);
   v.value("tag_size_m", c.tag_size_m);
@@ -33,7 +24,7 @@ void describe(V& v, simulation::RoomConfig& c) {
 }
 
 template <class V>
-void describe(V& v, simulation::TrajectoryConfig& c) {
+void describe(V& v, TrajectoryConfig& c) {
   v.value("kind", c.kind);
   v.path("file", c.file);
   v.value("duration_s", c.duration_s);
@@ -42,7 +33,7 @@ void describe(V& v, simulation::TrajectoryConfig& c) {
 }
 
 template <class V>
-void describe(V& v, simulation::ImuErrors& c) {
+void describe(V& v, ImuErrors& c) {
   v.section("noise", c.noise);
   v.value("gyro_bias", c.gyro_bias);
   v.value("accel_bias", c.accel_bias);
@@ -53,7 +44,7 @@ void describe(V& v, simulation::ImuErrors& c) {
 }
 
 template <class V>
-void describe(V& v, simulation::CameraSimulation& c) {
+void describe(V& v, CameraSimulation& c) {
   v.value("images", c.images);
   v.value("corner_noise_px", c.corner_noise_px);
   v.value("exposure_s", c.exposure_s);
@@ -67,7 +58,7 @@ void describe(V& v, simulation::CameraSimulation& c) {
 }
 
 template <class V>
-void describe(V& v, simulation::FaultConfig& c) {
+void describe(V& v, FaultConfig& c) {
   v.value("drop_image", c.drop_image);
   v.value("drop_imu", c.drop_imu);
   v.value("delay_image_s", c.delay_image_s);
@@ -91,7 +82,7 @@ void describe(V& v, simulation::FaultConfig& c) {
 /// `has_imu` is not here: the body's `use_imu` says it. `paced` neither: the server lives in real
 /// time.
 template <class V>
-void describe(V& v, simulation::SimulatedBodyConfig& c) {
+void describe(V& v, SimulatedBodyConfig& c) {
   v.list("cameras", c.cameras);
   v.section("imu", c.imu);
   v.section("camera", c.camera);
@@ -100,4 +91,4 @@ void describe(V& v, simulation::SimulatedBodyConfig& c) {
   v.value("seed", c.seed);
 }
 
-}  // namespace fiducap
+}  // namespace fiducap::simulation

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <vector>
+
+#include "capture/lens/camera_model.hpp"
+
+namespace fiducap {
+
+/// What a configuration says of a body beside its source, as far as sources have rules about it.
+struct SourceSurroundings {
+  std::vector<CameraMount> cameras;  ///< As configured; files are not read yet.
+  bool calibrated_by_files{false};   ///< Some of the cameras.
+  bool has_imu{false};               ///< An IMU is described.
+};
+
+}  // namespace fiducap
