@@ -121,7 +121,7 @@ class Run {
       result_.propagate_cpu_s += to_seconds(moved - begin);
       begin = moved;
     }
-    const UpdateReport report = filter_->update(seen_, known_);
+    const UpdateReport report = filter_->update(seen_, {known_});
     result_.update_cpu_s += to_seconds(thread_cpu_time() - begin);
     return report;
   }

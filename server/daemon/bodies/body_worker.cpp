@@ -129,7 +129,7 @@ void BodyWorker::take_frame(const Delivery& delivery) {
     ++statistics_.restarts;
   }
   shared_.map.snapshot()->known_among(seen_, known_);
-  const UpdateReport report = filter.update(seen_, known_);
+  const UpdateReport report = filter.update(seen_, {known_});
   inbox_.set_clock_shift(seen_.camera,
                          shift_to_apply(filter.clock(seen_.camera), seen_.clock_shift));
   filter.tag_beliefs(beliefs_);

@@ -34,6 +34,7 @@ const CameraModel& RobocentricFilter::model_of(int camera) const {
 }
 
 void RobocentricFilter::restart() {
+  ++generation_;
   state_ = FilterState{};
   for (const CameraMount& mount : sensors_.cameras) state_.X_BV.push_back(mount.X_BV);
   state_.resize_covariance();
@@ -146,8 +147,9 @@ void RobocentricFilter::sort_tags(const TagObservations& seen, std::span<const K
   }
 }
 
-UpdateReport RobocentricFilter::update(const TagObservations& seen,
-                                       std::span<const KnownTag> known) {
+UpdateReport RobocentricFilter::update(const TagObservations& seen, const MapKnowledge& map) {
+  const std::span<const KnownTag> known = map.tags;
+  may_define_workspace_ = map.may_define_workspace;
   UpdateReport report;
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
@@ -180,6 +182,7 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen,
   if (barren_updates_ >= kBarrenToRestart) restart();
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
+  report.generation = generation_;
   return report;
 }
 
@@ -260,7 +263,7 @@ void RobocentricFilter::count_rejections(const std::vector<bool>& accepted, Upda
   if (any) last_used_at_ = report.exposed_at;
   for (const int tag_id : keep_score(state_, usable_, accepted, report.exposed_at)) {
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
-    ++report.tags_dropped;
+    report.name_dropped(tag_id);
   }
 }
 
@@ -342,7 +345,7 @@ void RobocentricFilter::shift_workspace(const Pose& X_new_old, UpdateReport& rep
 void RobocentricFilter::tie_workspace(UpdateReport& report) {
   if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
     const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
-    if (wanted < 0) return;
+    if (wanted < 0 || !may_define_workspace_) return;
     const auto tag = static_cast<std::size_t>(wanted);
     heading_rule_ = make_heading_rule(gauge_, tag_in_workspace(state_, tag).X_WT.q);
     gauge_tag_ = state_.tags[tag].tag_id;

@@ -174,7 +174,7 @@ void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
 void WorldFilter::tie_workspace(UpdateReport& report) {
   if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
     const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
-    if (wanted < 0) return;
+    if (wanted < 0 || !may_define_workspace_) return;
     const auto tag = static_cast<std::size_t>(wanted);
     heading_rule_ = make_heading_rule(gauge_, state_.tags[tag].X_WT.q);
     gauge_tag_ = state_.tags[tag].tag_id;

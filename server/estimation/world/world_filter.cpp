@@ -50,7 +50,10 @@ const CameraModel& WorldFilter::model_of(int camera) const {
 }
 
 void WorldFilter::restart() {
-  if (!reliving_) begin_log();
+  if (!reliving_) {
+    begin_log();
+    ++generation_;
+  }
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
@@ -228,10 +231,12 @@ std::vector<SightedTag> WorldFilter::sighted(int camera) const {
   return out;
 }
 
-UpdateReport WorldFilter::update(const TagObservations& seen, std::span<const KnownTag> known) {
-  log_start(seen, known);
-  const UpdateReport report = process(seen, known);
-  return relive_start_if_due(report);
+UpdateReport WorldFilter::update(const TagObservations& seen, const MapKnowledge& map) {
+  may_define_workspace_ = map.may_define_workspace;
+  log_start(seen, map.tags);
+  UpdateReport report = relive_start_if_due(process(seen, map.tags));
+  report.generation = generation_;
+  return report;
 }
 
 UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const KnownTag> known) {
@@ -368,7 +373,7 @@ void WorldFilter::count_rejections(UpdateReport& report) {
   if (any) last_used_at_ = report.exposed_at;
   for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
-    ++report.tags_dropped;
+    report.name_dropped(tag_id);
   }
 }
 

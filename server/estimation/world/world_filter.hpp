@@ -32,7 +32,7 @@ class WorldFilter final : public BodyFilter {
   WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
 
   void propagate(const ImuSample& imu) override;
-  UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override;
+  UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
   void release_tag(int tag_id) override;
@@ -138,6 +138,8 @@ class WorldFilter final : public BodyFilter {
   std::optional<HeadingRule> heading_rule_;
   std::optional<int> gauge_tag_;
   std::map<int, KnownTag> priors_;
+  bool may_define_workspace_{true};  ///< See MapKnowledge.
+  int generation_{0};
 
   std::vector<TagToUse> usable_;  ///< Tags of the present image that correct the state …
   std::vector<TagToUse> fresh_;   ///< … and those that may join it.

@@ -119,7 +119,7 @@ class OfflineRun final {
     for (const TagObservation& tag : seen_.tags)
       if (const auto found = known_.find(tag.tag_id); found != known_.end())
         visible_known_.push_back(found->second);
-    const UpdateReport report = filter_->update(seen_, visible_known_);
+    const UpdateReport report = filter_->update(seen_, {visible_known_});
     count(report);
     doubt(report);
     merger_.set_clock_shift(seen_.camera,

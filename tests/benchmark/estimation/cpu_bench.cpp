@@ -64,7 +64,7 @@ class Stand {
     wall_.see(k_ - 1, first, in_view_, seen_);
     if (mapped_) wall_.known_among(seen_, known_);
     const Duration ready = thread_cpu_time();
-    (void)filter_->update(seen_, known_);
+    (void)filter_->update(seen_, {known_});
     predict_s_.push_back(to_seconds(moved - begin));
     update_s_.push_back(to_seconds(thread_cpu_time() - ready));
   }
