@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <optional>
+#include <span>
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
@@ -63,6 +65,10 @@ struct UpdateReport {
   /// before are X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;
 
+  [[nodiscard]] std::span<const int> named_dropped() const {
+    return std::span(dropped_tags)
+        .first(std::min(kMostNamed, static_cast<std::size_t>(tags_dropped)));
+  }
   void name_dropped(int tag_id) {
     if (static_cast<std::size_t>(tags_dropped) < kMostNamed)
       dropped_tags[static_cast<std::size_t>(tags_dropped)] = tag_id;

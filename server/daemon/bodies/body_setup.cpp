@@ -118,6 +118,20 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   return setup;
 }
 
+PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
+                             const BodySetup& setup) {
+  PipelineSetup pipeline;
+  pipeline.sensors = setup.sensors;
+  pipeline.tags = config.tags;
+  pipeline.detector = config.detector;
+  pipeline.estimator = config.estimator;
+  pipeline.gauge = {config.map.reference_tag, config.map.reference_pose};
+  pipeline.filter = body.filter;
+  if (setup.recording) pipeline.priors = tag_priors(*setup.recording);
+  pipeline.lose_after_s = body.limits.lose_after_s;
+  return pipeline;
+}
+
 RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
                            std::optional<int> reference_tag) {
   RecordingInfo info;

@@ -11,6 +11,7 @@
 #include "daemon/config/config_file.hpp"
 #include "estimation/body_filter.hpp"
 #include "middleware/participant.hpp"
+#include "pipeline/body_pipeline.hpp"
 
 namespace fiducap {
 
@@ -24,6 +25,10 @@ struct BodySetup {
 /// @return Error naming the file and what is wrong with it.
 [[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
                                                   const simulation::RoomConfig& room);
+
+/// What the configuration says about one body's pipeline.
+[[nodiscard]] PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
+                                           const BodySetup& setup);
 
 /// How what these sensors give is written to disk (see SessionRecorder).
 [[nodiscard]] RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,

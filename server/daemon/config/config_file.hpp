@@ -19,7 +19,7 @@
 #include "estimation/estimator_config.hpp"
 #include "mapping/map_builder.hpp"
 #include "middleware/network.hpp"
-#include "scene/body_tracker.hpp"
+#include "pipeline/body_tracker.hpp"
 #include "simulation/simulation.hpp"
 #include "streaming/dds/dds_config.hpp"
 #include "streaming/mavlink/mavlink_config.hpp"

@@ -220,6 +220,7 @@ template <class V>
 void describe(V& v, RecorderConfig& c) {
   v.path("folder", c.folder);
   v.value("images", c.images);
+  v.value("at_start", c.at_start);
 }
 
 template <class V>

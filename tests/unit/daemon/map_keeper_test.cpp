@@ -33,7 +33,8 @@ class MapKeeperTest : public testing::Test {
                                           [this] { return learned_; });
   }
   void see(int id, double x = 1.0) {
-    map_->absorb(1, std::vector{belief(id, x)}, 1'700'000'000'000'000'000);
+    const TagBelief one = belief(id, x);
+    map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
   }
   [[nodiscard]] std::vector<MapVersionInfo> stored() const {
     auto store = MapStore::open(file_);

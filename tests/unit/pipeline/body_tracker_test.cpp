@@ -1,4 +1,4 @@
-#include "scene/body_tracker.hpp"
+#include "pipeline/body_tracker.hpp"
 
 #include <gtest/gtest.h>
 
@@ -107,10 +107,8 @@ TEST_F(BodyTrackerTest, FollowedPointsKeepItCoastingButDoNotMakeItTrack) {
   for (int ms = 150; ms <= 7000; ms += 50) carried(ms, ms % 200 == 0 ? 9 : 0);
   EXPECT_EQ(sample(7000).state, BodyState::kCoasting);
   EXPECT_EQ(sample(7000).age, std::chrono::milliseconds(6900));
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(7050)));
   for (int ms = 7050; ms <= 12200; ms += 50) carried(ms, 1);  // too few to say anything
   EXPECT_EQ(sample(12200).state, BodyState::kLost);
-  EXPECT_TRUE(tracker_.wants_reset(at_ms(12200)));
 }
 
 TEST_F(BodyTrackerTest, CoastsWhenTagsAreGoneAndTracksAgain) {
@@ -189,23 +187,30 @@ TEST_F(BodyTrackerTest, LosesTheBodyAfterFiveSecondsAndShowsWhereItWasSeen) {
   EXPECT_EQ(pose.age, std::chrono::milliseconds(5001));
 }
 
-TEST_F(BodyTrackerTest, WantsAResetFromTheLossToTheFreshEstimate) {
+TEST_F(BodyTrackerTest, StaysLostFromTheLossToTheFreshEstimate) {
   image(100, 3);
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(5100)));
-  EXPECT_TRUE(tracker_.wants_reset(at_ms(5101)));
-  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // after filter.lose_motion(): not running
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(5200)));
+  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // the filter has given the motion up
   EXPECT_EQ(sample(5200).state, BodyState::kLost);
   auto adrift = estimate(5250);
   adrift.anchored = false;
   tracker_.ingest(adrift, report(5250, 0), {}, 0);  // running on gravity, no tag yet
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(5300)));
   EXPECT_EQ(sample(5300).state, BodyState::kLost);
   imu_ms_ = 5300;
   image(5350, 2);
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(5400)));
   EXPECT_EQ(sample(5400).state, BodyState::kTracking);
   EXPECT_TRUE(sample(5400).valid);
+}
+
+TEST_F(BodyTrackerTest, WhatItSawLastMovesWithTheWorkspaceButNotFromBeforeAReset) {
+  image(100, 3);
+  UpdateReport shifted = report(400, 0);
+  shifted.gauge_shift = Pose{Eigen::Quaterniond::Identity(), {10, 0, 0}};
+  tracker_.ingest(std::nullopt, shifted, {}, 0);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "history, in today's axes";
+  UpdateReport restarted = shifted;
+  restarted.generation = 1;
+  tracker_.ingest(std::nullopt, restarted, {}, 0);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "a new start has nothing to do with it";
 }
 
 TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
@@ -214,16 +219,9 @@ TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
   EXPECT_EQ(sample(400).state, BodyState::kLost);
   EXPECT_FALSE(sample(400).valid);
   EXPECT_EQ(sample(400).X_WP.p, Vector3d(1, 2, 3));
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(6000)));
   imu_ms_ = 405;
   image(450, 3);
   EXPECT_EQ(sample(450).state, BodyState::kTracking);
-}
-
-TEST_F(BodyTrackerTest, ABodyThatWasNeverTiedIsNotReset) {
-  tracker_.ingest(std::nullopt, report(100, 0), {}, 0);
-  EXPECT_FALSE(tracker_.wants_reset(at_ms(60'000)));
-  EXPECT_EQ(sample(60'000).state, BodyState::kSearching);
 }
 
 TEST_F(BodyTrackerTest, IsLostWithItsSourceUntilTheNextImage) {

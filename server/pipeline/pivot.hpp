@@ -2,7 +2,7 @@
 
 #include "base/pose.hpp"
 #include "estimation/body_estimate.hpp"
-#include "scene/scene_frame.hpp"
+#include "pipeline/body_pose.hpp"
 
 namespace fiducap {
 

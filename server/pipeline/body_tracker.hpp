@@ -9,7 +9,7 @@
 #include "base/time.hpp"
 #include "estimation/body_filter.hpp"
 #include "estimation/imu/output_predictor.hpp"
-#include "scene/scene_frame.hpp"
+#include "pipeline/body_pose.hpp"
 
 namespace fiducap {
 
@@ -29,8 +29,8 @@ struct BodyLimits {
 /// searching until a used tag ties the body to the workspace; tracking and coasting by the age of
 /// the last used tag; lost from `lose_after_s` on, when its filter gave the motion up, or when the
 /// source ended, until a tag is used again. A pose is valid while tracking or coasting with both
-/// sigmas inside the limits. An invalid pose is history: what the last used tag said. Not
-/// thread-safe; Scene guards it.
+/// sigmas inside the limits. An invalid pose is history: what the last used tag said; it moves
+/// along when W is re-defined. Not thread-safe; Scene guards it.
 class BodyTracker final {
  public:
   BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
@@ -49,10 +49,6 @@ class BodyTracker final {
   /// The body at one instant, pivot applied (lever arm included), state and validity decided.
   /// Overwrites all of `out`.
   void sample(Instant at, BodyPose& out) const;
-  /// True when the body is lost and its filter still goes on from the old place: call
-  /// filter.lose_motion() before the next update(). Ask once per image, with its exposed_at; true
-  /// until an image with a used tag or without an estimate was ingested.
-  [[nodiscard]] bool wants_reset(Instant now) const;
 
  private:
   [[nodiscard]] BodyState state_at(Instant at) const;
@@ -75,7 +71,7 @@ class BodyTracker final {
   std::optional<Instant> last_carried_at_;  ///< The same, or followed points in its stead.
   std::optional<Instant> last_image_at_;
   double image_interval_s_{0};  ///< Smoothed; 0: not known.
-  UpdateReport report_;
+  UpdateReport report_;         ///< Of the newest image.
   Duration processing_{};
   std::uint64_t images_dropped_{0};
 };

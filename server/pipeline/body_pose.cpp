@@ -1,4 +1,4 @@
-#include "scene/scene_frame.hpp"
+#include "pipeline/body_pose.hpp"
 
 #include <cmath>
 

@@ -1,7 +1,7 @@
-#include "scene/body_tracker.hpp"
+#include "pipeline/body_tracker.hpp"
 
 #include "estimation/filter/filter_rules.hpp"
-#include "scene/pivot.hpp"
+#include "pipeline/pivot.hpp"
 
 namespace fiducap {
 
@@ -13,6 +13,20 @@ constexpr double kIntervalSmoothing = 0.1;
 constexpr double kLongestInterval_s = 1.0;
 // Images that are this many intervals overdue lower the rate shown.
 constexpr double kOverdueIntervals = 3.0;
+
+/// The same estimate in axes that stand elsewhere. @param X_new_old  W as it was in W as it is
+BodyEstimate moved(BodyEstimate estimate, const Pose& X_new_old) {
+  const Eigen::Matrix3d R = X_new_old.rotation();
+  estimate.X_WB = X_new_old * estimate.X_WB;
+  estimate.v_WB = R * estimate.v_WB;
+  estimate.a_WB = R * estimate.a_WB;
+  Matrix15d turn = Matrix15d::Identity();
+  for (const int block :
+       {estimate_block::kPosition, estimate_block::kAttitude, estimate_block::kVelocity})
+    turn.block<3, 3>(block, block) = R;
+  estimate.covariance = turn * estimate.covariance * turn.transpose();
+  return estimate;
+}
 
 double rate_variance_of(const BodySensors& sensors) {
   if (!sensors.imu) return 0.0;
@@ -46,6 +60,8 @@ void BodyTracker::add_imu(const ImuSample& imu) { predictor_.add_imu(imu); }
 void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
                          Duration processing, std::uint64_t images_dropped) {
   source_lost_ = false;
+  if (report.gauge_shift && last_seen_ && report.generation == report_.generation)
+    last_seen_ = moved(*last_seen_, *report.gauge_shift);
   report_ = report;
   processing_ = processing;
   images_dropped_ = images_dropped;
@@ -129,10 +145,6 @@ void BodyTracker::sample(Instant at, BodyPose& out) const {
   out.image_rate_hz = image_rate_at(at);
   out.processing = processing_;
   out.images_dropped = images_dropped_;
-}
-
-bool BodyTracker::wants_reset(Instant now) const {
-  return anchored_ && last_tag_at_ && lost_by(now);
 }
 
 }  // namespace fiducap

@@ -1,4 +1,4 @@
-#include "scene/pivot.hpp"
+#include "pipeline/pivot.hpp"
 
 #include "base/so3.hpp"
 
