@@ -6,13 +6,24 @@
 namespace fiducap {
 
 namespace {
-// Four seconds at 1 kHz: no camera is that slow, and no filter looks further back.
-constexpr std::size_t kMostPending = 4096;
+// A unit may be somewhat quicker than it is said to be; and whatever is said, memory is bounded.
+constexpr double kMargin = 1.25;
+constexpr double kFewest = 256;
+constexpr double kMost = 65536;
+
+std::size_t most_readings(double rate_hz) {
+  const double wanted = kMargin * rate_hz * to_seconds(kFilterPast);
+  return static_cast<std::size_t>(std::clamp(std::ceil(wanted), kFewest, kMost));
+}
 }  // namespace
 
 ImuBuffer::ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise)
-    : noise_(noise), max_gap_s_(max_gap_s), gap_accel_noise_(gap_accel_noise), watch_(noise) {
-  samples_.reserve(kMostPending);
+    : noise_(noise),
+      most_(most_readings(noise.rate_hz)),
+      max_gap_s_(max_gap_s),
+      gap_accel_noise_(gap_accel_noise),
+      watch_(noise) {
+  samples_.reserve(most_);
 }
 
 bool ImuBuffer::push(const ImuSample& imu) {
@@ -33,7 +44,7 @@ std::optional<ImuSample> ImuBuffer::newest() const {
   return samples_.empty() ? std::nullopt : std::optional(samples_.back().imu);
 }
 
-bool ImuBuffer::is_full() const { return samples_.size() >= kMostPending; }
+bool ImuBuffer::is_full() const { return samples_.size() >= most_; }
 
 void ImuBuffer::keep_newest_pair() {
   if (samples_.size() > 2) samples_.erase(samples_.begin(), samples_.end() - 2);
@@ -63,7 +74,11 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   input.accel_noise = noise_.accel_noise_m_s2_rtHz;
   input.gyro_walk = noise_.gyro_walk_rad_s2_rtHz;
   input.accel_walk = noise_.accel_walk_m_s3_rtHz;
-  if (samples_.empty()) return input;
+  if (samples_.empty()) {
+    input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
+    input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
+    return input;
+  }
   const std::size_t after = std::min(first_after(from), samples_.size() - 1);
   const JudgedReading& last = samples_[after];
   const JudgedReading& first = samples_[after == 0 ? 0 : after - 1];
@@ -76,7 +91,8 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
                        : 1.0;
   input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
   input.f_B = a.f_B + share * (b.f_B - a.f_B);
-  const bool gap = to_seconds(span) > max_gap_s_ || to_seconds(to - b.sampled_at) > max_gap_s_;
+  const bool gap = to_seconds(span) > max_gap_s_ || to_seconds(to - b.sampled_at) > max_gap_s_ ||
+                   to_seconds(a.sampled_at - from) > max_gap_s_;
   if (gap || first.saturated.gyro || last.saturated.gyro)
     input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
   if (gap || first.saturated.accel || last.saturated.accel)

@@ -9,8 +9,11 @@
 
 namespace fiducap {
 
-/// The readings since the last image, and what they say about any moment between them. Bounded;
-/// allocates nothing after construction.
+/// Nothing in a filter looks back further than this, and readings are kept for so long at least.
+inline constexpr Duration kFilterPast = std::chrono::seconds(3);
+
+/// The readings since the oldest instant that somebody still needs, and what they say about any
+/// moment between them. Bounded; allocates nothing after construction.
 class ImuBuffer final {
  public:
   /// @param max_gap_s         longer holes count as a gap
@@ -27,7 +30,8 @@ class ImuBuffer final {
   }
   /// @pre at least two readings
   [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
-  /// So many readings that somebody must use them.
+  /// So many readings that somebody must use them: more than kFilterPast of them at the unit's
+  /// rate. One more makes the oldest go.
   [[nodiscard]] bool is_full() const;
   /// Older readings may come again.
   void forget_all() {
@@ -44,7 +48,8 @@ class ImuBuffer final {
   /// the newest reading.
   [[nodiscard]] Instant end_of_interval(Instant from, Instant to) const;
   /// Force and rate halfway between `from` and `to`, linear between the readings around, held
-  /// beyond the newest.
+  /// beyond the newest and before the oldest: when that is further than `max_gap_s`, with the noise
+  /// of a gap.
   /// @pre both in one interval
   [[nodiscard]] InertialInput input_between(Instant from, Instant to) const;
 
@@ -53,6 +58,7 @@ class ImuBuffer final {
   [[nodiscard]] std::size_t first_after(Instant at) const;
 
   ImuNoise noise_;
+  std::size_t most_;
   double max_gap_s_;
   double gap_accel_noise_;
   SaturationWatch watch_;

@@ -7,6 +7,7 @@
 #include "base/so3.hpp"
 #include "estimation/filter/chi_square.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/filter/map_links.hpp"
 #include "estimation/robocentric/tag_augmentation.hpp"
 #include "estimation/start/place_search.hpp"
 
@@ -49,7 +50,8 @@ void RobocentricFilter::restart() {
         .setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
   }
   mode_ = Mode::kStarting;
-  anchor_ = Anchor::kNone;
+  is_anchored_ = false;
+  scores_.clear();
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
@@ -142,7 +144,7 @@ void RobocentricFilter::sort_tags(const TagObservations& seen, std::span<const K
     const auto given = std::find_if(known.begin(), known.end(),
                                     [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
     TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
-    const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
+    const bool usable = use.local >= 0 || (use.known != nullptr && is_anchored_);
     (usable ? usable_ : fresh_).push_back(use);
   }
 }
@@ -154,9 +156,12 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, const MapKno
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
   report.running = mode_ == Mode::kRunning;
+  report.generation = generation_;
   if (report.running && seen.exposed_at < state_.time)
     return report;  // too late; the merger counts these
 
+  const int generation = generation_;
+  anchor_by_own_tags(known, report);
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
@@ -183,6 +188,7 @@ UpdateReport RobocentricFilter::update(const TagObservations& seen, const MapKno
   if (mode_ == Mode::kRunning) tie_workspace(report);
   report.running = mode_ == Mode::kRunning;
   report.generation = generation_;
+  if (generation_ != generation) report.gauge_shift.reset();  // nothing was given out since
   return report;
 }
 
@@ -254,16 +260,43 @@ void RobocentricFilter::correct(const TagObservations& seen, UpdateReport& repor
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
-  count_rejections(accepted_, report);
+  note_sightings(state_, usable_, accepted_, seen.exposed_at);
+  score(report);
 }
 
-void RobocentricFilter::count_rejections(const std::vector<bool>& accepted, UpdateReport& report) {
+void RobocentricFilter::score(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
-  for (const int tag_id : keep_score(state_, usable_, accepted, report.exposed_at)) {
+  for (const int tag_id : scores_.count(usable_, accepted_)) {
+    const int tag = state_.find(tag_id);
+    if (tag >= 0) state_.remove_tag(static_cast<std::size_t>(tag));
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
     report.name_dropped(tag_id);
+  }
+}
+
+/// A body that knew its tags before the map did stands in axes of its own; those tags say where the
+/// workspace is.
+void RobocentricFilter::anchor_by_own_tags(std::span<const KnownTag> known, UpdateReport& report) {
+  if (is_anchored_ || mode_ != Mode::kRunning) return;
+  std::vector<MapLink> links;
+  for (const KnownTag& tag : known) {
+    const int own = state_.find(tag.tag_id);
+    if (own < 0 || tag.is_own) continue;
+    links.push_back({tag.tag_id, &tag, state_.tags[static_cast<std::size_t>(own)].sightings});
+  }
+  if (links.empty()) return;
+  std::stable_sort(links.begin(), links.end(),
+                   [](const auto& a, const auto& b) { return a.sightings > b.sightings; });
+  if (!find_agreeing_links(state_, has_imu(), links)) return;
+  const auto first = static_cast<std::size_t>(state_.find(links.front().tag_id));
+  shift_workspace(tie_local_to_known(state_, first, links.front().map->X_WT, has_imu()), report);
+  is_anchored_ = true;
+  for (const MapLink& link : links) {
+    const auto tag = static_cast<std::size_t>(state_.find(link.tag_id));
+    fuse_prior(state_, tag, *link.map);
+    state_.remove_tag(tag);  // the map's from now on
   }
 }
 
@@ -281,9 +314,9 @@ void RobocentricFilter::meet_fresh_tags(const TagObservations& seen, UpdateRepor
   const int forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
-                                           corner_noise_.of(*tag.seen), attitude,
-                                           {.at_least = at_least, .forced_after = forced_after});
+    const auto verdict = candidates_.judge(
+        seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera), corner_noise_.of(*tag.seen),
+        attitude, {.at_least = at_least, .forced_after = forced_after});
     if (!verdict || !admit(seen, tag, verdict->X_VT, report)) ++report.tags_pending;
   }
 }
@@ -293,7 +326,7 @@ bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, 
   if (mode_ == Mode::kAdrift) {
     // Nothing links this tag to the old ones but a place in the workspace.
     const auto prior = priors_.find(tag.seen->tag_id);
-    if (prior != priors_.end() && anchor_ == Anchor::kWorkspace) {
+    if (prior != priors_.end() && is_anchored_) {
       const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * X_VT;
       jump(state_.X_WB().inverse() * prior->second.X_WT * X_BT.inverse(), seen.exposed_at);
     } else if (tag.known != nullptr || prior != priors_.end()) {
@@ -304,10 +337,9 @@ bool RobocentricFilter::admit(const TagObservations& seen, const TagToUse& tag, 
   }
   if (mode_ == Mode::kStarting) start(seen.exposed_at);
   if (tag.known != nullptr) {
-    if (anchor_ != Anchor::kWorkspace) {
+    if (!is_anchored_) {
       shift_workspace(tie_to_known(state_, seen.camera, X_VT, tag.known->X_WT, has_imu()), report);
-      anchor_ = Anchor::kWorkspace;
-      gauge_tag_.reset();
+      is_anchored_ = true;
     }
     usable_.assign(1, tag);
     usable_.front().local = -1;
@@ -329,10 +361,9 @@ void RobocentricFilter::apply_priors(int camera, int tag_id, const Pose& X_VT,
                                      UpdateReport& report) {
   const auto prior = priors_.find(tag_id);
   if (prior == priors_.end()) return;
-  if (anchor_ != Anchor::kWorkspace) {
+  if (!is_anchored_) {
     shift_workspace(tie_to_known(state_, camera, X_VT, prior->second.X_WT, has_imu()), report);
-    anchor_ = Anchor::kWorkspace;
-    gauge_tag_.reset();
+    is_anchored_ = true;
   }
   fuse_prior(state_, state_.tags.size() - 1, prior->second);
 }
@@ -343,13 +374,13 @@ void RobocentricFilter::shift_workspace(const Pose& X_new_old, UpdateReport& rep
 }
 
 void RobocentricFilter::tie_workspace(UpdateReport& report) {
-  if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
+  if (!is_anchored_ && !state_.tags.empty()) {
     const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
     if (wanted < 0 || !may_define_workspace_) return;
     const auto tag = static_cast<std::size_t>(wanted);
     heading_rule_ = make_heading_rule(gauge_, tag_in_workspace(state_, tag).X_WT.q);
     gauge_tag_ = state_.tags[tag].tag_id;
-    anchor_ = gauge_.reference_tag ? Anchor::kWorkspace : Anchor::kFirstTag;
+    is_anchored_ = true;
     shift_workspace(tie_to_reference(state_, tag, *heading_rule_, has_imu()), report);
     return;
   }
@@ -362,7 +393,7 @@ void RobocentricFilter::tie_workspace(UpdateReport& report) {
 BodyEstimate RobocentricFilter::estimate() const {
   FIDUCAP_ASSERT(running());
   BodyEstimate out = body_in_workspace(state_);
-  out.anchored = anchor_ != Anchor::kNone;
+  out.anchored = is_anchored_;
   out.w_WB_B = -state_.bias_w;
   if (has_imu() && imu_.newest()) {
     const InertialInput input = imu_.input_between(state_.time, state_.time);
@@ -374,10 +405,12 @@ BodyEstimate RobocentricFilter::estimate() const {
 
 void RobocentricFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   out.clear();
-  if (anchor_ == Anchor::kNone) return;
+  if (mode_ == Mode::kStarting) return;
+  const int component = is_anchored_ ? TagBelief::kWorkspace : TagBelief::kOwnAxes;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const LocalTag& tag = state_.tags[i];
-    out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
+    out.push_back(
+        {tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen, component});
   }
 }
 

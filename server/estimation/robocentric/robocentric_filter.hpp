@@ -6,6 +6,7 @@
 
 #include "estimation/body_filter.hpp"
 #include "estimation/filter/corner_update.hpp"
+#include "estimation/filter/tag_scores.hpp"
 #include "estimation/imu/imu_buffer.hpp"
 #include "estimation/robocentric/corner_measurement.hpp"
 #include "estimation/robocentric/frame_transition.hpp"
@@ -53,11 +54,6 @@ class RobocentricFilter final : public BodyFilter {
     kAdrift,    ///< Tags and workspace are known, the motion since then is not.
     kRunning,
   };
-  enum class Anchor {
-    kNone,       ///< W is where the filter started.
-    kFirstTag,   ///< No reference tag was named: the first tag makes the workspace.
-    kWorkspace,  ///< The reference tag, a known tag or a prior tied W down.
-  };
 
   [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
   [[nodiscard]] const CameraModel& model_of(int camera) const;
@@ -72,7 +68,8 @@ class RobocentricFilter final : public BodyFilter {
   bool come_back(const TagObservations& seen);
   void jump(const Pose& X_B0B, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
-  void count_rejections(const std::vector<bool>& accepted, UpdateReport& report);
+  void score(UpdateReport& report);
+  void anchor_by_own_tags(std::span<const KnownTag> known, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
   bool admit(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
              UpdateReport& report);
@@ -88,7 +85,7 @@ class RobocentricFilter final : public BodyFilter {
   Eigen::Vector3d gravity_W_;
 
   Mode mode_{Mode::kStarting};
-  Anchor anchor_{Anchor::kNone};
+  bool is_anchored_{false};  ///< W is the workspace, for good: nothing defines it again.
   FilterState
       state_;  ///< Always whole: body, tags and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
@@ -99,7 +96,8 @@ class RobocentricFilter final : public BodyFilter {
   TagCandidates candidates_;
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
-  std::optional<int> gauge_tag_;
+  std::optional<int> gauge_tag_;  ///< Defined W; while it is in the state it stays where it was.
+  TagScores scores_;
   std::map<int, KnownTag> priors_;
   bool may_define_workspace_{true};  ///< See MapKnowledge.
   int generation_{0};

@@ -80,4 +80,8 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   return finish(state, q_new, q_new.conjugate() * X_WT.p - X_BT.p);
 }
 
+Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
+  return tie_to_known(state, 0, Pose(state.tags[tag].X_VT), X_WT, level);
+}
+
 }  // namespace fiducap::robocentric

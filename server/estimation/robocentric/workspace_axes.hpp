@@ -17,4 +17,7 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
 /// @return X_WnewWold
 Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level);
 
+/// The same by a tag of the state: mean from its estimate.
+Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level);
+
 }  // namespace fiducap::robocentric

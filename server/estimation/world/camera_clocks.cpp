@@ -59,7 +59,7 @@ ClockEstimate WorldFilter::clock(int camera) const {
 
 void WorldFilter::reopen_clock(int camera) {
   open_clock(camera, sensors_.cameras[static_cast<std::size_t>(camera)].time_shift_sigma_s);
-  forgive(state_.tags);  // the clock is to blame, not they
+  scores_.clear();       // the clock is wrong, not they
   memory_.forget_all();  // its states still believe in the clock
 }
 
@@ -84,7 +84,12 @@ void WorldFilter::begin_log() {
 
 void WorldFilter::log_start(const TagObservations& seen, std::span<const KnownTag> known) {
   if (due_looks_ == kLooks_s.size()) start_log_.close();
-  if (start_log_.is_open()) return start_log_.add(seen, known);
+  if (start_log_.is_open()) {
+    start_log_.add(seen, known);
+    // Images without readings lead to no look: a body that has not started begins once more.
+    if (start_log_.is_full()) mode_ == Mode::kStarting ? begin_log() : start_log_.close();
+    return;
+  }
   if (life_.spread > 0) return;
   for (int camera = 0; camera < state_.cameras(); ++camera) reopen_clock(camera);
   life_.spread = 1.0;
@@ -114,7 +119,7 @@ void WorldFilter::charge(const TagObservations& seen, const UpdateReport& report
     life_.cost += 2.0 * kNumbers * std::log(noise.growth(tag));
 }
 
-UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report) {
+UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report, const Axes& before) {
   if (!start_log_.is_open() || due_looks_ == kLooks_s.size() || mode_ != Mode::kRunning)
     return report;
   const bool due = start_log_.seconds_since_first_tag(report.exposed_at) >= kLooks_s[due_looks_];
@@ -122,13 +127,11 @@ UpdateReport WorldFilter::relive_start_if_due(const UpdateReport& report) {
                         strained_looks_ < kMostStrainedLooks;
   if (!due && !strained) return report;
   ++(due ? due_looks_ : strained_looks_);
-  return live_best_start(report);
+  return live_best_start(report, before);
 }
 
-UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
+UpdateReport WorldFilter::live_best_start(const UpdateReport& report, const Axes& before) {
   const Pose X_WB_before = state_.X_WB;
-  const bool was_anchored = anchor_ != Anchor::kNone;
-  const std::optional<int> gauge_before = gauge_tag_;
   StartLife present = first_guess(kFoundSpread_sigma);
   for (int camera = 0; camera < state_.cameras(); ++camera)
     present.shifts_s[static_cast<std::size_t>(camera)] = clock(camera).shift_s;
@@ -147,9 +150,13 @@ UpdateReport WorldFilter::live_best_start(const UpdateReport& report) {
     last = live_refined(search_shift(last), best, last);
   }
   if (best.shifts_s != life_.shifts_s || best.spread != life_.spread) last = live_start(best, last);
+  // Poses given out before this image stand in the axes of then. The same tag defines the same
+  // axes.
   last.gauge_shift.reset();
-  if (!was_anchored || gauge_tag_ != gauge_before)
-    last.gauge_shift = state_.X_WB * X_WB_before.inverse();
+  if (!before.are_anchored || before.gauge_tag != gauge_tag_) {
+    const Pose relived = state_.X_WB * X_WB_before.inverse();
+    last.gauge_shift = relived * report.gauge_shift.value_or(Pose{});
+  }
   return last;
 }
 

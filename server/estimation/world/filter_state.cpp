@@ -136,6 +136,12 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   return error;
 }
 
+Vector6d world_error_between(const Pose& from, const Pose& to) {
+  Eigen::VectorXd error(6);
+  world_error(from, to, error);
+  return error;
+}
+
 Matrix6d adjoint(const Pose& X) {
   const Eigen::Matrix3d R = X.rotation();
   Matrix6d Ad;

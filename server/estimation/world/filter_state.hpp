@@ -118,6 +118,8 @@ void camera_errors_to_extrinsics(FilterState& state);
 /// … and back, with the body where it is now.
 void extrinsics_to_camera_errors(FilterState& state);
 
+/// The world-side error ξ that leads from one pose to another: to = Exp(ξ) from.
+[[nodiscard]] Vector6d world_error_between(const Pose& from, const Pose& to);
 /// Ad(X): the world-side error that an error on the other side of X is.
 [[nodiscard]] Matrix6d adjoint(const Pose& X);
 /// ∂ (position, rotation vector, both W axes) / ∂ ξ of a pose at p: position moves by ρ + φ × p.

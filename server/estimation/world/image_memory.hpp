@@ -16,7 +16,8 @@ namespace fiducap::world {
 ///
 /// A tag waits until its pose branch is certain. Its sightings meanwhile are not lost: once the
 /// branch is decided, the filter goes back to the first of them, lets the tag join there, and lives
-/// through the images since once more. Everything is bounded; memory is kept and reused.
+/// through the images since once more. Bounded by images, by time (kFilterPast: IMU readings are
+/// kept for no longer) and by states; memory is kept and reused.
 class ImageMemory final {
  public:
   struct Admission {
@@ -38,6 +39,8 @@ class ImageMemory final {
   };
 
   void forget_all();
+  /// The tag is no more what it was: no past in which it plays a part.
+  void forget_tag(int tag_id);
   /// Takes in the present image. Oldest images and what hangs on them fall out.
   void add(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] long newest() const { return newest_; }

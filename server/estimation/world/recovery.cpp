@@ -22,14 +22,12 @@ constexpr int kSightingsToVouch = 20;
 
 /// Images contradict, but all by the same tag.
 bool WorldFilter::is_one_tag_against_all() const {
-  const auto contradicts = [](const WorldTag& tag) { return tag.is_doubted(); };
-  const auto vouches = [](const WorldTag& tag) {
-    return !tag.is_doubted() && (tag.held || tag.sightings >= kSightingsToVouch);
+  const auto vouches = [&](const WorldTag& tag) {
+    return !scores_.is_suspect(tag.tag_id) && (tag.held || tag.sightings >= kSightingsToVouch);
   };
   const auto is_local = [](const TagToUse& tag) { return tag.local >= 0; };
   return has_imu() && !start_log_.is_open() && !reliving_ &&
-         std::all_of(usable_.begin(), usable_.end(), is_local) &&
-         std::count_if(state_.tags.begin(), state_.tags.end(), contradicts) == 1 &&
+         std::all_of(usable_.begin(), usable_.end(), is_local) && scores_.suspects() == 1 &&
          std::count_if(state_.tags.begin(), state_.tags.end(), vouches) >= kVouchers;
 }
 
@@ -71,8 +69,9 @@ bool WorldFilter::come_back_by_views(const TagObservations& seen) {
   const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : usable_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
-                                           noise.of(*tag.seen), attitude, Patience{});
+    const auto verdict =
+        candidates_.judge(seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera),
+                          noise.of(*tag.seen), attitude, Patience{});
     if (!verdict) continue;
     const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
     jump(place_of(state_, tag) * X_BT.inverse(), seen.exposed_at);
@@ -88,7 +87,7 @@ void WorldFilter::jump(const Pose& X_WB, Instant at) {
   mode_ = Mode::kRunning;
   is_attitude_lost_ = false;
   candidates_.forget_all();
-  forgive(state_.tags);
+  scores_.clear();
   barren_updates_ = 0;
   strained_updates_ = 0;
 }

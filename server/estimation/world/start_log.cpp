@@ -7,6 +7,10 @@ namespace fiducap::world {
 namespace {
 constexpr Duration kBeforeFirstTag = std::chrono::seconds(1);
 constexpr double kLongest_s = 10.0;
+// Ten seconds of a camera at 100 Hz; of ten tags in each image of a usual one; of an IMU at 4 kHz.
+constexpr std::size_t kMostImages = 1000;
+constexpr std::size_t kMostSightings = 10'000;
+constexpr std::size_t kMostReadings = 40'000;
 }  // namespace
 
 void StartLog::add(const ImuSample& imu) {
@@ -17,14 +21,22 @@ void StartLog::add(const ImuSample& imu) {
       return imu.sampled_at - old.sampled_at > kBeforeFirstTag;
     });
   }
-  // Whatever became of the images: the log stays small.
-  if (seconds_since_first_tag(imu.sampled_at) > kLongest_s) return close();
-  imu_.push_back(imu);
+  if (!is_full()) imu_.push_back(imu);
 }
 
 void StartLog::add(const TagObservations& seen, std::span<const KnownTag> known) {
   if (!open_ || (images_.empty() && seen.tags.empty())) return;
+  if (is_full()) return;
+  sightings_ += seen.tags.size();
   images_.push_back({seen, {known.begin(), known.end()}});
+}
+
+bool StartLog::is_full() const {
+  if (images_.empty()) return imu_.size() >= kMostReadings;
+  Instant newest = images_.back().seen.exposed_at;
+  if (!imu_.empty()) newest = std::max(newest, imu_.back().sampled_at);
+  return seconds_since_first_tag(newest) > kLongest_s || images_.size() >= kMostImages ||
+         sightings_ >= kMostSightings || imu_.size() >= kMostReadings;
 }
 
 double StartLog::seconds_since_first_tag(Instant now) const {
@@ -46,6 +58,7 @@ void StartLog::close() {
   open_ = false;
   imu_ = {};
   images_ = {};
+  sightings_ = 0;
 }
 
 }  // namespace fiducap::world

@@ -37,6 +37,8 @@ class StartLog final {
   void add(const ImuSample& imu);
   /// Images before the first tag are not kept.
   void add(const TagObservations& seen, std::span<const KnownTag> known);
+  /// More came in, or for longer, than a start is worth: it has to be closed, or begun again.
+  [[nodiscard]] bool is_full() const;
   /// Nothing is kept any more.
   void close();
   [[nodiscard]] bool is_open() const { return open_; }
@@ -49,6 +51,7 @@ class StartLog final {
 
  private:
   bool open_{true};
+  std::size_t sightings_{0};
   std::vector<ImuSample> imu_;
   std::vector<Image> images_;
 };

@@ -4,6 +4,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/filter/map_links.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
 #include "estimation/world/world_filter.hpp"
@@ -39,8 +40,9 @@ void WorldFilter::meet_fresh_tags(const TagObservations& seen, UpdateReport& rep
   const CornerNoise& noise = corner_noise_[static_cast<std::size_t>(seen.camera)];
   for (const TagToUse& tag : fresh_) {
     const auto attitude = camera_attitude(seen.camera, seen.exposed_at);
-    const auto verdict = candidates_.judge(seen.camera, *tag.seen, model_of(seen.camera),
-                                           noise.of(*tag.seen), attitude, patience);
+    const auto verdict =
+        candidates_.judge(seen.camera, seen.exposed_at, *tag.seen, model_of(seen.camera),
+                          noise.of(*tag.seen), attitude, patience);
     if (verdict) {
       decided_.emplace_back(tag, *verdict);
     } else {
@@ -82,8 +84,6 @@ bool WorldFilter::admit_late(const TagToUse& tag, const TagVerdict& verdict, Upd
 }
 
 void WorldFilter::live_again(long from, UpdateReport& report) {
-  const int barren = barren_updates_;  // these images were counted
-  const int strained = strained_updates_;
   state_ = *memory_.state_at(from);
   for (long number = from; number <= memory_.newest(); ++number) {
     ImageMemory::Image& image = memory_.image(number);
@@ -98,8 +98,6 @@ void WorldFilter::live_again(long from, UpdateReport& report) {
     }
     for (const ImageMemory::Admission& admission : image.admissions) join(image.seen, admission);
   }
-  barren_updates_ = barren;
-  strained_updates_ = strained;
 }
 
 void WorldFilter::join(const TagObservations& seen, const ImageMemory::Admission& admission) {
@@ -136,7 +134,7 @@ bool WorldFilter::admit(const TagObservations& seen, const TagToUse& tag, const 
 bool WorldFilter::admit_adrift(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT) {
   // Nothing links this tag to the old ones but a place in the workspace.
   const auto prior = priors_.find(tag.seen->tag_id);
-  if (prior != priors_.end() && anchor_ == Anchor::kWorkspace) {
+  if (prior != priors_.end() && is_anchored_) {
     const Pose X_BT = state_.X_BV[static_cast<std::size_t>(seen.camera)] * X_VT;
     jump(prior->second.X_WT * X_BT.inverse(), seen.exposed_at);
     return true;
@@ -155,14 +153,44 @@ void WorldFilter::admit_known(const TagObservations& seen, const TagToUse& tag, 
   usable_.front().local = state_.find(tag.known->tag_id);
   linearisation_.reset();
   correct(seen, report, kFirstIterations);
+  score(report);
+}
+
+/// A body that knew its tags before the map did stands in axes of its own; those tags say where the
+/// workspace is.
+void WorldFilter::anchor_by_own_tags(std::span<const KnownTag> known, UpdateReport& report) {
+  if (is_anchored_ || mode_ != Mode::kRunning) return;
+  std::vector<MapLink> links;
+  for (const KnownTag& tag : known) {
+    const int own = state_.find(tag.tag_id);
+    if (own < 0 || tag.is_own) continue;
+    links.push_back({tag.tag_id, &tag, state_.tags[static_cast<std::size_t>(own)].sightings});
+  }
+  if (links.empty()) return;
+  std::stable_sort(links.begin(), links.end(),
+                   [](const auto& a, const auto& b) { return a.sightings > b.sightings; });
+  if (!find_agreeing_links(state_, has_imu(), links)) return;
+  const auto first = static_cast<std::size_t>(state_.find(links.front().tag_id));
+  memory_.forget_all();  // its states do not know where the room is
+  shift_workspace(tie_local_to_known(state_, first, links.front().map->X_WT, has_imu()), report);
+  is_anchored_ = true;
+  for (const MapLink& link : links) {
+    const auto tag = static_cast<std::size_t>(state_.find(link.tag_id));
+    if (link.map->is_exact()) {
+      fuse_prior(state_, tag, *link.map);
+    } else {
+      hold(state_, *link.map, state_.tags[tag].last_seen);
+      fuse_with_held(state_, tag, state_.tags.size() - 1);
+    }
+    state_.remove_tag(tag);  // the map's from now on
+  }
 }
 
 void WorldFilter::anchor_at(int camera, const Pose& X_VT, const Pose& X_WT, UpdateReport& report) {
-  if (anchor_ == Anchor::kWorkspace) return;
+  if (is_anchored_) return;
   memory_.forget_all();  // its states do not know where the room is
   shift_workspace(tie_to_known(state_, camera, X_VT, X_WT, has_imu()), report);
-  anchor_ = Anchor::kWorkspace;
-  gauge_tag_.reset();
+  is_anchored_ = true;
 }
 
 void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
@@ -172,13 +200,13 @@ void WorldFilter::shift_workspace(const Pose& X_new_old, UpdateReport& report) {
 }
 
 void WorldFilter::tie_workspace(UpdateReport& report) {
-  if (!gauge_tag_ && anchor_ == Anchor::kNone && !state_.tags.empty()) {
+  if (!is_anchored_ && !state_.tags.empty()) {
     const int wanted = gauge_.reference_tag ? state_.find(*gauge_.reference_tag) : 0;
     if (wanted < 0 || !may_define_workspace_) return;
     const auto tag = static_cast<std::size_t>(wanted);
     heading_rule_ = make_heading_rule(gauge_, state_.tags[tag].X_WT.q);
     gauge_tag_ = state_.tags[tag].tag_id;
-    anchor_ = gauge_.reference_tag ? Anchor::kWorkspace : Anchor::kFirstTag;
+    is_anchored_ = true;
     shift_workspace(tie_to_reference(state_, tag, *heading_rule_, has_imu()), report);
     return;
   }

@@ -148,6 +148,10 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   return G;
 }
 
+Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
+  return tie_to_known(state, 0, state.X_WV(0).inverse() * state.tags[tag].X_WT, X_WT, level);
+}
+
 void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu) {
   camera_errors_to_extrinsics(state);
   state.X_WB = X_WB;

@@ -30,6 +30,9 @@ struct ReferenceSlack {
 /// @return X_WnewWold
 Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level);
 
+/// The same by a tag of the state: mean from its estimate.
+Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level);
+
 /// The body's pose and velocity are unknown from here on, linearised at X_WB; biases, extrinsics
 /// and tags stay.
 void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu);

@@ -21,11 +21,22 @@ namespace {
 // with the body's is worth keeping for a while, and a hall of a thousand tags costs what a room of
 // ten does.
 constexpr std::size_t kHeldOutOfView = 12;
-// A map tag that moved more than this has got a new place from the map.
+// The map has another place for a tag that moved more than this, or whose variance changed by this
+// share.
 constexpr double kSamePlace = 1e-9;
+constexpr double kSameVariance = 0.01;
 
-bool same_place(const Pose& a, const Pose& b) {
-  return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
+bool is_in_view(const TagObservations& seen, int tag_id) {
+  return std::any_of(seen.tags.begin(), seen.tags.end(),
+                     [&](const auto& s) { return s.tag_id == tag_id; });
+}
+
+bool is_news(const FilterState& state, std::size_t i, const KnownTag& now) {
+  const Pose& X_WT = state.tags[i].X_WT;
+  if ((X_WT.p - now.X_WT.p).norm() > kSamePlace || angle_between(X_WT.q, now.X_WT.q) > kSamePlace)
+    return true;
+  const Matrix6d held = tag_in_workspace(state, i).covariance;
+  return (held - now.covariance).norm() > kSameVariance * held.norm();
 }
 
 }  // namespace
@@ -59,7 +70,8 @@ void WorldFilter::restart() {
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) restart_camera(c);
   mode_ = Mode::kStarting;
-  anchor_ = Anchor::kNone;
+  is_anchored_ = false;
+  scores_.clear();
   motion_.restart();
   attitude_.restart();
   candidates_.forget_all();
@@ -94,8 +106,7 @@ void WorldFilter::restart_camera(int camera) {
 
 void WorldFilter::release_tag(int tag_id) {
   const int tag = state_.find(tag_id);
-  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || anchor_ != Anchor::kWorkspace)
-    return;
+  if (tag < 0 || gauge_tag_ == tag_id || mode_ != Mode::kRunning || !is_anchored_) return;
   state_.remove_tag(static_cast<std::size_t>(tag));
   memory_.forget_all();  // its states still hold the tag
 }
@@ -106,7 +117,7 @@ void WorldFilter::set_tag_priors(std::vector<KnownTag> priors) {
 }
 
 bool WorldFilter::running() const {
-  return mode_ == Mode::kRunning && (anchor_ != Anchor::kNone || !state_.tags.empty());
+  return mode_ == Mode::kRunning && (is_anchored_ || !state_.tags.empty());
 }
 
 void WorldFilter::start(Instant at) {
@@ -176,22 +187,27 @@ void WorldFilter::step_to(Instant to, const InertialInput& input, double longest
   }
 }
 
-void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known) {
-  const auto in_view = [&](int tag_id) {
-    return std::any_of(seen.tags.begin(), seen.tags.end(),
-                       [&](const auto& s) { return s.tag_id == tag_id; });
-  };
+/// What the map says of the tags that are held.
+void WorldFilter::follow_map(const TagObservations& seen, std::span<const KnownTag> known) {
   for (std::size_t i = state_.tags.size(); i-- > 0;) {
     const WorldTag& tag = state_.tags[i];
     if (!tag.held) continue;
     const auto now = std::find_if(known.begin(), known.end(),
                                   [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
-    if (now != known.end() && (!same_place(now->X_WT, tag.X_WT) || now->is_exact()))
-      state_.remove_tag(i);
+    if (now == known.end()) {
+      if (is_in_view(seen, tag.tag_id)) state_.remove_tag(i);  // the map does not stand by it
+    } else if (is_news(state_, i, *now)) {
+      const bool is_moved = !replace_held(state_, i, *now);
+      if (is_moved || now->is_exact()) state_.remove_tag(i);
+    }
   }
-  if (anchor_ == Anchor::kWorkspace) {
+}
+
+void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known) {
+  follow_map(seen, known);
+  if (is_anchored_) {
     for (const KnownTag& tag : known) {
-      if (in_view(tag.tag_id) && !tag.is_exact() && state_.find(tag.tag_id) < 0)
+      if (is_in_view(seen, tag.tag_id) && !tag.is_exact() && state_.find(tag.tag_id) < 0)
         hold(state_, tag, seen.exposed_at);
     }
   }
@@ -199,7 +215,7 @@ void WorldFilter::hold_map_tags(const TagObservations& seen, std::span<const Kno
     std::size_t out_of_view = 0;
     std::size_t oldest = state_.tags.size();
     for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-      if (!state_.tags[i].held || in_view(state_.tags[i].tag_id)) continue;
+      if (!state_.tags[i].held || is_in_view(seen, state_.tags[i].tag_id)) continue;
       ++out_of_view;
       if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen)
         oldest = i;
@@ -217,7 +233,7 @@ void WorldFilter::sort_tags(const TagObservations& seen, std::span<const KnownTa
     const auto given = std::find_if(known.begin(), known.end(),
                                     [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
     TagToUse use{&tag, state_.find(tag.tag_id), given == known.end() ? nullptr : &*given};
-    const bool usable = use.local >= 0 || (use.known != nullptr && anchor_ == Anchor::kWorkspace);
+    const bool usable = use.local >= 0 || (use.known != nullptr && is_anchored_);
     (usable ? usable_ : fresh_).push_back(use);
   }
 }
@@ -234,8 +250,11 @@ std::vector<SightedTag> WorldFilter::sighted(int camera) const {
 UpdateReport WorldFilter::update(const TagObservations& seen, const MapKnowledge& map) {
   may_define_workspace_ = map.may_define_workspace;
   log_start(seen, map.tags);
-  UpdateReport report = relive_start_if_due(process(seen, map.tags));
+  const int generation = generation_;
+  const Axes before{is_anchored_, gauge_tag_};
+  UpdateReport report = relive_start_if_due(process(seen, map.tags), before);
   report.generation = generation_;
+  if (generation_ != generation) report.gauge_shift.reset();  // nothing was given out since
   return report;
 }
 
@@ -248,6 +267,7 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
     return report;  // too late; the merger counts these
 
   look_at(seen);
+  anchor_by_own_tags(known, report);
   sort_tags(seen, known);
   const double silent_s = last_used_at_ ? to_seconds(seen.exposed_at - *last_used_at_) : 0.0;
   if (silent_s > (has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s)) lose_motion();
@@ -271,7 +291,10 @@ UpdateReport WorldFilter::process(const TagObservations& seen, std::span<const K
     at_image = !usable_.empty() && come_back(seen);
     iterations = kFirstIterations;
   }
-  if (at_image && !usable_.empty()) correct(seen, report, iterations);
+  if (at_image && !usable_.empty()) {
+    correct(seen, report, iterations);
+    score(report);
+  }
   if (linearisation_ && report.tags_used == 0) {
     // The motion that the corners showed was no motion: forget this image.
     state_ = before_;
@@ -350,7 +373,7 @@ void WorldFilter::correct(const TagObservations& seen, UpdateReport& report, int
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
-  count_rejections(report);
+  note_sightings(state_, usable_, accepted_, seen.exposed_at);
 }
 
 void WorldFilter::correct_by_points(const TagObservations& seen, long image, UpdateReport& report) {
@@ -366,12 +389,15 @@ void WorldFilter::correct_by_points(const TagObservations& seen, long image, Upd
   if (done.used >= kLandmarksToStay) last_used_at_ = seen.exposed_at;
 }
 
-void WorldFilter::count_rejections(UpdateReport& report) {
+void WorldFilter::score(UpdateReport& report) {
   const bool any = report.tags_used > 0;
   barren_updates_ = any ? 0 : barren_updates_ + 1;
   strained_updates_ = report.tags_used > report.tags_rejected ? 0 : strained_updates_ + 1;
   if (any) last_used_at_ = report.exposed_at;
-  for (const int tag_id : keep_score(state_, usable_, accepted_, report.exposed_at)) {
+  for (const int tag_id : scores_.count(usable_, accepted_)) {
+    const int tag = state_.find(tag_id);
+    if (tag >= 0) state_.remove_tag(static_cast<std::size_t>(tag));
+    memory_.forget_tag(tag_id);
     if (gauge_tag_ == tag_id) gauge_tag_.reset();
     report.name_dropped(tag_id);
   }
@@ -380,7 +406,7 @@ void WorldFilter::count_rejections(UpdateReport& report) {
 BodyEstimate WorldFilter::estimate() const {
   FIDUCAP_ASSERT(running());
   BodyEstimate out = body_in_workspace(state_);
-  out.anchored = anchor_ != Anchor::kNone;
+  out.anchored = is_anchored_;
   out.w_WB_B = -state_.bias_w;
   if (has_imu() && imu_.newest()) {
     const InertialInput input = imu_.input_between(state_.time, state_.time);
@@ -392,12 +418,13 @@ BodyEstimate WorldFilter::estimate() const {
 
 void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   out.clear();
-  if (anchor_ == Anchor::kNone || start_log_.is_open())
-    return;  // a start may be taken back, the map's knowledge not
+  if (start_log_.is_open()) return;  // a start may be taken back, the map's knowledge not
+  const int component = is_anchored_ ? TagBelief::kWorkspace : TagBelief::kOwnAxes;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const WorldTag& tag = state_.tags[i];
-    if (!tag.held)
-      out.push_back({tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen});
+    if (tag.held) continue;
+    out.push_back(
+        {tag_in_workspace(state_, i), tag.sightings, tag.first_seen, tag.last_seen, component});
   }
 }
 

@@ -7,6 +7,7 @@
 #include "estimation/body_filter.hpp"
 #include "estimation/filter/corner_update.hpp"
 #include "estimation/filter/heading_rule.hpp"
+#include "estimation/filter/tag_scores.hpp"
 #include "estimation/imu/imu_buffer.hpp"
 #include "estimation/start/attitude_start.hpp"
 #include "estimation/start/place_search.hpp"
@@ -50,10 +51,10 @@ class WorldFilter final : public BodyFilter {
     kAdrift,    ///< Tags and workspace are known, the motion since then is not.
     kRunning,
   };
-  enum class Anchor {
-    kNone,       ///< W is where the filter started.
-    kFirstTag,   ///< No reference tag was named: the first tag makes the workspace.
-    kWorkspace,  ///< The reference tag, a known tag or a prior tied W down.
+  /// Those that poses were given out in.
+  struct Axes {
+    bool are_anchored{};
+    std::optional<int> gauge_tag;
   };
 
   [[nodiscard]] bool has_imu() const { return sensors_.imu.has_value(); }
@@ -69,8 +70,8 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] double cost_of_shifts() const;
   [[nodiscard]] bool clock_was_far_off(const StartLife& guess) const;
   void charge(const TagObservations& seen, const UpdateReport& report);
-  UpdateReport relive_start_if_due(const UpdateReport& report);
-  UpdateReport live_best_start(const UpdateReport& report);
+  UpdateReport relive_start_if_due(const UpdateReport& report, const Axes& before);
+  UpdateReport live_best_start(const UpdateReport& report, const Axes& before);
   UpdateReport live_refined(StartLife guess, StartLife& best, const UpdateReport& report);
   [[nodiscard]] StartLife search_shift(const UpdateReport& report);
   UpdateReport live_start(const StartLife& guess, const UpdateReport& report);
@@ -80,7 +81,9 @@ class WorldFilter final : public BodyFilter {
   void integrate_to(Instant to);
   void step_to(Instant to, const InertialInput& input, double longest_s);
 
+  void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
   void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known);
+  void anchor_by_own_tags(std::span<const KnownTag> known, UpdateReport& report);
   void sort_tags(const TagObservations& seen, std::span<const KnownTag> known);
   [[nodiscard]] std::vector<SightedTag> sighted(int camera) const;
   void answer_contradictions(const TagObservations& seen);
@@ -93,7 +96,7 @@ class WorldFilter final : public BodyFilter {
   bool come_back_by_views(const TagObservations& seen);
   void jump(const Pose& X_WB, Instant at);
   void correct(const TagObservations& seen, UpdateReport& report, int iterations);
-  void count_rejections(UpdateReport& report);
+  void score(UpdateReport& report);
   void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   void meet_fresh_tags(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] Pose near_place(const TagObservation& seen, int camera,
@@ -118,7 +121,7 @@ class WorldFilter final : public BodyFilter {
   Eigen::Vector3d gravity_W_;
 
   Mode mode_{Mode::kStarting};
-  Anchor anchor_{Anchor::kNone};
+  bool is_anchored_{false};  ///< W is the workspace, for good: nothing defines it again.
   FilterState
       state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
   MotionSinceImage motion_;
@@ -136,7 +139,8 @@ class WorldFilter final : public BodyFilter {
   std::optional<CloneWindow> window_;  ///< Only when points are followed.
   ImuBuffer imu_;
   std::optional<HeadingRule> heading_rule_;
-  std::optional<int> gauge_tag_;
+  std::optional<int> gauge_tag_;  ///< Defined W; while it is in the state it stays where it was.
+  TagScores scores_;
   std::map<int, KnownTag> priors_;
   bool may_define_workspace_{true};  ///< See MapKnowledge.
   int generation_{0};
