@@ -78,7 +78,9 @@ class Starter final {
     web::WebSources sources;
     sources.clients = [&hub = hub_] { return hub.clients(); };
     sources.version = FIDUCAP_VERSION;
-    sources.map_mode = parts_.config.map.builder.mode == MapMode::kFrozen ? "frozen" : "mapping";
+    sources.map_mode = [&desk = parts_.desk] {
+      return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
+    };
     auto page = web::start_web_server(parts_.io, streaming_.web, std::move(sources), parts_.model,
                                       parts_.clock);
     if (page) ports_.web = (*page)->port();

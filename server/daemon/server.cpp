@@ -177,7 +177,10 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     const BodySensors& sensors = bodies[i].setup.sensors;
-    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag));
+    // A robot that a controller moves has no truth at other times than now.
+    auto truth = options_.motion ? SimulatedTruth{} : truth_of(*bodies[i].source, config, config_);
+    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
+                       std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
     bodies_.add(std::make_unique<BodyWorker>(
         BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},

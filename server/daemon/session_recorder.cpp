@@ -23,11 +23,12 @@ bool is_folder_name(const std::string& name) {
 
 }  // namespace
 
-void SessionRecorder::add_body(const std::string& name, RecordingInfo info) {
+void SessionRecorder::add_body(const std::string& name, RecordingInfo info, SimulatedTruth truth) {
   info.name = name;
   info.has_images.assign(info.cameras.size(), config_.images);
   info.has_corners.assign(info.cameras.size(), !config_.images);
   bodies_.push_back(std::move(info));
+  truths_.push_back(std::move(truth));
 }
 
 Expected<void> SessionRecorder::start(const std::string& name) {
@@ -49,6 +50,10 @@ Expected<void> SessionRecorder::start(const std::string& name) {
     info.folder = (folder / info.name).string();
     auto writer = RecordingWriter::create(info);
     if (!writer) return tl::unexpected(writer.error());
+    if (const SimulatedTruth& truth = truths_[session->writers.size()]; truth.at) {
+      if (auto done = writer->write_truth_tags(truth.tags); !done) return done;
+      if (auto done = writer->write_truth_extrinsics(truth.X_BV); !done) return done;
+    }
     session->writers.push_back(std::move(*writer));
   }
   if (auto done = write_surroundings(folder, *session); !done) return done;
@@ -149,6 +154,11 @@ Expected<void> SessionRecorder::write_or_finish(Item& item) {
   if (auto* turn = std::get_if<MapTurn>(&item.what)) {
     if (!session.turns || session.failed) return {};
     turn->revision -= static_cast<std::int64_t>(session.first_revision);
+    if (const auto& truth = truths_[item.body].at) {
+      const auto done =
+          session.writers[item.body].write_truth(truth(instant_from_ns(turn->stamp_ns)));
+      if (!done) return done;
+    }
     return session.turns->write(*turn);
   }
   Expected<void> done;

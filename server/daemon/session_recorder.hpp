@@ -29,6 +29,13 @@ struct RecorderConfig {
   std::string at_start;
 };
 
+/// The truth about a simulated body, recorded beside its samples.
+struct SimulatedTruth {
+  std::function<TruthSample(Instant)> at;
+  std::vector<RecordedTag> tags;
+  std::vector<Pose> X_BV;
+};
+
 /// What a session carries beside its samples, so that a replay starts from what the server had.
 struct SessionSurroundings {
   std::string config_yaml;             ///< Effective, without secrets.
@@ -46,7 +53,7 @@ class SessionRecorder final {
 
   /// Before the first `take`, in the order of the bodies. @param info  `folder` and `has_…` are
   /// filled in here
-  void add_body(const std::string& name, RecordingInfo info);
+  void add_body(const std::string& name, RecordingInfo info, SimulatedTruth truth = {});
   /// Before the first `start`.
   void set_surroundings(SessionSurroundings surroundings) {
     surroundings_ = std::move(surroundings);
@@ -91,6 +98,7 @@ class SessionRecorder final {
   RecorderConfig config_;
   SessionSurroundings surroundings_;
   std::vector<RecordingInfo> bodies_;
+  std::vector<SimulatedTruth> truths_;
   std::atomic<bool> recording_{false};
   mutable std::mutex mutex_;
   std::condition_variable_any filled_;

@@ -148,6 +148,20 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   return info;
 }
 
+SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
+                        const ServerConfig& config) {
+  const auto* simulated = dynamic_cast<const simulation::SimulatedSource*>(&source);
+  if (simulated == nullptr) return {};
+  SimulatedTruth truth;
+  truth.at = [simulated](Instant at) { return simulated->truth(at); };
+  truth.tags = simulation::tags_of(config.simulation);
+  const auto& own = body.source.simulator.cameras;
+  for (const CameraMount& camera : own) truth.X_BV.push_back(camera.X_BV);
+  if (own.empty())
+    for (const CameraConfig& camera : body.cameras) truth.X_BV.push_back(camera.mount.X_BV);
+  return truth;
+}
+
 Expected<std::unique_ptr<SensorSource>> open_source(
     const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
     Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion) {

@@ -34,6 +34,10 @@ struct BodySetup {
 [[nodiscard]] RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
                                          std::optional<int> reference_tag);
 
+/// What only a simulation knows about a body; empty for every other source.
+[[nodiscard]] SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
+                                      const ServerConfig& config);
+
 /// Opens the samples themselves, in real time.
 /// @param start   of simulated motion: the same for all bodies, so that they share one time
 /// @param motion  of a simulated body; nullptr: as configured

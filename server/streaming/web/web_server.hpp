@@ -34,7 +34,7 @@ struct WebSources {
       clients;  ///< Of all protocols; called on the I/O thread, once a second.
   std::string server_name{"fiducapd"};
   std::string version;
-  std::string map_mode;  ///< `mapping` or `frozen`
+  std::function<std::string()> map_mode;  ///< `mapping` or `frozen`, as it is now.
 };
 
 /// The page's server. All calls on the I/O thread; a page that reads too slowly loses frames, then

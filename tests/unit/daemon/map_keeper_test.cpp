@@ -74,6 +74,15 @@ TEST_F(MapKeeperTest, LeavesTheStoreAloneWhenTheMapIsFrozen) {
   EXPECT_TRUE(stored().empty());
 }
 
+TEST_F(MapKeeperTest, StoresWhatJoinedBeforeTheMapWasFrozen) {
+  build(MapMode::kMapping);
+  see(4);
+  map_->set_mode(MapMode::kFrozen);
+  keeper_->commit();
+  ASSERT_EQ(stored().size(), 1u);
+  EXPECT_EQ(stored().front().tags, 1);
+}
+
 TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
   build(MapMode::kMapping);
   see(4);
