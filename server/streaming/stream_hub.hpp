@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,7 +20,7 @@ class StreamHub final {
   void publish(const std::shared_ptr<const SceneFrame>& frame) {
     each([&](Streamer& streamer) { streamer.publish(frame); });
   }
-  [[nodiscard]] std::vector<ClientStatus> clients() const {
+  [[nodiscard]] std::vector<ClientStatus> clients() {
     std::vector<ClientStatus> all;
     each([&](const Streamer& streamer) { streamer.append_clients(all); });
     return all;
@@ -29,14 +31,18 @@ class StreamHub final {
 
  private:
   template <typename Work>
-  void each(Work&& work) const {
+  void each(Work&& work) {
+    // One of a thousand is said, the first at once: frames come too often for the log.
+    const auto whose = [this] {
+      return failures_++ % 1000 == 0 ? std::string("a frame") : std::string();
+    };
     for (const auto& streamer : streamers_) {
-      net::guarded(
-          streamer->protocol(), [] { return "a frame"; }, [&] { work(*streamer); });
+      net::guarded(streamer->protocol(), whose, [&] { work(*streamer); });
     }
   }
 
   std::vector<std::unique_ptr<Streamer>> streamers_;
+  std::uint64_t failures_{0};
 };
 
 }  // namespace fiducap
