@@ -1,4 +1,4 @@
-#include "estimation/filter/tag_scores.hpp"
+#include "estimation/conversation/tag_scores.hpp"
 
 namespace fiducap {
 

@@ -13,7 +13,7 @@
 
 namespace fiducap {
 
-/// A tag that the filter's own state and the map both have: what ties one to the other.
+/// A tag that the filter's own state and the map both have: what links one to the other.
 struct MapLink {
   int tag_id{};
   const KnownTag* map{};
@@ -29,7 +29,7 @@ struct MapLink {
 /// @param level  gravity says what is up
 /// @return whether there is one
 ///
-/// State: `find(tag_id)`, and next to it `tie_local_to_known(State&, tag, X_WT, level)`,
+/// State: `find(tag_id)`, and next to it `anchor_local_to_known(State&, tag, X_WT, level)`,
 /// `fuse_prior(State&, tag, KnownTag)` and `tag_in_workspace(const State&, tag)`.
 template <class State>
 [[nodiscard]] bool find_agreeing_links(const State& state, bool level,
@@ -49,7 +49,7 @@ template <class State>
       const Matrix6d S = own.covariance + link.map->covariance;
       return apart.dot(S.ldlt().solve(apart)) < kGate;  // NaN stays out as well
     };
-    (void)tie_local_to_known(trial, index(links[i]), links[i].map->X_WT, level);
+    (void)anchor_local_to_known(trial, index(links[i]), links[i].map->X_WT, level);
     if (!agrees(links[i])) continue;  // its tilt against gravity
     fuse_prior(trial, index(links[i]), *links[i].map);
     std::vector<MapLink> agreeing{links[i]};
