@@ -12,8 +12,8 @@
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Core>
 
+#include "base/config_check.hpp"
 #include "base/pose.hpp"
-#include "base/words.hpp"
 
 /// One value ↔ YAML: what is not a section and not a list of sections.
 namespace fiducap {

@@ -31,9 +31,10 @@ bool is_sound(const SensorSample& image) {
   return is_sound(std::get<CornerFrame>(image));
 }
 
+/// Replaces what was added before.
 void apply_shift(SensorSample& image, Duration shift) {
   const auto apply = [&](auto& frame) {
-    frame.exposed_at += shift;
+    frame.exposed_at += shift - frame.clock_shift;
     frame.clock_shift = shift;
   };
   if (auto* frame = std::get_if<CameraFrame>(&image)) return apply(*frame);
@@ -111,7 +112,15 @@ void SampleMerger::push_image(SensorSample sample) {
 
 void SampleMerger::set_clock_shift(int camera, Duration shift) {
   FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(kMaxCameras));
-  clock_shift_[static_cast<std::size_t>(camera)] = shift;
+  Duration& applied = clock_shift_[static_cast<std::size_t>(camera)];
+  if (applied == shift) return;
+  if (std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)])
+    *newest += shift - applied;
+  applied = shift;
+  for (SensorSample& image : images_) {
+    if (camera_of(image) == camera) apply_shift(image, shift);
+  }
+  std::sort(images_.begin(), images_.end(), comes_before);
 }
 
 void SampleMerger::finish() { finished_ = true; }
@@ -148,7 +157,7 @@ bool SampleMerger::imu_wait_is_over() const {
   const Instant at = time_of(images_.front());
   if (released_imu_ && *released_imu_ >= at)
     return false;  // waits for another camera, not for the IMU
-  return finished_ || has_passed_window(at);
+  return finished_ || has_passed_window(at) || images_.size() >= config_.max_images;
 }
 
 bool SampleMerger::some_camera_is_alive() const {

@@ -38,8 +38,9 @@ struct MergerStatistics {
 ///
 /// Images come later than the IMU samples of their time, so IMU samples are held back until every
 /// camera that was heard of within the window has shown that no earlier image is on its way, or
-/// until the window has passed. The output does not lag for that: OutputPredictor gets the IMU
-/// samples before the merger does.
+/// until the window has passed. When the IMU is silent, images do not wait until they are dropped:
+/// with the queue full the oldest one goes on without. The output does not lag for that:
+/// OutputPredictor gets the IMU samples before the merger does.
 class SampleMerger final {
  public:
   explicit SampleMerger(const MergerConfig& config);
@@ -47,9 +48,9 @@ class SampleMerger final {
   /// ignored when the configuration has no IMU. Allocates nothing.
   /// @return false when the IMU queue is full: the consumer is dead.
   bool push(SensorSample sample);
-  /// What the filter has learned about a camera's clock: from now on added to the time of its
-  /// images, so that they wait for the IMU samples of the moment at which they were really exposed.
-  /// Replaces the last one.
+  /// What the filter has learned about a camera's clock: added to the time of its images, also of
+  /// those that wait here, so that they wait for the IMU samples of the moment at which they were
+  /// really exposed. Replaces the last one.
   void set_clock_shift(int camera, Duration shift);
   /// Nothing more will come: `pop` gives the rest without waiting.
   void finish();

@@ -48,7 +48,8 @@ void MapKeeper::run(std::stop_token stop) {
 }
 
 void MapKeeper::commit() {
-  if (map_.mode() != MapMode::kMapping || !map_.changed()) return;
+  // Also while frozen: what joined before the freeze is part of the map that is served.
+  if (!map_.changed()) return;
   const auto done = store_all();
   if (done) {
     if (failing_) log::info("mapping", "the map is stored again");

@@ -20,9 +20,9 @@ struct LearnedBody {
   std::vector<ExtrinsicsEstimate> cameras;
 };
 
-/// Writes the map to its store: every `commit_period_s` when it has changed, and at the end. Only
-/// in `mapping` mode. A store that cannot be written is said once, then tried again each period;
-/// what is stored stays as it was.
+/// Writes the map to its store: every `commit_period_s` when it has changed, and at the end. A
+/// store that cannot be written is said once, then tried again each period; what is stored stays as
+/// it was.
 class MapKeeper final {
  public:
   using Learned = std::function<std::vector<LearnedBody>()>;

@@ -109,6 +109,9 @@ Expected<void> Server::Impl::build() {
   std::function<void()> commit;
   if (keeper_) commit = [this] { keeper_->request_commit(); };
   desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
+  if (!config_.recorder.at_start.empty()) {
+    if (auto started = recorder_.start(config_.recorder.at_start); !started) return started;
+  }
   return build_streaming();
 }
 
@@ -168,20 +171,22 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 }
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
-  const WorkspaceGauge gauge{config_.map.reference_tag, config_.map.reference_pose};
-  const SharedParts shared{config_.tags, config_.detector, *map_, *scene_, clock_,
-                           recorder_,    config_.estimator};
+  const SharedParts shared{*map_, *scene_, clock_, recorder_};
+  ServerConfig recorded = config_;
+  recorded.operators.token.clear();
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
-    BodySensors& sensors = bodies[i].setup.sensors;
-    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag));
-    auto filter = make_body_filter(config.filter, sensors, gauge, config_.estimator);
-    if (bodies[i].setup.recording) filter->set_tag_priors(tag_priors(*bodies[i].setup.recording));
-    bodies_.add(
-        std::make_unique<BodyWorker>(BodyParts{i, config.id, config.name, std::move(sensors),
-                                               std::move(bodies[i].source), std::move(filter)},
-                                     shared));
+    const BodySensors& sensors = bodies[i].setup.sensors;
+    // A robot that a controller moves has no truth at other times than now.
+    auto truth = options_.motion ? SimulatedTruth{} : truth_of(*bodies[i].source, config, config_);
+    recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
+                       std::move(truth));
+    PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
+    bodies_.add(std::make_unique<BodyWorker>(
+        BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},
+        shared));
   }
+  recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); }});
 }
 
 Expected<void> Server::Impl::build_streaming() {

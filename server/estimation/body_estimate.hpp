@@ -1,7 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <array>
 #include <optional>
+#include <span>
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
@@ -35,6 +38,8 @@ struct BodyEstimate {
 
 /// What one update did. A rejected tag is a value, not a log line and not an exception.
 struct UpdateReport {
+  static constexpr std::size_t kMostNamed = 8;
+
   Instant exposed_at{};
   int tags_seen{};
   int tags_used{};
@@ -47,14 +52,28 @@ struct UpdateReport {
       reprojection_px{};  ///< RMS over the used corners after the update, raw pixels; 0 when none.
   int tags_dropped{};     ///< Left the state because they kept contradicting the others (moved or
                           ///< wrong).
-  int landmarks_used{};   ///< Followed image points whose track ended with this image.
+  std::array<int, kMostNamed> dropped_tags{};  ///< The ids of the first of them.
+  int landmarks_used{};  ///< Followed image points whose track ended with this image.
   int landmarks_rejected{};
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
   bool running{};  ///< The filter has started.
-  /// Set when W was re-defined (first reference or known tag): poses given out before are X_new =
-  /// *gauge_shift * X_old.
+  /// How often the filter has forgotten everything. Poses of different generations share no axes
+  /// unless both are anchored.
+  int generation{};
+  /// Set when W was re-defined (first reference or known tag): poses of this generation given out
+  /// before are X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;
+
+  [[nodiscard]] std::span<const int> named_dropped() const {
+    return std::span(dropped_tags)
+        .first(std::min(kMostNamed, static_cast<std::size_t>(tags_dropped)));
+  }
+  void name_dropped(int tag_id) {
+    if (static_cast<std::size_t>(tags_dropped) < kMostNamed)
+      dropped_tags[static_cast<std::size_t>(tags_dropped)] = tag_id;
+    ++tags_dropped;
+  }
 };
 
 }  // namespace fiducap

@@ -62,11 +62,10 @@ class BodyFilter {
   virtual void propagate(const ImuSample& imu) = 0;
 
   /// Moves the state to `seen.exposed_at` and corrects it with the corners.
-  /// @param seen   tags of one image; may be empty (the state is moved all the same)
-  /// @param known  tags of `seen` with a place in the map; ids not in `seen` are ignored. A tag
-  /// that is in the
-  ///               filter's own state stays there: its knowledge is already in.
-  virtual UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) = 0;
+  /// @param seen  tags of one image; may be empty (the state is moved all the same)
+  /// @param map   what the map knows of them. A tag that is in the filter's own state stays there:
+  ///              its knowledge is already in.
+  virtual UpdateReport update(const TagObservations& seen, const MapKnowledge& map) = 0;
 
   /// Survey knowledge of tags that are nevertheless estimated (RECORDING tags.yaml `known_tags`):
   /// when such a tag enters the state, its prior is fused as a measurement of X_WT.
@@ -77,14 +76,14 @@ class BodyFilter {
   virtual void lose_motion() = 0;
 
   /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one
-  /// when it is seen again. Nothing happens to the tag that ties the workspace down, nor while the
-  /// workspace is not the map's.
+  /// when it is seen again. Nothing happens to the tag that defines the workspace, nor while the
+  /// filter is not anchored.
   virtual void release_tag(int tag_id) = 0;
 
   [[nodiscard]] virtual bool running() const = 0;
   /// @pre running()
   [[nodiscard]] virtual BodyEstimate estimate() const = 0;
-  /// Replaces `out` by the tags in the state, in W. Empty while W is not the workspace.
+  /// Replaces `out` by the tags in the state, each with the axes that it is known in.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
   /// Whoever merges the samples adds shift_to_apply() to the camera's stamps

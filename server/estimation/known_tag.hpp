@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
@@ -18,8 +20,20 @@ struct KnownTag {
   /// Position (m, W axes) then attitude (rotation vector in W axes, q_WT = exp(δ) q̂_WT). Zero:
   /// exact.
   Matrix6d covariance{Matrix6d::Zero()};
+  /// The map has its place from this very body alone: nothing new to it, never fused back.
+  bool is_own{false};
 
   [[nodiscard]] bool is_exact() const { return covariance.isZero(0); }
+};
+
+/// What the shared map tells one body's filter before an image. The map owns the workspace: a
+/// filter that stands in it never re-defines it.
+struct MapKnowledge {
+  /// Places in the workspace; tags that are not in the image are ignored.
+  std::span<const KnownTag> tags{};
+  /// There is no workspace yet, and this body may make it out of its tags (the reference tag, or
+  /// the first one when none is named). False: it waits, not anchored, for a tag of the map.
+  bool may_define_workspace{true};
 };
 
 }  // namespace fiducap

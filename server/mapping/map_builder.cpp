@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/so3.hpp"
+#include "base/text.hpp"
 
 namespace fiducap {
 
@@ -16,6 +17,9 @@ constexpr double kBetterBy = 0.7;
 constexpr double kMoved_m = 1e-4;
 constexpr double kTurned_rad = 0.01 * M_PI / 180.0;
 constexpr double kSigmaChanged = 0.1;
+// A tag has settled when it was looked at for so long without a visible change.
+constexpr Duration kStillToSettle = std::chrono::seconds(10);
+constexpr int kSightingsToSettle = 100;
 constexpr std::size_t kKeptEvents = 256;
 
 double position_variance(const KnownTag& tag) { return tag.covariance.diagonal().head<3>().sum(); }
@@ -36,12 +40,50 @@ bool same_tags(const TagMap& a, const TagMap& b) {
                     });
 }
 
+/// Given from outside, so that it says where the workspace is.
+bool has_fixed_tag(const TagMap& map) {
+  return std::any_of(map.tags.begin(), map.tags.end(), [](const MapTag& entry) {
+    return entry.component == 0 && entry.state == TagState::kSurveyed;
+  });
+}
+
+/// Numbers that are known exactly, as the place of the reference tag is, may come with a variance a
+/// hair below zero.
+TagBelief without_rounding(TagBelief belief) {
+  constexpr double kRounding = 1e-9;
+  for (int i = 0; i < 6; ++i) {
+    double& variance = belief.tag.covariance(i, i);
+    if (variance < 0 && variance > -kRounding) variance = 0;
+  }
+  return belief;
+}
+
 MapTag* find_in(TagMap& map, int tag_id) {
   const MapTag* found = map.find(tag_id);
   return found == nullptr ? nullptr : &map.tags[static_cast<std::size_t>(found - map.tags.data())];
 }
 
 }  // namespace
+
+std::string_view name_of(MapEvent::Kind kind) {
+  switch (kind) {
+    case MapEvent::Kind::kTagAdded:
+      return "tag_added";
+    case MapEvent::Kind::kTagRefined:
+      return "tag_refined";
+    case MapEvent::Kind::kTagQuarantined:
+      return "tag_quarantined";
+    case MapEvent::Kind::kTagMoved:
+      return "tag_moved";
+    case MapEvent::Kind::kTagCalibrated:
+      return "tag_settled";
+    case MapEvent::Kind::kWorkspace:
+      return "workspace_defined";
+    case MapEvent::Kind::kPublished:
+      return "map_stored";
+  }
+  return "map_stored";
+}
 
 std::vector<ConfigError> MapConfig::check() const {
   return Checker{"map."}
@@ -63,6 +105,7 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
 
 bool MapBuilder::ready(const TagBelief& belief) const {
   const auto variances = belief.tag.covariance.diagonal().array();
+  if (belief.component != TagBelief::kWorkspace) return false;
   if (belief.sightings < config_.publish_sightings || fault_in(MapTag{.tag = belief.tag}))
     return false;
   const double position = config_.publish_position_sigma_m;
@@ -71,44 +114,138 @@ bool MapBuilder::ready(const TagBelief& belief) const {
          variances.tail<3>().maxCoeff() <= rotation * rotation;
 }
 
-void MapBuilder::absorb(int body_id, std::span<const TagBelief> beliefs, std::int64_t utc_now_ns) {
-  const std::lock_guard lock(mutex_);
-  if (config_.mode == MapMode::kFrozen) return;
-  bool follow = false;
-  for (const TagBelief& belief : beliefs) {
-    if (ready(belief)) follow |= absorb_locked(body_id, belief, utc_now_ns);
-  }
-  if (follow) publish_locked(utc_now_ns);
+bool MapBuilder::has_workspace_locked() const {
+  return std::any_of(working_.tags.begin(), working_.tags.end(),
+                     [](const MapTag& entry) { return entry.component == 0; });
 }
 
-bool MapBuilder::absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns) {
+/// The reference tag *is* the workspace, for every body alike. Without one it is what the first
+/// body makes it, and nobody else may.
+bool MapBuilder::may_define_locked(int body_id) const {
+  if (working_.reference_tag)
+    return working_.find(*working_.reference_tag) == nullptr && !has_fixed_tag(working_);
+  return !has_workspace_locked() && (!founder_ || *founder_ == body_id) &&
+         (!defining_ || *defining_ == body_id);
+}
+
+MapView MapBuilder::view(int body_id) {
+  const std::lock_guard lock(mutex_);
+  const bool may_define = may_define_locked(body_id);
+  if (may_define && !working_.reference_tag) defining_ = body_id;
+  return {snapshot(), may_define, revision_};
+}
+
+void MapBuilder::release(int body_id) {
+  const std::lock_guard lock(mutex_);
+  if (defining_ == body_id) defining_.reset();
+  if (founder_ == body_id && !has_workspace_locked()) founder_.reset();
+}
+
+void MapBuilder::note_workspace_locked(const MapContribution& contribution) {
+  const bool was_defining = defining_ == contribution.body_id;
+  if (was_defining) defining_.reset();
+  if (!contribution.anchored || founder_ || working_.reference_tag || has_workspace_locked())
+    return;
+  founder_ = contribution.body_id;
+  note_locked(MapEvent::Kind::kWorkspace, 0,
+              "body " + std::to_string(contribution.body_id) +
+                  " has defined the workspace by its first tag; all other bodies wait for a tag of "
+                  "its map (map.reference_tag would let any of them begin)");
+}
+
+std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64_t utc_now_ns) {
+  const std::lock_guard lock(mutex_);
+  note_workspace_locked(contribution);
+  const std::uint64_t turn = contributions_++;
+  if (config_.mode == MapMode::kFrozen) return turn;
+  bool follow = false;
+  for (const int tag_id : contribution.contradicted)
+    follow |= quarantine_locked(contribution, tag_id);
+  for (const TagBelief& belief : contribution.beliefs)
+    follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
+  if (follow) publish_locked(utc_now_ns);
+  return turn;
+}
+
+bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_id) {
+  MapTag* entry = find_in(working_, tag_id);
+  if (entry == nullptr || entry->component != 0 || entry->state == TagState::kQuarantined)
+    return false;
+  const std::string name = "tag " + std::to_string(tag_id);
+  if (entry->state == TagState::kSurveyed) {
+    note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
+                name + " is not where the survey says, by what body " +
+                    std::to_string(contribution.body_id) + " sees; the survey holds");
+    return false;
+  }
+  entry->state = TagState::kQuarantined;
+  Ownership& owner = ownership_[tag_id];
+  owner = {};
+  owner.quarantined_at = contribution.at;
+  note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
+              name + " is not where the map has it, by what body " +
+                  std::to_string(contribution.body_id) +
+                  " sees; it is left out until it has been learned anew");
+  return true;
+}
+
+/// Whether this belief says more than the map does.
+bool MapBuilder::accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
+                               Ownership& owner) {
+  // What was seen before it moved is the old place.
+  if (owner.quarantined_at) return belief.last_seen > *owner.quarantined_at;
+  const double offered = position_variance(belief.tag);
+  const double known = position_variance(entry.tag);
+  if (owner.body_id == body_id) return kBetterBy * offered <= known;
+  if (offered >= kBetterBy * known) return false;
+  note_locked(MapEvent::Kind::kTagRefined, belief.tag.tag_id,
+              "tag " + std::to_string(belief.tag.tag_id) + " is known better by body " +
+                  std::to_string(body_id));
+  return true;
+}
+
+bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64_t utc_now_ns) {
+  const TagBelief belief = without_rounding(offered);
+  if (!ready(belief)) return false;
   const int id = belief.tag.tag_id;
   MapTag* entry = find_in(working_, id);
-  if (entry == nullptr) {
+  const bool is_new = entry == nullptr;
+  if (is_new) {
     entry = &add_locked(body_id, belief);
     entry->first_seen_utc_ns = utc_now_ns - (belief.last_seen - belief.first_seen).count();
   }
   const auto owned = ownership_.find(id);
   if (owned == ownership_.end()) return false;  // a fixed tag of the starting map
-
   Ownership& owner = owned->second;
-  const double offered = position_variance(belief.tag);
-  const double held = position_variance(entry->tag);
-  if (owner.body_id != body_id) {
-    if (offered >= kBetterBy * held) return false;
-    owner = {body_id, {}};
-    note_locked(
-        MapEvent::Kind::kTagRefined, id,
-        "tag " + std::to_string(id) + " is known better by body " + std::to_string(body_id));
-  } else if (kBetterBy * offered > held) {
-    return false;
+  if (!is_new && !accept_locked(body_id, belief, *entry, owner)) return false;
+  if (owner.quarantined_at) {
+    const double moved_m = (belief.tag.X_WT.p - entry->tag.X_WT.p).norm();
+    note_locked(MapEvent::Kind::kTagMoved, id,
+                "tag " + std::to_string(id) + " was learned anew, " + fixed(moved_m, 3) +
+                    " m from where it was");
+    entry->state = TagState::kLocal;
   }
+  if (owner.quarantined_at || owner.body_id != body_id) owner = {.body_id = body_id};
   entry->tag = belief.tag;
   entry->sightings = belief.sightings;
   if (belief.last_seen > owner.last_seen) entry->last_seen_utc_ns = utc_now_ns;
   owner.last_seen = belief.last_seen;
   const MapTag* published = snapshot_->find(id);
-  return published == nullptr || differs_visibly(entry->tag, published->tag);
+  const bool moved = published == nullptr || published->state != entry->state ||
+                     differs_visibly(entry->tag, published->tag);
+  return settle_locked(*entry, owner, moved) || moved;
+}
+
+/// A tag that is looked at, and whose published place does not change any more, has settled.
+bool MapBuilder::settle_locked(MapTag& entry, Ownership& owner, bool moved) {
+  if (moved || !owner.still_since) owner.still_since = owner.last_seen;
+  if (entry.state != TagState::kLocal || entry.sightings < kSightingsToSettle ||
+      owner.last_seen - *owner.still_since < kStillToSettle)
+    return false;
+  entry.state = TagState::kCalibrated;
+  note_locked(MapEvent::Kind::kTagCalibrated, entry.tag.tag_id,
+              "tag " + std::to_string(entry.tag.tag_id) + " has settled");
+  return true;
 }
 
 MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
@@ -127,6 +264,7 @@ void MapBuilder::publish_locked(std::int64_t utc_now_ns) {
   working_.hash.clear();
   working_.created_utc_ns = utc_now_ns;
   changed_ = true;
+  ++revision_;
   auto next = std::make_shared<const TagMap>(working_);
   const std::lock_guard lock(snapshot_mutex_);
   snapshot_.swap(next);
@@ -135,6 +273,11 @@ void MapBuilder::publish_locked(std::int64_t utc_now_ns) {
 std::shared_ptr<const TagMap> MapBuilder::snapshot() const {
   const std::lock_guard lock(snapshot_mutex_);
   return snapshot_;
+}
+
+MapView MapBuilder::published() const {
+  const std::lock_guard lock(mutex_);
+  return {snapshot(), false, revision_};
 }
 
 bool MapBuilder::changed() const {

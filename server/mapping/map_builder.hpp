@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -21,8 +22,8 @@ enum class MapMode {
 
 struct MapConfig {
   MapMode mode{MapMode::kMapping};
-  double publish_position_sigma_m{
-      0.05};  ///< A belief joins the map when its tag is known better than this …
+  /// A belief joins the map when its tag is known better than this …
+  double publish_position_sigma_m{0.05};
   double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
   int publish_sightings{10};                ///< … and was seen at least this often.
   double commit_period_s{10.0};             ///< A changed map is written to the store this often.
@@ -33,35 +34,71 @@ struct MapConfig {
 /// Something about the map that people and protocols should hear of.
 struct MapEvent {
   enum class Kind {
-    kTagAdded,    ///< A tag joined the map.
-    kTagRefined,  ///< Another body knows the tag better and owns it now.
-    kPublished,   ///< The map was stored as a version.
+    kTagAdded,        ///< A tag joined the map.
+    kTagRefined,      ///< Another body knows the tag better and owns it now.
+    kTagQuarantined,  ///< A tag contradicts the others: it moved, or another one has its id.
+    kTagMoved,        ///< A quarantined tag was learned anew.
+    kTagCalibrated,   ///< A tag has settled.
+    kWorkspace,       ///< A body has defined the workspace.
+    kPublished,       ///< The map was stored as a version.
   } kind{Kind::kPublished};
-  int tag_id{};  ///< 0 for kPublished.
+  int tag_id{};  ///< 0 when it is not about a tag.
   std::string text;
 };
 
-/// Joins the tag beliefs of all bodies into the one shared map.
+/// `tag_added`, `tag_refined`, …
+[[nodiscard]] std::string_view name_of(MapEvent::Kind kind);
+
+/// The map as one body gets it for one image.
+struct MapView {
+  std::shared_ptr<const TagMap> map;
+  bool may_define_workspace{true};  ///< See MapKnowledge.
+  std::uint64_t revision{};         ///< How often the map was published before; counts from 0.
+};
+
+/// What one body tells the map after an image.
+struct MapContribution {
+  int body_id{};
+  Instant at{};
+  bool anchored{};  ///< The body's filter stands in the workspace.
+  std::span<const TagBelief> beliefs{};
+  std::span<const int> contradicted{};  ///< Tags that the body's filter gave up for their place.
+};
+
+/// Joins the tag beliefs of all bodies into the one shared map, and owns the workspace.
 ///
-/// Tags that start calibrated, surveyed or quarantined stay as they are. A new tag belongs to the
-/// body that knows it best: its belief is copied, beliefs of different bodies are never averaged
-/// (they share known tags, so they are not independent). Another body takes a tag over when its
-/// position variance is 30 % smaller; a belief that much worse than the map's is ignored, whoever
-/// it comes from. The joint refinement over keyframes of all bodies will take this place.
+/// The workspace is defined once: by the reference tag or, when none is named, by the first body
+/// that anchors itself while the map is empty. All others wait for a tag of the map. A body asks
+/// for a `view` before each image and contributes after it; in between it alone may define the
+/// workspace.
 ///
-/// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, or its 1-sigma changed by a
-/// tenth, each against the published map; sightings and times travel along with the next one. The
-/// snapshot keeps the version it came from; its `hash` is empty as soon as it differs from that
-/// version. Thread-safe: `absorb` from the workers, `snapshot` from anywhere; who reads never waits
-/// for a copy of the map.
+/// Surveyed tags stay as they are, and so do tags that start calibrated or quarantined until
+/// somebody contradicts them. A new tag belongs to the body that knows it best: its belief is
+/// copied, beliefs of different bodies are never averaged (they share known tags, so they are not
+/// independent). Another body takes a tag over when its position variance is 30 % smaller; a belief
+/// that much worse than the map's is ignored, whoever it comes from. A tag that a body contradicts
+/// is quarantined until a body has learned it anew. The joint refinement over keyframes of all
+/// bodies will take this place.
+///
+/// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, changed its state, or its
+/// 1-sigma changed by a tenth, each against the published map; sightings and times travel along
+/// with the next one. The snapshot keeps the version it came from; its `hash` is empty as soon as
+/// it differs from that version. Thread-safe; who reads a snapshot never waits for a copy of the
+/// map.
 class MapBuilder final {
  public:
   MapBuilder(const MapConfig& config, TagMap start);
 
-  /// @param beliefs     in the workspace axes; not finite or too uncertain ones are passed over
+  /// For the next image of a body.
+  [[nodiscard]] MapView view(int body_id);
   /// @param utc_now_ns  for first/last seen, and the time of creation of what is published
-  void absorb(int body_id, std::span<const TagBelief> beliefs, std::int64_t utc_now_ns);
+  /// @return how many contributions came before this one
+  std::uint64_t absorb(const MapContribution& contribution, std::int64_t utc_now_ns);
+  /// Nothing more comes from this body; what it reserved is free.
+  void release(int body_id);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
+  /// The snapshot with its revision, for nobody's image.
+  [[nodiscard]] MapView published() const;
   /// @return true when the map differs from what was last marked as stored.
   [[nodiscard]] bool changed() const;
   /// `stored` came back from MapStore::commit(*snapshot): version numbers move on, content stays.
@@ -75,10 +112,19 @@ class MapBuilder final {
   struct Ownership {
     std::optional<int> body_id;  ///< nullopt: a local tag of the starting map.
     Instant last_seen{};
+    std::optional<Instant> still_since;  ///< When the published place last changed, by the owner.
+    std::optional<Instant> quarantined_at;
   };
   [[nodiscard]] bool ready(const TagBelief& belief) const;
-  /// @return true when the published map should follow.
+  [[nodiscard]] bool has_workspace_locked() const;
+  [[nodiscard]] bool may_define_locked(int body_id) const;
+  void note_workspace_locked(const MapContribution& contribution);
+  /// The three below: @return true when the published map should follow.
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
+  bool quarantine_locked(const MapContribution& contribution, int tag_id);
+  bool settle_locked(MapTag& entry, Ownership& owner, bool moved);
+  [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
+                                   Ownership& owner);
   MapTag& add_locked(int body_id, const TagBelief& belief);
   void publish_locked(std::int64_t utc_now_ns);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
@@ -89,7 +135,11 @@ class MapBuilder final {
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
   std::map<int, Ownership> ownership_;  ///< Of every tag that may still move.
+  std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
+  std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<MapEvent> events_;
+  std::uint64_t revision_{0};
+  std::uint64_t contributions_{0};
   bool changed_{false};
 };
 

@@ -4,11 +4,6 @@
 
 namespace fiducap {
 
-namespace {
-constexpr Duration kExtrinsicsPeriod =
-    std::chrono::seconds(1);  // they move slowly, and asking for them allocates
-}  // namespace
-
 GuidedSearch::GuidedSearch(const BodySensors& sensors, const TagSetConfig& tags,
                            const DetectorConfig& detector, const EstimatorConfig& estimator)
     : regions_(detector.regions), search_(tags, detector), forecast_(sensors, estimator) {
@@ -61,8 +56,8 @@ void GuidedSearch::expect(std::span<const TagBelief> local, const TagMap& map) {
   forecast_.expect_strangers(expected_);
 }
 
-void GuidedSearch::corrected(const BodyFilter& filter,
-                             const std::optional<BodyEstimate>& estimate) {
+void GuidedSearch::learn(const std::optional<BodyEstimate>& estimate,
+                         std::span<const ExtrinsicsEstimate> cameras) {
   if (!regions_ && !points_) return;
   if (!estimate) return forecast_.clear();
   forecast_.set_estimate(*estimate);
@@ -70,13 +65,7 @@ void GuidedSearch::corrected(const BodyFilter& filter,
       forecast_.aim(with_points_.camera, estimate->at)) {
     points_->corrected(with_points_.camera, forecast_.q_WV());
   }
-  if (extrinsics_at_ && estimate->at >= *extrinsics_at_ &&
-      estimate->at - *extrinsics_at_ < kExtrinsicsPeriod)
-    return;
-  extrinsics_at_ = estimate->at;
-  const auto extrinsics = filter.extrinsics();
-  for (std::size_t k = 0; k < extrinsics.size(); ++k)
-    forecast_.set_extrinsics(k, extrinsics[k].X_BV);
+  for (std::size_t k = 0; k < cameras.size(); ++k) forecast_.set_extrinsics(k, cameras[k].X_BV);
 }
 
 }  // namespace fiducap

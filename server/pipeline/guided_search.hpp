@@ -26,8 +26,10 @@ class GuidedSearch final {
   /// @return see TagSearch
   const CornerFrame& search(const CameraFrame& frame, std::span<const TagBelief> local,
                             const TagMap& map);
-  /// What the filter made of the image. @param estimate  its newest one; nullopt: it does not run
-  void corrected(const BodyFilter& filter, const std::optional<BodyEstimate>& estimate);
+  /// What became of the image. @param estimate  the filter's newest one; nullopt: it does not run
+  /// @param cameras  what it knows about them; empty: nothing new
+  void learn(const std::optional<BodyEstimate>& estimate,
+             std::span<const ExtrinsicsEstimate> cameras);
 
   [[nodiscard]] const SearchStatistics& statistics() const { return search_.statistics(); }
   /// nullopt: points are not followed.
@@ -43,7 +45,6 @@ class GuidedSearch final {
   TagForecast forecast_;
   std::vector<ExpectedTag> expected_;
   std::vector<int> local_ids_;
-  std::optional<Instant> extrinsics_at_;
   std::vector<CameraModel> models_;
   std::optional<PointFollower> points_;
   CornerFrame with_points_;

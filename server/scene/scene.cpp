@@ -89,12 +89,6 @@ void Scene::source_lost(std::size_t body) {
   one.tracker.source_lost();
 }
 
-bool Scene::wants_reset(std::size_t body, Instant now) const {
-  Guarded& one = guarded(body);
-  const std::lock_guard lock(one.mutex);
-  return one.tracker.wants_reset(now);
-}
-
 std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at,
                                                 Duration utc_offset, double rate_hz,
                                                 std::shared_ptr<const TagMap> map) {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/object_pool.hpp"
-#include "scene/body_tracker.hpp"
+#include "pipeline/body_tracker.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {
@@ -30,7 +30,6 @@ class Scene final {
   void ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
               const UpdateReport& report, Duration processing, std::uint64_t images_dropped);
   void source_lost(std::size_t body);
-  [[nodiscard]] bool wants_reset(std::size_t body, Instant now) const;
 
   /// Every body brought to `at`. One caller (the publisher). Allocates nothing after warm-up.
   [[nodiscard]] std::shared_ptr<const SceneFrame> sample(Instant at, Instant published_at,

@@ -36,12 +36,16 @@ void add_replay(CLI::App& app, CommandLine& line) {
   auto* verb = app.add_subcommand(
       "replay", "Run a recording through the filter, offline, as fast as the machine allows");
   auto& a = line.replay;
-  verb->add_option("RECORDING", a.recording,
-                   "Folder in the EuRoC/ASL layout (mav0/cam0, mav0/imu0, mav0/tags0 …)")
+  verb->add_option("RECORDING", a.recordings,
+                   "Folders in the EuRoC/ASL layout (mav0/cam0, mav0/imu0, mav0/tags0 …), or one "
+                   "session of fiducapd")
       ->required();
   verb->add_option("--out", a.out,
-                   "Folder for <recording>.tum, map.csv, extrinsics.yaml and report.json")
+                   "Folder for <recording>.tum and .covariance.csv, map.csv, extrinsics.yaml, "
+                   "events.csv and report.json; an earlier run in it is replaced")
       ->required();
+  verb->add_flag("--together", a.together,
+                 "Several recordings as several robots, in order of time, over one live map");
   verb->add_option(
       "--config", a.config,
       "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
@@ -55,7 +59,8 @@ void add_replay(CLI::App& app, CommandLine& line) {
   verb->footer(
       "Example:\n"
       "  fiducap replay recordings/hall --out results --set estimator.corner_noise_px=0.3\n"
-      "  fiducap evaluate results/hall.tum recordings/hall");
+      "  fiducap evaluate results/hall.tum recordings/hall\n"
+      "  fiducap replay drone rover arm --together --out results");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_replay(a, t); }; });
 }
 

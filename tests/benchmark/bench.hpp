@@ -44,7 +44,6 @@ std::vector<double> measure(int repeats, int batch, Operation&& operation) {
 
 // One file each.
 void bench_detection(const Options& options, std::vector<Row>& rows);
-void bench_filter(const Options& options, std::vector<Row>& rows);
 void bench_streaming(const Options& options, std::vector<Row>& rows);
 /// A real server and a real client on loopback, in real time.
 void bench_latency(const Options& options, std::vector<Row>& rows);

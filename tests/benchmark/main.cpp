@@ -41,7 +41,6 @@ int main(int argc, char** argv) {
   fiducap::log::set_level(fiducap::log::Level::kWarning);
   std::vector<Row> rows;
   bench_detection(options, rows);
-  bench_filter(options, rows);
   bench_streaming(options, rows);
   bench_latency(options, rows);
   print(rows);

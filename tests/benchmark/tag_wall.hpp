@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "base/so3.hpp"
+#include "capture/camera_frame.hpp"
 #include "detection/corner_projection.hpp"
 #include "estimation/body_filter.hpp"
+#include "mapping/tag_map.hpp"
 
 namespace fiducap::bench {
 
@@ -18,6 +20,7 @@ inline constexpr int kImuPerImage = 10;
 class Wall final {
  public:
   static constexpr double kEdge_m = 0.2;
+  static constexpr double kMargin = 60;
 
   explicit Wall(int tags) {
     camera_.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
@@ -46,39 +49,37 @@ class Wall final {
   }
 
   /// `count` tags from number `first` on, at the instant of IMU sample k.
-  void see(int k, int first, int count, TagObservations& seen) {
+  [[nodiscard]] CornerFrame photograph(int k, int first, int count) {
     const double t = k / kImuRate_hz;
-    seen.camera = 0;
-    seen.exposed_at = instant(t);
-    seen.tags.clear();
+    CornerFrame frame{0, instant(t), {}};
     const Pose X_VW =
         (Pose{Eigen::Quaterniond::Identity(), sway().cwiseProduct(sines(t))} * camera_.X_BV)
             .inverse();
     for (int i = first; i < first + count && i < static_cast<int>(X_WT_.size()); ++i) {
-      TagObservation tag;
+      TagSighting tag;
       tag.tag_id = i;
-      tag.edge_m = kEdge_m;
+      tag.decision_margin = kMargin;
       for (int c = 0; c < 4; ++c) {
         const auto corner = static_cast<std::size_t>(c);
         tag.corners_px[corner] = camera_.model.pinhole(
             X_VW * (X_WT_[static_cast<std::size_t>(i)] * tag_corner(c, kEdge_m)));
         tag.corners_px[corner] +=
             EstimatorConfig{}.corner_noise_px * Eigen::Vector2d(noise_(random_), noise_(random_));
-        tag.ideal_from_raw[corner].setIdentity();
       }
-      seen.tags.push_back(tag);
+      frame.tags.push_back(tag);
     }
+    return frame;
   }
 
-  /// What a settled map says about the tags of one image.
-  void known_among(const TagObservations& seen, std::vector<KnownTag>& out) const {
-    out.clear();
-    for (const TagObservation& tag : seen.tags) {
-      KnownTag known{tag.tag_id, kEdge_m, X_WT_[static_cast<std::size_t>(tag.tag_id)],
-                     Matrix6d::Zero()};
+  /// What a settled map says.
+  [[nodiscard]] TagMap map() const {
+    TagMap map;
+    for (std::size_t i = 0; i < X_WT_.size(); ++i) {
+      KnownTag known{static_cast<int>(i), kEdge_m, X_WT_[i], Matrix6d::Zero()};
       known.covariance.diagonal() << 1e-6, 1e-6, 1e-6, 4e-6, 4e-6, 4e-6;  // 1 mm, 2 mrad
-      out.push_back(known);
+      map.tags.push_back({known, TagState::kCalibrated, 0, 0, 0, 0});
     }
+    return map;
   }
 
  private:

@@ -215,7 +215,7 @@ int main(int argc, char** argv) {
   std::unique_ptr<web::WebServer> server;
   web::WebSources sources;
   sources.version = "0.1.0";
-  sources.map_mode = "mapping";
+  sources.map_mode = [] { return std::string("mapping"); };
   sources.clients = [&] {
     const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
     const auto sent = static_cast<std::uint64_t>(up * 100);

@@ -10,7 +10,7 @@
 #include "base/so3.hpp"
 #include "capture/sample_merger.hpp"
 #include "daemon/system_clock.hpp"
-#include "simulation/guided_detection.hpp"
+#include "pipeline/body_pipeline.hpp"
 #include "simulation/rendered_corners.hpp"
 
 namespace fiducap {
@@ -74,6 +74,29 @@ std::vector<SensorSample> merged(
   }
   merger.finish();
   drain();
+  return out;
+}
+
+/// The samples of a source up to an instant, images replaced by the corners that a body's own
+/// pipeline finds in them, led by its filter.
+std::vector<SensorSample> found_by(const PipelineSetup& setup, SensorSource& source, Instant end) {
+  BodyPipeline pipeline(setup);
+  const MapView empty{std::make_shared<const TagMap>()};
+  std::vector<SensorSample> out;
+  for (bool more = true; more;) {
+    auto sample = source.next({});
+    if (!sample) throw std::runtime_error(sample.error().text());
+    more = sample->has_value() && time_of(**sample) <= end;
+    if (more) {
+      pipeline.push(std::move(**sample));
+    } else {
+      pipeline.finish();
+    }
+    while (const SensorSample* next = pipeline.next()) {
+      if (const auto* imu = std::get_if<ImuSample>(next)) out.emplace_back(*imu);
+      if (const BodyUpdate* update = pipeline.take(empty)) out.emplace_back(update->corners);
+    }
+  }
   return out;
 }
 
@@ -162,11 +185,12 @@ void collect(EstimationData& data, const SimulatedDataSetup& setup,
     data.corner_noise_px = simulation::CameraSimulation{}.corner_noise_px;
     return;
   }
-  BodySensors sensors{{data.camera}, data.imu, data.gravity_m_s2};
-  sensors.cameras.front().X_BV = data.nominal_X_BV;
-  GuidedDetection detection(setup.images_for, sensors, data.tag_set);
-  data.samples = merged(source, setup.has_imu, end,
-                        [&](const SensorSample& sample) { return detection.take(sample); });
+  PipelineSetup pipeline;
+  pipeline.filter = setup.images_for;
+  pipeline.sensors = {{data.camera}, data.imu, data.gravity_m_s2};
+  pipeline.sensors.cameras.front().X_BV = data.nominal_X_BV;
+  pipeline.tags = data.tag_set;
+  data.samples = found_by(pipeline, source, end);
   data.corner_noise_px = EstimatorConfig{}.corner_noise_px;  // what a server believes of its own
 }
 

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/cpu_time.hpp"
+#include "base/assert.hpp"
 #include "base/so3.hpp"
-#include "capture/sample_merger.hpp"
-#include "detection/observe.hpp"
+#include "pipeline/replay/bodies_replay.hpp"
+#include "support/memory_source.hpp"
 
 namespace fiducap {
 
@@ -35,6 +35,7 @@ double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
   return e.dot(P.ldlt().solve(e));
 }
 
+/// Compares one body with the truth, image by image.
 class Run {
  public:
   Run(const EstimationData& data, const FilterChoice& choice)
@@ -42,93 +43,48 @@ class Run {
         choice_(choice),
         X_WR_(choice.knowledge.map_known() ? Pose{}
                                            : workspace_of(reference().X_WT, data.imu.has_value())) {
-    BodySensors sensors;
-    sensors.cameras = {data.camera};
-    if (!choice.knowledge.extrinsics_known()) sensors.cameras.front().X_BV = data.nominal_X_BV;
-    sensors.imu = data.imu;
-    sensors.gravity_m_s2 = data.gravity_m_s2;
-    EstimatorConfig config = choice.estimator;
-    config.corner_noise_px = data.corner_noise_px;
-    config.estimate_extrinsics = !choice.knowledge.extrinsics_known();
-    if (choice.knowledge.map_known()) {
-      for (const RecordedTag& tag : data.tags)
-        known_.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
-    }
-    WorkspaceGauge gauge;
-    if (!choice.knowledge.map_known()) gauge.reference_tag = data.reference_tag;
-    filter_ = make_body_filter(choice.filter, sensors, gauge, config);
   }
 
-  FilterRun go() {
+  void take(const BodyUpdate& update, const BodyPipeline& pipeline) {
     const Instant first = time_of(data_.samples.front());
-    SampleMerger merger({.has_imu = data_.imu.has_value()});
-    const auto drain = [&] {
-      while (const auto sample = merger.pop()) take(*sample, first, merger);
-    };
-    for (const SensorSample& sample : data_.samples) {
-      merger.push(sample);
-      drain();
-    }
-    merger.finish();
-    drain();
-    result_.clock = filter_->clock(0);
-    result_.seconds = to_seconds(time_of(data_.samples.back()) - first);
-    finish_map();
+    pipeline_ = &pipeline;
+    update_ = &update;
+    count(update.report);
+    close_loop(update.corners);
+    for (const BodyEvent& event : update.events)
+      result_.resets += event.kind == BodyEvent::Kind::kReset ? 1 : 0;
+    if (!update.is_placed()) return;
+    const BodyEstimate& estimate = *update.estimate;
+    result_.frames_with_pose += update.seen.tags.empty() ? 0 : 1;
+    FilterRun::At at = compare(estimate);
+    at.t_s = to_seconds(update.seen.exposed_at - first);
+    at.has_tags = !update.seen.tags.empty();
+    at.nis = update.report.nis;
+    at.nis_dof = update.report.nis_dof;
+    result_.at.push_back(at);
+    if (choice_.watch)
+      choice_.watch({at.t_s, pipeline.filter(), estimate, data_.truth_near(estimate.at), X_WR_,
+                     update.corners});
+  }
+
+  FilterRun finish(const BodyPipeline& pipeline) {
+    const PipelineStatistics cost = pipeline.statistics();
+    result_.propagate_cpu_s = to_seconds(cost.propagate_cpu);
+    result_.update_cpu_s = to_seconds(cost.update_cpu);
+    result_.clock = pipeline.filter().clock(0);
+    result_.seconds = to_seconds(time_of(data_.samples.back()) - time_of(data_.samples.front()));
+    finish_map(pipeline.filter());
     return std::move(result_);
   }
+
+  [[nodiscard]] const Pose& X_WR() const { return X_WR_; }
 
  private:
   [[nodiscard]] const RecordedTag& reference() const { return *data_.tag(data_.reference_tag); }
 
-  void take(const SensorSample& sample, Instant first, SampleMerger& merger) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      const Duration begin = thread_cpu_time();
-      filter_->propagate(*imu);
-      result_.propagate_cpu_s += to_seconds(thread_cpu_time() - begin);
-      return;
-    }
-    const auto& corners = std::get<CornerFrame>(sample);
-    image(corners, first);
-    merger.set_clock_shift(corners.camera,
-                           shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
-  }
-
-  void image(const CornerFrame& corners, Instant first) {
-    observe(corners, data_.camera.model, data_.tag_set, {}, seen_);
-    const UpdateReport report = update();
-    count(report);
-    close_loop(corners);
-    if (!filter_->running()) return;
-    const BodyEstimate estimate = filter_->estimate();
-    if (!estimate.anchored || estimate.at != seen_.exposed_at) return;
-    result_.frames_with_pose += seen_.tags.empty() ? 0 : 1;
-    FilterRun::At at = compare(estimate);
-    at.t_s = to_seconds(seen_.exposed_at - first);
-    at.has_tags = !seen_.tags.empty();
-    at.nis = report.nis;
-    at.nis_dof = report.nis_dof;
-    result_.at.push_back(at);
-    if (choice_.watch)
-      choice_.watch({at.t_s, *filter_, estimate, data_.truth_near(estimate.at), X_WR_, corners});
-  }
-
-  UpdateReport update() {
-    Duration begin = thread_cpu_time();
-    if (choice_.split_cost) {
-      nothing_.exposed_at = seen_.exposed_at;
-      (void)filter_->update(nothing_, {});
-      const Duration moved = thread_cpu_time();
-      result_.propagate_cpu_s += to_seconds(moved - begin);
-      begin = moved;
-    }
-    const UpdateReport report = filter_->update(seen_, known_);
-    result_.update_cpu_s += to_seconds(thread_cpu_time() - begin);
-    return report;
-  }
-
   void count(const UpdateReport& report) {
     ++result_.frames;
-    result_.frames_with_tags += seen_.tags.empty() ? 0 : 1;
+    result_.frames_with_tags += update_->seen.tags.empty() ? 0 : 1;
     result_.nis += report.nis;
     result_.nis_dof += report.nis_dof;
     result_.tags_rejected += report.tags_rejected;
@@ -177,7 +133,7 @@ class Run {
     at.nees.velocity = normalised(e.segment<3>(6), P.block<3, 3>(6, 6));
     if (data_.imu) at.nees.biases = normalised(e.tail<6>(), P.bottomRightCorner<6, 6>());
     if (!choice_.knowledge.extrinsics_known()) {
-      const ExtrinsicsEstimate found = filter_->extrinsics().front();
+      const ExtrinsicsEstimate found = pipeline_->cameras().front();
       at.nees.extrinsics = normalised(pose_error(found.X_BV, data_.camera.X_BV), found.covariance);
     }
     compare_to_tags(estimate, X_WB, at);
@@ -189,7 +145,7 @@ class Run {
     at.position_m = at.level_position_m;
     at.rotation_rad = at.level_rotation_rad;
     if (choice_.knowledge.map_known()) return;
-    filter_->tag_beliefs(beliefs_);
+    beliefs_ = update_->beliefs;
     const Pose X_WT = X_WR_ * reference().X_WT;
     const Pose X_WT_seen = seen_reference(X_WT);
     const auto e = pose_error(X_WT_seen.inverse() * estimate.X_WB, X_WT.inverse() * X_WB);
@@ -215,8 +171,8 @@ class Run {
     return last_reference_.value_or(X_WT_true);
   }
 
-  void finish_map() {
-    filter_->tag_beliefs(beliefs_);
+  void finish_map(const BodyFilter& filter) {
+    filter.tag_beliefs(beliefs_);
     result_.tags_mapped = static_cast<int>(beliefs_.size());
     const Pose X_WT = X_WR_ * reference().X_WT;
     const Pose X_WT_seen = seen_reference(X_WT);
@@ -245,15 +201,59 @@ class Run {
   const EstimationData& data_;
   FilterChoice choice_;
   Pose X_WR_;
-  std::vector<KnownTag> known_;
-  TagObservations seen_;
-  TagObservations nothing_;
-  std::unique_ptr<BodyFilter> filter_;
+  const BodyPipeline* pipeline_{nullptr};
+  const BodyUpdate* update_{nullptr};
   std::vector<TagBelief> beliefs_;
   std::optional<Pose> last_reference_;
   std::optional<Instant> reference_seen_;
   FilterRun result_;
 };
+
+PipelineSetup setup_of(const EstimationData& data, const FilterChoice& choice) {
+  PipelineSetup setup;
+  setup.sensors.cameras = {data.camera};
+  if (!choice.knowledge.extrinsics_known()) setup.sensors.cameras.front().X_BV = data.nominal_X_BV;
+  setup.sensors.imu = data.imu;
+  setup.sensors.gravity_m_s2 = data.gravity_m_s2;
+  setup.tags = data.tag_set;
+  setup.estimator = choice.estimator;
+  setup.estimator.corner_noise_px = data.corner_noise_px;
+  setup.estimator.estimate_extrinsics = !choice.knowledge.extrinsics_known();
+  if (!choice.knowledge.map_known()) setup.gauge.reference_tag = data.reference_tag;
+  setup.filter = choice.filter;
+  return setup;
+}
+
+TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
+  TagMap map;
+  if (!choice.knowledge.map_known()) {
+    map.reference_tag = data.reference_tag;
+    return map;
+  }
+  for (const RecordedTag& tag : data.tags)
+    map.tags.push_back(
+        {{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()}, TagState::kSurveyed, 0, 0, 0, 0});
+  return map;
+}
+
+void score_map(const EstimationData& data, const Pose& X_WR, TogetherRun& run) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int tags = 0;
+  int others = 0;
+  for (const MapTag& entry : run.map.tags) {
+    const RecordedTag* tag = data.tag(entry.tag.tag_id);
+    if (tag == nullptr) continue;
+    const auto e = pose_error(entry.tag.X_WT, X_WR * tag->X_WT);
+    sum += Eigen::Vector3d(e.head<3>().squaredNorm(), e.tail<3>().squaredNorm(), 0);
+    ++tags;
+    if (tag->tag_id == data.reference_tag) continue;
+    sum.z() += normalised(e, entry.tag.covariance) / 6;
+    ++others;
+  }
+  run.map_position_m = std::sqrt(sum.x() / std::max(1, tags));
+  run.map_rotation_rad = std::sqrt(sum.y() / std::max(1, tags));
+  run.map_nees = sum.z() / std::max(1, others);
+}
 
 }  // namespace
 
@@ -279,8 +279,34 @@ double FilterRun::mean(const std::function<double(const At&)>& of) const {
   return count == 0 ? Nees::kNone : sum / count;
 }
 
+TogetherRun run_together(std::span<const EstimationData> data, const FilterChoice& choice) {
+  std::vector<MemorySource> sources;
+  std::vector<Run> runs;
+  for (const EstimationData& one : data) {
+    sources.emplace_back(one.samples);
+    runs.emplace_back(one, choice);
+  }
+  std::vector<ReplayedBody> bodies;
+  for (std::size_t i = 0; i < data.size(); ++i)
+    bodies.push_back(
+        {static_cast<int>(i) + 1, data[i].name, setup_of(data[i], choice), &sources[i]});
+  MapConfig map;
+  map.mode = choice.live ? MapMode::kMapping : MapMode::kFrozen;
+  BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
+  const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
+    runs[body].take(update, replay.pipeline(body));
+  });
+  FIDUCAP_ASSERT(done.has_value());
+  TogetherRun out;
+  for (std::size_t i = 0; i < runs.size(); ++i)
+    out.bodies.push_back(runs[i].finish(replay.pipeline(i)));
+  out.map = *replay.map().snapshot();
+  score_map(data.front(), runs.front().X_WR(), out);
+  return out;
+}
+
 FilterRun run_filter(const EstimationData& data, const FilterChoice& choice) {
-  return Run(data, choice).go();
+  return run_together(std::span(&data, 1), choice).bodies.front();
 }
 
 }  // namespace fiducap

@@ -3,10 +3,12 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "estimation/body_filter.hpp"
+#include "mapping/tag_map.hpp"
 #include "simulation/bound_run.hpp"
 #include "simulation/estimation_data.hpp"
 
@@ -27,9 +29,9 @@ struct FilterChoice {
   std::string filter{"robocentric"};
   KnowledgeCase knowledge{'A'};
   EstimatorConfig estimator{};
-  /// A second, empty image goes first, so that moving the state and correcting it can be timed
-  /// apart.
-  bool split_cost{false};
+  /// The map grows with what the bodies see and is handed back to them, as in the server. False: it
+  /// is what the knowledge case says, and stays so.
+  bool live{false};
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
 };
@@ -88,8 +90,9 @@ struct FilterRun {
   double gap_t_s{};          ///< When it is seen again, since the first sample.
   ClockEstimate clock;       ///< At the end.
   double seconds{};          ///< Of data.
-  double propagate_cpu_s{};  ///< IMU samples; with `split_cost` also moving the state to the image.
+  double propagate_cpu_s{};  ///< IMU samples.
   double update_cpu_s{};
+  int resets{};  ///< The filter has forgotten everything.
 
   [[nodiscard]] FilterRun scored_after(double t_s) const;
   /// Root of the mean square of one figure over the images.
@@ -105,5 +108,16 @@ struct FilterRun {
 };
 
 [[nodiscard]] FilterRun run_filter(const EstimationData& data, const FilterChoice& choice);
+
+/// Several bodies in one room over one map, in order of time (BodiesReplay).
+struct TogetherRun {
+  std::vector<FilterRun> bodies;
+  TagMap map;               ///< At the end; W is that of the reference tag.
+  double map_position_m{};  ///< RMSE of its tags.
+  double map_rotation_rad{};
+  double map_nees{};  ///< Mean over its tags but the reference, per degree of freedom.
+};
+[[nodiscard]] TogetherRun run_together(std::span<const EstimationData> data,
+                                       const FilterChoice& choice);
 
 }  // namespace fiducap

@@ -1,6 +1,4 @@
-// Regions, forecast and filter together, on rendered images: the loop of a body's worker without
-// threads.
-#include "pipeline/guided_search.hpp"
+// Regions, forecast and filter together, on rendered images.
 
 #include <gtest/gtest.h>
 
@@ -8,9 +6,8 @@
 #include <cmath>
 #include <memory>
 
-#include "capture/sample_merger.hpp"
-#include "detection/observe.hpp"
 #include "detection/side_bend.hpp"
+#include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
 
@@ -46,31 +43,27 @@ TagSetConfig print_of(const std::vector<RecordedTag>& tags) {
   return print;
 }
 
-/// A body in a room: its samples through search and filter, what was found against the truth.
+/// A body in a room: its samples through its pipeline, what was found against the truth.
 class Loop {
  public:
   Loop(const simulation::RoomConfig& room, const DetectorConfig& detector,
        const EstimatorConfig& estimator)
-      : tags_(simulation::tags_of(room)),
-        print_(print_of(tags_)),
-        detector_(detector),
-        sensors_{{small_camera()}, simulation::ImuErrors{}.noise},
-        filter_(make_body_filter("world", sensors_, {}, estimator)),
-        search_(sensors_, print_, detector_, estimator) {}
+      : tags_(simulation::tags_of(room)), pipeline_(setup_of(tags_, detector, estimator)) {}
 
   Outcome run(simulation::SimulatedSource& source) {
-    SampleMerger merger({});
     for (bool more = true; more;) {
       auto next = source.next({});
       more = next && next->has_value();
       if (more) {
-        (void)merger.push(std::move(**next));
+        (void)pipeline_.push(std::move(**next));
       } else {
-        merger.finish();
+        pipeline_.finish();
       }
-      while (auto sample = merger.pop()) take(*sample, source);
+      while (pipeline_.next() != nullptr) {
+        if (const BodyUpdate* update = pipeline_.take(empty_)) take(*update, source);
+      }
     }
-    outcome_.settled = search_.statistics();
+    outcome_.settled = pipeline_.statistics().search;
     outcome_.settled.whole_images -= start_.whole_images;
     outcome_.settled.images -= start_.images;
     outcome_.settled.expected -= start_.expected;
@@ -79,27 +72,27 @@ class Loop {
   }
 
  private:
-  void take(const SensorSample& sample, simulation::SimulatedSource& source) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      filter_->propagate(*imu);
-      search_.add_imu(*imu);
-      return;
-    }
-    const auto& image = std::get<CameraFrame>(sample);
-    const CornerFrame& found = search_.search(image, beliefs_, map_);
-    observe(found, mount().model, print_, detector_, seen_);
-    outcome_.landmarks += filter_->update(seen_, {}).landmarks_used;
-    outcome_.points += static_cast<int>(found.points.size());
-    search_.corrected(*filter_,
-                      filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
-    filter_->tag_beliefs(beliefs_);
-    if (to_seconds(image.exposed_at - instant_from_ns(0)) < 3) {
-      start_ = search_.statistics();
+  static PipelineSetup setup_of(const std::vector<RecordedTag>& tags,
+                                const DetectorConfig& detector, const EstimatorConfig& estimator) {
+    PipelineSetup setup;
+    setup.sensors = {{small_camera()}, simulation::ImuErrors{}.noise};
+    setup.tags = print_of(tags);
+    setup.detector = detector;
+    setup.estimator = estimator;
+    return setup;
+  }
+
+  void take(const BodyUpdate& update, simulation::SimulatedSource& source) {
+    outcome_.landmarks += update.report.landmarks_used;
+    outcome_.points += static_cast<int>(update.corners.points.size());
+    const Instant at = update.corners.exposed_at;
+    if (to_seconds(at - instant_from_ns(0)) < 3) {
+      start_ = pipeline_.statistics().search;
       return;
     }
     ++outcome_.images;
-    const Pose X_VW = (source.truth(image.exposed_at).X_WB * mount().X_BV).inverse();
-    for (const TagSighting& tag : found.tags) compare(tag, X_VW);
+    const Pose X_VW = (source.truth(at).X_WB * mount().X_BV).inverse();
+    for (const TagSighting& tag : update.corners.tags) compare(tag, X_VW);
   }
 
   void compare(const TagSighting& tag, const Pose& X_VW) {
@@ -114,17 +107,13 @@ class Loop {
           (corners[i] - *mount().model.project(X_VW * corners_W[i])).squaredNorm() / 8;
     }
   }
-  [[nodiscard]] const CameraMount& mount() const { return sensors_.cameras.front(); }
+  [[nodiscard]] const CameraMount& mount() const {
+    return pipeline_.setup().sensors.cameras.front();
+  }
 
   std::vector<RecordedTag> tags_;
-  TagSetConfig print_;
-  DetectorConfig detector_;
-  BodySensors sensors_;
-  std::unique_ptr<BodyFilter> filter_;
-  GuidedSearch search_;
-  TagMap map_;
-  std::vector<TagBelief> beliefs_;
-  TagObservations seen_;
+  BodyPipeline pipeline_;
+  MapView empty_{std::make_shared<const TagMap>()};
   Outcome outcome_;
   SearchStatistics start_;
 };

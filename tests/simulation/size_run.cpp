@@ -2,9 +2,8 @@
 
 #include <memory>
 
-#include "capture/sample_merger.hpp"
-#include "detection/observe.hpp"
 #include "estimation/checks/rejection_watch.hpp"
+#include "pipeline/body_pipeline.hpp"
 
 namespace fiducap {
 
@@ -19,59 +18,44 @@ BodySensors sensors_of(const EstimationData& data) {
   return sensors;
 }
 
-class Runner {
- public:
-  Runner(const EstimationData& data, const std::string& filter)
-      : data_(data), check_(sensors_of(data), data.corner_noise_px) {
-    EstimatorConfig config;
-    config.corner_noise_px = data.corner_noise_px;
-    filter_ =
-        make_body_filter(filter, sensors_of(data), {data.reference_tag, std::nullopt}, config);
-  }
-
-  SizeRun run(int tag) {
-    SampleMerger merger({.has_imu = data_.imu.has_value()});
-    for (const SensorSample& sample : data_.samples) {
-      merger.push(sample);
-      while (const auto next = merger.pop()) take(*next, merger);
+/// Feeds a size check of its own with what the pipeline's images show, so that its inside can be
+/// looked at.
+SizeRun run_check(const EstimationData& data, const std::string& filter, int tag) {
+  PipelineSetup setup;
+  setup.sensors = sensors_of(data);
+  setup.tags = data.tag_set;
+  setup.estimator.corner_noise_px = data.corner_noise_px;
+  setup.gauge.reference_tag = data.reference_tag;
+  setup.filter = filter;
+  BodyPipeline pipeline(setup);
+  SizeCheck check(setup.sensors, data.corner_noise_px);
+  RejectionWatch rejections;
+  const MapView empty{std::make_shared<const TagMap>()};
+  SizeRun out;
+  const auto drain = [&] {
+    while (const SensorSample* sample = pipeline.next()) {
+      if (const auto* imu = std::get_if<ImuSample>(sample)) check.add(*imu);
+      const BodyUpdate* update = pipeline.take(empty);
+      if (update == nullptr) continue;
+      out.used += update->report.tags_used;
+      out.rejected += update->report.tags_rejected;
+      const double t = to_seconds(update->seen.exposed_at - time_of(data.samples.front()));
+      if (rejections.add(update->report)) out.rejection_said_at_s.push_back(t);
+      if (!update->estimate) continue;
+      check.add({update->seen, *update->estimate, update->report, update->beliefs, {}});
+      if (const auto news = check.take_news()) out.said.push_back({t, *news});
     }
-    out_.tag = tag;
-    out_.common = check_.common();
-    out_.by_imu = check_.of_tag(tag, true);
-    out_.by_others = check_.of_tag(tag, false);
-    return out_;
+  };
+  for (const SensorSample& sample : data.samples) {
+    pipeline.push(sample);
+    drain();
   }
-
- private:
-  void take(const SensorSample& sample, SampleMerger& merger) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      filter_->propagate(*imu);
-      check_.add(*imu);
-      return;
-    }
-    const auto& corners = std::get<CornerFrame>(sample);
-    observe(corners, data_.camera.model, data_.tag_set, {}, seen_);
-    const UpdateReport report = filter_->update(seen_, {});
-    merger.set_clock_shift(corners.camera,
-                           shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
-    out_.used += report.tags_used;
-    out_.rejected += report.tags_rejected;
-    const double t = to_seconds(seen_.exposed_at - time_of(data_.samples.front()));
-    if (rejections_.add(report)) out_.rejection_said_at_s.push_back(t);
-    if (!filter_->running()) return;
-    filter_->tag_beliefs(beliefs_);
-    check_.add({seen_, filter_->estimate(), report, beliefs_, {}});
-    if (const auto news = check_.take_news()) out_.said.push_back({t, *news});
-  }
-
-  const EstimationData& data_;
-  std::unique_ptr<BodyFilter> filter_;
-  SizeCheck check_;
-  RejectionWatch rejections_;
-  TagObservations seen_;
-  std::vector<TagBelief> beliefs_;
-  SizeRun out_;
-};
+  out.tag = tag;
+  out.common = check.common();
+  out.by_imu = check.of_tag(tag, true);
+  out.by_others = check.of_tag(tag, false);
+  return out;
+}
 
 }  // namespace
 
@@ -86,7 +70,7 @@ SizeRun run_sizes(SimulatedDataSetup setup, const std::string& filter, const Mis
   data.tag_set.size_m /= misprint.all;
   for (auto& [id, size_m] : data.tag_set.sizes_m) size_m /= misprint.all;
   if (misprint.one != 1) data.tag_set.sizes_m[tag] = edge_m / misprint.all / misprint.one;
-  return Runner(data, filter).run(tag);
+  return run_check(data, filter, tag);
 }
 
 }  // namespace fiducap

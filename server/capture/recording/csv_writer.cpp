@@ -38,6 +38,17 @@ CsvWriter& CsvWriter::number(double value, int decimals) {
   return *this;
 }
 
+CsvWriter& CsvWriter::exact(double value) {
+  separate();
+  char digits[32];
+  line_.append(digits, std::to_chars(digits, digits + sizeof(digits), value).ptr);
+  return *this;
+}
+
+CsvWriter& CsvWriter::exact(const Eigen::Vector3d& v) {
+  return exact(v.x()).exact(v.y()).exact(v.z());
+}
+
 CsvWriter& CsvWriter::vector(const Eigen::Vector3d& v, int decimals) {
   return number(v.x(), decimals).number(v.y(), decimals).number(v.z(), decimals);
 }

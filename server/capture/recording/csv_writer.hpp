@@ -23,6 +23,9 @@ class CsvWriter final {
   CsvWriter& integer(std::int64_t value);
   /// Rounded to `decimals` digits behind the point, trailing zeros left out.
   CsvWriter& number(double value, int decimals);
+  /// The shortest text that reads back as the same number.
+  CsvWriter& exact(double value);
+  CsvWriter& exact(const Eigen::Vector3d& v);
   CsvWriter& vector(const Eigen::Vector3d& v, int decimals);
   /// px py pz qw qx qy qz
   CsvWriter& pose(const Pose& X, int decimals);

@@ -26,7 +26,7 @@ constexpr const char* kTruthHeader =
     "b_w_RS_S_z [rad "
     "s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]";
 
-constexpr int kCornerDecimals = 5;  // 1e-5 px
+// Of what is true or calibrated; what sensors said is written to the last bit.
 constexpr int kSensorDecimals = 9;
 
 Expected<void> write_text(const std::filesystem::path& path, const std::string& text) {
@@ -127,8 +127,8 @@ Expected<void> RecordingWriter::Impl::write(const ImuSample& sample) {
   if (!csv) return tl::unexpected(csv.error());
   return (*csv)
       ->integer(to_ns(sample.sampled_at))
-      .vector(R_IB_ * sample.w_WB_B, kSensorDecimals)
-      .vector(R_IB_ * sample.f_B, kSensorDecimals)
+      .exact(R_IB_ * sample.w_WB_B)
+      .exact(R_IB_ * sample.f_B)
       .end_line();
 }
 
@@ -157,8 +157,7 @@ Expected<void> RecordingWriter::Impl::write(const CornerFrame& frame) {
   if (!frames) return tl::unexpected(frames.error());
   for (const TagSighting& tag : frame.tags) {
     CsvWriter& row = (*corners)->integer(*ns).integer(tag.tag_id).integer(tag.hamming);
-    for (const Eigen::Vector2d& px : tag.corners_px)
-      row.number(px.x(), kCornerDecimals).number(px.y(), kCornerDecimals);
+    for (const Eigen::Vector2d& px : tag.corners_px) row.exact(px.x()).exact(px.y());
     if (const auto done = row.end_line(); !done) return done;
   }
   return (*frames)->integer(*ns).integer(static_cast<std::int64_t>(frame.tags.size())).end_line();

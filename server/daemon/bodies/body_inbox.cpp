@@ -5,14 +5,34 @@
 
 namespace fiducap {
 
+namespace {
+
+bool is_image(const Delivery& delivery) {
+  return !std::holds_alternative<ImuSample>(delivery.sample);
+}
+
+}  // namespace
+
+BodyInbox::BodyInbox(std::size_t max_images) : max_images_(max_images) {
+  waiting_.reserve(kMaxImu + max_images + 1);
+}
+
 bool BodyInbox::push(SensorSample sample, Instant arrived) {
   {
     const std::lock_guard lock(mutex_);
     if (closed_) return false;
-    if (!std::holds_alternative<ImuSample>(sample)) {
-      arrivals_[next_arrival_++ % arrivals_.size()] = {time_of(sample), arrived};
+    Delivery delivery{std::move(sample), arrived};
+    if (is_image(delivery)) {
+      if (images_ == max_images_) {
+        waiting_.erase(std::find_if(waiting_.begin(), waiting_.end(), is_image));
+        ++images_dropped_;
+      } else {
+        ++images_;
+      }
+    } else if (waiting_.size() - images_ == kMaxImu) {
+      return false;
     }
-    if (!merger_.push(std::move(sample))) return false;
+    waiting_.push_back(std::move(delivery));
   }
   filled_.notify_one();
   return true;
@@ -22,14 +42,8 @@ void BodyInbox::finish() {
   {
     const std::lock_guard lock(mutex_);
     finished_ = true;
-    merger_.finish();
   }
   filled_.notify_one();
-}
-
-void BodyInbox::set_clock_shift(int camera, Duration shift) {
-  const std::lock_guard lock(mutex_);
-  merger_.set_clock_shift(camera, shift);
 }
 
 void BodyInbox::close() {
@@ -40,29 +54,20 @@ void BodyInbox::close() {
   filled_.notify_one();
 }
 
-std::optional<Delivery> BodyInbox::pop(std::stop_token stop) {
+bool BodyInbox::take(std::vector<Delivery>& out, std::stop_token stop) {
+  out.clear();
   std::unique_lock lock(mutex_);
-  std::optional<SensorSample> next;
-  filled_.wait(lock, stop, [&] {
-    if (!closed_) next = merger_.pop();
-    return next.has_value() || finished_ || closed_;
-  });
-  if (!next || stop.stop_requested()) return std::nullopt;
-  const Instant arrived = arrival_of(*next);
-  return Delivery{std::move(*next), arrived};
+  filled_.wait(lock, stop, [this] { return !waiting_.empty() || finished_ || closed_; });
+  if (closed_ || stop.stop_requested() || waiting_.empty()) return false;
+  if (out.capacity() < waiting_.capacity()) out.reserve(waiting_.capacity());
+  out.swap(waiting_);
+  images_ = 0;
+  return true;
 }
 
-MergerStatistics BodyInbox::statistics() const {
+std::uint64_t BodyInbox::images_dropped() const {
   const std::lock_guard lock(mutex_);
-  return merger_.statistics();
-}
-
-Instant BodyInbox::arrival_of(const SensorSample& sample) const {
-  const Instant at = time_of(sample) - clock_shift_of(sample);
-  if (std::holds_alternative<ImuSample>(sample)) return at;
-  const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
-                                  [&](const Arrival& a) { return a.stamp == at; });
-  return found == arrivals_.end() ? at : found->arrived;
+  return images_dropped_;
 }
 
 }  // namespace fiducap

@@ -118,6 +118,20 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   return setup;
 }
 
+PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
+                             const BodySetup& setup) {
+  PipelineSetup pipeline;
+  pipeline.sensors = setup.sensors;
+  pipeline.tags = config.tags;
+  pipeline.detector = config.detector;
+  pipeline.estimator = config.estimator;
+  pipeline.gauge = {config.map.reference_tag, config.map.reference_pose};
+  pipeline.filter = body.filter;
+  if (setup.recording) pipeline.priors = tag_priors(*setup.recording);
+  pipeline.lose_after_s = body.limits.lose_after_s;
+  return pipeline;
+}
+
 RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
                            std::optional<int> reference_tag) {
   RecordingInfo info;
@@ -132,6 +146,20 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   info.max_hamming = tags.max_hamming;
   info.reference_tag = reference_tag;
   return info;
+}
+
+SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
+                        const ServerConfig& config) {
+  const auto* simulated = dynamic_cast<const simulation::SimulatedSource*>(&source);
+  if (simulated == nullptr) return {};
+  SimulatedTruth truth;
+  truth.at = [simulated](Instant at) { return simulated->truth(at); };
+  truth.tags = simulation::tags_of(config.simulation);
+  const auto& own = body.source.simulator.cameras;
+  for (const CameraMount& camera : own) truth.X_BV.push_back(camera.X_BV);
+  if (own.empty())
+    for (const CameraConfig& camera : body.cameras) truth.X_BV.push_back(camera.mount.X_BV);
+  return truth;
 }
 
 Expected<std::unique_ptr<SensorSource>> open_source(

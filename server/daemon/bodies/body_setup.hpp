@@ -11,6 +11,7 @@
 #include "daemon/config/config_file.hpp"
 #include "estimation/body_filter.hpp"
 #include "middleware/participant.hpp"
+#include "pipeline/body_pipeline.hpp"
 
 namespace fiducap {
 
@@ -25,9 +26,17 @@ struct BodySetup {
 [[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
                                                   const simulation::RoomConfig& room);
 
+/// What the configuration says about one body's pipeline.
+[[nodiscard]] PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
+                                           const BodySetup& setup);
+
 /// How what these sensors give is written to disk (see SessionRecorder).
 [[nodiscard]] RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
                                          std::optional<int> reference_tag);
+
+/// What only a simulation knows about a body; empty for every other source.
+[[nodiscard]] SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
+                                      const ServerConfig& config);
 
 /// Opens the samples themselves, in real time.
 /// @param start   of simulated motion: the same for all bodies, so that they share one time

@@ -6,11 +6,9 @@
 #include <sstream>
 #include <utility>
 
-#include "base/cpu_time.hpp"
 #include "base/log.hpp"
 #include "daemon/bodies/calibration_report.hpp"
 #include "daemon/system_clock.hpp"
-#include "detection/observe.hpp"
 
 namespace fiducap {
 
@@ -20,45 +18,33 @@ constexpr Duration kRememberPeriod = std::chrono::seconds(2);
 // A clock known this well is said once, when it is off by so much that somebody should look.
 constexpr double kKnownShift_s = 1e-3;
 constexpr double kWorthSaying_s = 5e-3;
-// A tag unseen for so long has left the view.
-constexpr Duration kOutOfView = std::chrono::seconds(2);
 
-MergerConfig merger_config(const BodySensors& sensors) {
-  MergerConfig config;
-  config.has_imu = sensors.imu.has_value();
-  config.max_images = 4 * sensors.cameras.size();  // older ones would only make the newest late
-  return config;
+/// More waiting images would only make the newest late.
+std::size_t images_that_wait(const PipelineSetup& setup) {
+  return 4 * std::max<std::size_t>(1, setup.sensors.cameras.size());
 }
 
-/// Adds the CPU time between its birth and its death.
-class CpuMeter final {
- public:
-  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
-  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
-  CpuMeter(const CpuMeter&) = delete;
-  CpuMeter& operator=(const CpuMeter&) = delete;
-
- private:
-  Duration& sum_;
-  Duration begin_;
-};
+PipelineSetup live(PipelineSetup setup) {
+  setup.merger.max_images = images_that_wait(setup);
+  return setup;
+}
 
 }  // namespace
 
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
-    : parts_(std::move(parts)),
+    : index_(parts.index),
+      id_(parts.id),
+      name_(std::move(parts.name)),
+      source_(std::move(parts.source)),
       shared_(shared),
-      inbox_(merger_config(parts_.sensors)),
-      doubts_(parts_.sensors, shared.estimator) {
-  for (int camera = 0; camera < static_cast<int>(parts_.sensors.cameras.size()); ++camera)
-    inbox_.set_clock_shift(camera, shift_to_apply(parts_.filter->clock(camera), Duration{0}));
-}
+      pipeline_(live(std::move(parts.setup)), std::move(parts.filter)),
+      inbox_(images_that_wait(pipeline_.setup())) {}
 
 void BodyWorker::read(std::stop_token stop) {
   try {
     read_samples(stop);
   } catch (const std::exception& failure) {
-    log::error("capture", parts_.name + ": " + failure.what());
+    log::error("capture", name_ + ": " + failure.what());
   }
   inbox_.finish();
   reading_ = false;
@@ -66,20 +52,19 @@ void BodyWorker::read(std::stop_token stop) {
 
 void BodyWorker::read_samples(std::stop_token stop) {
   while (!stop.stop_requested()) {
-    auto sample = parts_.source->next(stop);
-    if (!sample)
-      return log::error("capture", parts_.name + ": source lost: " + sample.error().text());
+    auto sample = source_->next(stop);
+    if (!sample) return log::error("capture", name_ + ": source lost: " + sample.error().text());
     if (!sample->has_value()) {
-      if (!stop.stop_requested()) log::info("capture", parts_.name + ": source has ended");
+      if (!stop.stop_requested()) log::info("capture", name_ + ": source has ended");
       return;
     }
     const auto* imu = std::get_if<ImuSample>(&**sample);
-    if (imu != nullptr && !parts_.sensors.imu) continue;
+    if (imu != nullptr && !pipeline_.setup().sensors.imu) continue;
     if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite())
-      shared_.scene.add_imu(parts_.index, *imu);
+      shared_.scene.add_imu(index_, *imu);
     if (!inbox_.push(std::move(**sample), shared_.clock.now())) {
-      return log::error(
-          "capture", parts_.name + ": the worker does not keep up with the IMU; the body is lost");
+      return log::error("capture",
+                        name_ + ": the worker does not keep up with the IMU; the body is lost");
     }
   }
 }
@@ -88,104 +73,95 @@ void BodyWorker::work(std::stop_token stop) {
   try {
     work_samples(stop);
   } catch (const std::exception& failure) {
-    log::error("app", parts_.name + ": " + failure.what());
+    log::error("pipeline", name_ + ": " + failure.what());
   }
   inbox_.close();
-  statistics_.merger = inbox_.statistics();
+  shared_.map.release(id_);
   ended_ = true;
   if (stop.stop_requested()) return;
-  shared_.scene.source_lost(parts_.index);
-  log::warning("app", parts_.name + " is lost; the server goes on");
+  shared_.scene.source_lost(index_);
+  log::warning("pipeline", name_ + " is lost; the server goes on");
 }
 
 void BodyWorker::work_samples(std::stop_token stop) {
-  while (const auto delivery = inbox_.pop(stop)) {
-    if (const auto* imu = std::get_if<ImuSample>(&delivery->sample)) {
-      const CpuMeter meter(statistics_.propagate_cpu);
-      parts_.filter->propagate(*imu);
-      if (search_) search_->add_imu(*imu);
-      doubts_.add(*imu);
-      shared_.recorder.take(parts_.index, delivery->sample);
-      ++statistics_.imu_samples;
-      continue;
+  while (inbox_.take(taken_, stop)) {
+    for (Delivery& delivery : taken_) {
+      if (!std::holds_alternative<ImuSample>(delivery.sample))
+        arrivals_[next_arrival_++ % arrivals_.size()] = {time_of(delivery.sample),
+                                                         delivery.arrived};
+      if (!pipeline_.push(std::move(delivery.sample)))
+        return log::error("pipeline", name_ + ": too many IMU readings wait for an image");
+      work_on_what_is_due();
     }
-    take_frame(*delivery);
+  }
+  if (stop.stop_requested()) return;
+  pipeline_.finish();
+  work_on_what_is_due();
+}
+
+void BodyWorker::work_on_what_is_due() {
+  while (const SensorSample* sample = pipeline_.next()) {
+    shared_.recorder.take(index_, *sample);
+    const MapView view = pipeline_.next_is_image() ? shared_.map.view(id_) : MapView{};
+    if (const BodyUpdate* update = pipeline_.take(view)) publish(*update, view);
   }
 }
 
-void BodyWorker::take_frame(const Delivery& delivery) {
-  const CornerFrame& corners = corners_of(delivery.sample);
-  const auto camera = static_cast<std::size_t>(corners.camera);
-  if (camera >= parts_.sensors.cameras.size())
-    return;  // a source with more cameras than the body knows
-  shared_.recorder.take(parts_.index, delivery.sample);
-  if (std::holds_alternative<CameraFrame>(delivery.sample))
-    shared_.recorder.take(parts_.index, corners);
-  const CpuMeter meter(statistics_.update_cpu);
-  auto& filter = *parts_.filter;
-  observe(corners, parts_.sensors.cameras[camera].model, shared_.tags, shared_.detector, seen_);
-  if (shared_.scene.wants_reset(parts_.index, seen_.exposed_at)) {
-    filter.lose_motion();
-    ++statistics_.restarts;
-  }
-  shared_.map.snapshot()->known_among(seen_, known_);
-  const UpdateReport report = filter.update(seen_, known_);
-  inbox_.set_clock_shift(seen_.camera,
-                         shift_to_apply(filter.clock(seen_.camera), seen_.clock_shift));
-  filter.tag_beliefs(beliefs_);
-  shared_.map.absorb(parts_.id, beliefs_, utc_now_ns());
-  for (const auto& event : shared_.map.take_events()) {
-    const bool news =
-        event.kind == MapEvent::Kind::kTagAdded;  // versions are announced by the map keeper
-    log::write(news ? log::Level::kInfo : log::Level::kDebug, "mapping", event.text);
-  }
-  hand_over_tags(seen_.exposed_at);
-  std::optional<BodyEstimate> estimate;
-  if (filter.running()) estimate = filter.estimate();
-  if (search_) search_->corrected(filter, estimate);
-  const std::uint64_t dropped = inbox_.statistics().images_dropped;
-  shared_.scene.ingest(parts_.index, estimate, report, shared_.clock.now() - delivery.arrived,
+void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
+  if (!pipeline_.source_gives_corners()) shared_.recorder.take_found(index_, update.corners);
+  tell_map(update, view);
+  const std::uint64_t dropped =
+      inbox_.images_dropped() + pipeline_.statistics().merger.images_dropped;
+  const Instant now = shared_.clock.now();
+  shared_.scene.ingest(index_, update.estimate, update.report, now - arrival_of(update.corners),
                        dropped);
-  doubt(report, estimate);
-  ++statistics_.frames;
-  statistics_.lateness.add(shared_.clock.now() - seen_.exposed_at);
-  statistics_.tags_used += static_cast<std::uint64_t>(report.tags_used);
-  if (estimate && estimate->anchored && report.tags_used > 0) ++statistics_.frames_with_pose;
-  if (filter.running()) remember_extrinsics(seen_.exposed_at);
+  statistics_.lateness.add(now - update.seen.exposed_at);
+  tell_people(update);
+  remember_cameras(update);
 }
 
-void BodyWorker::doubt(const UpdateReport& report, const std::optional<BodyEstimate>& estimate) {
-  const std::string news = doubts_.add(seen_, report, estimate, beliefs_, known_);
-  if (!news.empty()) log::warning("estimation", parts_.name + ": " + news);
+void BodyWorker::tell_map(const BodyUpdate& update, const MapView& view) {
+  const bool anchored = update.estimate && update.estimate->anchored;
+  const std::uint64_t turn = shared_.map.absorb({.body_id = id_,
+                                                 .at = update.seen.exposed_at,
+                                                 .anchored = anchored,
+                                                 .beliefs = update.beliefs,
+                                                 .contradicted = update.report.named_dropped()},
+                                                utc_now_ns());
+  shared_.recorder.take_turn(index_, update, view, turn);
 }
 
-void BodyWorker::hand_over_tags(Instant now) {
-  if (static_cast<int>(beliefs_.size()) <= shared_.estimator.hand_over_above) return;
-  const auto map = shared_.map.snapshot();
-  const TagBelief* oldest = nullptr;
-  for (const TagBelief& belief : beliefs_) {
-    const MapTag* kept = map->find(belief.tag.tag_id);
-    if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
-    if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
+void BodyWorker::tell_people(const BodyUpdate& update) {
+  for (const auto& event : shared_.map.take_events()) {
+    // Versions are announced by the map keeper.
+    const bool news = event.kind != MapEvent::Kind::kPublished &&
+                      event.kind != MapEvent::Kind::kTagRefined &&
+                      event.kind != MapEvent::Kind::kTagCalibrated;
+    const bool bad = event.kind == MapEvent::Kind::kTagQuarantined;
+    log::write(bad    ? log::Level::kWarning
+               : news ? log::Level::kInfo
+                      : log::Level::kDebug,
+               "mapping", event.text);
   }
-  if (oldest != nullptr && now - oldest->last_seen > kOutOfView)
-    parts_.filter->release_tag(oldest->tag.tag_id);
+  for (const BodyEvent& event : update.events) {
+    if (!event.text.empty()) log::warning("estimation", name_ + ": " + event.text);
+  }
 }
 
-const CornerFrame& BodyWorker::corners_of(const SensorSample& sample) {
-  if (const auto* corners = std::get_if<CornerFrame>(&sample)) return *corners;
-  const CpuMeter meter(statistics_.detect_cpu);
-  if (!search_) search_.emplace(parts_.sensors, shared_.tags, shared_.detector, shared_.estimator);
-  return search_->search(std::get<CameraFrame>(sample), beliefs_, *shared_.map.snapshot());
+Instant BodyWorker::arrival_of(const CornerFrame& corners) const {
+  const Instant stamp = corners.exposed_at - corners.clock_shift;
+  const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
+                                  [&](const Arrival& a) { return a.stamp == stamp; });
+  return found == arrivals_.end() ? stamp : found->arrived;
 }
 
-void BodyWorker::remember_extrinsics(Instant now) {
-  if (learned_at_ && now - *learned_at_ < kRememberPeriod) return;
+void BodyWorker::remember_cameras(const BodyUpdate& update) {
+  const Instant now = update.seen.exposed_at;
+  if (!update.estimate || (learned_at_ && now - *learned_at_ < kRememberPeriod)) return;
   learned_at_ = now;
-  auto newest = parts_.filter->extrinsics();
-  if (!clocks_announced_) announce_clocks(newest);
+  if (!clocks_announced_) announce_clocks(update.cameras);
   const std::lock_guard lock(learned_mutex_);
-  learned_ = std::move(newest);
+  learned_ = update.cameras;
 }
 
 void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras) {
@@ -196,23 +172,25 @@ void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras)
   if (!clocks_announced_) return;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
-    log::info("estimation", parts_.name + ": " +
-                                calibration_text(k, cameras[k], parts_.sensors.cameras[k]) +
-                                "; its stamps are corrected by that");
+    log::info("estimation",
+              name_ + ": " + calibration_text(k, cameras[k], pipeline_.setup().sensors.cameras[k]) +
+                  "; its stamps are corrected by that");
   }
 }
 
 std::vector<std::string> BodyWorker::learned_text() const {
   std::vector<std::string> lines;
   const auto cameras = learned();
-  for (std::size_t k = 0; k < cameras.size() && k < parts_.sensors.cameras.size(); ++k)
-    lines.push_back(calibration_text(k, cameras[k], parts_.sensors.cameras[k]));
+  const auto& told = pipeline_.setup().sensors.cameras;
+  for (std::size_t k = 0; k < cameras.size() && k < told.size(); ++k)
+    lines.push_back(calibration_text(k, cameras[k], told[k]));
   return lines;
 }
 
 BodyStatistics BodyWorker::statistics() const {
   BodyStatistics all = statistics_;
-  if (search_) all.search = search_->statistics();
+  all.pipeline = pipeline_.statistics();
+  all.images_dropped = inbox_.images_dropped() + all.pipeline.merger.images_dropped;
   return all;
 }
 
@@ -222,22 +200,23 @@ std::vector<ExtrinsicsEstimate> BodyWorker::learned() const {
 }
 
 std::string BodyStatistics::text() const {
-  const auto per = [](Duration cpu, std::uint64_t runs) {
-    return runs == 0 ? 0.0 : to_seconds(cpu) * 1e3 / static_cast<double>(runs);
+  const PipelineStatistics& p = pipeline;
+  const auto per_frame_ms = [&](Duration cpu) {
+    return p.frames == 0 ? 0.0 : to_seconds(cpu) * 1e3 / static_cast<double>(p.frames);
   };
   std::ostringstream line;
   line.precision(3);
-  line << frames << " frames (" << frames_with_pose << " with pose), " << tags_used
-       << " tags used, " << imu_samples << " IMU samples; CPU per frame: detect "
-       << per(detect_cpu, frames) << " ms, update " << per(update_cpu, frames) << " ms, propagate "
-       << per(propagate_cpu, frames) << " ms; dropped: " << merger.images_dropped
-       << " images when busy, " << merger.late_dropped << " late, " << merger.backwards_dropped
-       << " backwards, " << merger.bad_dropped << " bad; " << restarts << " restarts";
+  line << p.frames << " frames (" << p.frames_with_pose << " with pose), " << p.tags_used
+       << " tags used, " << p.imu_samples << " IMU samples; CPU per frame: detect "
+       << per_frame_ms(p.detect_cpu) << " ms, update " << per_frame_ms(p.update_cpu)
+       << " ms, propagate " << per_frame_ms(p.propagate_cpu) << " ms; dropped: " << images_dropped
+       << " images when busy, " << p.merger.late_dropped << " late, " << p.merger.backwards_dropped
+       << " backwards, " << p.merger.bad_dropped << " bad; " << p.motion_losses << " restarts";
   const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
   line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
-  if (search.images > 0) {
-    line << "; " << search.whole_images << " images searched whole, " << search.found << " of "
-         << search.expected << " expected tags in their regions";
+  if (p.search.images > 0) {
+    line << "; " << p.search.whole_images << " images searched whole, " << p.search.found << " of "
+         << p.search.expected << " expected tags in their regions";
   }
   return line.str();
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <mutex>
@@ -13,10 +14,8 @@
 #include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_inbox.hpp"
 #include "daemon/session_recorder.hpp"
-#include "estimation/body_filter.hpp"
 #include "mapping/map_builder.hpp"
-#include "pipeline/guided_search.hpp"
-#include "pipeline/tag_doubts.hpp"
+#include "pipeline/body_pipeline.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
@@ -26,42 +25,31 @@ struct BodyParts {
   std::size_t index{};  ///< In the scene.
   int id{};             ///< In the map and on the wires.
   std::string name;
-  BodySensors sensors;
+  PipelineSetup setup;
   std::unique_ptr<SensorSource> source;
-  std::unique_ptr<BodyFilter> filter;
+  std::unique_ptr<BodyFilter> filter{};  ///< nullptr: as the setup says.
 };
 
 /// What all bodies share.
 struct SharedParts {
-  const TagSetConfig& tags;
-  const DetectorConfig& detector;
   MapBuilder& map;
   Scene& scene;
   const Clock& clock;
   SessionRecorder& recorder;
-  EstimatorConfig estimator{};
 };
 
 /// What a body did and what it cost. CPU of its worker thread.
 struct BodyStatistics {
-  std::uint64_t frames{};
-  std::uint64_t frames_with_pose{};
-  std::uint64_t tags_used{};
-  std::uint64_t imu_samples{};
-  std::uint64_t restarts{};
-  Duration detect_cpu{};
-  Duration update_cpu{};  ///< Correction with the corners and everything after it.
-  Duration propagate_cpu{};
-  MergerStatistics merger{};
-  DurationHistogram lateness{};  ///< Middle of exposure → corrected; for live sources.
-  SearchStatistics search{};     ///< Of images; all zero when the source gives corners.
+  PipelineStatistics pipeline{};
+  std::uint64_t images_dropped{};  ///< Because the worker was busy.
+  DurationHistogram lateness{};    ///< Middle of exposure → corrected; for live sources.
 
   [[nodiscard]] std::string text() const;  ///< One line for the log.
 };
 
-/// The life of one body's samples: a reader that waits for the device and a worker that computes.
-/// Both are plain functions for a thread to run; when the source ends or fails, the body is lost
-/// and everything else goes on.
+/// The life of one body's samples: a reader that waits for the device, and a worker that drives the
+/// body's pipeline. Both are plain functions for a thread to run; when the source ends or fails,
+/// the body is lost and everything else goes on.
 class BodyWorker final {
  public:
   BodyWorker(BodyParts parts, const SharedParts& shared);
@@ -69,10 +57,10 @@ class BodyWorker final {
   /// Waits for the source until it ends, fails or is stopped. Readings of the IMU reach the scene
   /// at once.
   void read(std::stop_token stop);
-  /// Detects, corrects, maps and publishes until the reader has finished and all is done.
+  /// Works on what was read, tells map, scene and recorder, until the reader has finished.
   void work(std::stop_token stop);
 
-  [[nodiscard]] const std::string& name() const { return parts_.name; }
+  [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool reading() const { return reading_; }
   [[nodiscard]] bool ended() const { return ended_; }
   /// @pre work() has returned
@@ -82,28 +70,35 @@ class BodyWorker final {
   /// What was learned about the cameras, in words; a line per camera.
   [[nodiscard]] std::vector<std::string> learned_text() const;
   /// What was said about tags that do not fit together. From any thread.
-  [[nodiscard]] std::vector<std::string> doubts() const { return doubts_.said(); }
+  [[nodiscard]] std::vector<std::string> doubts() const { return pipeline_.doubts(); }
 
  private:
   void read_samples(std::stop_token stop);
   void work_samples(std::stop_token stop);
-  void take_frame(const Delivery& delivery);
-  const CornerFrame& corners_of(const SensorSample& sample);
-  void remember_extrinsics(Instant now);
+  void work_on_what_is_due();
+  void publish(const BodyUpdate& update, const MapView& view);
+  void tell_map(const BodyUpdate& update, const MapView& view);
+  void tell_people(const BodyUpdate& update);
+  void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
-  void hand_over_tags(Instant now);
-  void doubt(const UpdateReport& report, const std::optional<BodyEstimate>& estimate);
+  [[nodiscard]] Instant arrival_of(const CornerFrame& corners) const;
 
-  BodyParts parts_;
+  struct Arrival {
+    Instant stamp{};  ///< Of the device.
+    Instant arrived{};
+  };
+
+  std::size_t index_;
+  int id_;
+  std::string name_;
+  std::unique_ptr<SensorSource> source_;
   SharedParts shared_;
+  BodyPipeline pipeline_;
   BodyInbox inbox_;
-  std::optional<GuidedSearch>
-      search_;  // built with the first image: recordings of corners need none
-  TagObservations seen_;
-  std::vector<KnownTag> known_;
-  std::vector<TagBelief> beliefs_;
+  std::vector<Delivery> taken_;
+  std::array<Arrival, 64> arrivals_{};  ///< Of the newest images.
+  std::size_t next_arrival_{0};
   BodyStatistics statistics_;
-  TagDoubts doubts_;
   std::atomic<bool> reading_{true};
   std::atomic<bool> ended_{false};
   mutable std::mutex learned_mutex_;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "daemon/config/config_schema.hpp"
-#include "daemon/config/streaming_schema.hpp"
 #include "simulation/simulation_schema.hpp"
 
 /// The rest of what a configuration file may say: bodies and the whole.
@@ -31,6 +30,14 @@ void describe(V& v, dds::NetworkConfig& c) {
 }
 
 template <class V>
+void describe(V& v, StreamingConfig& c) {
+  v.value("rate_hz", c.rate_hz);
+  v.value("optional", c.optional);
+  for_each_protocol([&v](std::string_view name, auto& config) { v.section(name.data(), config); },
+                    c);
+}
+
+template <class V>
 void describe(V& v, OperatorConfig& c) {
   v.value("token", c.token);
 }
@@ -39,6 +46,7 @@ template <class V>
 void describe(V& v, RecorderConfig& c) {
   v.path("folder", c.folder);
   v.value("images", c.images);
+  v.value("at_start", c.at_start);
 }
 
 template <class V>

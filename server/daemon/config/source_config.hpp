@@ -3,7 +3,7 @@
 #include <array>
 #include <string_view>
 
-#include "base/words.hpp"
+#include "base/config_check.hpp"
 #include "capture/camera_device.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/ros/ros_config.hpp"

@@ -20,6 +20,9 @@ constexpr double kHopelessCostPerNumber = 25.0;
 // Without attitude: after so many views a branch that costs this many times the other is out.
 constexpr int kRatioViews = 3;
 constexpr double kClearRatio = 9.0;
+// Older views judge no more: a gyro with the bias of a start has turned away by then, and a tag
+// that was seen once and never again was none.
+constexpr Duration kOldestView = std::chrono::seconds(5);
 
 /// The other attitude that gives nearly the same picture: the face's normal mirrored at the line of
 /// sight. Exact for a tag that is far away compared with its size.
@@ -38,31 +41,43 @@ void TagCandidates::forget(int tag_id) {
   std::erase_if(candidates_, [&](const auto& entry) { return entry.first.first == tag_id; });
 }
 
-std::optional<TagVerdict> TagCandidates::judge(int camera, const TagObservation& seen,
+void TagCandidates::forget_aged(Instant now) {
+  const auto is_aged = [&](Instant at) { return now - at > kOldestView; };
+  for (auto& [key, candidate] : candidates_)
+    std::erase_if(candidate.views, [&](const View& view) { return is_aged(view.at); });
+  std::erase_if(candidates_, [&](const auto& entry) { return is_aged(entry.second.last_seen); });
+}
+
+std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const TagObservation& seen,
                                                const CameraModel& model, double noise_px,
                                                const std::optional<CameraAttitude>& attitude,
                                                const Patience& patience) {
   const auto poses = solve_tag_pose(seen, model);
   if (!std::isfinite(poses[0].rms_px)) return std::nullopt;
+  forget_aged(at);
   Candidate& candidate = candidates_[{seen.tag_id, camera}];
+  candidate.last_seen = at;
   ++candidate.seen_times;
   const bool forced = patience.forced_after > 0 && candidate.seen_times >= patience.forced_after;
   const double noise = std::max(noise_px, config_.corner_noise_px);
   const double weight = 1.0 / (noise * noise);
   const auto decided =
-      attitude ? judge_turning(candidate, seen, model, weight, poses, attitude->q_WV, forced)
+      attitude ? judge_turning(candidate, {at, seen, weight, attitude->q_WV, poses[0].X_VT.p},
+                               model, poses, forced)
                : judge_alone(candidate, weight, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
   forget(seen.tag_id);
   return decided;
 }
 
-std::optional<TagVerdict> TagCandidates::judge_turning(
-    Candidate& candidate, const TagObservation& seen, const CameraModel& model, double weight,
-    const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV, bool forced) {
+std::optional<TagVerdict> TagCandidates::judge_turning(Candidate& candidate, View newest,
+                                                       const CameraModel& model,
+                                                       const std::array<TagPose, 2>& poses,
+                                                       bool forced) {
+  const Eigen::Quaterniond q_WV = newest.q_WV;
   auto& views = candidate.views;
   if (views.size() >= static_cast<std::size_t>(config_.branch_views)) views.erase(views.begin());
-  views.push_back({seen, weight, q_WV, poses[0].X_VT.p});
+  views.push_back(std::move(newest));
   Branch best = fit(views, model, q_WV * poses[0].X_VT.q, true);
   const auto mirror = [&] {
     return q_WV * mirrored(q_WV.conjugate() * best.q_WT, poses[0].X_VT.p);
@@ -76,7 +91,9 @@ std::optional<TagVerdict> TagCandidates::judge_turning(
 
   const double numbers = 8.0 * static_cast<double>(views.size());
   if (best.cost > kHopelessCostPerNumber * numbers) {
+    const Instant last_seen = candidate.last_seen;
     candidate = Candidate{};
+    candidate.last_seen = last_seen;
     return std::nullopt;
   }
   const bool one_branch = angle_between(best.q_WT, rival.q_WT) < kSameBranch_rad;

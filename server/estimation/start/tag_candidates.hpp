@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/time.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_pose.hpp"
 #include "estimation/estimator_config.hpp"
@@ -35,7 +36,7 @@ struct Patience {
 /// stands still in the room, the gyro knows how the camera turned, so the wrong branch would need a
 /// tag that turns. A branch wins when the other costs more than `branch_evidence` in chi-square.
 /// Each view keeps its own distance, only the tag's attitude is shared, so no knowledge of the
-/// camera's path is needed.
+/// camera's path is needed. Views age: a gyro drifts, and a tag may be carried off.
 class TagCandidates final {
  public:
   explicit TagCandidates(const EstimatorConfig& config) : config_(config) {}
@@ -47,7 +48,7 @@ class TagCandidates final {
   /// @param attitude     nullopt: nothing tells how the camera turned; the views' own evidence is
   /// added up
   /// @return nullopt while its branch is not certain
-  [[nodiscard]] std::optional<TagVerdict> judge(int camera, const TagObservation& seen,
+  [[nodiscard]] std::optional<TagVerdict> judge(int camera, Instant at, const TagObservation& seen,
                                                 const CameraModel& model, double noise_px,
                                                 const std::optional<CameraAttitude>& attitude,
                                                 const Patience& patience);
@@ -57,6 +58,7 @@ class TagCandidates final {
 
  private:
   struct View {
+    Instant at{};
     TagObservation seen;
     double weight{};  ///< 1/px²
     Eigen::Quaterniond q_WV;
@@ -68,6 +70,7 @@ class TagCandidates final {
   };
   struct Candidate {
     std::vector<View> views;  ///< With attitude: the newest `branch_views`.
+    Instant last_seen{};
     int seen_times{0};
     double followed_cost{0};  ///< Without attitude: Σ chi-square of the followed branch …
     double rival_cost{0};     ///< … and of the other.
@@ -76,9 +79,11 @@ class TagCandidates final {
   /// @param turns  false: the attitude is given, only the views' distances are fitted
   [[nodiscard]] Branch fit(std::vector<View>& views, const CameraModel& model,
                            Eigen::Quaterniond q_WT, bool turns) const;
-  [[nodiscard]] std::optional<TagVerdict> judge_turning(
-      Candidate& candidate, const TagObservation& seen, const CameraModel& model, double weight,
-      const std::array<TagPose, 2>& poses, const Eigen::Quaterniond& q_WV, bool forced);
+  [[nodiscard]] std::optional<TagVerdict> judge_turning(Candidate& candidate, View newest,
+                                                        const CameraModel& model,
+                                                        const std::array<TagPose, 2>& poses,
+                                                        bool forced);
+  void forget_aged(Instant now);
   [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, double weight,
                                                       const std::array<TagPose, 2>& poses,
                                                       bool forced);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "estimation/imu/imu_buffer.hpp"
 #include "estimation/world/workspace_axes.hpp"
 
 namespace fiducap::world {
@@ -11,10 +12,25 @@ void ImageMemory::forget_all() {
   for (Checkpoint& checkpoint : checkpoints_) checkpoint.number = -1;
 }
 
+void ImageMemory::forget_tag(int tag_id) {
+  const auto is_it = [&](const auto& entry) { return entry.tag_id == tag_id; };
+  stop_waiting(tag_id);
+  for (Image& image : images_) {
+    std::erase_if(image.admissions, is_it);
+    std::erase_if(image.known, is_it);
+  }
+  for (Checkpoint& checkpoint : checkpoints_) {
+    const int tag = checkpoint.number < 0 ? -1 : checkpoint.state.find(tag_id);
+    if (tag >= 0) checkpoint.state.remove_tag(static_cast<std::size_t>(tag));
+  }
+}
+
 void ImageMemory::add(const TagObservations& seen, std::span<const KnownTag> known) {
   ++newest_;
-  std::erase_if(waiting_,
-                [&](const FirstSight& first) { return first.number <= newest_ - kImages; });
+  std::erase_if(waiting_, [&](const FirstSight& first) {
+    return first.number <= newest_ - kImages ||
+           seen.exposed_at - image(first.number).seen.exposed_at > kFilterPast;
+  });
   free_unneeded();
   Image& image = images_[slot(newest_)];
   image.seen = seen;

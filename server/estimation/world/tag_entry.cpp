@@ -1,11 +1,15 @@
 #include "estimation/world/tag_entry.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/kalman_gain.hpp"
 #include "estimation/filter/linear_term.hpp"
 #include "estimation/world/corner_measurement.hpp"
 
@@ -65,6 +69,58 @@ void hold(FilterState& state, const KnownTag& known, Instant at) {
   tag.last_seen = at;
   const Matrix6d J = world_from_plain_error(known.X_WT.p);
   state.add_tag(tag, J * known.covariance * J.transpose());
+}
+
+bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
+  static const double kGate = chi_square_quantile(6, 0.9999);
+  constexpr double kLeastSigma = 1e-6;  // m and rad: a map's numbers are rounded
+  constexpr double kSingular = 1e-12;   // of the largest eigenvalue
+  auto P = state.P();
+  const int at = state.tag_at(tag);
+  const Matrix6d J = world_from_plain_error(now.X_WT.p);
+  const Matrix6d R = J * now.covariance * J.transpose();
+  const Matrix6d S = P.block<6, 6>(at, at);
+  const Vector6d moved = world_error_between(state.tags[tag].X_WT, now.X_WT);
+  Matrix6d apart = S + R;
+  apart.diagonal().array() += kLeastSigma * kLeastSigma;
+  if (!(moved.dot(apart.ldlt().solve(moved)) < kGate)) return false;
+
+  // Place and heading of a reference tag are exact, so S may be singular; nothing is correlated
+  // with what is exact.
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(S);
+  const double least = kSingular * std::max(0.0, eigen.eigenvalues()(5));
+  Vector6d inverse = Vector6d::Zero();
+  for (int k = 0; k < 6; ++k) {
+    if (eigen.eigenvalues()(k) > least) inverse(k) = 1.0 / eigen.eigenvalues()(k);
+  }
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> G =
+      P.middleCols<6>(at) *
+      (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose());
+  const Eigen::Matrix<double, Eigen::Dynamic, 6> GD = G * (S - R);
+  for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    P.col(k).head(k + 1).noalias() -= GD.topRows(k + 1) * G.row(k).transpose();
+    P.row(k).head(k) = P.col(k).head(k).transpose();
+  }
+  P.middleCols<6>(at).noalias() = G * R;
+  P.middleRows<6>(at) = P.middleCols<6>(at).transpose();
+  P.block<6, 6>(at, at) = R;
+  state.add_error(G * moved);
+  state.tags[tag].X_WT = now.X_WT;
+  return true;
+}
+
+void fuse_with_held(FilterState& state, std::size_t tag, std::size_t held) {
+  auto P = state.P();
+  const int a = state.tag_at(tag);
+  const int b = state.tag_at(held);
+  Vector6d y = world_error_between(state.tags[tag].X_WT, state.tags[held].X_WT);
+  Eigen::MatrixXd gain = P.middleCols<6>(a) - P.middleCols<6>(b);
+  Eigen::MatrixXd S = gain.middleRows<6>(a) - gain.middleRows<6>(b);
+  Eigen::VectorXd dx(state.size());
+  std::vector<unsigned char> mask;
+  kalman::solve(gain, S, y, state.held_tags(), dx);
+  kalman::shrink(P, gain, state.held_tags(), mask);
+  state.add_error(dx);
 }
 
 void fuse_prior(FilterState& state, std::size_t tag, const KnownTag& prior) {

@@ -1,28 +1,18 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <string>
 #include <vector>
 
 #include "base/stamped_pose.hpp"
 #include "capture/recording/recording.hpp"
-#include "capture/sample_merger.hpp"
-#include "detection/detector_config.hpp"
-#include "estimation/body_filter.hpp"
+#include "pipeline/replay/bodies_replay.hpp"
 
 namespace fiducap {
 
 /// Everything that decides what an offline run gives.
-struct OfflineSetup {
-  BodySensors sensors;
-  TagSetConfig tags;
-  DetectorConfig detector;
-  EstimatorConfig estimator;
-  WorkspaceGauge gauge;
-  std::string filter{"world"};
-  std::vector<KnownTag> known;   ///< Inputs of the filter: never estimated.
-  std::vector<KnownTag> priors;  ///< Estimated, with survey knowledge.
+struct OfflineSetup : PipelineSetup {
+  std::vector<KnownTag> known;  ///< Inputs of the filter: never estimated.
 };
 
 /// The recording's own calibration, sizes, reference tag, ignore list and known tags; configs at
@@ -36,6 +26,7 @@ struct OfflineStatistics {
   int frames_with_pose{};
   int frames_with_tags_and_pose{};
   double data_s{};  ///< First to last sample.
+  /// `read`: everything that is not one of the others.
   double read_cpu_s{}, detect_cpu_s{}, propagate_cpu_s{}, update_cpu_s{};
   double settle_cpu_s{};  ///< Without IMU: placing and refining after the last image.
   int imu_samples{};
@@ -52,26 +43,67 @@ struct OfflineStatistics {
   }
 };
 
+/// How sure the body's pose was at one image: position and rotation vector, both in W axes.
+struct StampedCovariance {
+  Instant at{};
+  Matrix6d covariance{Matrix6d::Zero()};
+};
+
 struct OfflineResult {
-  std::vector<StampedPose>
-      trajectory;  ///< One per image instant at which the filter ran and stood in the workspace.
+  /// One per image instant at which the filter ran and stood in the workspace.
+  std::vector<StampedPose> trajectory;
+  std::vector<StampedCovariance> covariances;  ///< Of the live poses, same instants.
   /// Without IMU `trajectory` and `tags` are refined together (SettledTrajectory), and this is what
   /// the filter gave out live; with IMU it is empty, because `trajectory` is live.
   std::vector<StampedPose> live;
   std::vector<KnownTag> known;  ///< As given.
-  std::vector<TagBelief> tags;  ///< As the filter saw them at the end; without IMU refined.
+  std::vector<TagBelief> tags;  ///< As filter and map saw them at the end; without IMU refined.
   std::vector<ExtrinsicsEstimate> extrinsics;
   std::vector<std::string> doubts;  ///< About tags that do not fit together, in words (TagDoubts).
+  std::vector<BodyEvent> events;    ///< What happened to the estimate, in order.
   OfflineStatistics statistics;
 };
 
 /// Called now and then with the seconds of data done.
 using OfflineProgress = std::function<void(double data_s)>;
 
-/// Runs one body's samples through merger, detector and filter, one after the other in this thread:
-/// no clock, no randomness; the same samples give the same result to the last bit.
-/// @return Error when the source is lost or the refinement fails. A source without images gives an
+/// One robot of a session that is run offline.
+struct OfflineBody {
+  int id{1};
+  std::string name;
+  OfflineSetup setup;
+  SensorSource* source{};
+};
+
+/// The map that all bodies of a session share.
+struct OfflineMap {
+  MapConfig config{};
+  TagMap start{};  ///< What is known before; the bodies' known tags are added.
+  std::vector<MapTurn>
+      turns{};  ///< Of a recorded session; empty: images of all bodies by their time.
+};
+
+struct OfflineMapEvent {
+  Instant at{};
+  MapEvent event;
+};
+
+struct OfflineSession {
+  std::vector<OfflineResult> bodies;
+  TagMap map;
+  std::vector<OfflineMapEvent> map_events;
+  std::uint64_t turns_missed{};  ///< See BodiesReplay.
+  LiveAgreement agreement;
+};
+
+/// Runs all bodies over one live map (BodiesReplay) and notes what became of each.
+/// @return Error when a source is lost or the refinement fails. A source without images gives an
 /// empty trajectory.
+[[nodiscard]] Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies,
+                                                    const OfflineMap& map,
+                                                    const OfflineProgress& progress = {});
+
+/// The same for one body and nothing else known.
 [[nodiscard]] Expected<OfflineResult> run_offline(const OfflineSetup& setup, SensorSource& source,
                                                   const OfflineProgress& progress = {});
 

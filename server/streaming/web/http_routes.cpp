@@ -10,12 +10,15 @@ namespace {
 constexpr std::string_view kNoPage = R"(<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Fiducap: no page</title>
 <h1>Fiducap is running, its page is not built</h1>
-<p>The bundle of the status page was not found beside the program. To build it, install Node 18 or newer with npm, then</p>
+<p>The bundle of the status page was not found beside the program.
+To build it, install Node 18 or newer with npm, then</p>
 <pre>cmake --preset release -DFIDUCAP_WEB=ON
 cmake --build --preset release</pre>
-<p>and start the server again; or let <code>streaming.web.root</code> name the folder of a bundle built elsewhere.</p>
+<p>and start the server again; or let <code>streaming.web.root</code> name the folder of a bundle
+built elsewhere.</p>
 <p>Everything else works: <a href="/api/v1/state">/api/v1/state</a> is the present state as JSON,
-<a href="/healthz">/healthz</a> tells whether frames flow, and <code>/api/v1/live</code> is the live WebSocket.</p>
+<a href="/healthz">/healthz</a> tells whether frames flow, and <code>/api/v1/live</code> is the
+live WebSocket.</p>
 </html>
 )";
 

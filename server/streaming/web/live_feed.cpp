@@ -27,7 +27,8 @@ LiveFeed::LiveFeed(const WebConfig& config, WebSources sources,
                    std::shared_ptr<const SceneModel> model)
     : frame_period_(from_seconds(1.0 / config.rate_hz)),
       sources_(std::move(sources)),
-      model_(std::move(model)) {}
+      model_(std::move(model)),
+      told_mode_(sources_.map_mode ? sources_.map_mode() : std::string()) {}
 
 std::shared_ptr<LiveConnection> LiveFeed::join(std::string peer, Instant now) {
   auto connection = std::make_shared<LiveConnection>(std::move(peer), now);
@@ -75,7 +76,11 @@ bool LiveFeed::frame_due(Instant at) {
 void LiveFeed::tick(Instant now) {
   if (ticked_at_ && now - *ticked_at_ < kTickPeriod) return;
   ticked_at_ = now;
+  const std::string mode = sources_.map_mode ? sources_.map_mode() : std::string();
+  const bool is_news = mode != told_mode_;
+  told_mode_ = mode;
   if (connections_.empty()) return;
+  if (is_news) offer_all(Topic::kHello, hello());
   offer_all(Topic::kClients, clients());
   for (const auto& connection : connections_) offer_log(*connection);
 }
@@ -93,7 +98,7 @@ void LiveFeed::offer_log(LiveConnection& connection) const {
 
 Message LiveFeed::hello() const {
   return shared(encode_hello(
-      {sources_.server_name, sources_.version, sources_.map_mode, 1.0 / to_seconds(frame_period_)},
+      {sources_.server_name, sources_.version, told_mode_, 1.0 / to_seconds(frame_period_)},
       *model_));
 }
 

@@ -44,6 +44,7 @@ class LiveFeed final {
   Duration frame_period_;
   WebSources sources_;
   std::shared_ptr<const SceneModel> model_;
+  std::string told_mode_;  ///< Of the map, as the pages know it.
   std::shared_ptr<const SceneFrame> newest_;
   std::shared_ptr<const TagMap> sent_map_;
   std::optional<Instant> map_sent_at_;

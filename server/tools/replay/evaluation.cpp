@@ -138,6 +138,7 @@ Expected<ReprojectionSummary> reproject(RecordingInfo info, const RunResults& ru
 }  // namespace
 
 Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
+  if (auto same = check_same_run(tum); !same) return tl::unexpected(same.error());
   const std::filesystem::path folder = std::filesystem::path(tum).parent_path();
   const auto text = read_whole_file(tum);
   if (!text) return tl::unexpected(text.error());
@@ -145,7 +146,10 @@ Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   if (!trajectory) return tl::unexpected(trajectory.error());
   const auto map = read_map_file((folder / "map.csv").string());
   if (!map) return tl::unexpected(map.error());
-  const std::string extrinsics_path = (folder / "extrinsics.yaml").string();
+  const std::string own =
+      (folder / (std::filesystem::path(tum).stem().string() + ".extrinsics.yaml")).string();
+  const std::string extrinsics_path =
+      std::filesystem::exists(own) ? own : (folder / "extrinsics.yaml").string();
   const auto extrinsics_text = read_whole_file(extrinsics_path);
   if (!extrinsics_text) return tl::unexpected(extrinsics_text.error());
   auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);

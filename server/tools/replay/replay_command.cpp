@@ -4,9 +4,11 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/system_clock.hpp"
 #include "tools/replay/run_files.hpp"
+#include "tools/replay/session_folder.hpp"
 #include "tools/tags/map_file.hpp"
 
 namespace fiducap {
@@ -68,12 +70,98 @@ Expected<void> apply_map(const std::string& path, OfflineSetup& setup) {
   return {};
 }
 
-void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
-                   const RecordingInfo& info, const OfflineResult& result) {
+/// One robot of this replay.
+struct Input {
+  RecordingInfo info;
+  OfflineSetup setup;
+  std::unique_ptr<SensorSource> source;
+};
+
+/// All robots of this replay and what they share.
+struct Inputs {
+  std::vector<Input> bodies;
+  OfflineMap map;
+  bool is_session{false};
+};
+
+/// The pipeline as the live server had it, sensors to the last bit.
+Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const SessionFolder& session,
+                                     std::size_t body, const RecordingInfo& info) {
+  const BodyConfig& config = session.config.bodies[body];
+  OfflineSetup setup = offline_setup(info);
+  auto live = read_body_setup(config, session.config.simulation);
+  static_cast<PipelineSetup&>(setup) =
+      pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}});
+  setup.known.clear();  // the session's map has them
+  if (!arguments.filter.empty()) setup.filter = arguments.filter;
+  return setup;
+}
+
+Expected<void> add_body(const ReplayArguments& arguments, const std::string& folder,
+                        const SessionFolder* session, Inputs& inputs) {
+  static const SystemClock clock;
+  auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
+  for (const Input& other : inputs.bodies) {
+    if (other.info.name == info->name)
+      return fail(ErrorCode::kInvalid, "two recordings have this name; their files would be mixed",
+                  info->name);
+    if (other.setup.gauge.reference_tag != info->reference_tag && session == nullptr)
+      return fail(ErrorCode::kInvalid,
+                  "names another reference tag than " + other.info.name +
+                      ": one map has one; give --set map.reference_tag=N",
+                  info->name);
+  }
+  auto setup = session == nullptr || !arguments.config.empty() || !arguments.sets.empty()
+                   ? replay_setup(arguments, *info)
+                   : session_setup(arguments, *session, inputs.bodies.size(), *info);
+  if (!setup) return tl::unexpected(setup.error());
+  auto source = open_recording(*info, {}, clock);
+  if (!source) return tl::unexpected(source.error());
+  inputs.bodies.push_back({std::move(*info), std::move(*setup), std::move(*source)});
+  return {};
+}
+
+Expected<void> add_session(const ReplayArguments& arguments, const std::string& folder,
+                           Inputs& inputs) {
+  auto session = read_session(folder);
+  if (!session) return tl::unexpected(session.error());
+  for (const std::string& body : session->bodies)
+    if (auto added = add_body(arguments, body, &*session, inputs); !added) return added;
+  inputs.map.config = session->config.map.builder;
+  inputs.map.start = std::move(session->map);
+  inputs.map.turns = std::move(session->turns);
+  inputs.is_session = true;
+  return {};
+}
+
+Expected<Inputs> read_inputs(const ReplayArguments& arguments) {
+  Inputs inputs;
+  for (const std::string& folder : arguments.recordings) {
+    const bool whole = is_session(folder);
+    if (whole && arguments.recordings.size() > 1)
+      return fail(ErrorCode::kInvalid, "is a whole session: replay it alone", folder);
+    if (auto added = whole ? add_session(arguments, folder, inputs)
+                           : add_body(arguments, folder, nullptr, inputs);
+        !added)
+      return tl::unexpected(added.error());
+  }
+  // One robot out of a session starts from the map that it had then.
+  if (!inputs.is_session && arguments.recordings.size() == 1) {
+    if (const auto session = session_of(arguments.recordings.front())) {
+      auto map = read_map_file(*session + "/map.yaml");
+      if (!map) return tl::unexpected(map.error());
+      inputs.map.start = std::move(*map);
+    }
+  }
+  return inputs;
+}
+
+void print_body(const Terminal& terminal, const std::string& name, const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
   const double cpu =
       s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
-  terminal.out << info.name << ": " << fixed(s.data_s, 1) << " s of data in " << fixed(cpu, 2)
+  terminal.out << name << ": " << fixed(s.data_s, 1) << " s of data in " << fixed(cpu, 2)
                << " s of CPU (read " << fixed(s.read_cpu_s, 2) << ", detect "
                << fixed(s.detect_cpu_s, 2) << ", propagate " << fixed(s.propagate_cpu_s, 2)
                << ", update " << fixed(s.update_cpu_s, 2) << ", settle " << fixed(s.settle_cpu_s, 2)
@@ -84,14 +172,46 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments,
                << "  reprojection median " << fixed(s.reprojection_median_px, 2) << " px, 95 % "
                << fixed(s.reprojection_p95_px, 2) << " px; NIS per degree of freedom "
                << fixed(s.nis_per_dof(), 2) << ", " << s.tags_rejected << " of "
-               << s.tags_rejected + s.tags_used << " sightings rejected\n"
-               << "  written to " << arguments.out << "; next: fiducap evaluate "
-               << (std::filesystem::path(arguments.out) / (info.name + ".tum")).string() << " "
-               << arguments.recording << "\n";
+               << s.tags_rejected + s.tags_used << " sightings rejected\n";
+  for (const std::string& doubt : result.doubts) terminal.out << "  warning: " << doubt << "\n";
 }
 
-void print_doubts(const Terminal& terminal, const OfflineResult& result) {
-  for (const std::string& doubt : result.doubts) terminal.out << "  warning: " << doubt << "\n";
+void print_summary(const Terminal& terminal, const ReplayArguments& arguments, const Inputs& inputs,
+                   const OfflineSession& session) {
+  for (std::size_t i = 0; i < inputs.bodies.size(); ++i)
+    print_body(terminal, inputs.bodies[i].info.name, session.bodies[i]);
+  if (session.turns_missed > 0)
+    terminal.out << "  warning: " << session.turns_missed
+                 << " images could not be replayed in the order of the live session (samples are "
+                    "missing in the recording, or it began later): estimates differ from the live "
+                    "ones\n";
+  if (const LiveAgreement& live = session.agreement; live.compared > 0) {
+    terminal.out << "  " << live.compared - live.different << " of " << live.compared
+                 << " live estimates repeated to the last bit";
+    if (live.different > 0)
+      terminal.out << ", the others at most " << live.worst_m << " m and " << live.worst_rad
+                   << " rad away";
+    terminal.out << "\n";
+  }
+  const Input& first = inputs.bodies.front();
+  terminal.out << "  written to " << arguments.out << "; next: fiducap evaluate "
+               << (std::filesystem::path(arguments.out) / (first.info.name + ".tum")).string()
+               << " " << first.info.folder << "\n";
+}
+
+/// A replay that gives no pose is not done.
+int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& session) {
+  int exit_code = kExitOk;
+  for (std::size_t i = 0; i < inputs.bodies.size(); ++i) {
+    const OfflineStatistics& s = session.bodies[i].statistics;
+    const std::string& folder = inputs.bodies[i].info.folder;
+    if (s.frames == 0)
+      exit_code =
+          report(terminal, {ErrorCode::kNotFound, "has neither images nor detections", folder});
+    else if (s.frames_with_pose == 0)
+      exit_code = report(terminal, {ErrorCode::kNotFound, no_pose_text(session.bodies[i]), folder});
+  }
+  return exit_code;
 }
 
 }  // namespace
@@ -108,33 +228,41 @@ Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const Reco
 }
 
 int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
-  const auto info = read_recording_info(arguments.recording);
-  if (!info) return report(terminal, info.error());
-  const auto setup = replay_setup(arguments, *info);
-  if (!setup) return report(terminal, setup.error());
-  const SystemClock clock;
-  const auto source = open_recording(*info, {}, clock);
-  if (!source) return report(terminal, source.error());
-
-  const auto result = [&] {
+  if (arguments.recordings.size() > 1 && !arguments.together)
+    return report(terminal, {ErrorCode::kInvalid,
+                             "several recordings share a map with --together; without it, replay "
+                             "them one by one",
+                             ""});
+  const auto inputs = read_inputs(arguments);
+  if (!inputs) return report(terminal, inputs.error());
+  if (auto free = check_run_folder(arguments.out); !free) return report(terminal, free.error());
+  std::vector<OfflineBody> bodies;
+  std::vector<RunBody> written;
+  for (const Input& input : inputs->bodies) {
+    bodies.push_back(
+        {static_cast<int>(bodies.size()) + 1, input.info.name, input.setup, input.source.get()});
+    written.push_back({input.info.name, input.info.folder});
+  }
+  const auto session = [&] {
     ProgressLine line(terminal);
-    return run_offline(*setup, **source, [&](double data_s) {
-      line.show("replaying " + info->name + ": " + fixed(data_s, 1) + " s of data");
+    return run_together(bodies, inputs->map, [&](double data_s) {
+      line.show("replaying " + inputs->bodies.front().info.name + ": " + fixed(data_s, 1) +
+                " s of data");
     });
   }();
-  if (!result) return report(terminal, result.error());
-  if (auto written = write_run_files(arguments.out, info->name, *setup, *result); !written)
-    return report(terminal, written.error());
-  if (arguments.json) {
-    terminal.out << run_report(info->name, *setup, *result);
-  } else {
-    print_summary(terminal, arguments, *info, *result);
-    print_doubts(terminal, *result);
+  if (!session) return report(terminal, session.error());
+  for (std::size_t i = 0; i < written.size(); ++i) {
+    written[i].setup = &inputs->bodies[i].setup;
+    written[i].result = &session->bodies[i];
   }
-  if (result->statistics.frames == 0)
-    return report(terminal,
-                  {ErrorCode::kNotFound, "has neither images nor detections", arguments.recording});
-  return kExitOk;
+  if (auto done = write_run_files(arguments.out, written, *session); !done)
+    return report(terminal, done.error());
+  if (arguments.json) {
+    terminal.out << run_report(written, *session);
+  } else {
+    print_summary(terminal, arguments, *inputs, *session);
+  }
+  return judge(terminal, *inputs, *session);
 }
 
 }  // namespace fiducap

@@ -5,16 +5,23 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
+#include <tuple>
 
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
+#include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
+#include "tools/replay/tum_file.hpp"
 #include "tools/whole_file.hpp"
 
 namespace fiducap {
 namespace {
+
+namespace fs = std::filesystem;
+constexpr double kDegrees = 180 / std::numbers::pi;
 
 // How far T_BS may be from a rotation: files carry nine decimals.
 constexpr double kRotationTolerance = 1e-5;
@@ -52,22 +59,162 @@ Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string&
   return Pose{Eigen::Quaterniond(R).normalized(), {m[3], m[7], m[11]}};
 }
 
+constexpr const char* kReport = "report.json";
+
+/// Files that a run may write, whatever the bodies are called.
+bool is_of_a_run(const fs::path& file) {
+  const std::string name = file.filename().string();
+  return name == "map.csv" || name == "events.csv" || name == kReport ||
+         name.ends_with("extrinsics.yaml") || name.ends_with(".tum") ||
+         name.ends_with(".covariance.csv");
+}
+
+/// What report.json of an earlier run lists; nullopt: there is none that we understand.
+std::optional<std::vector<std::string>> files_listed(const fs::path& folder) {
+  const auto text = read_whole_file((folder / kReport).string());
+  if (!text) return std::nullopt;
+  const auto json = nlohmann::json::parse(*text, nullptr, false);
+  if (!json.is_object() || !json.contains("files") || !json["files"].is_array())
+    return std::nullopt;
+  std::vector<std::string> files;
+  for (const auto& file : json["files"])
+    if (file.is_string()) files.push_back(file.get<std::string>());
+  return files;
+}
+
+std::string covariance_csv(const OfflineResult& result) {
+  std::string text = "#t_ns";
+  for (int row = 0; row < 6; ++row)
+    for (int column = row; column < 6; ++column)
+      text += ",P" + std::to_string(row) + std::to_string(column);
+  text += '\n';
+  for (const StampedCovariance& at : result.covariances) {
+    text += std::to_string(to_ns(at.at));
+    for (int row = 0; row < 6; ++row)
+      for (int column = row; column < 6; ++column)
+        text += ',' + shortest(at.covariance(row, column));
+    text += '\n';
+  }
+  return text;
+}
+
+std::string event_line(Instant at, const std::string& body, std::string_view event, int tag_id,
+                       const Pose& shift, std::string text) {
+  std::replace(text.begin(), text.end(), ',', ';');
+  const double turn_deg = 2 * std::atan2(shift.q.vec().norm(), std::abs(shift.q.w())) * kDegrees;
+  return std::to_string(to_ns(at)) + "," + body + "," + std::string(event) + "," +
+         (tag_id < 0 ? "" : std::to_string(tag_id)) + "," + shortest(shift.p.norm()) + "," +
+         shortest(turn_deg) + "," + text + "\n";
+}
+
+std::string events_csv(std::span<const RunBody> bodies, const OfflineSession& session) {
+  std::vector<std::pair<Instant, std::string>> lines;
+  for (const RunBody& body : bodies)
+    for (const BodyEvent& event : body.result->events)
+      lines.emplace_back(event.at, event_line(event.at, body.name, name_of(event.kind),
+                                              event.tag_id, event.shift, event.text));
+  for (const auto& [at, event] : session.map_events)
+    lines.emplace_back(at, event_line(at, "", name_of(event.kind),
+                                      event.tag_id == 0 ? -1 : event.tag_id, {}, event.text));
+  std::stable_sort(lines.begin(), lines.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::string text = "#t_ns,body,event,tag_id,shift_m,shift_deg,text\n";
+  for (const auto& [at, line] : lines) text += line;
+  return text;
+}
+
+/// True poses at the instants of the trajectory; empty: the recording has no truth.
+std::string truth_tum(const std::string& recording, const OfflineResult& result) {
+  if (recording.empty()) return {};
+  const auto truth = read_truth(recording);
+  if (!truth || truth->empty()) return {};
+  std::vector<StampedPose> poses;
+  for (const StampedPose& pose : result.trajectory) {
+    if (const auto X_WB = truth_at(*truth, pose.at)) poses.push_back({pose.at, *X_WB});
+  }
+  return to_tum(poses);
+}
+
+using Files = std::vector<std::pair<std::string, std::string>>;
+
+void add_body_files(const RunBody& body, bool alone, Files& files) {
+  const OfflineResult& result = *body.result;
+  std::vector<Pose> X_BV;
+  for (const ExtrinsicsEstimate& camera : result.extrinsics) X_BV.push_back(camera.X_BV);
+  files.emplace_back(body.name + ".tum", to_tum(result.trajectory));
+  files.emplace_back(body.name + ".covariance.csv", covariance_csv(result));
+  files.emplace_back(alone ? "extrinsics.yaml" : body.name + ".extrinsics.yaml",
+                     to_extrinsics_yaml(X_BV));
+  if (!result.live.empty()) files.emplace_back(body.name + ".live.tum", to_tum(result.live));
+  if (std::string truth = truth_tum(body.recording, result); !truth.empty())
+    files.emplace_back(body.name + ".truth.tum", std::move(truth));
+}
+
+nlohmann::ordered_json body_report(const RunBody& body) {
+  const OfflineStatistics& s = body.result->statistics;
+  return {{"body", body.name},
+          {"filter", body.setup->filter},
+          {"data_s", s.data_s},
+          {"imu_samples", s.imu_samples},
+          {"frames", s.frames},
+          {"frames_with_tags", s.frames_with_tags},
+          {"frames_with_pose", s.frames_with_pose},
+          {"frames_with_tags_and_pose", s.frames_with_tags_and_pose},
+          {"tags_known", body.result->known.size()},
+          {"tags_mapped", body.result->tags.size()},
+          {"cpu_s", cpu_report(s)},
+          {"filter_statistics",
+           {{"nis_per_dof", s.nis_per_dof()},
+            {"nis_dof", s.nis_dof},
+            {"tags_used", s.tags_used},
+            {"tags_rejected", s.tags_rejected},
+            {"reprojection_median_px", s.reprojection_median_px},
+            {"reprojection_p95_px", s.reprojection_p95_px}}},
+          {"doubts", body.result->doubts},
+          {"dropped",
+           {{"images_queue_full", s.merger.images_dropped},
+            {"late", s.merger.late_dropped},
+            {"backwards", s.merger.backwards_dropped},
+            {"bad_numbers", s.merger.bad_dropped},
+            {"images_without_closing_imu", s.merger.imu_waits_expired}}}};
+}
+
+nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineSession& session) {
+  if (bodies.size() == 1) return body_report(bodies.front());
+  nlohmann::ordered_json all{{"bodies", nlohmann::ordered_json::array()},
+                             {"tags_in_map", session.map.tags.size()},
+                             {"turns_missed", session.turns_missed},
+                             {"live",
+                              {{"compared", session.agreement.compared},
+                               {"different", session.agreement.different},
+                               {"worst_m", session.agreement.worst_m},
+                               {"worst_rad", session.agreement.worst_rad}}}};
+  for (const RunBody& body : bodies) all["bodies"].push_back(body_report(body));
+  return all;
+}
+
 }  // namespace
 
-TagMap run_map(const OfflineSetup& setup, const OfflineResult& result) {
+TagMap run_map(std::span<const RunBody> bodies) {
   TagMap map;
-  map.family = setup.tags.family;
-  map.reference_tag = setup.gauge.reference_tag;
-  for (const KnownTag& tag : result.known) map.tags.push_back({tag, TagState::kSurveyed});
-  for (const TagBelief& belief : result.tags) {
-    MapTag entry{belief.tag, TagState::kLocal};
-    entry.first_seen_utc_ns = to_ns(belief.first_seen);
-    entry.last_seen_utc_ns = to_ns(belief.last_seen);
-    entry.sightings = belief.sightings;
-    map.tags.push_back(entry);
+  map.family = bodies.front().setup->tags.family;
+  map.reference_tag = bodies.front().setup->gauge.reference_tag;
+  for (const RunBody& body : bodies) {
+    for (const KnownTag& tag : body.result->known) map.tags.push_back({tag, TagState::kSurveyed});
+    for (const TagBelief& belief : body.result->tags) {
+      MapTag entry{belief.tag, TagState::kLocal};
+      entry.first_seen_utc_ns = to_ns(belief.first_seen);
+      entry.last_seen_utc_ns = to_ns(belief.last_seen);
+      entry.sightings = belief.sightings;
+      map.tags.push_back(entry);
+    }
   }
+  const auto order = [](const MapTag& entry) {
+    const double variance = entry.tag.covariance.diagonal().head<3>().sum();
+    return std::tuple(entry.tag.tag_id, entry.state != TagState::kSurveyed, variance);
+  };
   std::stable_sort(map.tags.begin(), map.tags.end(),
-                   [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
+                   [&](const MapTag& a, const MapTag& b) { return order(a) < order(b); });
   const auto same_id = [](const MapTag& a, const MapTag& b) {
     return a.tag.tag_id == b.tag.tag_id;
   };
@@ -75,50 +222,66 @@ TagMap run_map(const OfflineSetup& setup, const OfflineResult& result) {
   return map;
 }
 
-std::string run_report(const std::string& body, const OfflineSetup& setup,
-                       const OfflineResult& result) {
+std::string no_pose_text(const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
-  const nlohmann::ordered_json report{
-      {"body", body},
-      {"filter", setup.filter},
-      {"data_s", s.data_s},
-      {"imu_samples", s.imu_samples},
-      {"frames", s.frames},
-      {"frames_with_tags", s.frames_with_tags},
-      {"frames_with_pose", s.frames_with_pose},
-      {"frames_with_tags_and_pose", s.frames_with_tags_and_pose},
-      {"tags_known", result.known.size()},
-      {"tags_mapped", result.tags.size()},
-      {"cpu_s", cpu_report(s)},
-      {"filter_statistics",
-       {{"nis_per_dof", s.nis_per_dof()},
-        {"nis_dof", s.nis_dof},
-        {"tags_used", s.tags_used},
-        {"tags_rejected", s.tags_rejected},
-        {"reprojection_median_px", s.reprojection_median_px},
-        {"reprojection_p95_px", s.reprojection_p95_px}}},
-      {"doubts", result.doubts},
-      {"dropped",
-       {{"images_queue_full", s.merger.images_dropped},
-        {"late", s.merger.late_dropped},
-        {"backwards", s.merger.backwards_dropped},
-        {"bad_numbers", s.merger.bad_dropped},
-        {"images_without_closing_imu", s.merger.imu_waits_expired}}}};
-  return report.dump(2) + "\n";
+  const std::string so_many = std::to_string(s.frames) + " images, no pose: ";
+  if (s.frames_with_tags == 0)
+    return so_many + "no tag was found in any of them. Look at tags.family and at the images";
+  if (s.tags_used == 0 && result.tags.empty())
+    return so_many + "tags were found in " + std::to_string(s.frames_with_tags) +
+           ", but none for long enough to be placed";
+  return so_many +
+         "no tag ties the body to the workspace. Is the reference tag (map.reference_tag) "
+         "in view, or a tag of the map?";
 }
 
-Expected<void> write_run_files(const std::string& folder, const std::string& body,
-                               const OfflineSetup& setup, const OfflineResult& result) {
-  const std::filesystem::path to(folder);
-  std::vector<Pose> X_BV;
-  for (const ExtrinsicsEstimate& camera : result.extrinsics) X_BV.push_back(camera.X_BV);
-  std::vector<std::pair<std::string, std::string>> files{
-      {body + ".tum", to_tum(result.trajectory)},
-      {"map.csv", map_to_csv(run_map(setup, result))},
-      {"extrinsics.yaml", to_extrinsics_yaml(X_BV)},
-      {"report.json", run_report(body, setup, result)},
-  };
-  if (!result.live.empty()) files.emplace_back(body + ".live.tum", to_tum(result.live));
+std::string run_report(std::span<const RunBody> bodies, const OfflineSession& session) {
+  return report_of(bodies, session).dump(2) + "\n";
+}
+
+Expected<void> check_run_folder(const std::string& folder) {
+  std::error_code error;
+  if (!fs::exists(folder, error)) return {};
+  if (!fs::is_directory(folder, error)) return fail(ErrorCode::kInvalid, "is no folder", folder);
+  if (files_listed(folder)) return {};
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    if (is_of_a_run(entry.path()))
+      return fail(ErrorCode::kInvalid,
+                  "is there, and no replay of this version has written it: what is beside it would "
+                  "be mixed with this run. Choose another folder for --out, or remove it",
+                  entry.path().string());
+  }
+  return {};
+}
+
+Expected<void> check_same_run(const std::string& tum) {
+  const fs::path path(tum);
+  const auto listed = files_listed(path.parent_path());
+  const std::string name = path.filename().string();
+  if (!listed || std::find(listed->begin(), listed->end(), name) != listed->end()) return {};
+  return fail(ErrorCode::kInvalid,
+              "map and extrinsics beside it belong to another run (" + std::string(kReport) +
+                  " does not list it); replay again",
+              tum);
+}
+
+Expected<void> write_run_files(const std::string& folder, std::span<const RunBody> bodies,
+                               const OfflineSession& session) {
+  const fs::path to(folder);
+  if (const auto earlier = files_listed(to)) {
+    std::error_code ignored;
+    for (const std::string& name : *earlier)
+      if (is_of_a_run(name) && fs::path(name).filename() == name) fs::remove(to / name, ignored);
+  }
+  Files files;
+  for (const RunBody& body : bodies) add_body_files(body, bodies.size() == 1, files);
+  files.emplace_back("map.csv", map_to_csv(run_map(bodies)));
+  files.emplace_back("events.csv", events_csv(bodies, session));
+  nlohmann::ordered_json report = report_of(bodies, session);
+  report["files"] = nlohmann::ordered_json::array();
+  for (const auto& [name, content] : files) report["files"].push_back(name);
+  // The list comes first, so that a run that is cut off can still be replaced whole.
+  files.emplace(files.begin(), kReport, report.dump(2) + "\n");
   for (const auto& [name, content] : files)
     if (auto written = write_whole_file((to / name).string(), content); !written) return written;
   return {};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -10,18 +11,38 @@
 
 namespace fiducap {
 
-/// The results of an offline run, beside each other in one folder: `<body>.tum`, `map.csv`,
-/// `extrinsics.yaml`, `report.json`. Each is written whole and then renamed.
-[[nodiscard]] Expected<void> write_run_files(const std::string& folder, const std::string& body,
-                                             const OfflineSetup& setup,
-                                             const OfflineResult& result);
+/// One body of a run, by its recording. The run stays with the caller.
+struct RunBody {
+  std::string name;
+  std::string recording;  ///< Its folder: truth is taken from there.
+  const OfflineSetup* setup{};
+  const OfflineResult* result{};
+};
 
-/// `report.json` as text.
-[[nodiscard]] std::string run_report(const std::string& body, const OfflineSetup& setup,
-                                     const OfflineResult& result);
+/// Whether a run may be written here. A folder holds one run, never parts of two: an earlier one is
+/// replaced whole.
+/// @return Error when files of the same names are there that no run of ours has written
+[[nodiscard]] Expected<void> check_run_folder(const std::string& folder);
 
-/// Known and estimated tags of a run together, sorted by id.
-[[nodiscard]] TagMap run_map(const OfflineSetup& setup, const OfflineResult& result);
+/// The results of a run, beside each other in one folder, each written whole and then renamed:
+/// `<body>.tum`, `<body>.covariance.csv`, with truth `<body>.truth.tum`, with several bodies
+/// `<body>.extrinsics.yaml`, else `extrinsics.yaml`; `map.csv`, `events.csv`, and `report.json`,
+/// which lists them.
+[[nodiscard]] Expected<void> write_run_files(const std::string& folder,
+                                             std::span<const RunBody> bodies,
+                                             const OfflineSession& session);
+/// @return Error when report.json beside a trajectory says that it belongs to another run.
+[[nodiscard]] Expected<void> check_same_run(const std::string& tum);
+
+/// `report.json` as text: of the one body, or `bodies`.
+[[nodiscard]] std::string run_report(std::span<const RunBody> bodies,
+                                     const OfflineSession& session);
+
+/// Known and estimated tags of all bodies together, sorted by id; of two estimates the surer one.
+[[nodiscard]] TagMap run_map(std::span<const RunBody> bodies);
+
+/// Why a run has no pose, with what to do about it.
+[[nodiscard]] std::string no_pose_text(const OfflineResult& result);
 
 /// The recordings' format: `camK: T_BS: data: [16]`, sensor to body, rows first.
 [[nodiscard]] std::string to_extrinsics_yaml(const std::vector<Pose>& X_BV);

@@ -6,12 +6,10 @@
 
 #include "base/cpu_time.hpp"
 #include "base/so3.hpp"
-#include "capture/sample_merger.hpp"
 #include "detection/barrel_camera.hpp"
-#include "detection/observe.hpp"
 #include "detection/pixel_noise.hpp"
 #include "detection/side_bend.hpp"
-#include "pipeline/guided_search.hpp"
+#include "pipeline/body_pipeline.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
 
@@ -51,8 +49,10 @@ class TrackingRun final {
     sensors_.cameras = {mount_};
     sensors_.imu = simulation::ImuErrors{}.noise;
     for (const RecordedTag& tag : tags_) print_.sizes_m[tag.tag_id] = tag.edge_m;
-    filter_ = make_body_filter("world", sensors_, {}, {});
-    guided_.emplace(sensors_, print_, DetectorConfig{}, EstimatorConfig{});
+    PipelineSetup ours;
+    ours.sensors = sensors_;
+    ours.tags = print_;
+    pipeline_.emplace(std::move(ours));
   }
 
   std::vector<SearchArm> run() {
@@ -64,16 +64,15 @@ class TrackingRun final {
     const auto source =
         simulation::make_simulated_source(room(), body, instant_from_ns(0), nullptr);
     if (!source) return {};
-    SampleMerger merger({});
     for (bool more = true; more;) {
       auto next = (*source)->next({});
       more = next && next->has_value();
       if (more) {
-        (void)merger.push(std::move(**next));
+        (void)pipeline_->push(std::move(**next));
       } else {
-        merger.finish();
+        pipeline_->finish();
       }
-      while (auto sample = merger.pop()) take(*sample, **source);
+      while (pipeline_->next() != nullptr) take_next(**source);
     }
     finish();
     return arms_;
@@ -91,22 +90,22 @@ class TrackingRun final {
     return room;
   }
 
-  void take(const SensorSample& sample, const simulation::SimulatedSource& source) {
-    if (const auto* imu = std::get_if<ImuSample>(&sample)) {
-      filter_->propagate(*imu);
-      guided_->add_imu(*imu);
-      return;
+  void take_next(const simulation::SimulatedSource& source) {
+    if (pipeline_->next_is_image()) {
+      const auto& image = std::get<CameraFrame>(*pipeline_->next());
+      if (!counting_ && image.exposed_at - instant_from_ns(0) >= kStart) {
+        counting_ = true;
+        search_before_ = search_.statistics();
+        guided_before_ = pipeline_->statistics().search;
+      }
+      look_for_truth(source.truth(image.exposed_at).X_WB, in_view_);
+      look_everywhere(image);
+      look_where_truth_says(image, source);
     }
-    const auto& image = std::get<CameraFrame>(sample);
-    if (!counting_ && image.exposed_at - instant_from_ns(0) >= kStart) {
-      counting_ = true;
-      search_before_ = search_.statistics();
-      guided_before_ = guided_->statistics();
-    }
-    look_for_truth(source.truth(image.exposed_at).X_WB, in_view_);
-    look_everywhere(image);
-    look_where_truth_says(image, source);
-    look_where_the_filter_says(image);
+    const Duration before = pipeline_->statistics().detect_cpu;
+    const BodyUpdate* update = pipeline_->take(empty_);
+    if (update == nullptr || !counting_) return;
+    score(arms_[4], 1e6 * to_seconds(pipeline_->statistics().detect_cpu - before), update->corners);
   }
 
   template <typename Look>
@@ -145,18 +144,6 @@ class TrackingRun final {
     }
     last_at_ = image.exposed_at;
     measure(3, [&]() -> const CornerFrame& { return search_.search(image, expected); });
-  }
-
-  void look_where_the_filter_says(const CameraFrame& image) {
-    filter_->tag_beliefs(beliefs_);
-    const CornerFrame* found = nullptr;
-    measure(4, [&]() -> const CornerFrame& {
-      return *(found = &guided_->search(image, beliefs_, map_));
-    });
-    observe(*found, mount_.model, print_, {}, seen_);
-    (void)filter_->update(seen_, {});
-    guided_->corrected(*filter_,
-                       filter_->running() ? std::optional(filter_->estimate()) : std::nullopt);
   }
 
   /// The tags whose bits are at least a pixel, well inside and not seen from more than 80°; as
@@ -236,7 +223,7 @@ class TrackingRun final {
              static_cast<double>(std::max<std::uint64_t>(1, now.images - before.images));
     };
     arms_[3].whole_share = share(search_.statistics(), search_before_);
-    arms_[4].whole_share = share(guided_->statistics(), guided_before_);
+    arms_[4].whole_share = share(pipeline_->statistics().search, guided_before_);
   }
 
   Eigen::Vector3d off(double sigma) {
@@ -255,11 +242,8 @@ class TrackingRun final {
   std::normal_distribution<double> normal_;
   BodySensors sensors_;
   TagSetConfig print_;
-  std::unique_ptr<BodyFilter> filter_;
-  std::optional<GuidedSearch> guided_;
-  TagMap map_;
-  std::vector<TagBelief> beliefs_;
-  TagObservations seen_;
+  std::optional<BodyPipeline> pipeline_;
+  MapView empty_{std::make_shared<const TagMap>()};
   std::vector<ExpectedTag> in_view_;
   CornerFrame found_;
   CornerFrame reference_;

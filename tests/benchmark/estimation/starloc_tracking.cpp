@@ -129,7 +129,7 @@ class Tracker final {
       for (const auto& c : points_of(image))
         seen.tags.push_back(point(c.tag_id, camera == 0 ? c.left_px : c.right_px));
       if (helped) add_square(*alone, camera, seen);
-      const UpdateReport report = filter_->update(seen, known);
+      const UpdateReport report = filter_->update(seen, {known});
       result_.used += report.tags_used;
       result_.rejected += report.tags_rejected;
     }

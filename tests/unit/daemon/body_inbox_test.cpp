@@ -13,74 +13,63 @@ ImuSample imu_at(Instant at) {
   return sample;
 }
 
-MergerConfig small() {
-  MergerConfig config;
-  config.has_imu = false;
-  config.max_images = 2;
-  return config;
-}
-
-TEST(BodyInbox, RemembersWhenAnImageArrived) {
-  BodyInbox inbox(small());
+TEST(BodyInbox, GivesSamplesInOrderOfArrivalWithTheirTimeOfArrival) {
+  BodyInbox inbox(2);
+  ASSERT_TRUE(inbox.push(imu_at(ms(12)), ms(13)));
   ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));
-  inbox.finish();
-  const auto delivery = inbox.pop({});
-  ASSERT_TRUE(delivery.has_value());
-  EXPECT_EQ(time_of(delivery->sample), ms(10));
-  EXPECT_EQ(delivery->arrived, ms(14));
-}
-
-TEST(BodyInbox, RemembersTheArrivalOfAnImageWhoseClockWasShifted) {
-  BodyInbox inbox(small());
-  inbox.set_clock_shift(0, std::chrono::milliseconds(-3));
-  ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));
-  inbox.finish();
-  const auto delivery = inbox.pop({});
-  ASSERT_TRUE(delivery.has_value());
-  EXPECT_EQ(time_of(delivery->sample), ms(7));
-  EXPECT_EQ(delivery->arrived, ms(14));
+  std::vector<Delivery> taken;
+  ASSERT_TRUE(inbox.take(taken, {}));
+  ASSERT_EQ(taken.size(), 2u);
+  EXPECT_EQ(time_of(taken[0].sample), ms(12));
+  EXPECT_EQ(time_of(taken[1].sample), ms(10));
+  EXPECT_EQ(taken[1].arrived, ms(14));
 }
 
 TEST(BodyInbox, GivesTheRestAfterTheEndAndThenNothing) {
-  BodyInbox inbox(small());
+  BodyInbox inbox(2);
   ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));
-  ASSERT_TRUE(inbox.push(CornerFrame{0, ms(60), {}}, ms(64)));
   inbox.finish();
-  EXPECT_TRUE(inbox.pop({}).has_value());
-  EXPECT_TRUE(inbox.pop({}).has_value());
-  EXPECT_FALSE(inbox.pop({}).has_value());
+  std::vector<Delivery> taken;
+  EXPECT_TRUE(inbox.take(taken, {}));
+  EXPECT_FALSE(inbox.take(taken, {}));
+  EXPECT_TRUE(taken.empty());
 }
 
-TEST(BodyInbox, DropsTheOldestImageWhenNobodyFetchesThem) {
-  BodyInbox inbox(small());
-  for (int i = 0; i < 5; ++i)
+TEST(BodyInbox, DropsTheOldestImageWhenNobodyTakesThemAndNoImuReading) {
+  BodyInbox inbox(2);
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(inbox.push(imu_at(ms(9 + 50 * i)), ms(9 + 50 * i)));
     ASSERT_TRUE(inbox.push(CornerFrame{0, ms(10 + 50 * i), {}}, ms(10 + 50 * i)));
-  inbox.finish();
-  EXPECT_EQ(inbox.statistics().images_dropped, 3u);
-  EXPECT_EQ(time_of(inbox.pop({})->sample), ms(160));
+  }
+  EXPECT_EQ(inbox.images_dropped(), 3u);
+  std::vector<Delivery> taken;
+  ASSERT_TRUE(inbox.take(taken, {}));
+  ASSERT_EQ(taken.size(), 7u);
+  EXPECT_EQ(time_of(taken[4].sample), ms(160)) << "the oldest image that is left";
 }
 
-TEST(BodyInbox, RefusesImuReadingsThatNobodyFetchesInsteadOfDroppingThem) {
-  MergerConfig config;
-  config.max_imu = 10;
-  BodyInbox inbox(config);
-  int taken = 0;
-  while (taken < 100 && inbox.push(imu_at(ms(taken)), ms(taken))) ++taken;
-  EXPECT_EQ(taken, 10);
+TEST(BodyInbox, RefusesImuReadingsThatNobodyTakesInsteadOfDroppingThem) {
+  BodyInbox inbox(2);
+  std::size_t taken = 0;
+  while (taken < 2 * BodyInbox::kMaxImu && inbox.push(imu_at(ms(static_cast<int>(taken))), ms(0)))
+    ++taken;
+  EXPECT_EQ(taken, BodyInbox::kMaxImu);
 }
 
 TEST(BodyInbox, TakesNothingAfterItWasClosed) {
-  BodyInbox inbox(small());
+  BodyInbox inbox(2);
   inbox.close();
   EXPECT_FALSE(inbox.push(CornerFrame{0, ms(10), {}}, ms(14)));
-  EXPECT_FALSE(inbox.pop({}).has_value());
+  std::vector<Delivery> taken;
+  EXPECT_FALSE(inbox.take(taken, {}));
 }
 
 TEST(BodyInbox, DoesNotWaitForSamplesWhenStopped) {
-  BodyInbox inbox(small());
+  BodyInbox inbox(2);
   std::stop_source stop;
   stop.request_stop();
-  EXPECT_FALSE(inbox.pop(stop.get_token()).has_value());
+  std::vector<Delivery> taken;
+  EXPECT_FALSE(inbox.take(taken, stop.get_token()));
 }
 
 }  // namespace

@@ -52,9 +52,12 @@ class BodyWorkerTest : public testing::Test {
     map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
     auto filter = std::make_unique<RecordingFilter>(log_);
     filter_ = filter.get();
+    PipelineSetup setup;
+    setup.sensors = sensors_;
+    setup.estimator = estimator_;
     worker_ = std::make_unique<BodyWorker>(
-        BodyParts{0, 1, "robot", sensors_, std::move(source), std::move(filter)},
-        SharedParts{tags_, detector_, *map_, *scene_, clock_, recorder_, estimator_});
+        BodyParts{0, 1, "robot", std::move(setup), std::move(source), std::move(filter)},
+        SharedParts{*map_, *scene_, clock_, recorder_});
   }
   void build(std::vector<SensorSample> samples) {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
@@ -70,8 +73,6 @@ class BodyWorkerTest : public testing::Test {
   }
 
   BodySensors sensors_;
-  TagSetConfig tags_;
-  DetectorConfig detector_;
   TagMap start_;
   FakeClock clock_{ms(1000)};
   EstimatorConfig estimator_;
@@ -184,7 +185,7 @@ TEST_F(BodyWorkerTest, KeepsBrokenImuReadingsAwayFromEverybody) {
   build({imu_at(ms(1000)), broken, imu_at(ms(1005)), frame_at(ms(1002))});
   run();
   EXPECT_THAT(log_.propagated, ElementsAre(ms(1000), ms(1005)));
-  EXPECT_EQ(worker_->statistics().merger.bad_dropped, 1u);
+  EXPECT_EQ(worker_->statistics().pipeline.merger.bad_dropped, 1u);
 }
 
 TEST_F(BodyWorkerTest, IgnoresTheImuOfABodyThatShallHaveNone) {
@@ -208,11 +209,11 @@ TEST_F(BodyWorkerTest, CountsWhatItDid) {
          frame_at(ms(1008), {})});
   run();
   const BodyStatistics done = worker_->statistics();
-  EXPECT_EQ(done.frames, 2u);
-  EXPECT_EQ(done.frames_with_pose, 1u);
-  EXPECT_EQ(done.tags_used, 2u);
-  EXPECT_EQ(done.imu_samples, 3u);
-  EXPECT_GT(done.update_cpu.count(), 0);
+  EXPECT_EQ(done.pipeline.frames, 2u);
+  EXPECT_EQ(done.pipeline.frames_with_pose, 1u);
+  EXPECT_EQ(done.pipeline.tags_used, 2u);
+  EXPECT_EQ(done.pipeline.imu_samples, 3u);
+  EXPECT_GT(done.pipeline.update_cpu.count(), 0);
   EXPECT_THAT(done.text(),
               testing::HasSubstr("2 frames (1 with pose), 2 tags used, 3 IMU samples"));
   EXPECT_EQ(worker_->learned().size(), 1u);
@@ -231,7 +232,7 @@ TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
   ASSERT_FALSE(log_.updated.empty());
   EXPECT_EQ(log_.updated.back().exposed_at, ms(1000 + 50 * (kImages - 1) + 42))
       << "the newest is not the one to go";
-  EXPECT_EQ(log_.updated.size() + worker_->statistics().merger.images_dropped,
+  EXPECT_EQ(log_.updated.size() + worker_->statistics().images_dropped,
             static_cast<std::size_t>(kImages));
   EXPECT_LE(log_.updated.size(), 4u);
 }

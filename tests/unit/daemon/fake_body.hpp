@@ -81,11 +81,11 @@ class RecordingFilter final : public BodyFilter {
   void propagate(const ImuSample& imu) override {
     if (!quiet) log_.propagated.push_back(imu.sampled_at);
   }
-  UpdateReport update(const TagObservations& seen, std::span<const KnownTag> known) override {
+  UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override {
     ++images_done;
     if (on_image) on_image(images_done);
     if (!quiet) log_.updated.push_back(seen);
-    if (!quiet) log_.known.emplace_back(known.begin(), known.end());
+    if (!quiet) log_.known.emplace_back(map.tags.begin(), map.tags.end());
     if (throws_at > 0 && log_.updated.size() == throws_at)
       throw std::runtime_error("a matrix is singular");
     UpdateReport report;

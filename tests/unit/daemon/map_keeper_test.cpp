@@ -33,7 +33,8 @@ class MapKeeperTest : public testing::Test {
                                           [this] { return learned_; });
   }
   void see(int id, double x = 1.0) {
-    map_->absorb(1, std::vector{belief(id, x)}, 1'700'000'000'000'000'000);
+    const TagBelief one = belief(id, x);
+    map_->absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
   }
   [[nodiscard]] std::vector<MapVersionInfo> stored() const {
     auto store = MapStore::open(file_);
@@ -71,6 +72,15 @@ TEST_F(MapKeeperTest, LeavesTheStoreAloneWhenTheMapIsFrozen) {
   see(4);
   keeper_->commit();
   EXPECT_TRUE(stored().empty());
+}
+
+TEST_F(MapKeeperTest, StoresWhatJoinedBeforeTheMapWasFrozen) {
+  build(MapMode::kMapping);
+  see(4);
+  map_->set_mode(MapMode::kFrozen);
+  keeper_->commit();
+  ASSERT_EQ(stored().size(), 1u);
+  EXPECT_EQ(stored().front().tags, 1);
 }
 
 TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {

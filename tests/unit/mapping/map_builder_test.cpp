@@ -23,12 +23,14 @@ TagBelief belief(int id, double sigma = 0.01, double x = 1.0, int sightings = 20
   return b;
 }
 
+MapContribution from(int body, const TagBelief& b) {
+  return {.body_id = body, .at = b.last_seen, .anchored = true, .beliefs = std::span(&b, 1)};
+}
+
 class MapBuilderTest : public testing::Test {
  protected:
   MapBuilderTest() : builder_(MapConfig{}, make_map({2, 5})) {}
-  void absorb(int body, const TagBelief& b) {
-    builder_.absorb(body, std::span(&b, 1), kNow_utc_ns);
-  }
+  void absorb(int body, const TagBelief& b) { builder_.absorb(from(body, b), kNow_utc_ns); }
   MapBuilder builder_;
 };
 
@@ -75,7 +77,7 @@ TEST_F(MapBuilderTest, TagsThatStartCalibratedSurveyedOrQuarantinedNeverMove) {
   MapBuilder builder(MapConfig{}, start);
   for (const int id : {1, 2, 3}) {
     const auto better = belief(id, 1e-6);
-    builder.absorb(1, std::span(&better, 1), kNow_utc_ns);
+    builder.absorb(from(1, better), kNow_utc_ns);
   }
   EXPECT_EQ(worst_corner_m(*builder.snapshot(), start), 0);
   EXPECT_FALSE(builder.changed());
@@ -87,10 +89,10 @@ TEST_F(MapBuilderTest, ALocalTagOfTheStartingMapGoesToWhoKnowsItBetter) {
   start.tags[0].tag.covariance = Matrix6d::Identity() * 0.01 * 0.01;
   MapBuilder builder(MapConfig{}, start);
   const auto equal = belief(1, 0.01);
-  builder.absorb(1, std::span(&equal, 1), kNow_utc_ns);
+  builder.absorb(from(1, equal), kNow_utc_ns);
   EXPECT_NE(builder.snapshot()->find(1)->tag.X_WT.p.x(), 1.0);
   const auto better = belief(1, 0.005);
-  builder.absorb(1, std::span(&better, 1), kNow_utc_ns);
+  builder.absorb(from(1, better), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(1)->tag.X_WT.p.x(), 1.0);
 }
 
@@ -224,6 +226,104 @@ TEST_F(MapBuilderTest, WorkersAndReadersMayEnterTogether) {
   EXPECT_LE(tags, 26u);
   EXPECT_EQ(builder_.snapshot()->tags.size(), 26u);
   EXPECT_EQ(fault_in(*builder_.snapshot()), std::nullopt);
+}
+
+TEST_F(MapBuilderTest, ABeliefInAxesOfTheBodysOwnStaysOutside) {
+  auto own = belief(3);
+  own.component = TagBelief::kOwnAxes;
+  absorb(1, own);
+  EXPECT_EQ(builder_.snapshot()->find(3), nullptr);
+}
+
+TEST_F(MapBuilderTest, ARoundingErrorBelowZeroDoesNotKeepTheReferenceTagOut) {
+  auto exact = belief(3);
+  exact.tag.covariance(0, 0) = -1e-21;  // what tying the workspace to the tag leaves
+  absorb(1, exact);
+  ASSERT_NE(builder_.snapshot()->find(3), nullptr);
+  EXPECT_EQ(builder_.snapshot()->find(3)->tag.covariance(0, 0), 0);
+  auto broken = belief(4);
+  broken.tag.covariance(0, 0) = -1e-6;
+  absorb(1, broken);
+  EXPECT_EQ(builder_.snapshot()->find(4), nullptr);
+}
+
+TEST_F(MapBuilderTest, AContradictedTagIsLeftOutUntilItWasLearnedAnew) {
+  absorb(1, belief(3, 0.01, 1.0));
+  const int moved[] = {3};
+  builder_.absorb({.body_id = 1, .at = instant_from_ns(9'000'000'000), .contradicted = moved},
+                  kNow_utc_ns);
+  TagObservations seen;
+  seen.tags.resize(1);
+  seen.tags[0].tag_id = 3;
+  std::vector<KnownTag> known;
+  builder_.snapshot()->known_among(seen, known);
+  EXPECT_TRUE(known.empty());
+  absorb(2, belief(3, 0.001, 1.0));  // seen before it moved
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kQuarantined);
+  auto anew = belief(3, 0.04, 1.5);
+  anew.last_seen = instant_from_ns(12'000'000'000);
+  absorb(1, anew);
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kLocal);
+  EXPECT_EQ(builder_.snapshot()->find(3)->tag.X_WT.p.x(), 1.5);
+  bool told = false;
+  for (const MapEvent& event : builder_.take_events())
+    told |=
+        event.kind == MapEvent::Kind::kTagMoved && event.text.find("0.500 m") != std::string::npos;
+  EXPECT_TRUE(told);
+}
+
+TEST_F(MapBuilderTest, ASurveyedTagIsNeverMovedByAContradiction) {
+  auto start = make_map({1});
+  start.tags[0].state = TagState::kSurveyed;
+  MapBuilder builder(MapConfig{}, start);
+  const int moved[] = {1};
+  builder.absorb({.body_id = 1, .contradicted = moved}, kNow_utc_ns);
+  EXPECT_EQ(builder.snapshot()->find(1)->state, TagState::kSurveyed);
+  ASSERT_EQ(builder.take_events().size(), 1u) << "but it is said";
+}
+
+TEST_F(MapBuilderTest, ATagThatIsLookedAtAndStaysHasSettled) {
+  for (int s = 0; s <= 12; ++s) {
+    auto b = belief(3, 0.01, 1.0, 50 + 10 * s);
+    b.last_seen = instant_from_ns((4 + s) * 1'000'000'000LL);
+    absorb(1, b);
+  }
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kCalibrated);
+}
+
+TEST(Workspace, BelongsToTheFirstBodyThatAnchorsAndAllOthersWait) {
+  MapBuilder builder(MapConfig{}, TagMap{});
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  EXPECT_FALSE(builder.view(2).may_define_workspace) << "1 is at work";
+  builder.absorb({.body_id = 1}, kNow_utc_ns);
+  EXPECT_TRUE(builder.view(2).may_define_workspace) << "1 saw no tag";
+  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
+  EXPECT_FALSE(builder.view(1).may_define_workspace);
+  EXPECT_TRUE(builder.view(2).may_define_workspace) << "after a reset, while the map is empty";
+  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
+  const auto first = belief(7);
+  builder.absorb(from(2, first), kNow_utc_ns);
+  EXPECT_FALSE(builder.view(2).may_define_workspace) << "now the map says where it is";
+}
+
+TEST(Workspace, IsFreeAgainWhenTheBodyThatDefinedItIsGoneBeforeAnythingWasMapped) {
+  MapBuilder builder(MapConfig{}, TagMap{});
+  (void)builder.view(1);
+  builder.absorb({.body_id = 1, .anchored = true}, kNow_utc_ns);
+  EXPECT_FALSE(builder.view(2).may_define_workspace);
+  builder.release(1);
+  EXPECT_TRUE(builder.view(2).may_define_workspace);
+}
+
+TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
+  TagMap start;
+  start.reference_tag = 7;
+  MapBuilder builder(MapConfig{}, start);
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  EXPECT_TRUE(builder.view(2).may_define_workspace);
+  const auto first = belief(7);
+  builder.absorb(from(2, first), kNow_utc_ns);
+  EXPECT_FALSE(builder.view(1).may_define_workspace);
 }
 
 }  // namespace

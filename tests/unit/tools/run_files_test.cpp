@@ -36,10 +36,23 @@ OfflineResult result() {
   return r;
 }
 
+/// A run of one body, as the writer wants it.
+struct OneBody {
+  explicit OneBody(OfflineResult r) : result(std::move(r)) {}
+  OfflineSetup setup;
+  OfflineResult result;
+  OfflineSession session;
+  std::string name{"table"};
+  [[nodiscard]] std::vector<RunBody> bodies() const { return {{name, "", &setup, &result}}; }
+  [[nodiscard]] Expected<void> write(const std::string& folder) const {
+    return write_run_files(folder, bodies(), session);
+  }
+};
+
 TEST(RunFiles, WhatIsWrittenReadsBackAsTheSameRun) {
   const TemporaryFolder folder;
   const OfflineResult written = result();
-  ASSERT_TRUE(write_run_files(folder.file("out"), "table", OfflineSetup{}, written));
+  ASSERT_TRUE(OneBody(written).write(folder.file("out")));
   const auto run = read_run(folder.file("out/table.tum"), 1);
   ASSERT_TRUE(run) << run.error().text();
   ASSERT_EQ(run->trajectory.size(), 1u);
@@ -54,7 +67,8 @@ TEST(RunFiles, WhatIsWrittenReadsBackAsTheSameRun) {
 }
 
 TEST(RunFiles, ReportCarriesTheFigures) {
-  const auto report = nlohmann::json::parse(run_report("table", OfflineSetup{}, result()));
+  const OneBody run(result());
+  const auto report = nlohmann::json::parse(run_report(run.bodies(), run.session));
   EXPECT_EQ(report["frames"], 40);
   EXPECT_EQ(report["frames_with_pose"], 39);
   EXPECT_EQ(report["tags_mapped"], 1);
@@ -65,9 +79,57 @@ TEST(RunFiles, ReportCarriesTheFigures) {
 TEST(RunFiles, AKnownTagThatIsAlsoInTheStateIsListedOnce) {
   OfflineResult r = result();
   r.tags[0].tag.tag_id = 3;
-  const TagMap map = run_map(OfflineSetup{}, r);
+  const OneBody run(r);
+  const TagMap map = run_map(run.bodies());
   ASSERT_EQ(map.tags.size(), 1u);
   EXPECT_EQ(map.tags[0].state, TagState::kSurveyed);
+}
+
+TEST(RunFiles, AnEarlierRunInTheFolderIsReplacedWhole) {
+  const TemporaryFolder folder;
+  OneBody first(result());
+  first.name = "hall";
+  ASSERT_TRUE(check_run_folder(folder.file("out")));
+  ASSERT_TRUE(first.write(folder.file("out")));
+  ASSERT_TRUE(check_run_folder(folder.file("out")));
+  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
+  EXPECT_FALSE(std::filesystem::exists(folder.file("out/hall.tum")));
+  EXPECT_TRUE(read_run(folder.file("out/table.tum"), 1));
+}
+
+TEST(RunFiles, ATrajectoryOfAnotherRunIsNeverScored) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
+  ASSERT_TRUE(write_whole_file(folder.file("out/hall.tum"), "1.0 0 0 0 0 0 0 1\n"));
+  const auto run = read_run(folder.file("out/hall.tum"), 1);
+  ASSERT_FALSE(run);
+  EXPECT_THAT(run.error().text(), HasSubstr("another run"));
+}
+
+TEST(RunFiles, FilesThatNobodyKnowsAreRefused) {
+  const TemporaryFolder folder;
+  ASSERT_TRUE(write_whole_file(folder.file("out/map.csv"), "id,size\n"));
+  const auto checked = check_run_folder(folder.file("out"));
+  ASSERT_FALSE(checked);
+  EXPECT_THAT(checked.error().text(), HasSubstr("map.csv"));
+}
+
+TEST(RunFiles, CovariancesAndEventsAreThere) {
+  const TemporaryFolder folder;
+  OfflineResult r = result();
+  r.covariances = {{r.trajectory[0].at, Matrix6d::Identity() * 0.25}};
+  r.events = {{BodyEvent::Kind::kReset, instant_from_ns(5), -1, {}, {}}};
+  OneBody run(r);
+  run.session.map_events = {
+      {instant_from_ns(3), {MapEvent::Kind::kTagAdded, 4, "tag 4 joined the map, seen by body 1"}}};
+  ASSERT_TRUE(run.write(folder.file("out")));
+  const auto covariance = read_whole_file(folder.file("out/table.covariance.csv"));
+  ASSERT_TRUE(covariance);
+  EXPECT_THAT(*covariance, HasSubstr("\n1000000001,0.25,0,0,0,0,0,0.25,"));
+  const auto events = read_whole_file(folder.file("out/events.csv"));
+  ASSERT_TRUE(events);
+  EXPECT_THAT(*events, HasSubstr("\n3,,tag_added,4,0,0,tag 4 joined the map; seen by body 1\n"
+                                 "5,table,reset,,0,0,\n"));
 }
 
 TEST(Extrinsics, RefuseWhatIsNoRotation) {
@@ -84,7 +146,7 @@ TEST(Extrinsics, RefuseWhatIsNoRotation) {
 
 TEST(ReadRun, NamesTheFileThatIsMissing) {
   const TemporaryFolder folder;
-  ASSERT_TRUE(write_run_files(folder.file(""), "table", OfflineSetup{}, result()));
+  ASSERT_TRUE(OneBody(result()).write(folder.file("")));
   std::filesystem::remove(folder.file("extrinsics.yaml"));
   EXPECT_THAT(read_run(folder.file("table.tum"), 1).error().context, HasSubstr("extrinsics.yaml"));
   std::filesystem::remove(folder.file("map.csv"));

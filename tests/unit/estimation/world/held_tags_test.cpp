@@ -37,7 +37,7 @@ class HeldTags : public testing::Test {
       if (tag.tag_id != own) known.push_back(tag);
       seen.tags.push_back(example_observation(tag.tag_id, tag.edge_m, tag.X_WT, example_camera()));
     }
-    return filter_->update(seen, known);
+    return filter_->update(seen, {known});
   }
 
   std::unique_ptr<WorldFilter> filter_;
@@ -86,7 +86,7 @@ TEST_F(HeldTags, FollowTheMapWhenItChanges) {
   const Eigen::Vector3d before = filter_->state().tags[i].X_WT.p;
   TagObservations seen;
   seen.exposed_at = now_ += std::chrono::milliseconds(1);
-  filter_->update(seen, map_);
+  filter_->update(seen, {map_});
   for (int k = 0; k < 3; ++k) show(0);
   const std::size_t j = static_cast<std::size_t>(filter_->state().find(0));
   EXPECT_LT((filter_->state().tags[j].X_WT.p - before - shift).norm(), 1e-12);

@@ -20,8 +20,9 @@ class LiveFeedTest : public testing::Test {
     made.rate_hz = 20;
     return made;
   }
-  static WebSources sources() {
+  WebSources sources() {
     WebSources made;
+    made.map_mode = [this] { return map_mode_; };
     made.server_name = "hall";
     made.clients = [] { return std::vector<ClientStatus>{{"vrpn", "peer", "", 5, 0, 1}}; };
     return made;
@@ -47,10 +48,22 @@ class LiveFeedTest : public testing::Test {
 
   Instant start_ = instant_from_ns(1'000'000'000);
   std::uint64_t number_{0};
+  std::string map_mode_{"mapping"};
   std::shared_ptr<TagMap> map_ = std::make_shared<TagMap>();
   std::shared_ptr<SceneModel> model_ = std::make_shared<SceneModel>();
   LiveFeed feed_{config(), sources(), model_};
 };
+
+TEST_F(LiveFeedTest, PagesHearThatTheMapWasFrozen) {
+  feed_.publish(frame_at(0ms));
+  const auto page = feed_.join("peer", start_);
+  drain(*page);
+  map_mode_ = "frozen";
+  feed_.tick(start_ + 1s);
+  const auto message = page->next(instant_from_ns(0));
+  ASSERT_TRUE(message);
+  EXPECT_EQ(Json::parse(*message)["map_mode"], "frozen");
+}
 
 TEST_F(LiveFeedTest, NewPageGetsEverythingAtOnce) {
   log::info("test", "a line for the page");

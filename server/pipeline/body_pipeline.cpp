@@ -1,0 +1,240 @@
+#include "pipeline/body_pipeline.hpp"
+
+#include <utility>
+
+#include "base/assert.hpp"
+#include "detection/observe.hpp"
+#include "estimation/filter/filter_rules.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// What is learned about cameras changes slowly, and asking for it allocates.
+constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
+// A tag unseen for so long has left the view.
+constexpr Duration kOutOfView = std::chrono::seconds(2);
+// A body that should have an IMU is told about after so long without a reading.
+constexpr Duration kSilent = std::chrono::milliseconds(500);
+
+MergerConfig merger_of(const PipelineSetup& setup) {
+  MergerConfig config = setup.merger;
+  config.has_imu = setup.sensors.imu.has_value();
+  return config;
+}
+
+std::unique_ptr<BodyFilter> filter_of(const PipelineSetup& setup) {
+  return make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator);
+}
+
+/// Adds the CPU time between its birth and its death.
+class CpuMeter final {
+ public:
+  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
+  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
+  CpuMeter(const CpuMeter&) = delete;
+  CpuMeter& operator=(const CpuMeter&) = delete;
+
+ private:
+  Duration& sum_;
+  Duration begin_;
+};
+
+}  // namespace
+
+std::string_view name_of(BodyEvent::Kind kind) {
+  switch (kind) {
+    case BodyEvent::Kind::kAnchored:
+      return "anchored";
+    case BodyEvent::Kind::kGaugeShift:
+      return "gauge_shift";
+    case BodyEvent::Kind::kReset:
+      return "reset";
+    case BodyEvent::Kind::kMotionLost:
+      return "motion_lost";
+    case BodyEvent::Kind::kImageRejected:
+      return "image_rejected";
+    case BodyEvent::Kind::kTagDropped:
+      return "tag_dropped";
+    case BodyEvent::Kind::kImuSilent:
+      return "imu_silent";
+    case BodyEvent::Kind::kImuBack:
+      return "imu_back";
+    case BodyEvent::Kind::kDoubt:
+      return "doubt";
+  }
+  return "doubt";
+}
+
+BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter)
+    : setup_(std::move(setup)),
+      merger_(merger_of(setup_)),
+      filter_(filter ? std::move(filter) : filter_of(setup_)),
+      doubts_(setup_.sensors, setup_.estimator) {
+  filter_->set_tag_priors(setup_.priors);
+  for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
+    merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
+}
+
+bool BodyPipeline::push(SensorSample sample) { return merger_.push(std::move(sample)); }
+
+void BodyPipeline::finish() { merger_.finish(); }
+
+const SensorSample* BodyPipeline::next() {
+  if (!next_) next_ = merger_.pop();
+  return next_ ? &*next_ : nullptr;
+}
+
+bool BodyPipeline::next_is_image() {
+  const SensorSample* sample = next();
+  return sample != nullptr && !std::holds_alternative<ImuSample>(*sample);
+}
+
+const BodyUpdate* BodyPipeline::take(const MapView& view) {
+  FIDUCAP_ASSERT(next() != nullptr);
+  const BodyUpdate* update = nullptr;
+  if (const auto* imu = std::get_if<ImuSample>(&*next_)) {
+    take_imu(*imu);
+  } else {
+    update = take_image(view);
+  }
+  next_.reset();
+  return update;
+}
+
+void BodyPipeline::take_imu(const ImuSample& imu) {
+  const CpuMeter meter(statistics_.propagate_cpu);
+  filter_->propagate(imu);
+  if (search_) search_->add_imu(imu);
+  doubts_.add(imu);
+  imu_at_ = imu.sampled_at;
+  ++statistics_.imu_samples;
+}
+
+const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
+  if (!find_corners(view)) return nullptr;
+  const CpuMeter meter(statistics_.update_cpu);
+  const CornerFrame& corners = update_.corners;
+  const auto camera = static_cast<std::size_t>(corners.camera);
+  update_.events.clear();
+  observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
+          update_.seen);
+  lose_motion_if_lost();
+  view.map->known_among(update_.seen, update_.known);
+  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
+  merger_.set_clock_shift(corners.camera,
+                          shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
+  filter_->tag_beliefs(update_.beliefs);
+  hand_over_tags(*view.map);
+  update_.estimate =
+      filter_->running() ? std::optional(filter_->estimate()) : std::optional<BodyEstimate>();
+  refresh_cameras();
+  if (search_) search_->learn(update_.estimate, update_.cameras);
+  note_events();
+  note_carried();
+  ++statistics_.frames;
+  statistics_.tags_used += static_cast<std::uint64_t>(update_.report.tags_used);
+  if (anchored_ && update_.report.tags_used > 0) ++statistics_.frames_with_pose;
+  return &update_;
+}
+
+/// Into `update_.corners`. @return false for a camera that the body does not have
+bool BodyPipeline::find_corners(const MapView& view) {
+  const std::size_t cameras = setup_.sensors.cameras.size();
+  if (auto* delivered = std::get_if<CornerFrame>(&*next_)) {
+    update_.corners = std::move(*delivered);
+    return static_cast<std::size_t>(update_.corners.camera) < cameras;
+  }
+  const auto& image = std::get<CameraFrame>(*next_);
+  if (static_cast<std::size_t>(image.camera) >= cameras) return false;
+  const CpuMeter meter(statistics_.detect_cpu);
+  if (!search_) search_.emplace(setup_.sensors, setup_.tags, setup_.detector, setup_.estimator);
+  update_.corners = search_->search(image, update_.beliefs, *view.map);
+  return true;
+}
+
+void BodyPipeline::lose_motion_if_lost() {
+  if (!anchored_ || !carried_at_) return;
+  if (to_seconds(update_.seen.exposed_at - *carried_at_) <= setup_.lose_after_s) return;
+  filter_->lose_motion();
+  ++statistics_.motion_losses;
+  note(BodyEvent::Kind::kMotionLost);
+  carried_at_.reset();
+}
+
+void BodyPipeline::hand_over_tags(const TagMap& map) {
+  if (static_cast<int>(update_.beliefs.size()) <= setup_.estimator.hand_over_above) return;
+  const TagBelief* oldest = nullptr;
+  for (const TagBelief& belief : update_.beliefs) {
+    const MapTag* kept = map.find(belief.tag.tag_id);
+    if (kept == nullptr || kept->component != 0 || kept->state == TagState::kQuarantined) continue;
+    if (oldest == nullptr || belief.last_seen < oldest->last_seen) oldest = &belief;
+  }
+  if (oldest != nullptr && update_.seen.exposed_at - oldest->last_seen > kOutOfView)
+    filter_->release_tag(oldest->tag.tag_id);
+}
+
+void BodyPipeline::refresh_cameras() {
+  if (!update_.estimate) return;
+  const Instant now = update_.seen.exposed_at;
+  if (cameras_at_ && now >= *cameras_at_ && now - *cameras_at_ < kCamerasPeriod) return;
+  cameras_at_ = now;
+  update_.cameras = filter_->extrinsics();
+}
+
+void BodyPipeline::note(BodyEvent::Kind kind, int tag_id) {
+  update_.events.push_back({kind, update_.seen.exposed_at, tag_id, {}, {}});
+}
+
+void BodyPipeline::note_events() {
+  const UpdateReport& report = update_.report;
+  if (generation_ >= 0 && report.generation != generation_) note(BodyEvent::Kind::kReset);
+  generation_ = report.generation;
+  if (report.gauge_shift) {
+    note(BodyEvent::Kind::kGaugeShift);
+    update_.events.back().shift = *report.gauge_shift;
+  }
+  const bool anchored = update_.estimate && update_.estimate->anchored;
+  if (anchored && !anchored_) note(BodyEvent::Kind::kAnchored);
+  anchored_ = anchored;
+  if (report.tags_rejected > 0 && report.tags_used == 0) note(BodyEvent::Kind::kImageRejected);
+  for (const int tag_id : report.named_dropped()) note(BodyEvent::Kind::kTagDropped, tag_id);
+  note_imu();
+  std::string doubt =
+      doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known);
+  if (doubt.empty()) return;
+  note(BodyEvent::Kind::kDoubt);
+  update_.events.back().text = std::move(doubt);
+}
+
+void BodyPipeline::note_imu() {
+  if (!setup_.sensors.imu) return;
+  const Instant now = update_.seen.exposed_at;
+  if (!imu_at_) imu_at_ = now;
+  const bool silent = now - *imu_at_ > kSilent;
+  if (silent == imu_is_silent_) return;
+  imu_is_silent_ = silent;
+  note(silent ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack);
+  update_.events.back().text =
+      silent
+          ? "the IMU is silent: images are used without it, poses between them are guesses. Look "
+            "at its cable, driver and clock"
+          : "the IMU is back";
+}
+
+/// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a
+/// while.
+void BodyPipeline::note_carried() {
+  const UpdateReport& report = update_.report;
+  const bool by_points = report.landmarks_used >= filter_rules::kLandmarksToStay && carried_at_;
+  if (by_points || report.tags_used + report.tags_added > 0) carried_at_ = report.exposed_at;
+}
+
+PipelineStatistics BodyPipeline::statistics() const {
+  PipelineStatistics all = statistics_;
+  all.merger = merger_.statistics();
+  if (search_) all.search = search_->statistics();
+  return all;
+}
+
+}  // namespace fiducap

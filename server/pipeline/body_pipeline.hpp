@@ -1,0 +1,114 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/cpu_time.hpp"
+#include "capture/sample_merger.hpp"
+#include "capture/sensor_source.hpp"
+#include "mapping/map_builder.hpp"
+#include "pipeline/body_tracker.hpp"
+#include "pipeline/body_update.hpp"
+#include "pipeline/guided_search.hpp"
+#include "pipeline/tag_doubts.hpp"
+
+namespace fiducap {
+
+/// Everything that decides what becomes of a body's samples.
+struct PipelineSetup {
+  BodySensors sensors;
+  TagSetConfig tags;
+  DetectorConfig detector;
+  EstimatorConfig estimator;
+  WorkspaceGauge gauge;
+  std::string filter{"world"};
+  std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
+  MergerConfig merger;           ///< `has_imu` follows from the sensors.
+  double lose_after_s{BodyLimits{}.lose_after_s};
+};
+
+/// What a body did and what it cost.
+struct PipelineStatistics {
+  std::uint64_t imu_samples{};
+  std::uint64_t frames{};
+  std::uint64_t frames_with_pose{};  ///< … in the workspace, and used tags.
+  std::uint64_t tags_used{};
+  std::uint64_t motion_losses{};
+  Duration propagate_cpu{};
+  Duration detect_cpu{};
+  Duration update_cpu{};  ///< Correction with the corners and everything after it.
+  MergerStatistics merger{};
+  SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
+};
+
+/// One body's samples in, one estimate per image out: merger, detection with its forecast, filter
+/// and checks.
+///
+/// No threads, no clock: what comes out depends on the samples and the map views alone, so the live
+/// worker, replay, calibration, tests and benches all drive this one object. Detection
+/// (GuidedSearch) and tracking exchange values only, so that a network may lie between them.
+///
+///     pipeline.push(sample);                       // in order of arrival
+///     while (pipeline.next() != nullptr)           // what is due, in the filter's order
+///       if (const BodyUpdate* update = pipeline.take(map.view(body))) …
+///
+/// Bounded memory; allocates nothing per sample after warm-up. Not thread-safe.
+class BodyPipeline final {
+ public:
+  /// @param filter  nullptr: made by name, as the setup says
+  explicit BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter = nullptr);
+
+  /// @return false when IMU readings pile up without anybody taking them.
+  bool push(SensorSample sample);
+  /// Nothing more will come: what waits is due.
+  void finish();
+  /// The sample that `take` will work on, or nullptr while nothing is due.
+  [[nodiscard]] const SensorSample* next();
+  [[nodiscard]] bool next_is_image();
+  /// Works on it. @param view  for an image as new as possible; not looked at for IMU readings
+  /// @pre next() != nullptr
+  /// @return what an image did, until the next call; nullptr for everything else
+  const BodyUpdate* take(const MapView& view);
+
+  [[nodiscard]] const PipelineSetup& setup() const { return setup_; }
+  [[nodiscard]] PipelineStatistics statistics() const;
+  /// All doubts about tags, oldest first. From any thread.
+  [[nodiscard]] std::vector<std::string> doubts() const { return doubts_.said(); }
+  /// The cameras as they are known now.
+  [[nodiscard]] std::vector<ExtrinsicsEstimate> cameras() const { return filter_->extrinsics(); }
+  [[nodiscard]] const BodyFilter& filter() const { return *filter_; }
+  /// No image has come so far whose tags had to be found.
+  [[nodiscard]] bool source_gives_corners() const { return !search_; }
+
+ private:
+  void take_imu(const ImuSample& imu);
+  const BodyUpdate* take_image(const MapView& view);
+  bool find_corners(const MapView& view);
+  void lose_motion_if_lost();
+  void hand_over_tags(const TagMap& map);
+  void refresh_cameras();
+  void note_carried();
+  void note_events();
+  void note_imu();
+  void note(BodyEvent::Kind kind, int tag_id = -1);
+
+  PipelineSetup setup_;
+  SampleMerger merger_;
+  std::unique_ptr<BodyFilter> filter_;
+  std::optional<GuidedSearch>
+      search_;  // built with the first image: recordings of corners need none
+  TagDoubts doubts_;
+  std::optional<SensorSample> next_;
+  BodyUpdate update_;
+  PipelineStatistics statistics_;
+  std::optional<Instant> cameras_at_;
+  std::optional<Instant> carried_at_;  ///< The last used tag, or followed points in its stead.
+  std::optional<Instant> imu_at_;
+  bool imu_is_silent_{false};
+  bool anchored_{false};
+  int generation_{-1};
+};
+
+}  // namespace fiducap

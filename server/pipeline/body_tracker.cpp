@@ -1,0 +1,150 @@
+#include "pipeline/body_tracker.hpp"
+
+#include "estimation/filter/filter_rules.hpp"
+#include "pipeline/pivot.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// About ten images: quick enough to watch a camera slow down, slow enough to be read.
+constexpr double kIntervalSmoothing = 0.1;
+// A longer pause is an interruption, not a rate.
+constexpr double kLongestInterval_s = 1.0;
+// Images that are this many intervals overdue lower the rate shown.
+constexpr double kOverdueIntervals = 3.0;
+
+/// The same estimate in axes that stand elsewhere. @param X_new_old  W as it was in W as it is
+BodyEstimate moved(BodyEstimate estimate, const Pose& X_new_old) {
+  const Eigen::Matrix3d R = X_new_old.rotation();
+  estimate.X_WB = X_new_old * estimate.X_WB;
+  estimate.v_WB = R * estimate.v_WB;
+  estimate.a_WB = R * estimate.a_WB;
+  Matrix15d turn = Matrix15d::Identity();
+  for (const int block :
+       {estimate_block::kPosition, estimate_block::kAttitude, estimate_block::kVelocity})
+    turn.block<3, 3>(block, block) = R;
+  estimate.covariance = turn * estimate.covariance * turn.transpose();
+  return estimate;
+}
+
+double rate_variance_of(const BodySensors& sensors) {
+  if (!sensors.imu) return 0.0;
+  return sensors.imu->gyro_noise_rad_s_rtHz * sensors.imu->gyro_noise_rad_s_rtHz *
+         sensors.imu->rate_hz;
+}
+
+}  // namespace
+
+std::vector<ConfigError> BodyLimits::check(const std::string& prefix) const {
+  return Checker{prefix}
+      .positive("max_position_sigma_m", max_position_sigma_m)
+      .positive("max_rotation_sigma_rad", max_rotation_sigma_rad)
+      .positive("coast_after_s", coast_after_s)
+      .positive("lose_after_s", lose_after_s)
+      .require(lose_after_s > coast_after_s, "lose_after_s", lose_after_s,
+               "must be longer than coast_after_s")
+      .errors;
+}
+
+BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits,
+                         const BodySensors& sensors, const EstimatorConfig& estimator)
+    : body_id_(body_id),
+      X_BP_(X_BP),
+      limits_(limits),
+      rate_variance_(rate_variance_of(sensors)),
+      predictor_(sensors, estimator) {}
+
+void BodyTracker::add_imu(const ImuSample& imu) { predictor_.add_imu(imu); }
+
+void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
+                         Duration processing, std::uint64_t images_dropped) {
+  source_lost_ = false;
+  if (report.gauge_shift && last_seen_ && report.generation == report_.generation)
+    last_seen_ = moved(*last_seen_, *report.gauge_shift);
+  report_ = report;
+  processing_ = processing;
+  images_dropped_ = images_dropped;
+  count_image(report.exposed_at);
+  estimated_ = estimate.has_value();
+  anchored_ = estimate && estimate->anchored;
+  if (!estimate) {
+    predictor_.clear();
+    return;
+  }
+  predictor_.set_estimate(*estimate);
+  if (report.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_)
+    last_carried_at_ = report.exposed_at;
+  // A tag that has just entered the state ties the body as well as one that corrected it.
+  if (report.tags_used + report.tags_added == 0) return;
+  last_tag_at_ = report.exposed_at;
+  last_carried_at_ = report.exposed_at;
+  if (anchored_) last_seen_ = estimate;
+}
+
+void BodyTracker::source_lost() { source_lost_ = true; }
+
+void BodyTracker::count_image(Instant exposed_at) {
+  const double interval = last_image_at_ ? to_seconds(exposed_at - *last_image_at_) : 0.0;
+  if (last_image_at_ && interval <= 0)
+    return;  // two cameras at the same instant are one image for the rate
+  last_image_at_ = exposed_at;
+  if (interval > kLongestInterval_s) {
+    image_interval_s_ = 0;
+  } else if (interval > 0) {
+    image_interval_s_ +=
+        (image_interval_s_ > 0 ? kIntervalSmoothing : 1.0) * (interval - image_interval_s_);
+  }
+}
+
+double BodyTracker::image_rate_at(Instant at) const {
+  if (image_interval_s_ <= 0) return 0.0;
+  const double since = to_seconds(at - *last_image_at_);
+  return 1.0 / (since > kOverdueIntervals * image_interval_s_ ? since : image_interval_s_);
+}
+
+bool BodyTracker::unseen_for(Instant at, double seconds) const {
+  return to_seconds(at - *last_tag_at_) > seconds;
+}
+
+bool BodyTracker::lost_by(Instant at) const {
+  return to_seconds(at - *last_carried_at_) > limits_.lose_after_s;
+}
+
+BodyState BodyTracker::state_at(Instant at) const {
+  if (source_lost_) return BodyState::kLost;
+  if (!last_tag_at_) return BodyState::kSearching;
+  if (lost_by(at)) return BodyState::kLost;
+  if (!anchored_) return last_seen_ && !estimated_ ? BodyState::kLost : BodyState::kSearching;
+  return unseen_for(at, limits_.coast_after_s) ? BodyState::kCoasting : BodyState::kTracking;
+}
+
+bool BodyTracker::within_limits(const BodyPose& pose) const {
+  const auto variances = pose.covariance.diagonal().array();
+  return pose.X_WP.p.allFinite() && pose.X_WP.q.coeffs().allFinite() && pose.v_WP.allFinite() &&
+         pose.w_WP_P.allFinite() && variances.isFinite().all() && (variances >= 0).all() &&
+         pose.position_sigma_m() <= limits_.max_position_sigma_m &&
+         pose.rotation_sigma_rad() <= limits_.max_rotation_sigma_rad;
+}
+
+void BodyTracker::sample(Instant at, BodyPose& out) const {
+  out = BodyPose{};
+  out.body_id = body_id_;
+  out.state = state_at(at);
+  const bool alive = out.state == BodyState::kTracking || out.state == BodyState::kCoasting;
+  if (const auto shown = alive ? predictor_.predict(at) : last_seen_) {
+    write_pivot(*shown, X_BP_, rate_variance_, out);
+  }
+  out.valid = alive && within_limits(out);
+  if (last_tag_at_) out.age = at - *last_tag_at_;
+  if (out.state == BodyState::kTracking) {
+    out.tags_in_view = report_.tags_used;
+    out.reprojection_px = report_.reprojection_px;
+  }
+  out.exposed_at = report_.exposed_at;
+  out.image_rate_hz = image_rate_at(at);
+  out.processing = processing_;
+  out.images_dropped = images_dropped_;
+}
+
+}  // namespace fiducap

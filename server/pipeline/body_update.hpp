@@ -1,0 +1,52 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "capture/camera_frame.hpp"
+#include "detection/tag_observation.hpp"
+#include "estimation/body_filter.hpp"
+
+namespace fiducap {
+
+/// Something that happened to a body's estimate, for people, logs and `events.csv`.
+struct BodyEvent {
+  enum class Kind {
+    kAnchored,       ///< The filter stands in the workspace from here on.
+    kGaugeShift,     ///< W was re-defined: poses of this generation move by `shift`.
+    kReset,          ///< The filter has forgotten everything.
+    kMotionLost,     ///< Without a tag for so long that the body has to be found anew.
+    kImageRejected,  ///< Tags were there, and all of them contradicted the estimate.
+    kTagDropped,     ///< `tag_id` kept contradicting the others.
+    kImuSilent,      ///< Images come, IMU readings do not: `text` says what follows.
+    kImuBack,        ///< … and they come again.
+    kDoubt,          ///< Tags do not fit together: `text` says how.
+  } kind{Kind::kDoubt};
+  Instant at{};
+  int tag_id{-1};
+  Pose shift;        ///< Of kGaugeShift.
+  std::string text;  ///< Of kDoubt and the two about the IMU.
+};
+
+/// `anchored`, `gauge_shift`, …
+[[nodiscard]] std::string_view name_of(BodyEvent::Kind kind);
+
+/// What one image did to a body: all values, nothing refers back into the pipeline. Buffers are
+/// reused from image to image.
+struct BodyUpdate {
+  CornerFrame corners;  ///< As detected or delivered.
+  TagObservations seen;
+  UpdateReport report;
+  std::optional<BodyEstimate> estimate;     ///< nullopt: the filter does not run.
+  std::vector<TagBelief> beliefs;           ///< The tags in the body's own state.
+  std::vector<KnownTag> known;              ///< What the map said about the tags of this image.
+  std::vector<ExtrinsicsEstimate> cameras;  ///< What was learned about them, at most a second old.
+  std::vector<BodyEvent> events;
+
+  [[nodiscard]] bool is_placed() const {
+    return estimate && estimate->anchored && estimate->at == seen.exposed_at;
+  }
+};
+
+}  // namespace fiducap

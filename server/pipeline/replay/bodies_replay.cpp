@@ -1,0 +1,146 @@
+#include "pipeline/replay/bodies_replay.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/so3.hpp"
+
+namespace fiducap {
+
+namespace {
+// A live body works on one image while others publish: no image sees a map older than this.
+constexpr std::size_t kRevisions = 256;
+}  // namespace
+
+BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
+    : map_(map, std::move(start)) {
+  for (ReplayedBody& body : bodies) {
+    bodies_.push_back({body.id,
+                       std::move(body.name),
+                       body.source,
+                       std::make_unique<BodyPipeline>(std::move(body.setup)),
+                       false,
+                       {}});
+  }
+}
+
+void BodiesReplay::follow(std::vector<MapTurn> turns) { turns_ = std::move(turns); }
+
+Expected<void> BodiesReplay::run(const Watch& watch) {
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    if (const auto done = advance(body); !done) return done;
+  }
+  if (!turns_.empty()) {
+    if (const auto done = run_by_turns(watch); !done) return done;
+  }
+  while (const auto body = earliest()) {
+    if (!turns_.empty()) ++turns_missed_;
+    if (const auto done = take_next(*body, map_.view(bodies_[*body].id), watch); !done) return done;
+  }
+  return {};
+}
+
+/// Reads and works until an image is next, or nothing is left.
+Expected<void> BodiesReplay::advance(std::size_t index) {
+  Body& body = bodies_[index];
+  body.image_at.reset();
+  for (;;) {
+    while (body.pipeline->next() != nullptr) {
+      if (body.pipeline->next_is_image()) {
+        body.image_at = time_of(*body.pipeline->next());
+        return {};
+      }
+      (void)body.pipeline->take({});
+    }
+    if (body.exhausted) return {};
+    auto sample = body.source->next({});
+    if (!sample) return tl::unexpected(sample.error());
+    if (!sample->has_value()) {
+      body.exhausted = true;
+      body.pipeline->finish();
+      continue;
+    }
+    if (listener_) listener_(index, **sample);
+    if (!body.pipeline->push(std::move(**sample))) {
+      return fail(
+          ErrorCode::kInvalid,
+          "too many IMU samples wait for an image; are the stamps of the sensors on one clock?",
+          body.name);
+    }
+  }
+}
+
+std::optional<std::size_t> BodiesReplay::earliest() const {
+  std::optional<std::size_t> first;
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    if (!bodies_[body].image_at) continue;
+    if (!first || *bodies_[body].image_at < *bodies_[*first].image_at) first = body;
+  }
+  return first;
+}
+
+Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, const Watch& watch) {
+  Body& body = bodies_[index];
+  const BodyUpdate* update = body.pipeline->take(view);
+  if (update != nullptr) {
+    const bool anchored = update->estimate && update->estimate->anchored;
+    map_.absorb({.body_id = body.id,
+                 .at = update->seen.exposed_at,
+                 .anchored = anchored,
+                 .beliefs = update->beliefs,
+                 .contradicted = update->report.named_dropped()},
+                to_ns(update->seen.exposed_at));
+    last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
+    if (watch) watch(index, *update);
+  }
+  return advance(index);
+}
+
+bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {
+  if (!body.image_at) return false;
+  const SensorSample& image = *body.pipeline->next();
+  return to_ns(time_of(image) - clock_shift_of(image)) == turn.stamp_ns;
+}
+
+std::shared_ptr<const TagMap> BodiesReplay::published(std::int64_t revision) const {
+  for (const MapView& view : published_) {
+    if (static_cast<std::int64_t>(view.revision) == revision) return view.map;
+  }
+  return nullptr;
+}
+
+Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
+  for (const MapTurn& turn : turns_) {
+    if (turn.body >= bodies_.size() || !is_at(bodies_[turn.body], turn)) {
+      ++turns_missed_;
+      continue;
+    }
+    MapView now = map_.view(bodies_[turn.body].id);
+    if (published_.empty() || published_.back().revision != now.revision) {
+      published_.push_back(now);
+      if (published_.size() > kRevisions) published_.pop_front();
+    }
+    const auto seen = published(turn.revision);
+    if (!seen) ++turns_missed_;
+    const MapView view{seen ? seen : now.map, turn.may_define_workspace, now.revision};
+    last_.reset();
+    if (const auto done = take_next(turn.body, view, watch); !done) return done;
+    compare(turn);
+  }
+  return {};
+}
+
+void BodiesReplay::compare(const MapTurn& turn) {
+  if (!turn.X_WB && !last_) return;
+  ++agreement_.compared;
+  if (!turn.X_WB || !last_) {
+    ++agreement_.different;
+    return;
+  }
+  if (last_->p == turn.X_WB->p && last_->q.coeffs() == turn.X_WB->q.coeffs()) return;
+  ++agreement_.different;
+  agreement_.worst_m = std::max(agreement_.worst_m, (last_->p - turn.X_WB->p).norm());
+  agreement_.worst_rad = std::max(agreement_.worst_rad, angle_between(last_->q, turn.X_WB->q));
+}
+
+}  // namespace fiducap

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/expected.hpp"
+#include "capture/sensor_source.hpp"
+#include "mapping/map_builder.hpp"
+#include "pipeline/body_pipeline.hpp"
+#include "pipeline/replay/map_turns.hpp"
+
+namespace fiducap {
+
+/// One robot of a replay.
+struct ReplayedBody {
+  int id{1};
+  std::string name;
+  PipelineSetup setup;
+  SensorSource* source{};  ///< Outlives the replay.
+};
+
+/// Replayed estimates beside those that the live server had at the same images.
+struct LiveAgreement {
+  std::uint64_t compared{};
+  std::uint64_t different{};  ///< … in any bit, or one of the two had no pose.
+  double worst_m{};
+  double worst_rad{};
+};
+
+/// Several bodies over one live map in virtual time: the same pipelines and MapBuilder as in the
+/// server, one after the other in this thread, images of all bodies in order of their time. No
+/// clock, no randomness: the same samples give the same result to the last bit.
+class BodiesReplay final {
+ public:
+  /// Called after every image, when its body has told the map.
+  using Watch = std::function<void(std::size_t body, const BodyUpdate& update)>;
+  /// Every raw sample, before its pipeline gets it.
+  using Listener = std::function<void(std::size_t body, const SensorSample& sample)>;
+
+  BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start);
+  /// Follows the order of a recorded session instead of the images' times.
+  void follow(std::vector<MapTurn> turns);
+  void listen(Listener listener) { listener_ = std::move(listener); }
+
+  /// @return Error when a source is lost, or IMU readings pile up
+  Expected<void> run(const Watch& watch);
+
+  [[nodiscard]] MapBuilder& map() { return map_; }
+  [[nodiscard]] const BodyPipeline& pipeline(std::size_t body) const {
+    return *bodies_[body].pipeline;
+  }
+  /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
+  [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
+  /// How far estimates are from those of the recorded session.
+  [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
+
+ private:
+  struct Body {
+    int id{};
+    std::string name;
+    SensorSource* source{};
+    std::unique_ptr<BodyPipeline> pipeline;
+    bool exhausted{false};
+    std::optional<Instant> image_at;  ///< Of the image that is next; nullopt: there is none.
+  };
+  Expected<void> advance(std::size_t body);
+  [[nodiscard]] std::optional<std::size_t> earliest() const;
+  Expected<void> take_next(std::size_t body, const MapView& view, const Watch& watch);
+  Expected<void> run_by_turns(const Watch& watch);
+  [[nodiscard]] static bool is_at(const Body& body, const MapTurn& turn);
+  void compare(const MapTurn& turn);
+  [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
+
+  std::vector<Body> bodies_;
+  MapBuilder map_;
+  Listener listener_;
+  std::vector<MapTurn> turns_;
+  std::deque<MapView> published_;  ///< The newest revisions of the map.
+  std::uint64_t turns_missed_{0};
+  LiveAgreement agreement_;
+  std::optional<Pose> last_;  ///< Of the image just taken, when it was placed.
+};
+
+}  // namespace fiducap

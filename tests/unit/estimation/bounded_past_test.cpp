@@ -1,0 +1,180 @@
+// What the filters keep of the past is bounded, by time and by size, and what is gone is gone for
+// all of them.
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include "estimation/imu/imu_buffer.hpp"
+#include "estimation/start/tag_candidates.hpp"
+#include "estimation/world/image_memory.hpp"
+#include "example_room.hpp"
+#include "world/example_state.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kMaxGap_s = 0.1;
+constexpr double kGapAccel = 3.0;
+
+ImuSample at_rest(double t_s) { return {ExampleRoom::at(t_s), {0, 0, 0}, {0, 0, 9.81}}; }
+
+TEST(ImuBufferPast, AnIntervalBeforeTheFirstReadingIsAGap) {
+  ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
+  buffer.push(at_rest(10.0));
+  buffer.push(at_rest(10.005));
+  const InertialInput input = buffer.input_between(ExampleRoom::at(7.0), ExampleRoom::at(10.0));
+  EXPECT_GT(input.gyro_noise, 0.5 * kBlindRate_rad_s_rtHz);
+  EXPECT_GT(input.accel_noise, 0.5 * kGapAccel);
+}
+
+TEST(ImuBufferPast, WithoutReadingsEverythingIsAGap) {
+  const ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
+  const InertialInput input = buffer.input_between(ExampleRoom::at(1.0), ExampleRoom::at(1.01));
+  EXPECT_GT(input.gyro_noise, 0.5 * kBlindRate_rad_s_rtHz);
+  EXPECT_GT(input.accel_noise, 0.5 * kGapAccel);
+}
+
+TEST(ImuBufferPast, KeepsTheSameTimeAtAnyRate) {
+  for (const double rate_hz : {100.0, 1000.0, 4000.0}) {
+    ImuNoise noise;
+    noise.rate_hz = rate_hz;
+    ImuBuffer buffer(noise, kMaxGap_s, kGapAccel);
+    int pushed = 0;
+    while (!buffer.is_full()) buffer.push(at_rest(10.0 + pushed++ / rate_hz));
+    EXPECT_GE(pushed / rate_hz, to_seconds(kFilterPast)) << rate_hz << " Hz";
+    EXPECT_LE(pushed / rate_hz, 2 * to_seconds(kFilterPast) + 1) << rate_hz << " Hz";
+  }
+}
+
+class BoundedPast : public testing::TestWithParam<std::string> {
+ protected:
+  static ExampleRoom::Setup setup() {
+    ExampleRoom::Setup out;
+    out.filter = GetParam();
+    return out;
+  }
+};
+INSTANTIATE_TEST_SUITE_P(BothFilters, BoundedPast, testing::Values("robocentric", "world"),
+                         [](const auto& one) { return one.param; });
+
+TEST_P(BoundedPast, ASlowCameraAndAQuickImuLoseNothing) {
+  // Six images a second, a thousand readings: the images that a waiting tag remembers reach further
+  // back than four thousand readings.
+  ExampleRoom::Setup setup = BoundedPast::setup();
+  setup.image_period_s = 1.0 / 6;
+  setup.imu_period_s = 0.001;
+  // Tag 0 is shown rarely, so that it waits for long.
+  for (int joins = 50; joins < 62; joins += 3) {
+    ExampleRoom room(setup);
+    double worst = 0;
+    for (int i = 0; i < 80; ++i) {
+      const bool shows = i >= 45 && (i < 47 || i >= joins);
+      room.next_image({}, shows ? std::vector<int>{} : std::vector<int>{1, 2, 3, 4, 5});
+      if (i < 45 || !room.filter->running()) continue;
+      const BodyEstimate e = room.filter->estimate();
+      worst = std::max(worst, std::sqrt(e.covariance.topLeftCorner<3, 3>().trace()));
+    }
+    EXPECT_LT(worst, 0.1) << "joins at " << joins;
+    ASSERT_TRUE(room.belief(0));
+    const Pose X_WR = room.belief(1)->tag.X_WT * room.tags[1].inverse();
+    EXPECT_LT((room.belief(0)->tag.X_WT.p - (X_WR * room.tags[0]).p).norm(), 0.02);
+  }
+}
+
+TEST_P(BoundedPast, ImagesWithoutReadingsDoNotGrowMemory) {
+  ExampleRoom::Setup setup = BoundedPast::setup();
+  setup.image_period_s = 0.1;
+  ExampleRoom room(setup);
+  for (int i = 0; i < 4; ++i) room.next_image({});
+  room.imu_on = false;
+  TagObservations seen = room.look({});
+  for (int i = 0; i < 400; ++i) {
+    seen.exposed_at += std::chrono::milliseconds(100);
+    room.filter->update(seen, {});
+  }
+  const std::size_t before = mallinfo2().uordblks;
+  for (int i = 0; i < 400; ++i) {
+    seen.exposed_at += std::chrono::milliseconds(100);
+    room.filter->update(seen, {});
+  }
+  const std::size_t after = mallinfo2().uordblks;
+  // The log of a start may fill, but a minute of images weighs a megabyte.
+  EXPECT_LT(after, before + 256 * 1024);
+}
+
+TEST(TagCandidatesPast, AViewOfLongAgoDoesNotJudge) {
+  const CameraModel camera = example_camera();
+  TagCandidates candidates{EstimatorConfig{}};
+  const Eigen::Quaterniond q_WT = exp_so3({2.6, 0.4, 0.3});
+  const auto look = [&](double t_s, const Eigen::Vector3d& turn, double gyro_error_rad) {
+    const Eigen::Quaterniond q_WV = exp_so3(turn);
+    const TagObservation seen =
+        example_observation(7, 0.2, {q_WV.conjugate() * q_WT, {0.2, 0.1, 1.5}}, camera);
+    const CameraAttitude attitude{exp_so3({0, gyro_error_rad, 0}) * q_WV};
+    return candidates.judge(0, ExampleRoom::at(t_s), seen, camera, 0.4, attitude, {.at_least = 3});
+  };
+  EXPECT_FALSE(look(0.0, {0, 0, 0}, 0.0));
+  EXPECT_FALSE(look(0.05, {0, 0, 0}, 0.0));
+  // Minutes later, by a gyro that has drifted since.
+  EXPECT_FALSE(look(200.0, {0.1, 0, 0}, 0.3));
+  EXPECT_FALSE(look(200.05, {0.12, 0.1, 0}, 0.3));
+  const auto verdict = look(200.1, {0.0, 0.2, 0}, 0.3);
+  ASSERT_TRUE(verdict);
+  EXPECT_LT(angle_between(*verdict->q_WT, exp_so3({0, 0.3, 0}) * q_WT), 0.02);
+}
+
+TEST(TagCandidatesPast, WhatWasSeenOnceIsForgotten) {
+  TagCandidates candidates{EstimatorConfig{}};
+  const CameraModel camera = example_camera();
+  for (int id = 0; id < 500; ++id) {
+    const TagObservation seen =
+        example_observation(id, 0.2, {exp_so3({2.6, 0.4, 0.3}), {0.2, 0.1, 1.5}}, camera);
+    (void)candidates.judge(0, ExampleRoom::at(0.5 * id), seen, camera, 0.4,
+                           CameraAttitude{Eigen::Quaterniond::Identity()}, {.at_least = 3});
+  }
+  EXPECT_LT(candidates.size(), 30u);
+}
+
+TEST(DroppedTag, DoesNotComeBackWithThePast) {
+  world::FilterState state = world::example_state();
+  world::ImageMemory memory;
+  TagObservations seen;
+  const auto show = [&](double t_s) {
+    seen.exposed_at = ExampleRoom::at(t_s);
+    state.time = seen.exposed_at;
+    const KnownTag known{12, 0.2, Pose{}, Matrix6d::Identity()};
+    memory.add(seen, {&known, 1});
+  };
+  show(1.0);
+  memory.image(memory.newest()).admissions.push_back({11, Pose{}});
+  memory.wait(30, Eigen::Quaterniond::Identity(), state);
+  memory.wait(11, Eigen::Quaterniond::Identity(), state);
+  show(1.05);
+  memory.forget_tag(11);
+  memory.forget_tag(12);
+  ASSERT_TRUE(memory.first_sight(30));
+  const auto first = *memory.first_sight(30);
+  EXPECT_LT(memory.state_at(first.number)->find(11), 0);
+  EXPECT_LT(memory.state_at(first.number)->find(12), 0);
+  EXPECT_GE(memory.state_at(first.number)->find(10), 0);
+  EXPECT_TRUE(memory.image(first.number).admissions.empty());
+  EXPECT_TRUE(memory.image(first.number).known.empty());
+  EXPECT_FALSE(memory.first_sight(11));
+}
+
+TEST(ImageMemoryPast, ReachesBackInTimeAndNotOnlyInImages) {
+  const world::FilterState start = world::example_state();
+  world::ImageMemory memory;
+  for (int i = 0; i < 30; ++i) {
+    TagObservations seen;
+    seen.exposed_at = ExampleRoom::at(0.5 * i);
+    world::FilterState state = start;
+    state.time = seen.exposed_at;
+    memory.add(seen, {});
+    memory.wait(100 + i, Eigen::Quaterniond::Identity(), state);
+    ASSERT_TRUE(memory.needed_since());
+    EXPECT_LE(seen.exposed_at - *memory.needed_since(), kFilterPast) << "image " << i;
+  }
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,261 @@
+#include "pipeline/body_tracker.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "base/so3.hpp"
+
+namespace fiducap {
+namespace {
+
+using Eigen::Vector3d;
+
+Instant at_ms(int ms) { return instant_from_ns(1'000'000'000) + std::chrono::milliseconds(ms); }
+
+/// A body with IMU at rest at (1, 2, 3), images every 50 ms, as a worker would feed it.
+class BodyTrackerTest : public testing::Test {
+ protected:
+  BodyTrackerTest() : tracker_(7, Pose{}, BodyLimits{}, sensors(), EstimatorConfig{}) {}
+
+  static BodySensors sensors() {
+    BodySensors s;
+    s.imu = ImuNoise{};
+    return s;
+  }
+  static BodyEstimate estimate(int ms) {
+    BodyEstimate e;
+    e.at = at_ms(ms);
+    e.X_WB.p = {1, 2, 3};
+    e.covariance = Matrix15d::Identity() * 1e-6;
+    e.anchored = true;
+    return e;
+  }
+  static UpdateReport report(int ms, int used) {
+    UpdateReport r;
+    r.exposed_at = at_ms(ms);
+    r.tags_seen = r.tags_used = used;
+    r.reprojection_px = used > 0 ? 0.4 : 0.0;
+    r.running = true;
+    return r;
+  }
+  void rest_until(int ms) {
+    for (; imu_ms_ <= ms; imu_ms_ += 5)
+      tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {0, 0, 9.81}});
+  }
+  void image(int ms, int used, std::uint64_t dropped = 0) {
+    rest_until(ms);
+    tracker_.ingest(estimate(ms), report(ms, used), std::chrono::milliseconds(8), dropped);
+  }
+  BodyPose sample(int ms) {
+    BodyPose pose;
+    pose.tags_in_view = 99;  // what a pooled frame may bring along
+    tracker_.sample(at_ms(ms), pose);
+    return pose;
+  }
+
+  BodyTracker tracker_;
+  int imu_ms_{0};
+};
+
+TEST_F(BodyTrackerTest, SearchesUntilTheFirstImage) {
+  rest_until(100);
+  const auto pose = sample(100);
+  EXPECT_EQ(pose.body_id, 7);
+  EXPECT_EQ(pose.state, BodyState::kSearching);
+  EXPECT_FALSE(pose.valid);
+  EXPECT_EQ(pose.tags_in_view, 0);
+  EXPECT_EQ(pose.age, Duration{0});
+}
+
+TEST_F(BodyTrackerTest, TracksWithAUsedTag) {
+  image(100, 3, 5);
+  const auto pose = sample(110);
+  EXPECT_EQ(pose.state, BodyState::kTracking);
+  EXPECT_TRUE(pose.valid);
+  EXPECT_LT((pose.X_WP.p - Vector3d(1, 2, 3)).norm(), 1e-9);
+  EXPECT_EQ(pose.tags_in_view, 3);
+  EXPECT_EQ(pose.age, std::chrono::milliseconds(10));
+  EXPECT_EQ(pose.exposed_at, at_ms(100));
+  EXPECT_EQ(pose.processing, std::chrono::milliseconds(8));
+  EXPECT_EQ(pose.images_dropped, 5u);
+  EXPECT_EQ(pose.reprojection_px, 0.4);
+  EXPECT_GT(pose.position_sigma_m(), 0);
+}
+
+TEST_F(BodyTrackerTest, IsNotValidWhileNothingTiesItToTheWorkspace) {
+  rest_until(100);
+  auto adrift = estimate(100);
+  adrift.anchored = false;
+  tracker_.ingest(adrift, report(100, 2), {}, 0);
+  EXPECT_EQ(sample(105).state, BodyState::kSearching);
+  EXPECT_FALSE(sample(105).valid);
+  image(150, 2);
+  EXPECT_TRUE(sample(155).valid);
+}
+
+TEST_F(BodyTrackerTest, FollowedPointsKeepItCoastingButDoNotMakeItTrack) {
+  const auto carried = [&](int ms, int landmarks) {
+    rest_until(ms);
+    UpdateReport r = report(ms, 0);
+    r.landmarks_used = landmarks;
+    tracker_.ingest(estimate(ms), r, {}, 0);
+  };
+  carried(50, 9);
+  EXPECT_EQ(sample(50).state, BodyState::kSearching);
+  image(100, 3);
+  for (int ms = 150; ms <= 7000; ms += 50) carried(ms, ms % 200 == 0 ? 9 : 0);
+  EXPECT_EQ(sample(7000).state, BodyState::kCoasting);
+  EXPECT_EQ(sample(7000).age, std::chrono::milliseconds(6900));
+  for (int ms = 7050; ms <= 12200; ms += 50) carried(ms, 1);  // too few to say anything
+  EXPECT_EQ(sample(12200).state, BodyState::kLost);
+}
+
+TEST_F(BodyTrackerTest, CoastsWhenTagsAreGoneAndTracksAgain) {
+  image(100, 3);
+  for (int ms = 150; ms <= 300; ms += 50) image(ms, 0);
+  rest_until(300);
+  EXPECT_EQ(sample(245).state, BodyState::kTracking);
+  const auto pose = sample(300);
+  EXPECT_EQ(pose.state, BodyState::kCoasting);
+  EXPECT_TRUE(pose.valid);
+  EXPECT_EQ(pose.tags_in_view, 0);
+  EXPECT_EQ(pose.age, std::chrono::milliseconds(200));
+  EXPECT_EQ(pose.exposed_at, at_ms(300));
+  image(350, 1);
+  EXPECT_EQ(sample(350).state, BodyState::kTracking);
+}
+
+TEST_F(BodyTrackerTest, CoastsWhenImagesStopComing) {
+  image(100, 3);
+  rest_until(400);
+  EXPECT_EQ(sample(400).state, BodyState::kCoasting);
+  EXPECT_EQ(sample(400).tags_in_view, 0);
+}
+
+TEST_F(BodyTrackerTest, SigmaBeyondALimitTakesValidityAway) {
+  rest_until(100);
+  auto vague = estimate(100);
+  vague.covariance(1, 1) = 0.26 * 0.26;
+  tracker_.ingest(vague, report(100, 1), {}, 0);
+  EXPECT_FALSE(sample(101).valid);
+  EXPECT_EQ(sample(101).state, BodyState::kTracking);
+  vague.covariance(1, 1) = 1e-6;
+  vague.covariance(5, 5) = 0.21 * 0.21;
+  tracker_.ingest(vague, report(100, 1), {}, 0);
+  EXPECT_FALSE(sample(101).valid);
+  vague.covariance(5, 5) = 0.19 * 0.19;
+  tracker_.ingest(vague, report(100, 1), {}, 0);
+  EXPECT_TRUE(sample(101).valid);
+}
+
+TEST_F(BodyTrackerTest, ANumberThatIsNoneIsNeverValid) {
+  rest_until(100);
+  auto broken = estimate(100);
+  broken.X_WB.p.y() = std::numeric_limits<double>::quiet_NaN();
+  tracker_.ingest(broken, report(100, 1), {}, 0);
+  EXPECT_FALSE(sample(101).valid);
+  broken = estimate(100);
+  broken.covariance(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  tracker_.ingest(broken, report(100, 1), {}, 0);
+  EXPECT_FALSE(sample(101).valid);
+  broken = estimate(100);
+  broken.covariance(0, 0) = -1.0;
+  tracker_.ingest(broken, report(100, 1), {}, 0);
+  EXPECT_FALSE(sample(101).valid);
+}
+
+TEST_F(BodyTrackerTest, CoastingEndsToBeValidBeforeTheBodyIsLost) {
+  image(100, 3);
+  rest_until(4900);
+  const auto pose = sample(4900);
+  EXPECT_EQ(pose.state, BodyState::kCoasting);
+  EXPECT_GT(pose.position_sigma_m(), BodyLimits{}.max_position_sigma_m);
+  EXPECT_FALSE(pose.valid);
+}
+
+TEST_F(BodyTrackerTest, LosesTheBodyAfterFiveSecondsAndShowsWhereItWasSeen) {
+  image(100, 3);
+  rest_until(2000);
+  for (; imu_ms_ < 5200; imu_ms_ += 5)
+    tracker_.add_imu({at_ms(imu_ms_), Vector3d::Zero(), {1, 0, 9.81}});
+  EXPECT_EQ(sample(5099).state, BodyState::kCoasting);
+  const auto pose = sample(5101);
+  EXPECT_EQ(pose.state, BodyState::kLost);
+  EXPECT_FALSE(pose.valid);
+  EXPECT_EQ(pose.X_WP.p, Vector3d(1, 2, 3));
+  EXPECT_EQ(pose.age, std::chrono::milliseconds(5001));
+}
+
+TEST_F(BodyTrackerTest, StaysLostFromTheLossToTheFreshEstimate) {
+  image(100, 3);
+  tracker_.ingest(std::nullopt, report(5150, 0), {}, 0);  // the filter has given the motion up
+  EXPECT_EQ(sample(5200).state, BodyState::kLost);
+  auto adrift = estimate(5250);
+  adrift.anchored = false;
+  tracker_.ingest(adrift, report(5250, 0), {}, 0);  // running on gravity, no tag yet
+  EXPECT_EQ(sample(5300).state, BodyState::kLost);
+  imu_ms_ = 5300;
+  image(5350, 2);
+  EXPECT_EQ(sample(5400).state, BodyState::kTracking);
+  EXPECT_TRUE(sample(5400).valid);
+}
+
+TEST_F(BodyTrackerTest, WhatItSawLastMovesWithTheWorkspaceButNotFromBeforeAReset) {
+  image(100, 3);
+  UpdateReport shifted = report(400, 0);
+  shifted.gauge_shift = Pose{Eigen::Quaterniond::Identity(), {10, 0, 0}};
+  tracker_.ingest(std::nullopt, shifted, {}, 0);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "history, in today's axes";
+  UpdateReport restarted = shifted;
+  restarted.generation = 1;
+  tracker_.ingest(std::nullopt, restarted, {}, 0);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(11, 2, 3)) << "a new start has nothing to do with it";
+}
+
+TEST_F(BodyTrackerTest, IsLostAsSoonAsItsFilterGivesTheMotionUp) {
+  image(100, 3);
+  tracker_.ingest(std::nullopt, report(400, 0), {}, 0);
+  EXPECT_EQ(sample(400).state, BodyState::kLost);
+  EXPECT_FALSE(sample(400).valid);
+  EXPECT_EQ(sample(400).X_WP.p, Vector3d(1, 2, 3));
+  imu_ms_ = 405;
+  image(450, 3);
+  EXPECT_EQ(sample(450).state, BodyState::kTracking);
+}
+
+TEST_F(BodyTrackerTest, IsLostWithItsSourceUntilTheNextImage) {
+  image(100, 3);
+  tracker_.source_lost();
+  EXPECT_EQ(sample(101).state, BodyState::kLost);
+  EXPECT_FALSE(sample(101).valid);
+  image(150, 3);
+  EXPECT_EQ(sample(151).state, BodyState::kTracking);
+}
+
+TEST_F(BodyTrackerTest, ShowsASmoothImageRateThatFallsWhenImagesStop) {
+  for (int i = 0; i < 40; ++i) image(100 + 50 * i + (i % 2) * 6, 1);
+  EXPECT_NEAR(sample(2060).image_rate_hz, 20.0, 0.5);
+  EXPECT_NEAR(sample(2056 + 500).image_rate_hz, 2.0, 0.1);
+}
+
+TEST_F(BodyTrackerTest, APauseDoesNotSpoilTheImageRate) {
+  for (int i = 0; i < 10; ++i) image(100 + 50 * i, 1);
+  for (int i = 0; i < 10; ++i) image(10'000 + 100 * i, 1);
+  EXPECT_NEAR(sample(10'900).image_rate_hz, 10.0, 0.1);
+}
+
+TEST(BodyLimits, NamesEveryBrokenRule) {
+  EXPECT_TRUE(BodyLimits{}.check("limits.").empty());
+  BodyLimits limits;
+  limits.max_position_sigma_m = -1;
+  limits.lose_after_s = 0.1;
+  const auto errors = limits.check("bodies.robot.limits.");
+  ASSERT_EQ(errors.size(), 2u);
+  EXPECT_EQ(errors[0].text(),
+            "bodies.robot.limits.max_position_sigma_m = -1: must be finite and > 0");
+  EXPECT_EQ(errors[1].path, "bodies.robot.limits.lose_after_s");
+}
+
+}  // namespace
+}  // namespace fiducap
