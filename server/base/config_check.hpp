@@ -44,4 +44,15 @@ struct Checker {
   }
 };
 
+/// The words that a configuration uses for the values of an enum.
+namespace words {
+
+template <typename E>
+struct Word {
+  std::string_view text;
+  E value;
+};
+
+}  // namespace words
+
 }  // namespace fiducap

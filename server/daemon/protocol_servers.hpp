@@ -2,10 +2,13 @@
 
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "base/clock.hpp"
 #include "daemon/config/config_file.hpp"
 #include "middleware/participant.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
+#include "streaming/operator_desk.hpp"
 #include "streaming/stream_hub.hpp"
 
 namespace boost::asio {
@@ -15,14 +18,7 @@ class io_context;
 namespace fiducap {
 
 /// Where the protocols really listen (a configured 0 is any free port); 0: not served.
-struct ServerPorts {
-  std::uint16_t vrpn{};
-  std::uint16_t native{};
-  std::uint16_t natnet{};
-  std::uint16_t vicon{};
-  std::uint16_t qualisys{};  ///< Base port.
-  std::uint16_t web{};
-};
+using ServerPorts = ProtocolPorts;
 
 /// What the protocol servers live on; everything outlives the hub.
 struct ProtocolParts {
@@ -34,11 +30,11 @@ struct ProtocolParts {
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
 };
 
-/// The names that `streaming.optional` may hold.
-[[nodiscard]] const std::vector<std::string>& protocol_names();
-
 /// Starts every enabled protocol and gives it to the hub. One of `streaming.optional` that cannot
 /// start is a warning with the remedy, any other an error.
 [[nodiscard]] Expected<ServerPorts> start_protocols(const ProtocolParts& parts, StreamHub& hub);
+
+/// Where each protocol of a configuration that has a port listens, and what its clients receive.
+[[nodiscard]] std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming);
 
 }  // namespace fiducap

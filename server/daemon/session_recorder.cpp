@@ -111,11 +111,19 @@ void SessionRecorder::take_found(std::size_t body, const CornerFrame& corners) {
   if (recording_ && !config_.images) put(body, SensorSample(corners));
 }
 
-void SessionRecorder::take_turn(std::size_t body, const CornerFrame& image, const MapView& view,
+void SessionRecorder::take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,
                                 std::uint64_t turn) {
   if (!recording_) return;
-  put(body, MapTurn{turn, body, to_ns(image.exposed_at - image.clock_shift), image.camera,
-                    static_cast<std::int64_t>(view.revision), view.may_define_workspace});
+  const CornerFrame& image = update.corners;
+  MapTurn now{turn,
+              body,
+              to_ns(image.exposed_at - image.clock_shift),
+              image.camera,
+              static_cast<std::int64_t>(view.revision),
+              view.may_define_workspace,
+              {}};
+  if (update.is_placed()) now.X_WB = update.estimate->X_WB;
+  put(body, now);
 }
 
 void SessionRecorder::put(std::size_t body,

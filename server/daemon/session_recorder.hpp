@@ -15,6 +15,7 @@
 
 #include "base/config_check.hpp"
 #include "capture/recording/recording_writer.hpp"
+#include "pipeline/body_update.hpp"
 #include "pipeline/replay/map_turns.hpp"
 
 namespace fiducap {
@@ -71,7 +72,7 @@ class SessionRecorder final {
   /// is recorded.
   void take_found(std::size_t body, const CornerFrame& corners);
   /// How the image's body and the map met.
-  void take_turn(std::size_t body, const CornerFrame& image, const MapView& view,
+  void take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,
                  std::uint64_t turn);
   /// The writer: runs until stopped and everything is on disk.
   void run(std::stop_token stop);

@@ -21,7 +21,8 @@ std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const Body
                                              const EstimatorConfig& config) {
   if (name == "world") return std::make_unique<world::WorldFilter>(sensors, gauge, config);
   FIDUCAP_ASSERT(name == "robocentric");  // the configuration admits no other
-  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config);
+  const ClockHypothesis as_one{std::vector<double>(sensors.cameras.size(), 0.0)};
+  return std::make_unique<robocentric::RobocentricFilter>(sensors, gauge, config, as_one);
 }
 
 }  // namespace fiducap

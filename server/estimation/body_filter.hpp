@@ -76,8 +76,8 @@ class BodyFilter {
   virtual void lose_motion() = 0;
 
   /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one
-  /// when it is seen again. Nothing happens to the tag that ties the workspace down, nor while the
-  /// workspace is not the map's.
+  /// when it is seen again. Nothing happens to the tag that defines the workspace, nor while the
+  /// filter is not anchored.
   virtual void release_tag(int tag_id) = 0;
 
   [[nodiscard]] virtual bool running() const = 0;

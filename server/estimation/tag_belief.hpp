@@ -14,7 +14,7 @@ struct TagBelief {
   int sightings{};
   Instant first_seen{};
   Instant last_seen{};
-  /// Whose axes `tag.X_WT` is in: the workspace, or the body's own that nothing ties to it yet.
+  /// Whose axes `tag.X_WT` is in: the workspace, or the body's own, not anchored yet.
   int component{kWorkspace};
 };
 

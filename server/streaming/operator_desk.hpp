@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/config_check.hpp"
 #include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "mapping/map_builder.hpp"
@@ -57,5 +59,14 @@ class OperatorDesk {
   /// Its name while one is under way.
   [[nodiscard]] virtual std::optional<std::string> recording() const = 0;
 };
+
+namespace words {
+
+inline constexpr std::array<Word<RemoteControl>, 3> kRemoteControl{
+    {{"off", RemoteControl::kOff},
+     {"loopback", RemoteControl::kLoopback},
+     {"all", RemoteControl::kAll}}};
+
+}  // namespace words
 
 }  // namespace fiducap

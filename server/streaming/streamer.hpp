@@ -1,15 +1,27 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/clock.hpp"
+#include "base/expected.hpp"
 #include "scene/scene_frame.hpp"
 
+namespace boost::asio {
+class io_context;
+}
+
 namespace fiducap {
+
+class OperatorDesk;
+namespace dds {
+class Participant;
+}
 
 /// How the server's clock stands to a client's.
 struct ClockOffset {
@@ -33,12 +45,27 @@ class Streamer {
  public:
   virtual ~Streamer() = default;
   [[nodiscard]] virtual std::string_view protocol() const = 0;
+  /// The first port that it listens on, also when the configuration asked for any free one; 0: it
+  /// has none of its own.
+  [[nodiscard]] virtual std::uint16_t port() const { return 0; }
   /// Encodes once, sends to every client; a slow client loses frames, nobody waits for it.
   virtual void publish(const std::shared_ptr<const SceneFrame>& frame) = 0;
   /// Appends one entry per connected client.
   virtual void append_clients(std::vector<ClientStatus>& out) const = 0;
   /// Closes everything; called once, on the I/O thread.
   virtual void stop() = 0;
+};
+
+/// What protocol servers are made from; everything outlives them.
+struct ProtocolContext {
+  boost::asio::io_context& io;
+  std::shared_ptr<const SceneModel> model;
+  OperatorDesk& desk;
+  const Clock& clock;
+  double rate_hz{};  ///< Of the frames.
+  std::string_view version{};
+  std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
+  std::function<std::vector<ClientStatus>()> clients{};  ///< Of all protocols.
 };
 
 }  // namespace fiducap

@@ -20,12 +20,12 @@ void require(bool holds) {
   if (!holds) std::abort();
 }
 
-void converse(Door door, std::size_t piece, std::span<const std::byte> bytes) {
+void converse(Dialect dialect, std::size_t piece, std::span<const std::byte> bytes) {
   static const auto frame = make_scene_frame({"arm", "drone"}, 9);
   FakeDesk desk;
-  Room room(QualisysConfig{}, &desk);
+  SharedState room(QualisysConfig{}, &desk);
   room.bodies.update(*frame->model);
-  Connection connection(room, door, 1, "10.0.0.7", 4711);
+  Connection connection(room, dialect, 1, "10.0.0.7", 4711);
   std::vector<std::byte> out;
   EncodedFrame encoded;
   while (!bytes.empty()) {
@@ -51,13 +51,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::size_t piece = data[1] == 0 ? bytes.size() + 1 : data[1];
   switch (data[0] % 5) {
     case 0:
-      converse(Door::kLittleEndian, piece, bytes);
+      converse(Dialect::kLittleEndian, piece, bytes);
       break;
     case 1:
-      converse(Door::kBigEndian, piece, bytes);
+      converse(Dialect::kBigEndian, piece, bytes);
       break;
     case 2:
-      converse(Door::kLegacy, piece, bytes);
+      converse(Dialect::kLegacy, piece, bytes);
       break;
     case 3:
       (void)decode_discover(bytes);

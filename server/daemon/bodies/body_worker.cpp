@@ -128,7 +128,7 @@ void BodyWorker::tell_map(const BodyUpdate& update, const MapView& view) {
                                                  .beliefs = update.beliefs,
                                                  .contradicted = update.report.named_dropped()},
                                                 utc_now_ns());
-  shared_.recorder.take_turn(index_, update.corners, view, turn);
+  shared_.recorder.take_turn(index_, update, view, turn);
 }
 
 void BodyWorker::tell_people(const BodyUpdate& update) {

@@ -21,14 +21,7 @@
 #include "middleware/network.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "simulation/simulation.hpp"
-#include "streaming/dds/dds_config.hpp"
-#include "streaming/mavlink/mavlink_config.hpp"
-#include "streaming/native/native_server.hpp"
-#include "streaming/natnet/natnet_config.hpp"
-#include "streaming/qualisys/qualisys_server.hpp"
-#include "streaming/vicon/vicon_config.hpp"
-#include "streaming/vrpn/vrpn_server.hpp"
-#include "streaming/web/web_server.hpp"
+#include "streaming/protocol_configs.hpp"
 
 namespace fiducap {
 
@@ -82,18 +75,11 @@ struct MapSettings {
       true};  ///< Start from what was learned about the cameras and stored beside the map.
 };
 
-struct StreamingConfig {
+/// What all protocols share, and a section for each of them.
+struct StreamingConfig : ProtocolConfigs {
   double rate_hz{100.0};
   std::vector<std::string>
       optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
-  vrpn::VrpnConfig vrpn;
-  native::NativeConfig native;
-  natnet::NatNetConfig natnet;
-  vicon::ViconConfig vicon;
-  qualisys::QualisysConfig qualisys;
-  web::WebConfig web;
-  dds::DdsConfig dds;
-  mavlink::MavlinkConfig mavlink;
 };
 
 /// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.

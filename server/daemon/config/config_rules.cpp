@@ -3,7 +3,6 @@
 #include <set>
 
 #include "daemon/config/config_file.hpp"
-#include "daemon/protocol_servers.hpp"
 
 namespace fiducap {
 
@@ -121,59 +120,56 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
 }
 
+std::vector<std::string> protocol_names() {
+  std::vector<std::string> names;
+  for_each_protocol([&names](std::string_view name) { names.emplace_back(name); });
+  return names;
+}
+
 void check_streaming(Errors& all, const StreamingConfig& streaming) {
   Checker rules{"streaming."};
   rules.within("rate_hz", streaming.rate_hz, 1, 1000);
   for (const auto& name : streaming.optional) {
-    const auto& names = protocol_names();
+    const auto names = protocol_names();
     std::string all_names;
     for (const auto& one : names) all_names += (all_names.empty() ? "" : ", ") + one;
     rules.require(std::find(names.begin(), names.end(), name) != names.end(), "optional", name,
                   "must be some of " + all_names);
   }
   append(all, rules.errors, "streaming.");
-  append(all, streaming.vrpn.check(), "streaming.vrpn.");
-  append(all, streaming.native.check(), "streaming.native.");
-  append(all, streaming.natnet.check(), "streaming.natnet.");
-  append(all, streaming.vicon.check(), "streaming.vicon.");
-  append(all, streaming.qualisys.check(), "streaming.qualisys.");
-  append(all, streaming.dds.check(), "streaming.dds.");
-  append(all, streaming.mavlink.check(), "streaming.mavlink.");
-  append(all, streaming.web.check(), "streaming.web.");
-}
-
-void check_vehicles(Errors& all, const ServerConfig& config) {
-  for (std::size_t i = 0; i < config.streaming.mavlink.vehicles.size(); ++i) {
-    const std::string& name = config.streaming.mavlink.vehicles[i].body;
-    const bool known = std::any_of(config.bodies.begin(), config.bodies.end(),
-                                   [&name](const BodyConfig& body) { return body.name == name; });
-    if (known || name.empty()) continue;
-    all.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
-                   "must be the name of one of the bodies"});
-  }
+  for_each_protocol(
+      [&all](std::string_view name, const auto& config) {
+        append(all, config.check(), "streaming." + std::string(name) + ".");
+      },
+      streaming);
 }
 
 /// An alias of nobody is a typing error.
-void check_aliases(Errors& all, const ServerConfig& config) {
-  const StreamingConfig& streaming = config.streaming;
-  const auto check = [&](const std::string& protocol, const NameAliases& aliases) {
-    Checker rules{"streaming." + protocol + ".aliases."};
-    for (const auto& entry : aliases) {
-      const bool known =
-          std::any_of(config.bodies.begin(), config.bodies.end(),
-                      [&](const BodyConfig& body) { return body.name == entry.first; });
-      rules
-          .require(known, entry.first, '"' + entry.second + '"',
-                   "must stand for the name of one of the bodies")
-          .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
-    }
-    append(all, rules.errors, rules.prefix);
-  };
-  check("vrpn", streaming.vrpn.aliases);
-  check("natnet", streaming.natnet.aliases);
-  check("vicon", streaming.vicon.aliases);
-  check("qualisys", streaming.qualisys.aliases);
-  check("dds", streaming.dds.aliases);
+void check_aliases(Errors& all, std::string_view protocol, const NameAliases& aliases,
+                   const std::vector<std::string>& bodies) {
+  Checker rules{"streaming." + std::string(protocol) + ".aliases."};
+  for (const auto& entry : aliases) {
+    const bool known = std::find(bodies.begin(), bodies.end(), entry.first) != bodies.end();
+    rules
+        .require(known, entry.first, '"' + entry.second + '"',
+                 "must stand for the name of one of the bodies")
+        .require(!entry.second.empty(), entry.first, "\"\"", "must not be empty");
+  }
+  append(all, rules.errors, rules.prefix);
+}
+
+/// The rules between protocols and bodies.
+void check_served_bodies(Errors& all, const ServerConfig& config) {
+  std::vector<std::string> bodies;
+  for (const auto& body : config.bodies) bodies.push_back(body.name);
+  for_each_protocol(
+      [&](std::string_view name, const auto& protocol) {
+        if constexpr (requires { protocol.check_bodies(bodies); })
+          append(all, protocol.check_bodies(bodies), "streaming." + std::string(name) + ".");
+        if constexpr (requires { protocol.aliases; })
+          check_aliases(all, name, protocol.aliases, bodies);
+      },
+      config.streaming);
 }
 
 void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
@@ -214,8 +210,7 @@ std::vector<ConfigError> check(const ServerConfig& config) {
   }
   check_unique(all, config.bodies);
   check_streaming(all, config.streaming);
-  check_vehicles(all, config);
-  check_aliases(all, config);
+  check_served_bodies(all, config);
   append(all, config.dds.check(), "dds.");
   append(all, config.operators.check(), "operator.");
   return all;

@@ -10,7 +10,7 @@ namespace fiducap {
 
 /// Notices when a large share of the tags in view has contradicted the rest for many seconds: then
 /// something that all of them have in common is wrong (sizes, lens, extrinsics), and no single tag
-/// is to blame.
+/// is the cause.
 class RejectionWatch final {
  public:
   /// Every image, in order of time.

@@ -17,7 +17,7 @@ namespace fiducap {
 /// `held_tags()`, and next to it
 ///                `void measure_image(const State&, int camera, const CameraModel&, std::span<const
 ///                TagToUse>, const CornerNoise&, ImageMeasurement&)` and `void
-///                carry_covariance(State&, correction, int camera)`
+///                transport_covariance(State&, correction, int camera)`
 template <class State>
 class CornerUpdate final {
  public:
@@ -64,7 +64,7 @@ class CornerUpdate final {
       state.add_error(update_.correction());
     }
     update_.shrink(state.P(), state.held_tags());
-    carry_covariance(state, update_.correction(), camera);
+    transport_covariance(state, update_.correction(), camera);
     report.nis_dof = update_.degrees_of_freedom();
     measure_image(state, camera, model, tags, noise, image_);
     report.reprojection_px = update_.rms_px(image_);

@@ -18,7 +18,7 @@ inline constexpr double kAdriftWithoutImu_s = 1.0;
 // Longest inertial steps: rotation and force change little within them.
 inline constexpr double kStepWithImu_s = 0.02;
 inline constexpr double kStepWithoutImu_s = 0.05;
-// Fewer points than this cannot vouch for each other: a bare room's few, on edges and half-seen
+// Fewer points than this cannot confirm each other: a bare room's few, on edges and half-seen
 // tags, do more harm than good.
 inline constexpr std::size_t kFewestPoints = 10;
 // An image with so many landmarks says how the body moved, with or without a tag.
@@ -28,9 +28,9 @@ inline constexpr int kFirstIterations = 5;
 inline constexpr int kCornerStepIterations = 2;
 // Images in a row in which at least half of the usable tags contradict, before the camera's clock
 // is thought to have jumped.
-inline constexpr int kStrainedToReopenClock = 5;
+inline constexpr int kContradictionsToReopenClock = 5;
 // Images in a row with usable tags and none accepted, before everything is given up …
-inline constexpr int kBarrenToRestart = 20;
+inline constexpr int kRejectedToRestart = 20;
 // … but not so soon when they all show one and the same tag, which may just have been moved, and an
 // IMU bridges the time.
 inline constexpr double kOneTagPatience_s = 8.0;

@@ -11,61 +11,76 @@ constexpr double kMargin = 1.25;
 constexpr double kFewest = 256;
 constexpr double kMost = 65536;
 
-std::size_t most_readings(double rate_hz) {
-  const double wanted = kMargin * rate_hz * to_seconds(kFilterPast);
+std::size_t most_readings(double rate_hz, Duration past) {
+  const double wanted = kMargin * rate_hz * to_seconds(past);
   return static_cast<std::size_t>(std::clamp(std::ceil(wanted), kFewest, kMost));
 }
 }  // namespace
 
-ImuBuffer::ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise)
+ImuBuffer::ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise, Duration past)
     : noise_(noise),
-      most_(most_readings(noise.rate_hz)),
       max_gap_s_(max_gap_s),
       gap_accel_noise_(gap_accel_noise),
-      watch_(noise) {
-  samples_.reserve(most_);
-}
+      watch_(noise),
+      ring_(most_readings(noise.rate_hz, past)) {}
 
 bool ImuBuffer::push(const ImuSample& imu) {
   if (!imu.w_WB_B.allFinite() || !imu.f_B.allFinite()) return false;
-  if (!samples_.empty() && imu.sampled_at <= samples_.back().imu.sampled_at) return false;
-  if (is_full()) samples_.erase(samples_.begin());
+  if (size_ > 0 && imu.sampled_at <= reading(size_ - 1).imu.sampled_at) return false;
+  if (is_full()) forget_oldest(1);
   const auto found = watch_.look_at(imu);
-  samples_.push_back({imu, found.now});
-  const std::size_t earlier = samples_.size() - 1;
+  const std::size_t earlier = size_++;
+  at(earlier) = {imu, found.now};
   for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k)
-    samples_[earlier - k].saturated.gyro = true;
+    at(earlier - k).saturated.gyro = true;
   for (std::size_t k = 1; k <= std::min(earlier, found.accel_since); ++k)
-    samples_[earlier - k].saturated.accel = true;
+    at(earlier - k).saturated.accel = true;
   return true;
 }
 
 std::optional<ImuSample> ImuBuffer::newest() const {
-  return samples_.empty() ? std::nullopt : std::optional(samples_.back().imu);
+  return size_ == 0 ? std::nullopt : std::optional(reading(size_ - 1).imu);
 }
 
-bool ImuBuffer::is_full() const { return samples_.size() >= most_; }
+void ImuBuffer::forget_all() {
+  size_ = 0;
+  watch_ = SaturationWatch(noise_);
+}
+
+void ImuBuffer::forget_oldest(std::size_t count) {
+  begin_ = (begin_ + count) % ring_.size();
+  size_ -= count;
+}
 
 void ImuBuffer::keep_newest_pair() {
-  if (samples_.size() > 2) samples_.erase(samples_.begin(), samples_.end() - 2);
+  if (size_ > 2) forget_oldest(size_ - 2);
 }
 
 void ImuBuffer::forget_before(Instant at) {
   const std::size_t after = first_after(at);
-  if (after > 1)
-    samples_.erase(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(after - 1));
+  if (after > 1) forget_oldest(after - 1);
 }
 
 std::size_t ImuBuffer::first_after(Instant at) const {
-  const auto after =
-      std::upper_bound(samples_.begin(), samples_.end(), at,
-                       [](Instant t, const JudgedReading& r) { return t < r.imu.sampled_at; });
-  return static_cast<std::size_t>(after - samples_.begin());
+  // Looked for from the newest: questions are recent.
+  std::size_t after = size_;
+  std::size_t step = 1;
+  while (after > 0 && reading(after - 1).imu.sampled_at > at) {
+    // Doubling steps back, then halving between.
+    const std::size_t back = std::min(step, after);
+    if (reading(after - back).imu.sampled_at > at) {
+      after -= back;
+      step *= 2;
+    } else {
+      step = std::max<std::size_t>(1, back / 2);
+    }
+  }
+  return after;
 }
 
 Instant ImuBuffer::end_of_interval(Instant from, Instant to) const {
   const std::size_t after = first_after(from);
-  return after < samples_.size() ? std::min(to, samples_[after].imu.sampled_at) : to;
+  return after < size_ ? std::min(to, reading(after).imu.sampled_at) : to;
 }
 
 InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
@@ -74,28 +89,30 @@ InertialInput ImuBuffer::input_between(Instant from, Instant to) const {
   input.accel_noise = noise_.accel_noise_m_s2_rtHz;
   input.gyro_walk = noise_.gyro_walk_rad_s2_rtHz;
   input.accel_walk = noise_.accel_walk_m_s3_rtHz;
-  if (samples_.empty()) {
-    input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
-    input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
-    return input;
+  bool is_gap_here = size_ == 0;
+  Saturated saturated;
+  if (size_ > 0) {
+    const std::size_t after = std::min(first_after(from), size_ - 1);
+    const JudgedReading& last = reading(after);
+    const bool is_held = after == 0 || from >= last.imu.sampled_at;
+    const JudgedReading& first = reading(is_held ? after : after - 1);
+    const ImuSample& b = last.imu;
+    const ImuSample& a = first.imu;
+    const Duration span = b.sampled_at - a.sampled_at;
+    const Instant middle = from + (to - from) / 2;
+    const double share =
+        span.count() > 0
+            ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0)
+            : 1.0;
+    input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
+    input.f_B = a.f_B + share * (b.f_B - a.f_B);
+    is_gap_here = is_gap(span) || is_gap(to - b.sampled_at) || is_gap(a.sampled_at - from);
+    saturated = {first.saturated.gyro || last.saturated.gyro,
+                 first.saturated.accel || last.saturated.accel};
   }
-  const std::size_t after = std::min(first_after(from), samples_.size() - 1);
-  const JudgedReading& last = samples_[after];
-  const JudgedReading& first = samples_[after == 0 ? 0 : after - 1];
-  const ImuSample& b = last.imu;
-  const ImuSample& a = first.imu;
-  const Duration span = b.sampled_at - a.sampled_at;
-  const Instant middle = from + (to - from) / 2;
-  const double share =
-      span.count() > 0 ? std::clamp(to_seconds(middle - a.sampled_at) / to_seconds(span), 0.0, 1.0)
-                       : 1.0;
-  input.w_B = a.w_WB_B + share * (b.w_WB_B - a.w_WB_B);
-  input.f_B = a.f_B + share * (b.f_B - a.f_B);
-  const bool gap = to_seconds(span) > max_gap_s_ || to_seconds(to - b.sampled_at) > max_gap_s_ ||
-                   to_seconds(a.sampled_at - from) > max_gap_s_;
-  if (gap || first.saturated.gyro || last.saturated.gyro)
+  if (is_gap_here || saturated.gyro)
     input.gyro_noise = std::hypot(input.gyro_noise, kBlindRate_rad_s_rtHz);
-  if (gap || first.saturated.accel || last.saturated.accel)
+  if (is_gap_here || saturated.accel)
     input.accel_noise = std::hypot(input.accel_noise, gap_accel_noise_);
   return input;
 }

@@ -12,38 +12,46 @@ namespace fiducap {
 /// Nothing in a filter looks back further than this, and readings are kept for so long at least.
 inline constexpr Duration kFilterPast = std::chrono::seconds(3);
 
-/// The readings since the oldest instant that somebody still needs, and what they say about any
-/// moment between them. Bounded; allocates nothing after construction.
+/// The readings since the oldest instant that somebody still needs, whether to believe them, and
+/// what they say about any moment between them. Bounded by time at the unit's rate; allocates
+/// nothing after construction.
 class ImuBuffer final {
  public:
   /// @param max_gap_s         longer holes count as a gap
   /// @param gap_accel_noise   acceleration density that bridges a gap, m/s²/√Hz
-  ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise);
+  /// @param past              readings of so long have room
+  ImuBuffer(const ImuNoise& noise, double max_gap_s, double gap_accel_noise,
+            Duration past = kFilterPast);
 
+  /// When it is full the oldest goes.
   /// @return false for a reading that is not newer than the last one, or not finite: it is left
   /// out.
   bool push(const ImuSample& imu);
+  [[nodiscard]] std::size_t size() const { return size_; }
+  /// @param i  0: the oldest
+  [[nodiscard]] const JudgedReading& reading(std::size_t i) const {
+    return ring_[(begin_ + i) % ring_.size()];
+  }
   [[nodiscard]] std::optional<ImuSample> newest() const;
   /// The newest rate is at the end of the gyro's range.
   [[nodiscard]] bool is_gyro_blind() const {
-    return !samples_.empty() && samples_.back().saturated.gyro;
+    return size_ > 0 && reading(size_ - 1).saturated.gyro;
   }
   /// @pre at least two readings
-  [[nodiscard]] const ImuSample& before_newest() const { return samples_[samples_.size() - 2].imu; }
-  /// So many readings that somebody must use them: more than kFilterPast of them at the unit's
-  /// rate. One more makes the oldest go.
-  [[nodiscard]] bool is_full() const;
+  [[nodiscard]] const ImuSample& before_newest() const { return reading(size_ - 2).imu; }
+  /// So many readings that somebody must use them.
+  [[nodiscard]] bool is_full() const { return size_ == ring_.size(); }
   /// Older readings may come again.
-  void forget_all() {
-    samples_.clear();
-    watch_ = SaturationWatch(noise_);
-  }
+  void forget_all();
   /// Forgets all but the last two.
   void keep_newest_pair();
   /// Forgets what no interval after `at` needs; the last reading at or before `at` opens the next
   /// interval and stays.
   void forget_before(Instant at);
+  /// Index of the first reading after `at`, or the number of readings.
+  [[nodiscard]] std::size_t first_after(Instant at) const;
 
+  [[nodiscard]] bool is_gap(Duration hole) const { return to_seconds(hole) > max_gap_s_; }
   /// The end of the interval between two readings that `from` lies in, at most `to`; `to` beyond
   /// the newest reading.
   [[nodiscard]] Instant end_of_interval(Instant from, Instant to) const;
@@ -54,15 +62,16 @@ class ImuBuffer final {
   [[nodiscard]] InertialInput input_between(Instant from, Instant to) const;
 
  private:
-  /// Index of the first reading after `at`, or the number of readings.
-  [[nodiscard]] std::size_t first_after(Instant at) const;
+  [[nodiscard]] JudgedReading& at(std::size_t i) { return ring_[(begin_ + i) % ring_.size()]; }
+  void forget_oldest(std::size_t count);
 
   ImuNoise noise_;
-  std::size_t most_;
   double max_gap_s_;
   double gap_accel_noise_;
   SaturationWatch watch_;
-  std::vector<JudgedReading> samples_;
+  std::vector<JudgedReading> ring_;
+  std::size_t begin_{0};
+  std::size_t size_{0};
 };
 
 }  // namespace fiducap

@@ -14,8 +14,6 @@ using Eigen::Vector3d;
 using namespace estimate_block;
 
 constexpr Duration kMemory = std::chrono::seconds(1);
-constexpr double kMinSamples = 16;
-constexpr double kMaxSamples = 8192;
 // A turn of 5 rad/s bends the held force by 0.1 rad in this time: the mid-point rule is good to
 // 4e-4 of it.
 constexpr Duration kHoldStep = std::chrono::milliseconds(20);
@@ -65,8 +63,6 @@ void add_acceleration_noise(Matrix15d& P, double q, double dt) {
 
 double square(double x) { return x * x; }
 
-Saturated either(Saturated a, Saturated b) { return {a.gyro || b.gyro, a.accel || b.accel}; }
-
 ImuSample on_line(const ImuSample* before, const ImuSample& after, Instant at) {
   if (before == nullptr) return after;
   const double k =
@@ -85,61 +81,34 @@ OutputPredictor::OutputPredictor(const BodySensors& sensors, const EstimatorConf
       noise_(sensors.imu.value_or(ImuNoise{})),
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2),
-      watch_(noise_) {
-  const double wanted = std::ceil(noise_.rate_hz * to_seconds(kMemory)) + 2;
-  if (has_imu_)
-    ring_.resize(static_cast<std::size_t>(std::clamp(wanted, kMinSamples, kMaxSamples)));
-}
-
-bool OutputPredictor::is_gap(Duration hole) const {
-  return to_seconds(hole) > config_.max_imu_gap_s;
-}
+      imu_(noise_, config.max_imu_gap_s, config.motion_accel_m_s2_rtHz, kMemory) {}
 
 void OutputPredictor::add_imu(const ImuSample& imu) {
   if (!has_imu_ || !imu.w_WB_B.allFinite() || !imu.f_B.allFinite()) return;
-  if (ring_size_ > 0 && imu.sampled_at <= reading(ring_size_ - 1).imu.sampled_at) {
-    if (reading(ring_size_ - 1).imu.sampled_at - imu.sampled_at <= kMemory) return;
-    ring_size_ = 0;
+  const auto newest = imu_.newest();
+  if (newest && imu.sampled_at <= newest->sampled_at) {
+    if (newest->sampled_at - imu.sampled_at <= kMemory) return;
+    imu_.forget_all();
     head_ = before_head_ = base_;
   }
-  push(imu);
+  // Before the oldest reading goes it moves what the filter said over its interval.
+  if (imu_.is_full() && base_ && base_->at < imu_.reading(1).imu.sampled_at)
+    advance(*base_, 1, imu_.reading(1).imu.sampled_at);
+  imu_.push(imu);
   if (!head_ || imu.sampled_at <= head_->at) return;
   before_head_ = head_;
-  advance(*head_, ring_size_ > 1 ? &reading(ring_size_ - 2) : nullptr, reading(ring_size_ - 1),
-          imu.sampled_at);
-}
-
-void OutputPredictor::push(const ImuSample& imu) {
-  if (ring_size_ == ring_.size()) {
-    if (base_ && base_->at < reading(1).imu.sampled_at)
-      advance(*base_, &reading(0), reading(1), reading(1).imu.sampled_at);
-    ring_begin_ = (ring_begin_ + 1) % ring_.size();
-    --ring_size_;
-  }
-  const auto found = watch_.look_at(imu);
-  ring_[(ring_begin_ + ring_size_) % ring_.size()] = {imu, found.now};
-  for (std::size_t k = 0; k < std::min(ring_size_, found.gyro_since); ++k)
-    reading(ring_size_ - 1 - k).saturated.gyro = true;
-  for (std::size_t k = 0; k < std::min(ring_size_, found.accel_since); ++k)
-    reading(ring_size_ - 1 - k).saturated.accel = true;
-  ++ring_size_;
+  advance(*head_, imu_.size() - 1, imu.sampled_at);
 }
 
 void OutputPredictor::set_estimate(const BodyEstimate& estimate) {
   base_ = estimate;
-  forget_before_base();
+  imu_.forget_before(base_->at);
   head_ = before_head_ = base_;
-  if (ring_size_ == 0) return;
-  if (ring_size_ > 1) carry(*before_head_, reading(ring_size_ - 2).imu.sampled_at);
+  const std::size_t readings = imu_.size();
+  if (readings == 0) return;
+  if (readings > 1) transport(*before_head_, imu_.reading(readings - 2).imu.sampled_at);
   head_ = before_head_;
-  carry(*head_, reading(ring_size_ - 1).imu.sampled_at);
-}
-
-void OutputPredictor::forget_before_base() {
-  while (ring_size_ > 1 && reading(1).imu.sampled_at <= base_->at) {
-    ring_begin_ = (ring_begin_ + 1) % ring_.size();
-    --ring_size_;
-  }
+  transport(*head_, imu_.reading(readings - 1).imu.sampled_at);
 }
 
 void OutputPredictor::clear() {
@@ -161,54 +130,48 @@ std::optional<BodyEstimate> OutputPredictor::predict(Instant at) const {
     return state;
   }
   auto state = at >= before_head_->at ? before_head_ : base_;
-  carry(*state, at);
+  transport(*state, at);
   return state;
 }
 
-void OutputPredictor::carry(BodyEstimate& state, Instant to) const {
-  // The sample after the state, searched from the newest: requests are recent.
-  std::size_t next = ring_size_;
-  while (next > 0 && reading(next - 1).imu.sampled_at > state.at) --next;
-  for (; next < ring_size_ && state.at < to; ++next) {
-    advance(state, next > 0 ? &reading(next - 1) : nullptr, reading(next),
-            std::min(to, reading(next).imu.sampled_at));
-  }
+void OutputPredictor::transport(BodyEstimate& state, Instant to) const {
+  for (std::size_t next = imu_.first_after(state.at); next < imu_.size() && state.at < to; ++next)
+    advance(state, next, std::min(to, imu_.reading(next).imu.sampled_at));
 }
 
-void OutputPredictor::advance(BodyEstimate& state, const JudgedReading* before,
-                              const JudgedReading& after, Instant to) const {
-  if (is_gap(after.imu.sampled_at - (before != nullptr ? before->imu.sampled_at : state.at))) {
+void OutputPredictor::advance(BodyEstimate& state, std::size_t next, Instant to) const {
+  const ImuSample& after = imu_.reading(next).imu;
+  const ImuSample* before = next > 0 ? &imu_.reading(next - 1).imu : nullptr;
+  if (imu_.is_gap(after.sampled_at - (before != nullptr ? before->sampled_at : state.at))) {
     coast(state, to);
-    if (to == after.imu.sampled_at) set_rates(state, after.imu);
+    if (to == after.sampled_at) set_rates(state, after);
     return;
   }
-  const ImuSample* first = before != nullptr ? &before->imu : nullptr;
-  integrate(state, on_line(first, after.imu, state.at + (to - state.at) / 2),
-            before != nullptr ? either(before->saturated, after.saturated) : after.saturated, to);
-  set_rates(state, on_line(first, after.imu, to));
+  integrate(state, imu_.input_between(state.at, to), to);
+  set_rates(state, on_line(before, after, to));
 }
 
 void OutputPredictor::extrapolate(BodyEstimate& state, Instant to) const {
-  if (ring_size_ > 0) {
-    const JudgedReading& held = reading(ring_size_ - 1);
+  if (const auto held = imu_.newest()) {
     const Instant end_of_hold =
-        std::min(to, held.imu.sampled_at + from_seconds(config_.max_imu_gap_s));
-    while (state.at < end_of_hold)
-      integrate(state, held.imu, held.saturated, std::min(end_of_hold, state.at + kHoldStep));
-    if (to == end_of_hold) set_rates(state, held.imu);
+        std::min(to, held->sampled_at + from_seconds(config_.max_imu_gap_s));
+    while (state.at < end_of_hold) {
+      const Instant end = std::min(end_of_hold, state.at + kHoldStep);
+      integrate(state, imu_.input_between(end, end), end);
+    }
+    if (to == end_of_hold) set_rates(state, *held);
   }
   if (state.at < to) coast(state, to);
 }
 
-void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated,
-                                Instant to) const {
+void OutputPredictor::integrate(BodyEstimate& state, const InertialInput& input, Instant to) const {
   const double dt = to_seconds(to - state.at);
-  const Vector3d half_turn = (0.5 * dt) * (reading.w_WB_B - state.bias_w);
+  const Vector3d half_turn = (0.5 * dt) * (input.w_B - state.bias_w);
   const Eigen::Quaterniond half = exp_so3(half_turn);
   const Matrix3d R_start = state.X_WB.rotation();
   const Matrix3d R_mid = R_start * half.toRotationMatrix();
   const Matrix3d J_half = left_jacobian_so3(half_turn);
-  const Vector3d force_W = R_mid * (reading.f_B - state.bias_f);
+  const Vector3d force_W = R_mid * (input.f_B - state.bias_f);
   const Vector3d a_W = force_W + gravity_W_;
 
   ErrorStep step;
@@ -219,13 +182,10 @@ void OutputPredictor::integrate(BodyEstimate& state, const ImuSample& reading, S
   // J_l(φ) = ½ (1 + exp(φ/2)) J_l(φ/2): the integral of exp(sφ) cut into halves.
   step.A_bias_w = (-0.5 * dt) * ((R_start + R_mid) * J_half);
   transform(state.covariance, step);
-  const double accel_noise =
-      saturated.accel ? config_.motion_accel_m_s2_rtHz : noise_.accel_noise_m_s2_rtHz;
-  const double gyro_noise = saturated.gyro ? kBlindRate_rad_s_rtHz : noise_.gyro_noise_rad_s_rtHz;
-  add_acceleration_noise(state.covariance, square(accel_noise), dt);
-  add_diagonal(state.covariance, kAttitude, square(gyro_noise) * dt);
-  add_diagonal(state.covariance, kBiasF, square(noise_.accel_walk_m_s3_rtHz) * dt);
-  add_diagonal(state.covariance, kBiasW, square(noise_.gyro_walk_rad_s2_rtHz) * dt);
+  add_acceleration_noise(state.covariance, square(input.accel_noise), dt);
+  add_diagonal(state.covariance, kAttitude, square(input.gyro_noise) * dt);
+  add_diagonal(state.covariance, kBiasF, square(input.accel_walk) * dt);
+  add_diagonal(state.covariance, kBiasW, square(input.gyro_walk) * dt);
 
   state.X_WB.p += dt * state.v_WB + (0.5 * dt * dt) * a_W;
   state.v_WB += dt * a_W;

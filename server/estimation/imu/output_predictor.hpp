@@ -1,12 +1,11 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "capture/imu_sample.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/body_filter.hpp"
-#include "estimation/imu/saturation_watch.hpp"
+#include "estimation/imu/imu_buffer.hpp"
 
 namespace fiducap {
 
@@ -41,24 +40,14 @@ class OutputPredictor final {
   [[nodiscard]] std::optional<BodyEstimate> predict(Instant at) const;
 
  private:
-  [[nodiscard]] JudgedReading& reading(std::size_t i) {
-    return ring_[(ring_begin_ + i) % ring_.size()];
-  }
-  [[nodiscard]] const JudgedReading& reading(std::size_t i) const {
-    return ring_[(ring_begin_ + i) % ring_.size()];
-  }
-  [[nodiscard]] bool is_gap(Duration hole) const;
-  void push(const ImuSample& imu);
-  void forget_before_base();
-  /// Over the samples of the ring, as far as they reach, at most to `to`.
-  void carry(BodyEstimate& state, Instant to) const;
-  /// Along the line between two samples. @param before  nullptr: `after` is held
-  void advance(BodyEstimate& state, const JudgedReading* before, const JudgedReading& after,
-               Instant to) const;
+  /// Over the readings, as far as they reach, at most to `to`.
+  void transport(BodyEstimate& state, Instant to) const;
+  /// Towards reading `next`, at most to `to`: along the line from the one before; there is none: it
+  /// is held.
+  void advance(BodyEstimate& state, std::size_t next, Instant to) const;
   /// Past the last sample.
   void extrapolate(BodyEstimate& state, Instant to) const;
-  void integrate(BodyEstimate& state, const ImuSample& reading, Saturated saturated,
-                 Instant to) const;
+  void integrate(BodyEstimate& state, const InertialInput& input, Instant to) const;
   void coast(BodyEstimate& state, Instant to) const;
   /// Rate and acceleration of the instant reached.
   void set_rates(BodyEstimate& state, const ImuSample& reading) const;
@@ -67,12 +56,9 @@ class OutputPredictor final {
   ImuNoise noise_;
   EstimatorConfig config_;
   Eigen::Vector3d gravity_W_;
-  SaturationWatch watch_;
-  std::vector<JudgedReading> ring_;
-  std::size_t ring_begin_{0};
-  std::size_t ring_size_{0};
+  ImuBuffer imu_;
   std::optional<BodyEstimate>
-      base_;  ///< What the filter said (moved on only when the ring is full).
+      base_;  ///< What the filter said (moved on only when the buffer is full).
   std::optional<BodyEstimate>
       head_;  ///< base_ carried to the newest sample: one step serves most requests.
   std::optional<BodyEstimate>

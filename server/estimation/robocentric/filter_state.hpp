@@ -72,8 +72,8 @@ struct FilterState {
 
 /// Nothing to do: a tag's place is in camera or body axes, no error has a lever arm that a
 /// correction changes.
-inline void carry_covariance(FilterState& /*state*/,
-                             const Eigen::Ref<const Eigen::VectorXd>& /*correction*/,
-                             int /*camera*/) {}
+inline void transport_covariance(FilterState& /*state*/,
+                                 const Eigen::Ref<const Eigen::VectorXd>& /*correction*/,
+                                 int /*camera*/) {}
 
 }  // namespace fiducap::robocentric

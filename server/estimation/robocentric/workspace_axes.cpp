@@ -20,7 +20,7 @@ Pose finish(FilterState& state, const Eigen::Quaterniond& q_new, const Eigen::Ve
 
 }  // namespace
 
-Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+Pose anchor_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const Pose& X_BV = state.X_BV[0];
   const Pose& X_VT = state.tags[tag].X_VT;
   const Pose X_BT = X_BV * X_VT;
@@ -60,7 +60,8 @@ Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& ru
   return finish(state, q_new, place_B - X_BT.p);
 }
 
-Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level) {
+Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT,
+                     bool level) {
   const Pose X_BT = state.X_BV[static_cast<std::size_t>(camera)] * X_VT;
   Eigen::Quaterniond q_new = X_WT.q * X_BT.q.conjugate();
   Matrix6d noise = Matrix6d::Zero();
@@ -80,8 +81,8 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   return finish(state, q_new, q_new.conjugate() * X_WT.p - X_BT.p);
 }
 
-Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
-  return tie_to_known(state, 0, Pose(state.tags[tag].X_VT), X_WT, level);
+Pose anchor_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
+  return anchor_to_known(state, 0, Pose(state.tags[tag].X_VT), X_WT, level);
 }
 
 }  // namespace fiducap::robocentric

@@ -12,9 +12,9 @@ namespace fiducap::world {
 /// track is used when.
 ///
 /// A track is used once it ends, or once it is as long as the window; its next stretch is then a
-/// landmark of its own. That follows from the ages of its points alone, so an image that is lived
-/// through again (ImageMemory) uses what it used the first time, and nothing needs to be remembered
-/// besides the clones and the images.
+/// landmark of its own. That follows from the ages of its points alone, so an image that is
+/// followed again (ImageMemory) uses what it used the first time, and nothing needs to be
+/// remembered besides the clones and the images.
 class CloneWindow final {
  public:
   static constexpr int kClones = 10;

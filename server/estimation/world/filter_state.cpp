@@ -182,10 +182,10 @@ void extrinsics_to_camera_errors(FilterState& state) {
   }
 }
 
-void carry_covariance(FilterState& state, const ErrorRef& correction, int camera) {
+void transport_covariance(FilterState& state, const ErrorRef& correction, int camera) {
   auto P = state.P();
   const int turn_V = layout::camera(camera) + 3;
-  const auto carry = [&](int at, const Eigen::Vector3d& p) {
+  const auto transport = [&](int at, const Eigen::Vector3d& p) {
     const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
     if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
     const Eigen::Matrix3d J = skew(moved);
@@ -199,9 +199,10 @@ void carry_covariance(FilterState& state, const ErrorRef& correction, int camera
         P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
     }
   };
-  carry(layout::kPosition, state.X_WB.p);
-  for (int c = 0; c < state.cameras(); ++c) carry(layout::camera(c), state.X_WV(c).p);
-  for (std::size_t i = 0; i < state.tags.size(); ++i) carry(state.tag_at(i), state.tags[i].X_WT.p);
+  transport(layout::kPosition, state.X_WB.p);
+  for (int c = 0; c < state.cameras(); ++c) transport(layout::camera(c), state.X_WV(c).p);
+  for (std::size_t i = 0; i < state.tags.size(); ++i)
+    transport(state.tag_at(i), state.tags[i].X_WT.p);
 }
 
 Matrix6d extrinsics_covariance(const FilterState& state, int camera) {

@@ -139,8 +139,8 @@ void extrinsics_to_camera_errors(FilterState& state);
 /// tilt of the tag against the camera, (φ_T − φ_V), seem known from the difference. So ρ_T gives
 /// way. Body and other cameras likewise. (The point form of the right-invariant error does this by
 /// itself, at the price of an IMU step that touches every tag.)
-void carry_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction,
-                      int camera);
+void transport_covariance(FilterState& state, const Eigen::Ref<const Eigen::VectorXd>& correction,
+                          int camera);
 
 /// Position (additive) and rotation vector of X_BV, both in B axes.
 [[nodiscard]] Matrix6d extrinsics_covariance(const FilterState& state, int camera);

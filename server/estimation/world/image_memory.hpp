@@ -15,8 +15,8 @@ namespace fiducap::world {
 /// seen.
 ///
 /// A tag waits until its pose branch is certain. Its sightings meanwhile are not lost: once the
-/// branch is decided, the filter goes back to the first of them, lets the tag join there, and lives
-/// through the images since once more. Bounded by images, by time (kFilterPast: IMU readings are
+/// branch is decided, the filter goes back to the first of them, lets the tag join there, and
+/// follows the images since once more. Bounded by images, by time (kFilterPast: IMU readings are
 /// kept for no longer) and by states; memory is kept and reused.
 class ImageMemory final {
  public:
@@ -57,7 +57,7 @@ class ImageMemory final {
   [[nodiscard]] std::optional<FirstSight> first_sight(int tag_id) const;
   /// The state at an image at which some tag began to wait, or nullptr.
   [[nodiscard]] const FilterState* state_at(long number) const;
-  /// Replaces that state, when the past was lived through again.
+  /// Replaces that state, when the past was followed again.
   void renew(long number, const FilterState& state);
   /// The workspace axes were moved by G: the states go along.
   void move_axes(const Pose& G);

@@ -104,7 +104,7 @@ void move_axes(FilterState& state, const Pose& G) {
   change_errors(state, {.turn = adjoint(G), .turn_velocity = G.rotation()});
 }
 
-Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
+Pose anchor_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level) {
   const Pose& X_WT = state.tags[tag].X_WT;
   Pose G;
   G.q = level ? turn_to_heading(rule, X_WT.q) : (rule.X_WT.q * X_WT.q.conjugate()).normalized();
@@ -129,7 +129,8 @@ ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag,
   return {turn + (reference.X_WT.p - rule.X_WT.p).norm(), std::sqrt(std::max(0.0, variance))};
 }
 
-Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level) {
+Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT,
+                     bool level) {
   const Pose seen = state.X_WV(camera) * X_VT;
   Pose G;
   G.q = level ? turn_closest(X_WT.q, seen.q) : (X_WT.q * seen.q.conjugate()).normalized();
@@ -148,8 +149,8 @@ Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& 
   return G;
 }
 
-Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
-  return tie_to_known(state, 0, state.X_WV(0).inverse() * state.tags[tag].X_WT, X_WT, level);
+Pose anchor_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level) {
+  return anchor_to_known(state, 0, state.X_WV(0).inverse() * state.tags[tag].X_WT, X_WT, level);
 }
 
 void forget_motion(FilterState& state, const Pose& X_WB, bool has_imu) {

@@ -13,7 +13,7 @@ void move_axes(FilterState& state, const Pose& G);
 /// stays gravity's business
 /// (`level`), or, without gravity, its whole pose becomes exact. Nothing measurable changes.
 /// @return X_WnewWold
-Pose tie_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
+Pose anchor_to_reference(FilterState& state, std::size_t tag, const HeadingRule& rule, bool level);
 
 /// How far the tag's place and heading are from exact (m and rad together): what linearisation let
 /// slip.
@@ -28,10 +28,11 @@ struct ReferenceSlack {
 /// sighting; where the room is (position and heading; without gravity: the whole attitude) is
 /// unknown until the update that follows.
 /// @return X_WnewWold
-Pose tie_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT, bool level);
+Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT,
+                     bool level);
 
 /// The same by a tag of the state: mean from its estimate.
-Pose tie_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level);
+Pose anchor_local_to_known(FilterState& state, std::size_t tag, const Pose& X_WT, bool level);
 
 /// The body's pose and velocity are unknown from here on, linearised at X_WB; biases, extrinsics
 /// and tags stay.

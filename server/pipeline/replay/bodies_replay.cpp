@@ -1,6 +1,9 @@
 #include "pipeline/replay/bodies_replay.hpp"
 
+#include <algorithm>
 #include <utility>
+
+#include "base/so3.hpp"
 
 namespace fiducap {
 
@@ -87,6 +90,7 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
                  .beliefs = update->beliefs,
                  .contradicted = update->report.named_dropped()},
                 to_ns(update->seen.exposed_at));
+    last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
   }
   return advance(index);
@@ -119,9 +123,24 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
     const auto seen = published(turn.revision);
     if (!seen) ++turns_missed_;
     const MapView view{seen ? seen : now.map, turn.may_define_workspace, now.revision};
+    last_.reset();
     if (const auto done = take_next(turn.body, view, watch); !done) return done;
+    compare(turn);
   }
   return {};
+}
+
+void BodiesReplay::compare(const MapTurn& turn) {
+  if (!turn.X_WB && !last_) return;
+  ++agreement_.compared;
+  if (!turn.X_WB || !last_) {
+    ++agreement_.different;
+    return;
+  }
+  if (last_->p == turn.X_WB->p && last_->q.coeffs() == turn.X_WB->q.coeffs()) return;
+  ++agreement_.different;
+  agreement_.worst_m = std::max(agreement_.worst_m, (last_->p - turn.X_WB->p).norm());
+  agreement_.worst_rad = std::max(agreement_.worst_rad, angle_between(last_->q, turn.X_WB->q));
 }
 
 }  // namespace fiducap

@@ -24,6 +24,14 @@ struct ReplayedBody {
   SensorSource* source{};  ///< Outlives the replay.
 };
 
+/// Replayed estimates beside those that the live server had at the same images.
+struct LiveAgreement {
+  std::uint64_t compared{};
+  std::uint64_t different{};  ///< … in any bit, or one of the two had no pose.
+  double worst_m{};
+  double worst_rad{};
+};
+
 /// Several bodies over one live map in virtual time: the same pipelines and MapBuilder as in the
 /// server, one after the other in this thread, images of all bodies in order of their time. No
 /// clock, no randomness: the same samples give the same result to the last bit.
@@ -48,6 +56,8 @@ class BodiesReplay final {
   }
   /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
+  /// How far estimates are from those of the recorded session.
+  [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
 
  private:
   struct Body {
@@ -63,6 +73,7 @@ class BodiesReplay final {
   Expected<void> take_next(std::size_t body, const MapView& view, const Watch& watch);
   Expected<void> run_by_turns(const Watch& watch);
   [[nodiscard]] static bool is_at(const Body& body, const MapTurn& turn);
+  void compare(const MapTurn& turn);
   [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
 
   std::vector<Body> bodies_;
@@ -71,6 +82,8 @@ class BodiesReplay final {
   std::vector<MapTurn> turns_;
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
+  LiveAgreement agreement_;
+  std::optional<Pose> last_;  ///< Of the image just taken, when it was placed.
 };
 
 }  // namespace fiducap

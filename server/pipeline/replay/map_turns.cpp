@@ -9,8 +9,9 @@ namespace fiducap {
 
 namespace {
 constexpr const char* kHeader =
-    "#turn,body,timestamp [ns],camera,map_revision,may_define_workspace";
-constexpr std::size_t kFields = 6;
+    "#turn,body,timestamp [ns],camera,map_revision,may_define_workspace,px,py,pz,qw,qx,qy,qz";
+constexpr std::size_t kWithoutPose = 6;
+constexpr std::size_t kWithPose = 13;
 }  // namespace
 
 Expected<MapTurnWriter> MapTurnWriter::create(const std::filesystem::path& path) {
@@ -20,13 +21,14 @@ Expected<MapTurnWriter> MapTurnWriter::create(const std::filesystem::path& path)
 }
 
 Expected<void> MapTurnWriter::write(const MapTurn& turn) {
-  return csv_.integer(static_cast<std::int64_t>(turn.turn))
+  csv_.integer(static_cast<std::int64_t>(turn.turn))
       .integer(static_cast<std::int64_t>(turn.body))
       .integer(turn.stamp_ns)
       .integer(turn.camera)
       .integer(turn.revision)
-      .integer(turn.may_define_workspace ? 1 : 0)
-      .end_line();
+      .integer(turn.may_define_workspace ? 1 : 0);
+  if (turn.X_WB) csv_.exact(turn.X_WB->p).exact(turn.X_WB->q.w()).exact(turn.X_WB->q.vec());
+  return csv_.end_line();
 }
 
 Expected<std::vector<MapTurn>> read_map_turns(const std::filesystem::path& path) {
@@ -37,7 +39,10 @@ Expected<std::vector<MapTurn>> read_map_turns(const std::filesystem::path& path)
     const auto fields = csv->fields();
     MapTurn turn;
     int may_define = 0;
-    const bool good = fields.size() == kFields && csv->line_is_complete() &&
+    std::array<double, 7> pose{};
+    const bool placed = fields.size() == kWithPose;
+    const bool good = (placed || fields.size() == kWithoutPose) && csv->line_is_complete() &&
+                      (!placed || parse(fields.subspan(kWithoutPose), pose)) &&
                       parse(fields[0], turn.turn) && parse(fields[1], turn.body) &&
                       parse(fields[2], turn.stamp_ns) && parse(fields[3], turn.camera) &&
                       parse(fields[4], turn.revision) && parse(fields[5], may_define);
@@ -46,6 +51,7 @@ Expected<std::vector<MapTurn>> read_map_turns(const std::filesystem::path& path)
       continue;
     }
     turn.may_define_workspace = may_define != 0;
+    if (placed) turn.X_WB = Pose{{pose[3], pose[4], pose[5], pose[6]}, {pose[0], pose[1], pose[2]}};
     turns.push_back(turn);
   }
   csv->log_damage();

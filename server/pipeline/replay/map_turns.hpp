@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/pose.hpp"
 #include "capture/recording/csv_writer.hpp"
 #include "mapping/map_builder.hpp"
 
@@ -19,6 +20,7 @@ struct MapTurn {
   int camera{};
   std::int64_t revision{};  ///< Of the map that the body had; 0 is that of the session's start.
   bool may_define_workspace{};
+  std::optional<Pose> X_WB;  ///< What the live filter then said; nullopt: no pose in the workspace.
 };
 
 /// `turns.csv` of a recorded session.

@@ -255,6 +255,7 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
   const double total_s = to_seconds(thread_cpu_time() - begin);
   session.map = *replay.map().snapshot();
   session.turns_missed = replay.turns_missed();
+  session.agreement = replay.agreement();
   for (std::size_t body = 0; body < notes.size(); ++body) {
     auto result = notes[body].finish(replay.pipeline(body), session.map, notes.size() == 1);
     if (!result) return tl::unexpected(result.error());

@@ -93,6 +93,7 @@ struct OfflineSession {
   TagMap map;
   std::vector<OfflineMapEvent> map_events;
   std::uint64_t turns_missed{};  ///< See BodiesReplay.
+  LiveAgreement agreement;
 };
 
 /// Runs all bodies over one live map (BodiesReplay) and notes what became of each.

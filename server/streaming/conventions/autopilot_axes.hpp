@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "base/config_check.hpp"
 #include "scene/scene_frame.hpp"
 
 namespace fiducap {
@@ -44,5 +46,12 @@ struct AutopilotOdometry {
 /// 1..100 while the pose may be used, −1 otherwise. 100 at 1 cm and 1 degree or better, less by the
 /// worse of the two; at most 50 while no tag is seen.
 [[nodiscard]] std::int8_t autopilot_quality(const BodyPose& body);
+
+namespace words {
+
+inline constexpr std::array<Word<AutopilotWorld>, 2> kAutopilotWorld{
+    {{"ned", AutopilotWorld::kNed}, {"frd", AutopilotWorld::kFrd}}};
+
+}  // namespace words
 
 }  // namespace fiducap

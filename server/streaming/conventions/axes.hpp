@@ -1,10 +1,12 @@
 #pragma once
 
+#include <array>
 #include <string_view>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "base/config_check.hpp"
 #include "base/pose.hpp"
 #include "scene/scene_frame.hpp"
 
@@ -68,5 +70,14 @@ class AxesChange final {
   bool turns_body_;
   double units_per_m_;
 };
+
+namespace words {
+
+inline constexpr std::array<Word<UpAxis>, 3> kUpAxis{
+    {{"z", UpAxis::kZ}, {"y", UpAxis::kY}, {"down", UpAxis::kDown}}};
+inline constexpr std::array<Word<AxesScope>, 2> kAxesScope{
+    {{"world", AxesScope::kWorld}, {"world-and-body", AxesScope::kWorldAndBody}}};
+
+}  // namespace words
 
 }  // namespace fiducap

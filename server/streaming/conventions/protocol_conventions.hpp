@@ -1,7 +1,10 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
@@ -91,5 +94,21 @@ inline constexpr std::array<ProtocolConventions, 8> kProtocolConventions{{
   }
   return kProtocolConventions.back();
 }
+
+struct PortUse {
+  std::uint16_t number{};
+  bool udp{};
+};
+
+/// One protocol of a configuration: where it listens and in which axes it speaks. The rest of its
+/// conventions are in the table above.
+struct ServedProtocol {
+  std::string_view name;
+  bool enabled{};
+  std::string address;
+  std::vector<PortUse> ports;  ///< 0: any free one.
+  OutputAxes axes;
+  WhenInvalid when_invalid{WhenInvalid::kFlag};
+};
 
 }  // namespace fiducap

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
 #include <string_view>
+
+#include "base/config_check.hpp"
 
 namespace fiducap {
 
@@ -28,5 +31,12 @@ enum class WhenInvalid {
   }
   return "flag";
 }
+
+namespace words {
+
+inline constexpr std::array<Word<WhenInvalid>, 3> kWhenInvalid{
+    {{"flag", WhenInvalid::kFlag}, {"stop", WhenInvalid::kStop}, {"hold", WhenInvalid::kHold}}};
+
+}  // namespace words
 
 }  // namespace fiducap

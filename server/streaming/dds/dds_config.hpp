@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -35,5 +36,30 @@ struct DdsConfig {
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
+
+inline constexpr std::array<words::Word<Px4Profile>, 3> kPx4Profile{
+    {{"off", Px4Profile::kOff}, {"ned", Px4Profile::kNed}, {"frd", Px4Profile::kFrd}}};
+
+template <class V>
+void describe(V& v, DdsConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("prefix", c.prefix);
+  v.value("world_frame", c.world_frame);
+  v.value("aliases", c.aliases);
+  v.value("pose", c.pose);
+  v.value("twist", c.twist);
+  v.value("odometry", c.odometry);
+  v.value("tf", c.tf);
+  v.value("poses", c.poses);
+  v.value("poses_deadline_hz", c.poses_deadline_hz);
+  v.value("rigid_bodies", c.rigid_bodies);
+  v.value("diagnostics", c.diagnostics);
+  v.value("native", c.native);
+  v.word("px4", c.px4, kPx4Profile);
+  v.value("px4_rate_hz", c.px4_rate_hz);
+  v.value("reliable", c.reliable);
+}
+
+using ProtocolConfig = DdsConfig;
 
 }  // namespace fiducap::dds

@@ -20,4 +20,12 @@ namespace fiducap::dds {
     std::shared_ptr<Participant> participant, const DdsConfig& config,
     std::shared_ptr<const SceneModel> model, const Clock& clock);
 
+/// For the list of protocols.
+[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
+                                                               const DdsConfig& config) {
+  auto participant = context.join_dds();
+  if (!participant) return tl::unexpected(participant.error());
+  return start_dds_server(*participant, config, context.model, context.clock);
+}
+
 }  // namespace fiducap::dds

@@ -1,17 +1,15 @@
 #include "streaming/mavlink/mavlink_config.hpp"
 
-#include <boost/asio/ip/address.hpp>
+#include <algorithm>
 #include <set>
 #include <utility>
+
+#include "streaming/net/peer.hpp"
 
 namespace fiducap::mavlink {
 
 std::vector<ConfigError> MavlinkConfig::check() const {
-  const auto is_ipv4 = [](const std::string& text) {
-    boost::system::error_code error;
-    boost::asio::ip::make_address_v4(text, error);
-    return !error;
-  };
+  const auto is_ipv4 = [](const std::string& text) { return net::parse_address(text).has_value(); };
   Checker all{"streaming.mavlink."};
   all.require(is_ipv4(address), "address", '"' + address + '"',
               "must be an IPv4 address, e.g. 0.0.0.0")
@@ -33,6 +31,22 @@ std::vector<ConfigError> MavlinkConfig::check() const {
     all.errors.insert(all.errors.end(), one.errors.begin(), one.errors.end());
   }
   return all.errors;
+}
+
+ServedProtocol MavlinkConfig::served() const {
+  const ProtocolConventions& conventions = conventions_of("mavlink");
+  return {"mavlink", enabled, address, {{port, true}}, conventions.axes, conventions.when_invalid};
+}
+
+std::vector<ConfigError> MavlinkConfig::check_bodies(const std::vector<std::string>& names) const {
+  std::vector<ConfigError> errors;
+  for (std::size_t i = 0; i < vehicles.size(); ++i) {
+    const std::string& name = vehicles[i].body;
+    if (name.empty() || std::find(names.begin(), names.end(), name) != names.end()) continue;
+    errors.push_back({"streaming.mavlink.vehicles." + std::to_string(i) + ".body", '"' + name + '"',
+                      "must be the name of one of the bodies"});
+  }
+  return errors;
 }
 
 }  // namespace fiducap::mavlink

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
 #include "streaming/conventions/autopilot_axes.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::mavlink {
 
@@ -34,6 +36,37 @@ struct MavlinkConfig {
   std::vector<VehicleConfig> vehicles;
 
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// The rules between vehicles and bodies.
+  [[nodiscard]] std::vector<ConfigError> check_bodies(const std::vector<std::string>& names) const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+inline constexpr std::array<words::Word<PoseMessage>, 3> kPoseMessage{
+    {{"odometry", PoseMessage::kOdometry},
+     {"vision-position", PoseMessage::kVisionPosition},
+     {"both", PoseMessage::kBoth}}};
+
+template <class V>
+void describe(V& v, VehicleConfig& c) {
+  v.value("body", c.body);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.word("message", c.message, kPoseMessage);
+  v.word("world", c.world, words::kAutopilotWorld);
+  v.value("rate_hz", c.rate_hz);
+  v.value("system_id", c.system_id);
+  v.value("component_id", c.component_id);
+}
+
+template <class V>
+void describe(V& v, MavlinkConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.list("vehicles", c.vehicles);
+}
+
+using ProtocolConfig = MavlinkConfig;
 
 }  // namespace fiducap::mavlink

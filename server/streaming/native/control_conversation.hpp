@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "streaming/native/control_codec.hpp"
-#include "streaming/native/wrong_proofs.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::native {
+
+using net::WrongProofs;
 
 /// One client's commands: bytes in → bytes out, time passed in, no socket.
 ///

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::native {
 
@@ -25,6 +26,26 @@ struct NativeConfig {
   std::string multicast_interface;  ///< IPv4 address of the interface; empty: the one of `address`.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+template <class V>
+void describe(V& v, NativeConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.value("lease_s", c.lease_s);
+  v.value("discovery", c.discovery);
+  v.value("control", c.control);
+  v.value("multicast_group", c.multicast_group);
+  v.value("multicast_port", c.multicast_port);
+  v.value("multicast_ttl", c.multicast_ttl);
+  v.value("multicast_interface", c.multicast_interface);
+}
+
+using ProtocolConfig = NativeConfig;
 
 }  // namespace fiducap::native

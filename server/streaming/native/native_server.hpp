@@ -25,7 +25,13 @@ namespace fiducap::native {
     boost::asio::io_context& io, const NativeConfig& config,
     std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk = nullptr);
 
-/// Where it really listens. @pre made by start_native_server
-[[nodiscard]] std::uint16_t bound_port(const Streamer& native_server);
+/// Where it really listens.
+[[nodiscard]] inline std::uint16_t bound_port(const Streamer& server) { return server.port(); }
+
+/// For the list of protocols.
+[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
+                                                               const NativeConfig& config) {
+  return start_native_server(context.io, config, context.model, context.clock, &context.desk);
+}
 
 }  // namespace fiducap::native

@@ -9,13 +9,14 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "streaming/native/answer_limiter.hpp"
 #include "streaming/native/codec.hpp"
-#include "streaming/native/peer.hpp"
-#include "streaming/native/profile_table.hpp"
+#include "streaming/native/profile.hpp"
 #include "streaming/native/token_mint.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::native {
+
+using net::AnswerLimiter;
 
 struct RegistryLimits {
   int max_clients{64};

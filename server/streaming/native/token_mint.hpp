@@ -2,17 +2,14 @@
 
 #include <array>
 #include <cstdint>
-#include <span>
 
 #include "base/time.hpp"
-#include "streaming/native/peer.hpp"
+#include "streaming/net/peer.hpp"
 
 namespace fiducap::native {
 
-/// Keyed hash of short inputs. J.-P. Aumasson, D. J. Bernstein, "SipHash: a fast short-input PRF",
-/// 2012 (SipHash-2-4).
-[[nodiscard]] std::uint64_t siphash(const std::array<std::uint64_t, 2>& key,
-                                    std::span<const std::uint8_t> data);
+using net::Peer;
+using net::siphash;
 
 /// Tokens that only the owner of an address can know, without remembering anybody.
 ///
@@ -28,9 +25,9 @@ class TokenMint final {
   /// @return never 0
   [[nodiscard]] std::uint64_t token(const Peer& peer, Instant now) const;
   [[nodiscard]] bool accepts(std::uint64_t token, const Peer& peer, Instant now) const;
-  /// Where a peer's address goes in a table that an attacker must not be able to steer. Ports do
-  /// not matter, and of IPv6 only the network: one host owns all 2^64 addresses of its network.
-  [[nodiscard]] std::uint64_t address_hash(const Peer& peer) const;
+  [[nodiscard]] std::uint64_t address_hash(const Peer& peer) const {
+    return net::address_hash(key_, peer);
+  }
 
  private:
   [[nodiscard]] std::uint64_t token_of_period(const Peer& peer, std::int64_t period) const;

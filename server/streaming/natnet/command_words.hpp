@@ -5,7 +5,7 @@
 
 #include "streaming/natnet/answer.hpp"
 #include "streaming/natnet/operator_words.hpp"
-#include "streaming/natnet/subscriber.hpp"
+#include "streaming/natnet/registry.hpp"
 
 namespace fiducap::natnet {
 

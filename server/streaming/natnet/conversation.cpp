@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "streaming/natnet/model_encoder.hpp"
 
 namespace fiducap::natnet {
 

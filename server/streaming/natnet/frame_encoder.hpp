@@ -11,7 +11,7 @@
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/validity.hpp"
 #include "streaming/natnet/bitstream.hpp"
-#include "streaming/natnet/selection.hpp"
+#include "streaming/natnet/registry.hpp"
 #include "streaming/natnet/wire.hpp"
 
 namespace fiducap::natnet {

@@ -1,5 +1,7 @@
 #include "streaming/natnet/natnet_config.hpp"
 
+#include <utility>
+
 namespace fiducap::natnet {
 
 namespace {
@@ -49,6 +51,14 @@ std::vector<ConfigError> NatNetConfig::check() const {
                   "must be ip:port, e.g. 10.0.0.7:1511");
   }
   return rules.errors;
+}
+
+ServedProtocol NatNetConfig::served() const {
+  // Of its data port it only needs to send, not to listen.
+  std::vector<PortUse> ports;
+  if (unicast) ports.push_back({port, true});
+  if (multicast) ports.push_back({multicast_command_port, true});
+  return {"natnet", enabled, address, std::move(ports), axes(), when_invalid};
 }
 
 }  // namespace fiducap::natnet

@@ -8,10 +8,14 @@
 #include "base/config_check.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/natnet/bitstream.hpp"
-#include "streaming/natnet/peer.hpp"
+#include "streaming/net/peer.hpp"
 #include "streaming/operator_desk.hpp"
 
 namespace fiducap::natnet {
+
+using net::parse_address;
+using net::parse_peer;
+using net::Peer;
 
 struct NatNetConfig {
   bool enabled{false};
@@ -45,6 +49,34 @@ struct NatNetConfig {
   /// Commas separate the fields of commands: a body with one in its name could not be addressed.
   [[nodiscard]] NameRule name_rule() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+template <class V>
+void describe(V& v, NatNetConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("data_port", c.data_port);
+  v.value("unicast", c.unicast);
+  v.value("multicast", c.multicast);
+  v.value("multicast_command_port", c.multicast_command_port);
+  v.value("multicast_group", c.multicast_group);
+  v.value("multicast_interface", c.multicast_interface);
+  v.value("multicast_ttl", c.multicast_ttl);
+  v.value("bitstream", c.bitstream);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
+  v.value("targets", c.targets);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.value("client_timeout_s", c.client_timeout_s);
+  v.word("remote_control", c.remote_control, words::kRemoteControl);
+}
+
+using ProtocolConfig = NatNetConfig;
 
 }  // namespace fiducap::natnet

@@ -1,79 +1,126 @@
 #include "streaming/natnet/natnet_server.hpp"
 
-#include <boost/asio/io_context.hpp>
-#include <random>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "base/log.hpp"
-#include "streaming/natnet/command_socket.hpp"
 #include "streaming/natnet/conversation.hpp"
-#include "streaming/natnet/frame_sender.hpp"
-#include "streaming/natnet/interfaces.hpp"
 #include "streaming/natnet/wire.hpp"
-#include "streaming/server_handle.hpp"
+#include "streaming/net/interfaces.hpp"
+#include "streaming/net/udp_server.hpp"
 
 namespace fiducap::natnet {
 
 namespace {
 
-namespace asio = boost::asio;
-using boost::system::error_code;
-
-// Requests handled before other work of the I/O thread gets its turn.
-constexpr int kRequestsPerTurn = 64;
 constexpr std::size_t kLongestDatagram = 65536;
+// 1000 bodies for 64 clients at once are 2.5 MB; the kernel grants what net.core.wmem_max allows.
+constexpr int kSendBuffer = 16 << 20;
+constexpr std::string_view kKey = "streaming.natnet";
 
-std::uint64_t random_word() {
-  std::random_device device;
-  return std::uint64_t{device()} << 32 | device();
+/// Where else DISCOVERY by broadcast arrives when only `address` is listened on: its subnet's
+/// broadcast address, and 255.255.255.255 unless it is the loopback. Empty for 0.0.0.0, which hears
+/// everything.
+std::vector<std::string> broadcast_addresses(const std::string& address) {
+  const auto own = parse_address(address);
+  if (!own || *own == 0) return {};
+  if (Peer{*own, 0}.is_loopback()) return {"127.255.255.255"};
+  std::vector<std::string> all = net::subnet_broadcasts(*own);
+  all.insert(all.begin(), "255.255.255.255");
+  return all;
 }
 
-/// Shared with the pending waits of the sockets, which may outlive the streamer in the I/O queue.
-class NatNetServer final : public std::enable_shared_from_this<NatNetServer> {
+/// The address of the card that multicast frames leave by: the one configured, or the one listened
+/// on, or the only one.
+/// @return Error naming the choices when there are several: guessing wrong looks like "nothing
+/// arrives"
+Expected<std::uint32_t> multicast_interface(const NatNetConfig& config) {
+  constexpr std::uint32_t kLoopback = 0x7f000001;
+  const auto named = parse_address(config.multicast_interface.empty() ? config.address
+                                                                      : config.multicast_interface);
+  if (named && *named != 0) return *named;
+  std::vector<net::Card> able = net::network_cards();
+  std::erase_if(able, [](const net::Card& card) { return !card.multicast; });
+  if (able.empty()) return kLoopback;
+  if (able.size() == 1) return able.front().address;
+  std::string choices;
+  for (const net::Card& card : able) {
+    choices += (choices.empty() ? "" : ", ") + net::address_text({card.address, 0}) + " (" +
+               card.name + ")";
+  }
+  return fail(
+      ErrorCode::kInvalid,
+      "this machine has several network cards; set it to the one the clients are on: " + choices,
+      "streaming.natnet.multicast_interface");
+}
+
+Expected<net::UdpServer> open_command_port(boost::asio::io_context& io,
+                                           const net::BindTarget& target) {
+  net::UdpOptions options{"natnet", kLongestDatagram};
+  options.fragments = true;  // a MODELDEF longer than the MTU
+  return net::UdpServer::open(io, target, options);
+}
+
+/// The socket that frames leave by. Never a command port: the vendor's library ignores unicast
+/// frames that come from there.
+Expected<net::UdpServer> open_frame_port(boost::asio::io_context& io, const NatNetConfig& config) {
+  net::UdpOptions options{"natnet"};
+  options.fragments = true;
+  options.reports_refusals = true;
+  options.send_buffer_bytes = kSendBuffer;
+  auto port = net::UdpServer::open(io, {config.address, 0, kKey}, options);
+  if (!port || !config.multicast) return port;
+  const auto card = multicast_interface(config);
+  if (!card) return tl::unexpected(card.error());
+  if (const auto error = port->use_multicast(*card, config.multicast_ttl)) {
+    return fail(ErrorCode::kUnavailable,
+                "cannot send multicast by this interface (" + error.message() +
+                    "); set it to the address of one that can (`ip maddr` lists them)",
+                "streaming.natnet.multicast_interface");
+  }
+  return port;
+}
+
+class NatNetServer final : public NatNetStreamer {
  public:
-  NatNetServer(std::vector<CommandSocket> sockets, FrameSender sender, Conversation conversation,
-               const NatNetConfig& config, const Clock& clock)
+  NatNetServer(net::UdpServer frames, Conversation conversation, const NatNetConfig& config,
+               const Clock& clock)
       : clock_(clock),
-        sockets_(std::move(sockets)),
-        sender_(std::move(sender)),
         conversation_(std::move(conversation)),
         group_(config.multicast
                    ? parse_peer(config.multicast_group + ":" + std::to_string(config.data_port))
-                   : std::nullopt) {
-    conversation_.set_ports(port(Channel::kUnicast), port(Channel::kMulticast));
+                   : std::nullopt),
+        frames_(std::move(frames)) {
     addressees_.reserve(conversation_.subscribers().size());
   }
 
-  void listen() {
-    for (std::size_t i = 0; i < sockets_.size(); ++i) listen(i);
-  }
-  void publish(const std::shared_ptr<const SceneFrame>& frame);
-  void append_clients(std::vector<ClientStatus>& out) const;
-  void stop() {
-    error_code ignored;
-    for (auto& one : sockets_) one.socket().close(ignored);
-    stopped_ = true;
+  /// The command ports of both channels, and sockets that only hear broadcasts.
+  [[nodiscard]] Expected<void> listen(boost::asio::io_context& io, const NatNetConfig& config);
+  [[nodiscard]] std::string_view protocol() const override { return "natnet"; }
+  [[nodiscard]] std::uint16_t port() const override { return port(Channel::kUnicast); }
+  [[nodiscard]] std::uint16_t multicast_command_port() const override {
+    return port(Channel::kMulticast);
   }
   [[nodiscard]] std::uint16_t port(Channel channel) const {
-    for (const auto& one : sockets_) {
-      if (one.channel() == channel) return one.port();
-    }
-    return 0;
+    const auto& port = command_port(channel);
+    return port ? port->port() : std::uint16_t{0};
   }
+  void publish(const std::shared_ptr<const SceneFrame>& frame) override;
+  void append_clients(std::vector<ClientStatus>& out) const override;
+  void stop() override;
 
  private:
-  void listen(std::size_t socket);
-  void answer_requests(CommandSocket& socket);
+  [[nodiscard]] const std::optional<net::UdpServer>& command_port(Channel channel) const {
+    return channel == Channel::kUnicast ? unicast_ : multicast_;
+  }
+  Expected<void> listen(boost::asio::io_context& io, const net::BindTarget& target, Channel channel,
+                        std::optional<net::UdpServer>& commands);
+  void answer(const net::UdpServer::Datagram& request, Channel channel, net::UdpServer& from);
   void forget_the_gone(Instant now);
   void count_sent();
-  /// Answers leave from the port of their channel, also when the question came by broadcast.
-  CommandSocket& answering(Channel channel);
 
   const Clock& clock_;
-  std::vector<CommandSocket>
-      sockets_;  ///< The one of each channel first, then those that hear broadcasts.
-  FrameSender sender_;
   Conversation conversation_;
   std::optional<Peer> group_;
   std::vector<std::size_t> addressees_;  ///< Places of subscribers in the batch under way.
@@ -81,35 +128,49 @@ class NatNetServer final : public std::enable_shared_from_this<NatNetServer> {
   std::uint64_t group_dropped_{0};
   std::optional<Instant> group_since_;
   bool stopped_{false};
-  std::array<std::byte, kLongestDatagram> request_{};
+  net::UdpServer frames_;
+  std::optional<net::UdpServer> unicast_;
+  std::optional<net::UdpServer> multicast_;
+  std::vector<net::UdpServer> broadcasts_;
 };
 
-void NatNetServer::listen(std::size_t socket) {
-  sockets_[socket].socket().async_wait(asio::ip::udp::socket::wait_read,
-                                       [weak = weak_from_this(), socket](const error_code& error) {
-                                         const auto self = weak.lock();
-                                         if (!self || error || self->stopped_) return;
-                                         self->answer_requests(self->sockets_[socket]);
-                                         self->listen(socket);
-                                       });
+Expected<void> NatNetServer::listen(boost::asio::io_context& io, const NatNetConfig& config) {
+  Expected<void> done;
+  if (config.unicast)
+    done = listen(io, {config.address, config.port, kKey}, Channel::kUnicast, unicast_);
+  if (done && config.multicast) {
+    done =
+        listen(io, {config.address, config.multicast_command_port, kKey, "multicast_command_port"},
+               Channel::kMulticast, multicast_);
+  }
+  if (done) conversation_.set_ports(port(), multicast_command_port());
+  return done;
 }
 
-void NatNetServer::answer_requests(CommandSocket& socket) {
-  CommandSocket& out = answering(socket.channel());
-  for (int i = 0; i < kRequestsPerTurn; ++i) {
-    const auto received = socket.receive(request_);
-    if (!received) return;
-    const auto answer =
-        conversation_.receive(received->datagram, received->from, socket.channel(), clock_.now());
-    if (!answer.empty()) out.send(answer, received->from, received->to);
+Expected<void> NatNetServer::listen(boost::asio::io_context& io, const net::BindTarget& target,
+                                    Channel channel, std::optional<net::UdpServer>& commands) {
+  auto opened = open_command_port(io, target);
+  if (!opened) return tl::unexpected(opened.error());
+  commands.emplace(std::move(*opened));
+  // Answers leave from the port of their channel, also when the question came by broadcast.
+  const auto handler = [this, channel, &commands](const net::UdpServer::Datagram& request) {
+    answer(request, channel, *commands);
+  };
+  commands->start(handler);
+  for (const auto& address : broadcast_addresses(target.address)) {
+    // Discovery by broadcast is a comfort; without it a client is told the address.
+    auto heard = open_command_port(io, {address, commands->port(), kKey});
+    if (!heard) continue;
+    broadcasts_.push_back(std::move(*heard));
+    broadcasts_.back().start(handler);
   }
+  return {};
 }
 
-CommandSocket& NatNetServer::answering(Channel channel) {
-  for (auto& one : sockets_) {
-    if (one.channel() == channel) return one;
-  }
-  return sockets_.front();
+void NatNetServer::answer(const net::UdpServer::Datagram& request, Channel channel,
+                          net::UdpServer& from) {
+  const auto answer = conversation_.receive(request.bytes, request.from, channel, clock_.now());
+  if (!answer.empty()) from.send(answer, request.from, request.to);
 }
 
 void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
@@ -117,26 +178,26 @@ void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
   const Instant now = clock_.now();
   forget_the_gone(now);
   conversation_.take(frame, now);
-  sender_.clear();
+  frames_.batch().clear();
   addressees_.clear();
   const auto subscribers = conversation_.subscribers();
   for (std::size_t i = 0; i < subscribers.size(); ++i) {
     const auto bytes = conversation_.frame_for(subscribers[i], now);
     if (bytes.empty()) continue;
-    sender_.add(bytes, subscribers[i].peer);
+    frames_.add(bytes, subscribers[i].peer);
     addressees_.push_back(i);
   }
   if (group_) {
     if (!group_since_) group_since_ = now;
-    sender_.add(conversation_.multicast_frame(now), *group_);
+    frames_.add(conversation_.multicast_frame(now), *group_);
   }
-  if (sender_.size() == 0) return;
-  sender_.send();
+  if (frames_.batch().size() == 0) return;
+  frames_.send_batch();
   count_sent();
 }
 
 void NatNetServer::forget_the_gone(Instant now) {
-  while (const auto peer = sender_.next_refused()) {
+  while (const auto peer = frames_.next_refused()) {
     if (conversation_.gone(*peer))
       log::info("natnet", text_of(*peer) + " is gone: its port is closed");
   }
@@ -149,9 +210,9 @@ void NatNetServer::count_sent() {
   const auto subscribers = conversation_.subscribers();
   for (std::size_t i = 0; i < addressees_.size(); ++i) {
     Subscriber& to = subscribers[addressees_[i]];
-    ++(sender_.sent(i) ? to.frames_sent : to.frames_dropped);
+    ++(frames_.batch().sent(i) ? to.frames_sent : to.frames_dropped);
   }
-  if (group_) ++(sender_.sent(addressees_.size()) ? group_sent_ : group_dropped_);
+  if (group_) ++(frames_.batch().sent(addressees_.size()) ? group_sent_ : group_dropped_);
 }
 
 void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
@@ -172,14 +233,12 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
                  group_since_ ? to_seconds(now - *group_since_) : 0.0});
 }
 
-class Handle final : public ServerHandle<NatNetStreamer, NatNetServer> {
- public:
-  using ServerHandle::ServerHandle;
-  [[nodiscard]] std::uint16_t port() const override { return server().port(Channel::kUnicast); }
-  [[nodiscard]] std::uint16_t multicast_command_port() const override {
-    return server().port(Channel::kMulticast);
-  }
-};
+void NatNetServer::stop() {
+  stopped_ = true;
+  if (unicast_) unicast_->stop();
+  if (multicast_) multicast_->stop();
+  for (auto& one : broadcasts_) one.stop();
+}
 
 std::string where_text(const NatNetConfig& config, const NatNetServer& server) {
   const auto command_port = [&](Channel channel) {
@@ -192,58 +251,29 @@ std::string where_text(const NatNetConfig& config, const NatNetServer& server) {
          "multicast to " + config.multicast_group + ":" + std::to_string(config.data_port) + ")";
 }
 
-/// The command sockets of both channels, and those that only hear broadcasts.
-Expected<std::vector<CommandSocket>> open_sockets(asio::io_context& io,
-                                                  const NatNetConfig& config) {
-  struct Door {
-    Channel channel;
-    bool open;
-    std::uint16_t port;
-    std::string_view key;
-  };
-  std::vector<CommandSocket> sockets;
-  for (const Door& door : {Door{Channel::kUnicast, config.unicast, config.port, "port"},
-                           Door{Channel::kMulticast, config.multicast,
-                                config.multicast_command_port, "multicast_command_port"}}) {
-    if (!door.open) continue;
-    auto socket = CommandSocket::open(io, {config.address, door.port, "streaming.natnet", door.key},
-                                      door.channel);
-    if (!socket) return tl::unexpected(socket.error());
-    sockets.push_back(std::move(*socket));
-  }
-  const std::size_t doors = sockets.size();
-  for (std::size_t i = 0; i < doors; ++i) {
-    for (const auto& address : broadcast_addresses(config.address)) {
-      // Discovery by broadcast is a comfort; without it a client is told the address.
-      auto ear = CommandSocket::open(io, {address, sockets[i].port(), "streaming.natnet"},
-                                     sockets[i].channel());
-      if (ear) sockets.push_back(std::move(*ear));
-    }
-  }
-  return sockets;
-}
-
 }  // namespace
 
 Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
-    asio::io_context& io, const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
-    const Clock& clock, OperatorDesk* desk, double rate_hz) {
+    boost::asio::io_context& io, const NatNetConfig& config,
+    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk,
+    double rate_hz) {
   if (model->bodies.size() > kMaxBodies) {
     return fail(ErrorCode::kInvalid, "NatNet clients take at most " + std::to_string(kMaxBodies) +
                                          " bodies, the scene has " +
                                          std::to_string(model->bodies.size()));
   }
-  auto sockets = open_sockets(io, config);
-  if (!sockets) return tl::unexpected(sockets.error());
-  auto sender = FrameSender::open(io, config);
-  if (!sender) return tl::unexpected(sender.error());
-  Conversation conversation(config, std::move(model), desk, rate_hz, random_word(), clock.now());
-  auto server = std::make_shared<NatNetServer>(std::move(*sockets), std::move(*sender),
-                                               std::move(conversation), config, clock);
-  server->listen();
+  auto frames = open_frame_port(io, config);
+  if (!frames) return tl::unexpected(frames.error());
+  Conversation conversation(config, std::move(model), desk, rate_hz, net::random_word(),
+                            clock.now());
+  auto server =
+      std::make_unique<NatNetServer>(std::move(*frames), std::move(conversation), config, clock);
+  if (auto listening = server->listen(io, config); !listening) {
+    return tl::unexpected(listening.error());
+  }
   log::info("natnet", "serves NatNet " + fiducap::natnet::text_of(kOldest) + " to " +
                           fiducap::natnet::text_of(kNewest) + " on " + where_text(config, *server));
-  return std::make_unique<Handle>("natnet", std::move(server));
+  return server;
 }
 
 }  // namespace fiducap::natnet

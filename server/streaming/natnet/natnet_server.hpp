@@ -17,8 +17,7 @@ namespace fiducap::natnet {
 /// What the hub owns.
 class NatNetStreamer : public Streamer {
  public:
-  /// Where it really listens; 0: that channel is off.
-  [[nodiscard]] virtual std::uint16_t port() const = 0;
+  /// Where it really listens; 0: that channel is off. `port` is the one for unicast.
   [[nodiscard]] virtual std::uint16_t multicast_command_port() const = 0;
 };
 
@@ -33,5 +32,12 @@ class NatNetStreamer : public Streamer {
     boost::asio::io_context& io, const NatNetConfig& config,
     std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk,
     double rate_hz);
+
+/// For the list of protocols.
+[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
+                                                               const NatNetConfig& config) {
+  return start_natnet_server(context.io, config, context.model, context.clock, &context.desk,
+                             context.rate_hz);
+}
 
 }  // namespace fiducap::natnet

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "streaming/natnet/answer.hpp"
-#include "streaming/natnet/command.hpp"
+#include "streaming/natnet/request.hpp"
 #include "streaming/natnet/server_view.hpp"
 
 namespace fiducap::natnet {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "base/expected.hpp"
-#include "streaming/natnet/command.hpp"
+#include "streaming/natnet/request.hpp"
 #include "streaming/natnet/server_view.hpp"
 
 namespace fiducap::natnet {

@@ -5,13 +5,7 @@
 namespace fiducap::natnet {
 
 ReflectionGuard::ReflectionGuard(std::uint64_t key)
-    : key_(key), tables_(std::make_unique<Tables>()) {}
-
-void ReflectionGuard::Bucket::flow(Instant now, double per_second) {
-  const double waited_s = std::max(0.0, to_seconds(now - used_at));
-  spent = std::max(0.0, spent - waited_s * per_second);
-  used_at = now;
-}
+    : key_{key, ~key}, tables_(std::make_unique<Tables>()) {}
 
 ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size_t bytes,
                                                      Instant now) {
@@ -20,8 +14,7 @@ ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size
       seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kAcquaintance;
   if (!known) {
     seen = {from, {}, 0};
-    strangers_.flow(now, kStrangerBytes_s);
-    strangers_.spent = std::max(0.0, strangers_.spent - static_cast<double>(bytes));
+    strangers_.give_back(static_cast<double>(bytes), kStrangerBytes_s, now);
   }
   seen.at_ns = to_ns(now);
   return {known, seen.version};
@@ -33,35 +26,19 @@ void ReflectionGuard::promise(const Peer& to, Bitstream version) {
 
 bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool stranger, Instant now) {
   if (to.is_loopback()) return true;
-  Bucket& bucket = tables_->addresses[hash(to.address) % kBuckets];
-  bucket.flow(now, kAddressBytes_s);
-  if (bucket.spent + static_cast<double>(bytes) > kAddressBurst) return false;
+  const auto cost = static_cast<double>(bytes);
+  auto& bucket = tables_->addresses[net::address_hash(key_, to) % kBuckets];
+  if (!bucket.has(cost, kAddressBurst, kAddressBytes_s, now)) return false;
   if (stranger && !may_send_to_stranger(bytes, now)) return false;
-  bucket.spent += static_cast<double>(bytes);
-  return true;
+  return bucket.take(cost, kAddressBurst, kAddressBytes_s, now);
 }
 
 bool ReflectionGuard::may_send_to_stranger(std::size_t bytes, Instant now) {
-  strangers_.flow(now, kStrangerBytes_s);
-  if (strangers_.spent + static_cast<double>(bytes) > kStrangerBurst) return false;
-  strangers_.spent += static_cast<double>(bytes);
-  return true;
-}
-
-std::uint64_t ReflectionGuard::hash(std::uint64_t value) const {
-  // Finaliser of MurmurHash3 over value and key, twice: the places are never shown to anybody.
-  std::uint64_t h = value ^ key_;
-  for (int i = 0; i < 2; ++i) {
-    h = (h ^ h >> 33) * 0xff51afd7ed558ccd;
-    h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53;
-    h ^= h >> 33;
-    h += key_;
-  }
-  return h;
+  return strangers_.take(static_cast<double>(bytes), kStrangerBurst, kStrangerBytes_s, now);
 }
 
 ReflectionGuard::Seen& ReflectionGuard::place_of(const Peer& peer) {
-  return tables_->seen[hash(std::uint64_t{peer.address} << 16 | peer.port) % kSeen];
+  return tables_->seen[net::peer_hash(key_, peer) % kSeen];
 }
 
 }  // namespace fiducap::natnet

@@ -7,9 +7,12 @@
 
 #include "base/time.hpp"
 #include "streaming/natnet/bitstream.hpp"
-#include "streaming/natnet/peer.hpp"
+#include "streaming/net/limits.hpp"
+#include "streaming/net/peer.hpp"
 
 namespace fiducap::natnet {
+
+using net::Peer;
 
 /// Keeps the server from being used against others. NatNet has no handshake: whoever can forge a
 /// source address can ask in another's name, and answers are longer than questions. So:
@@ -50,12 +53,6 @@ class ReflectionGuard final {
   [[nodiscard]] bool may_send_to_stranger(std::size_t bytes, Instant now);
 
  private:
-  struct Bucket {
-    Instant used_at{};
-    double spent{0};
-
-    void flow(Instant now, double per_second);
-  };
   struct Seen {
     Peer peer;
     Bitstream version;
@@ -66,14 +63,13 @@ class ReflectionGuard final {
   static constexpr std::size_t kBuckets = 1024;
   struct Tables {
     std::array<Seen, kSeen> seen{};
-    std::array<Bucket, kBuckets> addresses{};
+    std::array<net::TokenBucket, kBuckets> addresses{};
   };
 
-  [[nodiscard]] std::uint64_t hash(std::uint64_t value) const;
   [[nodiscard]] Seen& place_of(const Peer& peer);
 
-  std::uint64_t key_;
-  Bucket strangers_;
+  std::array<std::uint64_t, 2> key_;
+  net::TokenBucket strangers_;
   std::unique_ptr<Tables> tables_;
 };
 

@@ -14,7 +14,32 @@ bool quieter(const Subscriber& one, const Subscriber& other) {
   return one.heard_at < other.heard_at;
 }
 
+bool before(const std::pair<int, bool>& one, int id) { return one.first < id; }
+
 }  // namespace
+
+void Selection::body(int id, bool wanted) {
+  const auto at = std::lower_bound(bodies_.begin(), bodies_.end(), id, before);
+  if (at != bodies_.end() && at->first == id) {
+    at->second = wanted;
+  } else {
+    bodies_.insert(at, {id, wanted});
+  }
+}
+
+bool Selection::has(int id) const {
+  const auto at = std::lower_bound(bodies_.begin(), bodies_.end(), id, before);
+  return at != bodies_.end() && at->first == id ? at->second : by_default();
+}
+
+bool Selection::is_everything() const {
+  return by_default() &&
+         std::all_of(bodies_.begin(), bodies_.end(), [](const auto& one) { return one.second; });
+}
+
+bool Selection::by_default() const {
+  return rigid_bodies_.value_or(all_types_.value_or(!subscribed_only_));
+}
 
 Registry::Registry(const RegistryLimits& limits) : limits_(limits) {
   subscribers_.reserve(static_cast<std::size_t>(limits.max_clients + kMaxStrangers) + kMostFixed);
@@ -73,7 +98,7 @@ std::size_t Registry::expire(Instant now) {
 
 bool Registry::make_place(const Peer& peer, Instant now) {
   const auto of_address = [&](const Subscriber& s) {
-    return is_client(s) && s.peer.address == peer.address;
+    return is_client(s) && s.peer.same_address(peer);
   };
   const auto clients = std::count_if(subscribers_.begin(), subscribers_.end(), is_client);
   const auto here = std::count_if(subscribers_.begin(), subscribers_.end(), of_address);

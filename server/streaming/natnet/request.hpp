@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -48,5 +49,23 @@ using Request = std::variant<ConnectRequest, DiscoveryRequest, KeepAliveRequest,
 /// Lengths in the field are unreliable: the header's counts only down to what came.
 /// @return Error for anything that is no request a client may send
 [[nodiscard]] Expected<Request> decode_request(std::span<const std::byte> datagram);
+
+/// A command in words, taken apart: `SetProperty,drone,Name,arm` → word and three arguments.
+struct Command {
+  static constexpr std::size_t kMostArguments = 4;
+
+  std::string_view word;
+  std::array<std::string_view, kMostArguments>
+      arguments{};  ///< The last one takes all that is left, commas too.
+  std::size_t count{};
+
+  /// Empty when there are fewer.
+  [[nodiscard]] std::string_view operator[](std::size_t i) const {
+    return i < count ? arguments[i] : std::string_view{};
+  }
+};
+
+/// Never fails: any text is a word. Blanks around word and arguments do not count.
+[[nodiscard]] Command parse_command(std::string_view text);
 
 }  // namespace fiducap::natnet

@@ -9,7 +9,6 @@ namespace {
 namespace asio = boost::asio;
 using boost::system::error_code;
 
-constexpr int kBacklog = 64;
 constexpr std::uint16_t kFirstFreePort = 1024;
 
 std::string where(const BindTarget& target, std::string_view transport) {
@@ -26,13 +25,6 @@ Expected<asio::ip::address> address_of(const BindTarget& target) {
                 std::string(target.key) + ".address");
   }
   return address;
-}
-
-template <typename Endpoint>
-std::string text_of(const Endpoint& peer, std::string_view transport) {
-  const auto address = peer.address();
-  const std::string host = address.is_v6() ? "[" + address.to_string() + "]" : address.to_string();
-  return host + ":" + std::to_string(peer.port()) + " " + std::string(transport);
 }
 
 }  // namespace
@@ -60,13 +52,15 @@ std::string bind_remedy(const error_code& error, const BindTarget& target) {
   return "cannot use port " + number + ": " + error.message();
 }
 
-Expected<asio::ip::udp::socket> bind_udp(asio::io_context& io, const BindTarget& target) {
+Expected<asio::ip::udp::socket> bind_udp(asio::io_context& io, const BindTarget& target,
+                                         bool shared) {
   const auto address = address_of(target);
   if (!address) return tl::unexpected(address.error());
   const asio::ip::udp::endpoint endpoint(*address, target.port);
   asio::ip::udp::socket socket(io);
   error_code error;
   socket.open(endpoint.protocol(), error);
+  if (!error && shared) socket.set_option(asio::socket_base::reuse_address(true), error);
   if (!error) socket.bind(endpoint, error);
   if (!error) socket.non_blocking(true, error);
   if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "udp"));
@@ -83,12 +77,18 @@ Expected<asio::ip::tcp::acceptor> listen_tcp(asio::io_context& io, const BindTar
   // So that a restart need not wait for connections that were closed a moment ago.
   if (!error) acceptor.set_option(asio::ip::tcp::acceptor::reuse_address(true), error);
   if (!error) acceptor.bind(endpoint, error);
-  if (!error) acceptor.listen(kBacklog, error);
+  if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   if (error) return fail(ErrorCode::kUnavailable, bind_remedy(error, target), where(target, "tcp"));
   return acceptor;
 }
 
-std::string peer_text(const asio::ip::tcp::endpoint& peer) { return text_of(peer, "tcp"); }
-std::string peer_text(const asio::ip::udp::endpoint& peer) { return text_of(peer, "udp"); }
+Peer peer_of(const asio::ip::tcp::endpoint& endpoint) {
+  return SocketAddress(endpoint.data(), static_cast<socklen_t>(endpoint.size())).peer();
+}
+
+asio::ip::tcp::endpoint endpoint_of(const Peer& peer) {
+  if (peer.is_ipv4()) return {asio::ip::address_v4(peer.ipv4()), peer.port};
+  return {asio::ip::address_v6(peer.address, peer.scope), peer.port};
+}
 
 }  // namespace fiducap::net

@@ -1,39 +1,36 @@
 #pragma once
 
-#include <cstdint>
 #include <string>
-#include <string_view>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/udp.hpp>
 
 #include "base/expected.hpp"
+#include "streaming/net/peer.hpp"
 
 namespace fiducap::net {
-
-/// Where a protocol listens, and how its user would change that.
-struct BindTarget {
-  std::string address;   ///< IP address of one interface, or 0.0.0.0.
-  std::uint16_t port{};  ///< 0: any free one.
-  std::string_view key;  ///< Section of the configuration, e.g. `streaming.natnet`.
-  std::string_view port_key{"port"};
-};
 
 /// What went wrong and what to do next: who has the port, which key to change.
 [[nodiscard]] std::string bind_remedy(const boost::system::error_code& error,
                                       const BindTarget& target);
 
-/// A bound, non-blocking socket. @return Error `kUnavailable` with the remedy, `kInvalid` for an
-/// address that is none.
+/// A bound, non-blocking socket.
+/// @param shared  several sockets of this machine may hear the same broadcast
+/// @return Error `kUnavailable` with the remedy, `kInvalid` for an address that is none.
 [[nodiscard]] Expected<boost::asio::ip::udp::socket> bind_udp(boost::asio::io_context& io,
-                                                              const BindTarget& target);
+                                                              const BindTarget& target,
+                                                              bool shared = false);
 /// A listening socket.
 [[nodiscard]] Expected<boost::asio::ip::tcp::acceptor> listen_tcp(boost::asio::io_context& io,
                                                                   const BindTarget& target);
 
-/// `10.0.0.7:41522 udp`
-[[nodiscard]] std::string peer_text(const boost::asio::ip::tcp::endpoint& peer);
-[[nodiscard]] std::string peer_text(const boost::asio::ip::udp::endpoint& peer);
+/// An open connection under a name that other headers can declare without Asio.
+struct TcpSocket {
+  boost::asio::ip::tcp::socket asio;
+};
+
+[[nodiscard]] Peer peer_of(const boost::asio::ip::tcp::endpoint& endpoint);
+[[nodiscard]] boost::asio::ip::tcp::endpoint endpoint_of(const Peer& peer);
 
 }  // namespace fiducap::net

@@ -22,6 +22,7 @@ constexpr int UDP_SEGMENT = 103;  // since Linux 4.18; older C libraries do not 
 }  // namespace
 
 void DatagramBatch::clear() {
+  addresses_.clear();
   pieces_.clear();
   cuts_.clear();
   messages_.clear();
@@ -32,10 +33,9 @@ void DatagramBatch::add(std::span<const std::byte> datagram, const sockaddr* add
                         socklen_t address_size) {
   // sendmmsg only reads; its structures are shared with calls that write, hence the pointers to
   // non-const.
+  addresses_.emplace_back(address, address_size);
   pieces_.push_back({const_cast<std::byte*>(datagram.data()), datagram.size()});
   mmsghdr message{};
-  message.msg_hdr.msg_name = const_cast<sockaddr*>(address);
-  message.msg_hdr.msg_namelen = address_size;
   message.msg_hdr.msg_iovlen = 1;
   messages_.push_back(message);
   cuts_.emplace_back();
@@ -56,6 +56,8 @@ void DatagramBatch::add_cut(std::span<const std::byte> bytes, std::size_t cut,
 void DatagramBatch::point_at_memory() {
   for (std::size_t i = 0; i < messages_.size(); ++i) {
     msghdr& message = messages_[i].msg_hdr;
+    message.msg_name = addresses_[i].data();
+    message.msg_namelen = addresses_[i].size();
     message.msg_iov = &pieces_[i];
     if (cuts_[i].bytes == 0) continue;
     message.msg_control = cuts_[i].control.data();
@@ -107,6 +109,14 @@ void DatagramBatch::send(int socket) {
     std::fill_n(sent_.begin() + static_cast<std::ptrdiff_t>(next), n, true);
     next += static_cast<std::size_t>(n);
   }
+}
+
+void DatagramShare::settle(const DatagramBatch& batch) {
+  if (begin_ == end_) return;
+  bool whole = true;
+  for (std::size_t i = begin_; i < end_; ++i) whole = whole && batch.sent(i);
+  ++(whole ? sent_ : dropped_);
+  clear();
 }
 
 }  // namespace fiducap::net

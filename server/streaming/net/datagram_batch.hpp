@@ -9,12 +9,14 @@
 #include <span>
 #include <vector>
 
+#include "streaming/net/peer.hpp"
+
 namespace fiducap::net {
 
 /// Many datagrams to many addresses by as few system calls as the kernel allows, never waiting.
 ///
 /// `clear`, `add` for every datagram, `send`. Keeps its memory, so that nothing is allocated per
-/// frame. Bytes and addresses are only pointed at: they must live until `send`.
+/// frame. Bytes are only pointed at: they must live until `send`.
 class DatagramBatch final {
  public:
   void clear();
@@ -40,10 +42,34 @@ class DatagramBatch final {
   void point_at_memory();
   [[nodiscard]] bool send_cut_by_hand(int socket, std::size_t i) const;
 
+  std::vector<SocketAddress> addresses_;
   std::vector<iovec> pieces_;
   std::vector<Cut> cuts_;
   std::vector<mmsghdr> messages_;
   std::vector<bool> sent_;
+};
+
+/// What a client of a TCP server gets by UDP: which messages of the batch under way are its, and
+/// what became of them.
+class DatagramShare final {
+ public:
+  /// Nothing in this batch.
+  void clear() { begin_ = end_ = 0; }
+  void open(const DatagramBatch& batch) { begin_ = batch.size(); }
+  void close(const DatagramBatch& batch) { end_ = batch.size(); }
+  /// After the batch was sent: a frame counts when the socket took all of its messages.
+  void settle(const DatagramBatch& batch);
+  /// A frame too long for any datagram.
+  void drop() { ++dropped_; }
+
+  [[nodiscard]] std::uint64_t frames_sent() const { return sent_; }
+  [[nodiscard]] std::uint64_t frames_dropped() const { return dropped_; }
+
+ private:
+  std::size_t begin_{0};
+  std::size_t end_{0};
+  std::uint64_t sent_{0};
+  std::uint64_t dropped_{0};
 };
 
 }  // namespace fiducap::net

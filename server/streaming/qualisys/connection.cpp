@@ -20,15 +20,36 @@ Reply refusal(std::string_view text) { return {false, std::string(text), false};
 
 }  // namespace
 
-Connection::Connection(Room& room, Door door, std::uint64_t id, std::string address,
+bool FramePicker::wants(const SceneFrame& frame) {
+  switch (rate_.kind) {
+    case RateKind::kAllFrames:
+      return true;
+    case RateKind::kFrequencyDivisor:
+      if (!first_) first_ = frame.number;
+      return (frame.number - *first_) % rate_.n == 0;
+    case RateKind::kFrequency:
+      break;
+  }
+  // A schedule of its own, on the frames' clock: 60 of 100 frames per second are the nearest ones,
+  // and no rounding adds up. After a pause it starts anew instead of catching up.
+  const Duration period{1'000'000'000 / rate_.n};
+  const Duration half_a_frame{frame.rate_hz > 0 ? static_cast<std::int64_t>(0.5e9 / frame.rate_hz)
+                                                : 0};
+  if (due_ && frame.at + half_a_frame < *due_) return false;
+  const bool late = !due_ || frame.at - *due_ > period;
+  due_ = (late ? frame.at : *due_) + period;
+  return true;
+}
+
+Connection::Connection(SharedState& shared, Dialect dialect, std::uint64_t id, std::string address,
                        std::uint16_t port)
-    : room_(room),
-      door_(door),
-      order_(door == Door::kLittleEndian ? std::endian::little : std::endian::big),
+    : shared_(shared),
+      dialect_(dialect),
+      order_(dialect == Dialect::kLittleEndian ? std::endian::little : std::endian::big),
       id_(id),
       address_(std::move(address)),
       port_(port),
-      version_{door == Door::kLegacy ? 0 : 1} {}
+      version_{dialect == Dialect::kLegacy ? 0 : 1} {}
 
 void Connection::greet(std::vector<std::byte>& out) const {
   encode_text(order_, PacketType::kCommand, kWelcome, out);
@@ -58,7 +79,7 @@ void Connection::handle(const Packet& packet, std::vector<std::byte>& out) {
     return obey(split_command(decode_text(packet.payload)), out);
   if (packet.type == PacketType::kXml) {
     return reply(
-        room_.control.apply_settings(id_, decode_text(packet.payload), room_.bodies.entries()),
+        shared_.control.apply_settings(id_, decode_text(packet.payload), shared_.bodies.entries()),
         out);
   }
   reply(refusal(kParseError), out);
@@ -67,17 +88,18 @@ void Connection::handle(const Packet& packet, std::vector<std::byte>& out) {
 void Connection::obey(const Command& command, std::vector<std::byte>& out) {
   if (command.is("Version")) return set_version(command.rest, out);
   if (command.is("QTMVersion")) {
-    return reply(answer("QTM Version is " + room_.config.qtm_version), out);
+    return reply(answer("QTM Version is " + shared_.config.qtm_version), out);
   }
   if (command.is("ByteOrder")) return byte_order(command.rest, out);
   if (command.is("CheckLicense")) return reply(answer("License pass"), out);
-  if (command.is("GetState") || command.is("GetLastEvent")) return tell(room_.control.state(), out);
+  if (command.is("GetState") || command.is("GetLastEvent"))
+    return tell(shared_.control.state(), out);
   if (command.is("GetParameters")) return parameters(command.rest, out);
   if (command.is("GetCurrentFrame")) return current_frame(command.rest, out);
   if (command.is("StreamFrames")) return stream_frames(command.rest, out);
   if (command.is("TakeControl")) return take_control(command.rest, out);
-  if (command.is("ReleaseControl")) return reply(room_.control.release(id_), out);
-  const auto done = room_.control.execute(id_, command);
+  if (command.is("ReleaseControl")) return reply(shared_.control.release(id_), out);
+  const auto done = shared_.control.execute(id_, command);
   reply(done ? *done : refusal(kParseError), out);
 }
 
@@ -85,7 +107,7 @@ void Connection::set_version(std::string_view word, std::vector<std::byte>& out)
   if (word.empty()) return reply(answer("Version is 1." + std::to_string(version_.minor)), out);
   const auto version = parse_version(word);
   // 1.0 has a port of its own, and that port has nothing else.
-  if (!version || (version->minor == 0) != (door_ == Door::kLegacy)) {
+  if (!version || (version->minor == 0) != (dialect_ == Dialect::kLegacy)) {
     return reply(refusal("Version NOT supported"), out);
   }
   version_ = *version;
@@ -104,16 +126,16 @@ void Connection::byte_order(std::string_view words, std::vector<std::byte>& out)
 void Connection::parameters(std::string_view words, std::vector<std::byte>& out) {
   const auto groups = parse_parameter_groups(words);
   if (!groups) return reply(refusal(kParseError), out);
-  encode_text(
-      order_, PacketType::kXml,
-      parameters_xml(*groups, version_, room_.bodies.entries(), room_.config.up, room_.rate_hz),
-      out);
+  encode_text(order_, PacketType::kXml,
+              parameters_xml(*groups, version_, shared_.bodies.entries(), shared_.config.up,
+                             shared_.rate_hz),
+              out);
 }
 
 void Connection::current_frame(std::string_view words, std::vector<std::byte>& out) {
   const auto components = parse_components(words);
   if (!components) return reply(refusal(kParseError), out);
-  if (room_.frames.number() == 0) return encode_no_more_data(order_, out);
+  if (shared_.frames.number() == 0) return encode_no_more_data(order_, out);
   if (pending_.size() >= kMaxPending) return reply(refusal("Too many frames are asked for"), out);
   pending_.push_back(*components);
 }
@@ -128,12 +150,12 @@ void Connection::stream_frames(std::string_view words, std::vector<std::byte>& o
   }
   const FramePicker picker(request->rate);
   stream_.emplace(Stream{std::move(*request), picker});
-  if (room_.frames.number() == 0) encode_no_more_data(order_, out);
+  if (shared_.frames.number() == 0) encode_no_more_data(order_, out);
 }
 
 void Connection::take_control(std::string_view password, std::vector<std::byte>& out) {
   const Reply taken =
-      room_.control.take(id_, address_ + " (" + std::to_string(port_) + ")", password);
+      shared_.control.take(id_, address_ + " (" + std::to_string(port_) + ")", password);
   if (taken.wrong_password) ++wrong_passwords_;
   reply(taken, out);
 }
@@ -164,9 +186,9 @@ Profile Connection::profile_of(Components components) const {
 }
 
 std::string Connection::detail() const {
-  std::string text =
-      "1." + std::to_string(version_.minor) + ", " + std::string(name_of(room_.config.up)) + " mm";
-  if (room_.control.is_master(id_)) text += ", master";
+  std::string text = "1." + std::to_string(version_.minor) + ", " +
+                     std::string(name_of(shared_.config.up)) + " mm";
+  if (shared_.control.is_master(id_)) text += ", master";
   if (!stream_) return text + ", no stream";
   for (const auto& known : kComponentWords) {
     if (stream_->request.components.has(known.component)) text += " " + std::string(known.word);

@@ -16,14 +16,13 @@
 #include "streaming/qualisys/command.hpp"
 #include "streaming/qualisys/control.hpp"
 #include "streaming/qualisys/frame_board.hpp"
-#include "streaming/qualisys/frame_picker.hpp"
 #include "streaming/qualisys/qualisys_config.hpp"
 
 namespace fiducap::qualisys {
 
 /// What all connections of one server know.
-struct Room {
-  Room(const QualisysConfig& c, OperatorDesk* desk)
+struct SharedState {
+  SharedState(const QualisysConfig& c, OperatorDesk* desk)
       : config(c), control(desk), bodies(c.aliases), frames(c) {}
 
   const QualisysConfig config;
@@ -34,14 +33,29 @@ struct Room {
 };
 
 /// Which port the client came to.
-enum class Door { kLegacy, kLittleEndian, kBigEndian };
+enum class Dialect { kLegacy, kLittleEndian, kBigEndian };
+
+/// Chooses the frames of one client's stream: all, every n-th, or about n per second.
+class FramePicker final {
+ public:
+  explicit FramePicker(Rate rate) : rate_(rate) {}
+
+  /// Ask once per frame.
+  [[nodiscard]] bool wants(const SceneFrame& frame);
+
+ private:
+  Rate rate_;
+  std::optional<std::uint64_t> first_;
+  std::optional<Instant> due_;
+};
 
 /// One client's conversation: bytes in, bytes out, no socket. Keeps what it streams.
 class Connection final {
  public:
-  /// @param room  outlives the connection
+  /// @param shared  outlives the connection
   /// @param address, port  of the client; UDP goes to no other address
-  Connection(Room& room, Door door, std::uint64_t id, std::string address, std::uint16_t port);
+  Connection(SharedState& shared, Dialect dialect, std::uint64_t id, std::string address,
+             std::uint16_t port);
 
   /// What the server says first.
   void greet(std::vector<std::byte>& out) const;
@@ -51,7 +65,7 @@ class Connection final {
   Expected<void> receive(std::span<const std::byte> bytes, std::vector<std::byte>& out);
   void tell(Event event, std::vector<std::byte>& out) const { encode_event(order_, event, out); }
   /// The client is gone.
-  void leave() { room_.control.left(id_); }
+  void leave() { shared_.control.left(id_); }
 
   /// The stream that was asked for, by TCP unless it names a port.
   [[nodiscard]] bool streaming() const { return stream_.has_value(); }
@@ -80,8 +94,8 @@ class Connection final {
   void reply(const Reply& reply, std::vector<std::byte>& out) const;
   [[nodiscard]] Profile profile_of(Components components) const;
 
-  Room& room_;
-  const Door door_;
+  SharedState& shared_;
+  const Dialect dialect_;
   const std::endian order_;
   const std::uint64_t id_;
   const std::string address_;

@@ -7,6 +7,7 @@
 #include "base/config_check.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/conventions/validity.hpp"
 
 namespace fiducap::qualisys {
@@ -28,6 +29,25 @@ struct QualisysConfig {
 
   [[nodiscard]] OutputAxes axes() const { return {up, scope, 1000.0}; }
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+template <class V>
+void describe(V& v, QualisysConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("base_port", c.base_port);
+  v.value("discovery_port", c.discovery_port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
+  v.value("qtm_version", c.qtm_version);
+}
+
+using ProtocolConfig = QualisysConfig;
 
 }  // namespace fiducap::qualisys

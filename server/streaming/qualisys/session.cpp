@@ -1,7 +1,5 @@
 #include "streaming/qualisys/session.hpp"
 
-#include <arpa/inet.h>
-
 #include <utility>
 
 namespace fiducap::qualisys {
@@ -13,15 +11,15 @@ constexpr Duration kSilence = std::chrono::seconds(10);
 
 }  // namespace
 
-Session::Session(tcp::socket socket, std::shared_ptr<Room> room, Door door, std::uint64_t id,
-                 const Clock& clock)
+Session::Session(net::Socket socket, std::shared_ptr<SharedState> shared, Dialect dialect,
+                 std::uint64_t id, const Clock& clock)
     : TcpSession(std::move(socket), "qualisys", clock),
-      room_(std::move(room)),
-      connection_(*room_, door, id, endpoint().address().to_string(), endpoint().port()) {}
+      shared_(std::move(shared)),
+      connection_(*shared_, dialect, id, net::address_text(peer()), peer().port) {}
 
-void Session::greet() {
+void Session::start() {
   connection_.greet(replies());
-  start();
+  TcpSession::start();
 }
 
 void Session::tell(Event event) {
@@ -37,8 +35,8 @@ void Session::received(std::span<const std::byte> bytes) {
 }
 
 void Session::answer_current() {
-  const auto profile = connection_.current_of(room_->frames.number());
-  if (profile) send(room_->frames.encoded(*profile)->packet);
+  const auto profile = connection_.current_of(shared_->frames.number());
+  if (profile) send(shared_->frames.encoded(*profile)->packet);
 }
 
 void Session::ticked(Instant now) {
@@ -47,14 +45,10 @@ void Session::ticked(Instant now) {
   }
 }
 
-const sockaddr_in& Session::udp_target() {
-  return datagrams.aim(endpoint(), connection_.udp_port().value_or(0));
-}
-
 ClientStatus Session::status(Instant now) const {
   ClientStatus status;
   status.protocol = "qualisys";
-  status.peer = peer() + (connection_.udp_port() ? " + udp" : "");
+  status.peer = peer_text() + (connection_.udp_port() ? " + udp" : "");
   status.detail = connection_.detail();
   status.frames_sent = frames_sent() + datagrams.frames_sent();
   status.frames_dropped = frames_dropped() + datagrams.frames_dropped();

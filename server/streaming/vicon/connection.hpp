@@ -12,7 +12,6 @@
 #include "base/time.hpp"
 #include "streaming/vicon/codec.hpp"
 #include "streaming/vicon/profile.hpp"
-#include "streaming/vicon/profile_table.hpp"
 
 namespace fiducap::vicon {
 

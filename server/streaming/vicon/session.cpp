@@ -4,30 +4,26 @@
 
 namespace fiducap::vicon {
 
-Session::Session(tcp::socket socket, boost::asio::io_context& io,
-                 std::shared_ptr<SessionContext> context)
+Session::Session(net::Socket socket, std::shared_ptr<SessionContext> context)
     : TcpSession(std::move(socket), "vicon", context->clock),
       context_(std::move(context)),
-      connection_(context_->profiles, context_->clock.now()),
-      greeting_(io) {}
+      connection_(context_->profiles, context_->clock.now()) {}
 
-void Session::begin() {
-  start();
-  if (closed()) return;
-  greeting_.expires_after(kGreetingDelay);
-  greeting_.async_wait([self = std::static_pointer_cast<Session>(shared_from_this())](
-                           const boost::system::error_code& cancelled) {
-    if (cancelled || self->closed()) return;
-    self->send(self->connection_.greeting());
-    self->publish();  // it may have asked already
-  });
+void Session::start() {
+  TcpSession::start();
+  if (!closed()) wake_after(kGreetingDelay);
+}
+
+void Session::woken() {
+  send(connection_.greeting());
+  publish();  // it may have asked already
 }
 
 void Session::received(std::span<const std::byte> bytes) {
   const bool was_open = open();
   const auto result = connection_.receive(bytes, clock().now(), replies());
   if (!result) return close("is refused: " + result.error().text(), log::Level::kWarning);
-  if (!was_open && open()) log::info("vicon", "client " + peer() + " connected");
+  if (!was_open && open()) log::info("vicon", "client " + peer_text() + " connected");
   publish();
 }
 
@@ -46,13 +42,8 @@ void Session::ticked(Instant now) {
   if (const auto why = connection_.overdue(now)) close(*why);
 }
 
-void Session::end(std::string_view why) {
-  greeting_.cancel();
-  close(why);
-}
-
 ClientStatus Session::status(Instant now) const {
-  return {"vicon",       peer(),           "z-up mm, " + connection_.summary(),
+  return {"vicon",       peer_text(),      "z-up mm, " + connection_.summary(),
           frames_sent(), frames_dropped(), to_seconds(now - since())};
 }
 

@@ -5,8 +5,6 @@
 #include <optional>
 #include <span>
 
-#include <boost/asio/steady_timer.hpp>
-
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/streamer.hpp"
 #include "streaming/vicon/connection.hpp"
@@ -27,14 +25,13 @@ class Session final : public net::TcpSession {
   /// From accept to greeting. SDK 1.12 asks for segments just after it has connected; a greeting
   /// that comes a little later finds that wish already made, so that the client's first frame has
   /// poses.
-  static constexpr std::chrono::milliseconds kGreetingDelay{40};
+  static constexpr Duration kGreetingDelay = std::chrono::milliseconds(40);
 
-  Session(tcp::socket socket, boost::asio::io_context& io, std::shared_ptr<SessionContext> context);
+  Session(net::Socket socket, std::shared_ptr<SessionContext> context);
 
-  void begin();
+  void start() override;
   /// The newest frame, unless this client does not want it.
   void publish();
-  void end(std::string_view why);
 
   [[nodiscard]] bool open() const { return connection_.open(); }
   [[nodiscard]] ClientStatus status(Instant now) const;
@@ -42,10 +39,10 @@ class Session final : public net::TcpSession {
  private:
   void received(std::span<const std::byte> bytes) override;
   void ticked(Instant now) override;
+  void woken() override;
 
   std::shared_ptr<SessionContext> context_;
   Connection connection_;
-  boost::asio::steady_timer greeting_;
   bool statics_in_last_frame_{false};
 };
 

@@ -19,6 +19,21 @@ struct ViconConfig {
   NameAliases aliases;
 
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+template <class V>
+void describe(V& v, ViconConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("max_clients_per_address", c.max_clients_per_address);
+  v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
+  v.value("aliases", c.aliases);
+}
+
+using ProtocolConfig = ViconConfig;
 
 }  // namespace fiducap::vicon

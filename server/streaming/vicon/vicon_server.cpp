@@ -4,17 +4,58 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "streaming/server_handle.hpp"
-#include "streaming/vicon/server.hpp"
+#include "streaming/net/tcp_server.hpp"
+#include "streaming/vicon/session.hpp"
 
 namespace fiducap::vicon {
 
 namespace {
 
-class Handle final : public ServerHandle<ViconStreamer, Server> {
+constexpr std::string_view kKey = "streaming.vicon";
+
+/// Offers each frame to all sessions.
+class ViconServer final : public ViconStreamer {
  public:
-  using ServerHandle::ServerHandle;
-  [[nodiscard]] std::uint16_t port() const override { return server().port(); }
+  ViconServer(boost::asio::io_context& io, const ViconConfig& config, const Clock& clock)
+      : context_(std::make_shared<SessionContext>(
+            SessionContext{clock, FrameBoard(config.when_invalid, config.aliases)})),
+        tcp_(io, {"vicon", config.max_clients, config.max_clients_per_address, kKey}, clock) {}
+
+  Expected<void> listen(const ViconConfig& config) {
+    const auto port = tcp_.listen({config.address, config.port, kKey},
+                                  [context = context_](net::Socket socket, const net::Peer&) {
+                                    return std::make_shared<Session>(std::move(socket), context);
+                                  });
+    if (!port) return tl::unexpected(port.error());
+    port_ = *port;
+    tcp_.start();
+    return {};
+  }
+
+  [[nodiscard]] std::string_view protocol() const override { return "vicon"; }
+  [[nodiscard]] std::uint16_t port() const override { return port_; }
+
+  void publish(const std::shared_ptr<const SceneFrame>& frame) override {
+    if (stopped_ || frame->model == nullptr) return;
+    context_->board.put_up(*frame, context_->clock.now());
+    tcp_.each<Session>([](Session& session) { session.publish(); });
+  }
+  void append_clients(std::vector<ClientStatus>& out) const override {
+    const Instant now = context_->clock.now();
+    tcp_.each<Session>([&](const Session& session) {
+      if (session.open()) out.push_back(session.status(now));
+    });
+  }
+  void stop() override {
+    stopped_ = true;
+    tcp_.stop();
+  }
+
+ private:
+  std::shared_ptr<SessionContext> context_;
+  std::uint16_t port_{0};
+  bool stopped_{false};
+  net::TcpServer tcp_;
 };
 
 }  // namespace
@@ -22,11 +63,13 @@ class Handle final : public ServerHandle<ViconStreamer, Server> {
 Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(boost::asio::io_context& io,
                                                             const ViconConfig& config,
                                                             const Clock& clock) {
-  auto server = std::make_shared<Server>(io, config, clock);
-  if (auto listening = server->listen(); !listening) return tl::unexpected(listening.error());
+  auto server = std::make_unique<ViconServer>(io, config, clock);
+  if (auto listening = server->listen(config); !listening) {
+    return tl::unexpected(listening.error());
+  }
   log::info("vicon", "serves the Vicon DataStream on " + config.address + ":" +
                          std::to_string(server->port()) + " (TCP)");
-  return std::make_unique<Handle>("vicon", std::move(server));
+  return server;
 }
 
 }  // namespace fiducap::vicon

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <memory>
 
 #include "base/clock.hpp"
@@ -14,15 +13,17 @@ class io_context;
 
 namespace fiducap::vicon {
 
-class ViconStreamer : public Streamer {
- public:
-  /// The TCP port in use; what the configuration says unless that is 0.
-  [[nodiscard]] virtual std::uint16_t port() const = 0;
-};
+using ViconStreamer = Streamer;
 
 /// @param clock  must live until `io` has run out of handlers after stop().
 /// @return Error `kUnavailable` naming port and remedy when it cannot bind.
 [[nodiscard]] Expected<std::unique_ptr<ViconStreamer>> start_vicon_server(
     boost::asio::io_context& io, const ViconConfig& config, const Clock& clock);
+
+/// For the list of protocols.
+[[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
+                                                               const ViconConfig& config) {
+  return start_vicon_server(context.io, config, context.clock);
+}
 
 }  // namespace fiducap::vicon

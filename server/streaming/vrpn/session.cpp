@@ -1,7 +1,5 @@
 #include "streaming/vrpn/session.hpp"
 
-#include <arpa/inet.h>
-
 #include <utility>
 
 #include "base/log.hpp"
@@ -18,15 +16,15 @@ void SessionContext::say(log::Level level, const std::string& text) {
   log::write(level, "vrpn", text);
 }
 
-Session::Session(std::shared_ptr<SessionContext> context, tcp::socket socket, Origin origin)
+Session::Session(std::shared_ptr<SessionContext> context, net::Socket socket, Origin origin)
     : TcpSession(std::move(socket), "vrpn", context->clock),
       context_(std::move(context)),
       origin_(origin),
       connection_(context_->config, context_->senders, origin) {}
 
-void Session::greet() {
+void Session::start() {
   replies() = connection_.greeting();
-  start();
+  TcpSession::start();
 }
 
 void Session::received(std::span<const std::byte> bytes) {
@@ -35,14 +33,14 @@ void Session::received(std::span<const std::byte> bytes) {
   const Instant now = clock().now();
   const auto result = connection_.receive(bytes, context_->utc_ns(now), replies());
   for (const auto& note : connection_.take_notes()) {
-    context_->say(note.level, peer_text() + " " + note.text);
+    context_->say(note.level, transport_text() + " " + note.text);
   }
   if (!result) return close("is refused: " + result.error().text(), log::Level::kWarning);
   number_messages(std::span(replies()).subspan(before), context_->sequence);
   if (!was_open && connection_.open()) {
     open_since_ = now;
     context_->say(log::Level::kInfo,
-                  "client " + peer_text() +
+                  "client " + transport_text() +
                       (origin_ == Origin::kDirect ? " connected" : " connected on its request"));
   }
   flush();
@@ -56,10 +54,6 @@ void Session::describe_new_senders() {
   flush();
 }
 
-const sockaddr_in& Session::udp_target() {
-  return datagrams.aim(endpoint(), *connection_.udp_port());
-}
-
 void Session::ticked(Instant now) {
   if (!open() && now - since() > kCookieTime) close("is closed: sent no VRPN cookie within 5 s");
 }
@@ -71,7 +65,7 @@ ClientStatus Session::status(Instant now) const {
   detail += config.acceleration ? ", acceleration on" : ", acceleration off";
   ClientStatus status;
   status.protocol = "vrpn";
-  status.peer = peer_text();
+  status.peer = transport_text();
   status.detail = detail;
   status.frames_sent = frames_sent() + datagrams.frames_sent();
   status.frames_dropped = frames_dropped() + datagrams.frames_dropped();
@@ -79,9 +73,8 @@ ClientStatus Session::status(Instant now) const {
   return status;
 }
 
-std::string Session::peer_text() const {
-  return endpoint().address().to_string() + ":" + std::to_string(endpoint().port()) +
-         (by_udp() ? " udp" : " tcp");
+std::string Session::transport_text() const {
+  return net::text_of(peer()) + (udp_port() ? " udp" : " tcp");
 }
 
 }  // namespace fiducap::vrpn

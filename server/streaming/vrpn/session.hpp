@@ -1,7 +1,5 @@
 #pragma once
 
-#include <netinet/in.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -9,7 +7,7 @@
 #include <span>
 #include <string>
 
-#include "streaming/net/datagram_share.hpp"
+#include "streaming/net/datagram_batch.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/streamer.hpp"
 #include "streaming/vrpn/connection.hpp"
@@ -38,20 +36,18 @@ class Session final : public net::TcpSession {
  public:
   static constexpr Duration kCookieTime = std::chrono::seconds(5);
 
-  Session(std::shared_ptr<SessionContext> context, tcp::socket socket, Origin origin);
+  Session(std::shared_ptr<SessionContext> context, net::Socket socket, Origin origin);
 
   /// Says the cookie at once: some clients wait for it.
-  void greet();
+  void start() override;
   void describe_new_senders();
   /// Whole messages, numbered, by TCP.
   void send_reliable(std::span<const std::byte> messages) { send(messages); }
 
   [[nodiscard]] bool open() const { return !closed() && connection_.open(); }
   [[nodiscard]] Origin origin() const { return origin_; }
-  [[nodiscard]] bool by_udp() const { return connection_.udp_port().has_value(); }
-  /// Where reports go: the TCP peer's address, whatever address the client named, and its port.
-  /// Nobody can aim reports at a third party. @pre by_udp()
-  [[nodiscard]] const sockaddr_in& udp_target();
+  /// Where it wants reports; nothing: by TCP.
+  [[nodiscard]] std::optional<std::uint16_t> udp_port() const { return connection_.udp_port(); }
   [[nodiscard]] ClientStatus status(Instant now) const;
 
   net::DatagramShare datagrams;
@@ -59,7 +55,7 @@ class Session final : public net::TcpSession {
  private:
   void received(std::span<const std::byte> bytes) override;
   void ticked(Instant now) override;
-  [[nodiscard]] std::string peer_text() const;
+  [[nodiscard]] std::string transport_text() const;
 
   std::shared_ptr<SessionContext> context_;
   Origin origin_;

@@ -63,4 +63,10 @@ std::vector<ConfigError> VrpnConfig::check() const {
   return errors;
 }
 
+ServedProtocol VrpnConfig::served() const {
+  return {"vrpn",  enabled,
+          address, {{port, false}, {port, true}},
+          axes(),  conventions_of("vrpn").when_invalid};
+}
+
 }  // namespace fiducap::vrpn

@@ -10,6 +10,7 @@
 #include "base/pose.hpp"
 #include "streaming/conventions/axes.hpp"
 #include "streaming/conventions/client_names.hpp"
+#include "streaming/conventions/protocol_conventions.hpp"
 
 namespace fiducap::vrpn {
 
@@ -42,6 +43,33 @@ struct VrpnConfig {
   [[nodiscard]] std::vector<Pose> sensors_of(std::string_view body) const;
   [[nodiscard]] OutputAxes axes() const { return {up, scope, 1.0}; }
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// Where it listens and what its clients receive.
+  [[nodiscard]] ServedProtocol served() const;
 };
+
+template <class V>
+void describe(V& v, ExtraSensor& c) {
+  v.value("body", c.body);
+  v.value("X_PS", c.X_PS);
+}
+
+template <class V>
+void describe(V& v, VrpnConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("max_clients", c.max_clients);
+  v.value("udp_reports", c.udp_reports);
+  v.value("velocity", c.velocity);
+  v.value("acceleration", c.acceleration);
+  v.word("up", c.up, words::kUpAxis);
+  v.word("scope", c.scope, words::kAxesScope);
+  v.value("aliases", c.aliases);
+  v.value("minor_version", c.minor_version);
+  v.value("workspace_box_m", c.workspace_box_m);
+  v.list("sensors", c.sensors);
+}
+
+using ProtocolConfig = VrpnConfig;
 
 }  // namespace fiducap::vrpn

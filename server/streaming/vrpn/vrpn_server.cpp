@@ -1,20 +1,217 @@
 #include "streaming/vrpn/vrpn_server.hpp"
 
+#include <optional>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "base/log.hpp"
-#include "streaming/server_handle.hpp"
-#include "streaming/vrpn/server.hpp"
+#include "base/object_pool.hpp"
+#include "streaming/net/tcp_server.hpp"
+#include "streaming/net/udp_server.hpp"
+#include "streaming/vrpn/body_watch.hpp"
+#include "streaming/vrpn/codec.hpp"
+#include "streaming/vrpn/report_encoder.hpp"
+#include "streaming/vrpn/session.hpp"
 
 namespace fiducap::vrpn {
 
 namespace {
 
-class Handle final : public ServerHandle<VrpnStreamer, Server> {
+constexpr int kTicksPerSecond = 10;
+constexpr int kLogLinesPerSecond = 20;
+constexpr int kBindAttempts = 16;  // for port 0: the number that TCP got may be taken for UDP
+constexpr std::size_t kLongestRequest = 200;
+constexpr Duration kConnectTime = std::chrono::seconds(3);
+constexpr std::string_view kKey = "streaming.vrpn";
+
+/// Listens on TCP, connects back to who asks by UDP, and hands each frame to all sessions: the same
+/// bytes to everybody, by one call for all that take them by UDP.
+class VrpnServer final : public VrpnStreamer {
  public:
-  using ServerHandle::ServerHandle;
-  [[nodiscard]] std::uint16_t port() const override { return server().port(); }
+  VrpnServer(boost::asio::io_context& io, const VrpnConfig& config, const Clock& clock)
+      : io_(io),
+        context_(std::make_shared<SessionContext>(SessionContext{config, clock})),
+        encoder_(config.axes(), {config.velocity, config.acceleration}),
+        tcp_(io, {"vrpn", config.max_clients, 0, kKey}, clock) {
+    context_->log_lines_left = kLogLinesPerSecond;
+  }
+
+  /// Binds the sockets and starts listening. @return Error naming port and remedy.
+  [[nodiscard]] Expected<void> listen(const SceneModel& model);
+  [[nodiscard]] std::string_view protocol() const override { return "vrpn"; }
+  [[nodiscard]] std::uint16_t port() const override { return port_; }
+  void publish(const std::shared_ptr<const SceneFrame>& frame) override;
+  void append_clients(std::vector<ClientStatus>& out) const override;
+  void stop() override;
+
+ private:
+  Expected<void> bind(std::uint16_t port);
+  [[nodiscard]] std::shared_ptr<Session> session(net::Socket socket, Origin origin) {
+    return std::make_shared<Session>(context_, std::move(socket), origin);
+  }
+  void connect_back(const net::UdpServer::Datagram& request);
+  void tick();
+  void take_over(const SceneModel& model);
+  void say_changes(const SceneFrame& frame);
+  void send_frame(Session& session, const std::shared_ptr<const EncodedFrame>& reports);
+
+  boost::asio::io_context& io_;
+  std::shared_ptr<SessionContext> context_;
+  std::uint16_t port_{0};
+  bool stopped_{false};
+  int ticks_{0};
+
+  ReportEncoder encoder_;
+  std::vector<std::vector<Pose>> sensors_of_body_;
+  BodyWatch watch_;
+  ObjectPool<EncodedFrame> frames_;
+  std::vector<std::byte> texts_;
+  std::optional<std::uint64_t> generation_;
+
+  std::optional<net::UdpServer> requests_;
+  std::optional<net::UdpServer> reports_;
+  net::TcpServer tcp_;
 };
+
+Expected<void> VrpnServer::listen(const SceneModel& model) {
+  Expected<void> bound = bind(context_->config.port);
+  for (int i = 1; i < kBindAttempts && !bound && context_->config.port == 0; ++i) bound = bind(0);
+  if (!bound) return bound;
+  take_over(model);
+  requests_->start([this](const auto& request) { connect_back(request); });
+  tcp_.start([this](Instant) { tick(); });
+  return {};
+}
+
+Expected<void> VrpnServer::bind(std::uint16_t port) {
+  const std::string& address = context_->config.address;
+  tcp_.close_listeners();
+  const auto bound =
+      tcp_.listen({address, port, kKey}, [this](net::Socket socket, const net::Peer&) {
+        return session(std::move(socket), Origin::kDirect);
+      });
+  if (!bound) return tl::unexpected(bound.error());
+  auto requests = net::UdpServer::open(io_, {address, *bound, kKey}, {"vrpn", kLongestRequest});
+  if (!requests) return tl::unexpected(requests.error());
+  auto reports = net::UdpServer::open(io_, {address, 0, kKey}, {"vrpn"});
+  if (!reports) return tl::unexpected(reports.error());
+  port_ = *bound;
+  requests_.emplace(std::move(*requests));
+  reports_.emplace(std::move(*reports));
+  return {};
+}
+
+/// Only to the datagram's own source, whatever address its text names: nobody can make us connect
+/// to a third party. Clients repeat themselves, and would not accept a second connection.
+void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
+  const auto port = decode_request(request.bytes);
+  if (!port) {
+    return context_->say(log::Level::kDebug,
+                         net::address_text(request.from) + " " + port.error().text());
+  }
+  const net::Peer client = request.from.with_port(*port);
+  bool served = false;
+  tcp_.each<Session>([&](const Session& session) {
+    served = served || (session.origin() == Origin::kRequested && session.peer() == client);
+  });
+  if (served) return;
+  tcp_.connect(client, kConnectTime, [this](net::Socket socket, const net::Peer&) {
+    return session(std::move(socket), Origin::kRequested);
+  });
+}
+
+void VrpnServer::tick() {
+  if (++ticks_ % kTicksPerSecond != 0) return;
+  context_->log_lines_left = kLogLinesPerSecond;
+  if (const int lost = std::exchange(context_->log_lines_lost, 0); lost > 0) {
+    context_->say(log::Level::kInfo,
+                  std::to_string(lost) + " more lines within a second were left out");
+  }
+}
+
+void VrpnServer::take_over(const SceneModel& model) {
+  if (generation_ == model.generation) return;
+  generation_ = model.generation;
+  sensors_of_body_.clear();
+  if (!context_->config.sensors.empty()) {
+    for (const auto& body : model.bodies)
+      sensors_of_body_.push_back(context_->config.sensors_of(body.name));
+  }
+  for (const auto& name : context_->senders.update(model)) {
+    context_->say(
+        log::Level::kError,
+        "the body \"" + name + "\" is not served: its name is doubled or breaks VRPN's rules");
+  }
+}
+
+void VrpnServer::say_changes(const SceneFrame& frame) {
+  if (frame.model != nullptr) {
+    const std::size_t known = context_->senders.names().size();
+    take_over(*frame.model);
+    if (context_->senders.names().size() > known) {
+      tcp_.each<Session>([](Session& session) { session.describe_new_senders(); });
+    }
+  }
+  texts_.clear();
+  watch_.observe(frame, context_->senders.of_bodies(), texts_);
+  if (texts_.empty()) return;
+  number_messages(texts_, context_->sequence);
+  tcp_.each<Session>([&](Session& session) {
+    if (session.open()) session.send_reliable(texts_);
+  });
+}
+
+void VrpnServer::publish(const std::shared_ptr<const SceneFrame>& newest) {
+  if (stopped_) return;
+  const SceneFrame& frame = *newest;
+  context_->utc_offset = frame.utc_offset;
+  say_changes(frame);
+  bool anybody = false;
+  tcp_.each<Session>([&](const Session& session) { anybody = anybody || session.open(); });
+  if (!anybody) return;
+  const auto reports = frames_.acquire();
+  encoder_.encode(frame, context_->senders.of_bodies(), sensors_of_body_, *reports);
+  if (reports->bytes.empty()) return;
+  number_messages(reports->bytes, context_->sequence);
+  reports_->batch().clear();
+  tcp_.each<Session>([&](Session& session) { send_frame(session, reports); });
+  reports_->send_batch();
+  tcp_.each<Session>([&](Session& session) { session.datagrams.settle(reports_->batch()); });
+}
+
+void VrpnServer::send_frame(Session& session, const std::shared_ptr<const EncodedFrame>& reports) {
+  session.datagrams.clear();
+  if (!session.open()) return;
+  if (!session.udp_port()) return session.offer(net::SharedBytes(reports, &reports->bytes));
+  // The TCP peer's address, whatever address the client named: nobody can aim reports at another.
+  const net::Peer target = session.peer().with_port(*session.udp_port());
+  session.datagrams.open(reports_->batch());
+  if (const std::size_t cut = reports->equal_cut(); cut > 0) {
+    reports_->add_cut(reports->bytes, cut, target);
+  } else {
+    std::size_t begin = 0;
+    for (const std::size_t end : reports->datagram_ends) {
+      reports_->add(std::span(reports->bytes).subspan(begin, end - begin), target);
+      begin = end;
+    }
+  }
+  session.datagrams.close(reports_->batch());
+}
+
+void VrpnServer::append_clients(std::vector<ClientStatus>& out) const {
+  const Instant now = context_->clock.now();
+  tcp_.each<Session>([&](const Session& session) {
+    if (session.open()) out.push_back(session.status(now));
+  });
+}
+
+void VrpnServer::stop() {
+  stopped_ = true;
+  if (requests_) requests_->stop();
+  tcp_.stop();
+}
 
 }  // namespace
 
@@ -22,11 +219,11 @@ Expected<std::unique_ptr<VrpnStreamer>> start_vrpn_server(boost::asio::io_contex
                                                           const VrpnConfig& config,
                                                           std::shared_ptr<const SceneModel> model,
                                                           const Clock& clock) {
-  auto server = std::make_shared<Server>(io, config, clock);
+  auto server = std::make_unique<VrpnServer>(io, config, clock);
   if (auto listening = server->listen(*model); !listening) return tl::unexpected(listening.error());
   log::info("vrpn", "serves VRPN 07." + std::to_string(config.minor_version) + " on " +
                         config.address + ":" + std::to_string(server->port()) + " (TCP and UDP)");
-  return std::make_unique<Handle>("vrpn", std::move(server));
+  return server;
 }
 
 }  // namespace fiducap::vrpn

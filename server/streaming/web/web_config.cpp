@@ -1,4 +1,4 @@
-#include "streaming/web/web_server.hpp"
+#include "streaming/web/web_config.hpp"
 
 namespace fiducap::web {
 

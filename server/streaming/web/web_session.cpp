@@ -13,6 +13,8 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "streaming/net/bind.hpp"
+#include "streaming/net/guard.hpp"
 
 namespace fiducap::web {
 
@@ -37,30 +39,20 @@ constexpr Duration kReaderPatience = 5s;
 constexpr int kSendBuffer = 256 * 1024;
 constexpr std::size_t kLongestClientMessage = 1024;
 
-std::string peer_text(const asio::ip::tcp::socket& socket) {
-  ErrorCodeOf error;
-  const auto peer = socket.remote_endpoint(error);
-  if (error) return "gone";
-  const std::string address = peer.address().to_string();
-  return (peer.address().is_v6() ? "[" + address + "]" : address) + ":" +
-         std::to_string(peer.port()) + " tcp";
-}
-
 std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
 
-}  // namespace
-
-class WebSession final : public std::enable_shared_from_this<WebSession> {
+class BeastSession final : public WebSession {
  public:
-  WebSession(asio::ip::tcp::socket socket, std::shared_ptr<WebDesk> desk)
-      : stream_(std::move(socket)), desk_(std::move(desk)) {}
-  ~WebSession() {
+  BeastSession(net::Socket socket, const net::Peer& peer, std::shared_ptr<WebDesk> desk)
+      : WebSession(peer), stream_(std::move(socket->asio)), desk_(std::move(desk)) {}
+  ~BeastSession() override {
     if (live_) desk_->feed().leave(*live_);
   }
 
-  void read_request();
-  void pump();
-  void close();
+  void start() override { read_request(); }
+  void tick(Instant) override { pump(); }
+  void close(std::string_view why, log::Level level) override;
+  void pump() override;
 
  private:
   using Response = http::response<http::span_body<const char>>;
@@ -68,10 +60,16 @@ class WebSession final : public std::enable_shared_from_this<WebSession> {
   [[nodiscard]] beast::tcp_stream& tcp() { return stream_.next_layer(); }
   template <typename Handler>
   [[nodiscard]] auto on(Handler handler) {
-    return [self = shared_from_this(), handler](ErrorCodeOf error, auto&&... rest) {
-      (self.get()->*handler)(error, rest...);
+    return [self = std::static_pointer_cast<BeastSession>(shared_from_this()), handler](
+               ErrorCodeOf error, auto&&... rest) {
+      if (self->closed()) return;
+      const auto whose = [&] { return "client " + net::text_of(self->peer()); };
+      if (!net::guarded("web", whose, [&] { (self.get()->*handler)(error, rest...); })) self->end();
     };
   }
+
+  void read_request();
+  void end() { close("left", log::Level::kDebug); }
 
   void on_request(ErrorCodeOf error, std::size_t bytes);
   void refuse(ErrorCodeOf error);
@@ -95,14 +93,14 @@ class WebSession final : public std::enable_shared_from_this<WebSession> {
   std::size_t lingered_{0};
 };
 
-void WebSession::read_request() {
+void BeastSession::read_request() {
   parser_.emplace();
   parser_->header_limit(kHeaderLimit);
   tcp().expires_after(kRequestTimeout);
-  http::async_read(tcp(), buffer_, *parser_, on(&WebSession::on_request));
+  http::async_read(tcp(), buffer_, *parser_, on(&BeastSession::on_request));
 }
 
-void WebSession::on_request(ErrorCodeOf error, std::size_t) {
+void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   if (error) return refuse(error);
   const auto& request = parser_->get();
   if (websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath)
@@ -112,7 +110,7 @@ void WebSession::on_request(ErrorCodeOf error, std::size_t) {
        request.keep_alive());
 }
 
-void WebSession::refuse(ErrorCodeOf error) {
+void BeastSession::refuse(ErrorCodeOf error) {
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
     return send(plain_response(431, "request header larger than 8 KiB\n"), false);
   }
@@ -124,10 +122,10 @@ void WebSession::refuse(ErrorCodeOf error) {
       error.category() == http::make_error_code(http::error::bad_method).category() &&
       error != http::error::end_of_stream && error != http::error::partial_message;
   if (malformed) return send(plain_response(400, "not an HTTP request\n"), false);
-  close();
+  end();
 }
 
-void WebSession::send(HttpResponse response, bool keep_alive) {
+void BeastSession::send(HttpResponse response, bool keep_alive) {
   body_ = std::move(response.body);
   const bool without_body = parser_->get().method() == http::verb::head || response.status == 304;
   response_.emplace(static_cast<http::status>(response.status), 11);
@@ -143,11 +141,11 @@ void WebSession::send(HttpResponse response, bool keep_alive) {
   response_->keep_alive(keep_alive);
   if (!without_body) response_->body() = {body_->data(), body_->size()};
   tcp().expires_after(kResponseTimeout);
-  http::async_write(tcp(), *response_, on(&WebSession::on_sent));
+  http::async_write(tcp(), *response_, on(&BeastSession::on_sent));
 }
 
-void WebSession::on_sent(ErrorCodeOf error, std::size_t) {
-  if (error) return close();
+void BeastSession::on_sent(ErrorCodeOf error, std::size_t) {
+  if (error) return end();
   if (response_->keep_alive()) return read_request();
   tcp().socket().shutdown(asio::ip::tcp::socket::shutdown_send, error);
   tcp().expires_after(kLingerTimeout);
@@ -156,18 +154,18 @@ void WebSession::on_sent(ErrorCodeOf error, std::size_t) {
 
 // Closing on unread bytes would reset the connection and take the answer with it: the rest is read
 // and forgotten.
-void WebSession::linger() {
+void BeastSession::linger() {
   buffer_.clear();
-  tcp().async_read_some(buffer_.prepare(kHeaderLimit), on(&WebSession::on_lingered));
+  tcp().async_read_some(buffer_.prepare(kHeaderLimit), on(&BeastSession::on_lingered));
 }
 
-void WebSession::on_lingered(ErrorCodeOf error, std::size_t bytes) {
+void BeastSession::on_lingered(ErrorCodeOf error, std::size_t bytes) {
   lingered_ += bytes;
-  if (error || lingered_ > kLingerLimit) return close();
+  if (error || lingered_ > kLingerLimit) return end();
   linger();
 }
 
-void WebSession::upgrade() {
+void BeastSession::upgrade() {
   const auto& request = parser_->get();
   if (!same_origin(view(request[http::field::origin]), view(request[http::field::host]))) {
     return send(plain_response(403, "the live socket serves its own page only\n"), false);
@@ -183,56 +181,56 @@ void WebSession::upgrade() {
   timeout.keep_alive_pings = true;
   stream_.set_option(timeout);
   stream_.read_message_max(kLongestClientMessage);
-  stream_.async_accept(request, on(&WebSession::on_upgraded));
+  stream_.async_accept(request, on(&BeastSession::on_upgraded));
 }
 
-void WebSession::on_upgraded(ErrorCodeOf error) {
+void BeastSession::on_upgraded(ErrorCodeOf error) {
   // Looked at again: another page may have taken the last place during the handshake.
-  if (error || !desk_->has_room()) return close();
+  if (error || !desk_->has_room()) return end();
   tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
   tcp().socket().set_option(asio::ip::tcp::no_delay(true), error);
   stream_.text(true);
   stream_.auto_fragment(false);
-  live_ = desk_->feed().join(peer_text(tcp().socket()), desk_->now());
-  stream_.async_read(buffer_, on(&WebSession::on_live_read));
+  live_ = desk_->feed().join(net::text_of(peer()) + " tcp", desk_->now());
+  stream_.async_read(buffer_, on(&BeastSession::on_live_read));
   pump();
 }
 
 // The socket only speaks. Reading is for pings and the close; a page that talks is not ours.
-void WebSession::on_live_read(ErrorCodeOf, std::size_t) { close(); }
+void BeastSession::on_live_read(ErrorCodeOf, std::size_t) { end(); }
 
-void WebSession::pump() {
+void BeastSession::pump() {
   if (!live_) return;
   const Instant now = desk_->now();
   if (live_->stuck(now, kReaderPatience)) {
-    log::warning("web", live_->status(now).peer + " stopped reading and was closed");
-    return close();
+    return close("stopped reading and was closed", log::Level::kWarning);
   }
   Message message = live_->next(now);
   if (!message) return;
   writing_ = std::move(message);
-  stream_.async_write(asio::buffer(*writing_), on(&WebSession::on_live_written));
+  stream_.async_write(asio::buffer(*writing_), on(&BeastSession::on_live_written));
 }
 
-void WebSession::on_live_written(ErrorCodeOf error, std::size_t) {
-  if (error || !live_) return close();
+void BeastSession::on_live_written(ErrorCodeOf error, std::size_t) {
+  if (error || !live_) return end();
   live_->written();
   pump();
 }
 
-void WebSession::close() {
+void BeastSession::close(std::string_view why, log::Level level) {
+  if (!close_once()) return;
+  // A browser opens and leaves connections all the time.
+  if (level >= log::Level::kWarning)
+    log::write(level, "web", net::text_of(peer()) + " tcp " + std::string(why));
   if (live_) desk_->feed().leave(*std::exchange(live_, nullptr));
   tcp().close();
 }
 
-std::shared_ptr<WebSession> start_session(asio::ip::tcp::socket socket,
-                                          std::shared_ptr<WebDesk> desk) {
-  auto session = std::make_shared<WebSession>(std::move(socket), std::move(desk));
-  session->read_request();
-  return session;
-}
+}  // namespace
 
-void pump(WebSession& session) { session.pump(); }
-void close(WebSession& session) { session.close(); }
+std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,
+                                         std::shared_ptr<WebDesk> desk) {
+  return std::make_shared<BeastSession>(std::move(socket), peer, std::move(desk));
+}
 
 }  // namespace fiducap::web

@@ -1,22 +1,56 @@
 #pragma once
 
-#include <boost/asio/ip/tcp.hpp>
 #include <memory>
+#include <string>
+#include <utility>
 
-#include "streaming/web/web_desk.hpp"
+#include "base/clock.hpp"
+#include "streaming/net/tcp_session.hpp"
+#include "streaming/web/http_routes.hpp"
+#include "streaming/web/live_feed.hpp"
+#include "streaming/web/page_files.hpp"
 
 namespace fiducap::web {
 
-/// One TCP connection: HTTP requests until it ends or becomes a live socket. Keeps itself alive
-/// while the peer does. Opaque, so that Beast stays in one file.
-class WebSession;
+/// Everything a session asks its server, without a socket. Shared by the sessions, so that it
+/// outlives the last of them.
+class WebDesk final {
+ public:
+  WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
+          const Clock& clock)
+      : page_(PageFiles::load(page_root(config.root))),
+        feed_(config, std::move(sources), std::move(model)),
+        most_pages_(static_cast<std::size_t>(config.max_clients)),
+        clock_(clock) {}
 
-[[nodiscard]] std::shared_ptr<WebSession> start_session(boost::asio::ip::tcp::socket socket,
-                                                        std::shared_ptr<WebDesk> desk);
-/// Writes what waits for a live page; closes it when it has stopped reading. Nothing for a plain
-/// HTTP connection.
-void pump(WebSession& session);
-/// Ends the connection now.
-void close(WebSession& session);
+  [[nodiscard]] HttpResponse answer(const HttpRequest& request) const {
+    return web::answer(request, page_,
+                       {[this] { return feed_.state(); }, [this] { return feed_.trouble(now()); }});
+  }
+  [[nodiscard]] bool has_room() const { return feed_.connections().size() < most_pages_; }
+  [[nodiscard]] bool has_page() const { return !page_.empty(); }
+  [[nodiscard]] LiveFeed& feed() { return feed_; }
+  [[nodiscard]] const LiveFeed& feed() const { return feed_; }
+  [[nodiscard]] Instant now() const { return clock_.now(); }
+
+ private:
+  PageFiles page_;
+  LiveFeed feed_;
+  std::size_t most_pages_;
+  const Clock& clock_;
+};
+
+/// One TCP connection: HTTP requests until it ends or becomes a live socket. Beast stays in the
+/// one source file.
+class WebSession : public net::Session {
+ public:
+  using Session::Session;
+  /// Writes what waits for a live page; closes it when it has stopped reading. Nothing for a plain
+  /// HTTP connection.
+  virtual void pump() = 0;
+};
+
+[[nodiscard]] std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,
+                                                       std::shared_ptr<WebDesk> desk);
 
 }  // namespace fiducap::web

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "daemon/served_protocols.hpp"
+#include "daemon/protocol_servers.hpp"
 #include "middleware/network.hpp"
 #include "tools/live/network_check.hpp"
 #include "tools/terminal.hpp"

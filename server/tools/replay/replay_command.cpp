@@ -185,6 +185,14 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments, c
                  << " images could not be replayed in the order of the live session (samples are "
                     "missing in the recording, or it began later): estimates differ from the live "
                     "ones\n";
+  if (const LiveAgreement& live = session.agreement; live.compared > 0) {
+    terminal.out << "  " << live.compared - live.different << " of " << live.compared
+                 << " live estimates repeated to the last bit";
+    if (live.different > 0)
+      terminal.out << ", the others at most " << live.worst_m << " m and " << live.worst_rad
+                   << " rad away";
+    terminal.out << "\n";
+  }
   const Input& first = inputs.bodies.front();
   terminal.out << "  written to " << arguments.out << "; next: fiducap evaluate "
                << (std::filesystem::path(arguments.out) / (first.info.name + ".tum")).string()

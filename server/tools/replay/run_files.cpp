@@ -183,7 +183,12 @@ nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineS
   if (bodies.size() == 1) return body_report(bodies.front());
   nlohmann::ordered_json all{{"bodies", nlohmann::ordered_json::array()},
                              {"tags_in_map", session.map.tags.size()},
-                             {"turns_missed", session.turns_missed}};
+                             {"turns_missed", session.turns_missed},
+                             {"live",
+                              {{"compared", session.agreement.compared},
+                               {"different", session.agreement.different},
+                               {"worst_m", session.agreement.worst_m},
+                               {"worst_rad", session.agreement.worst_rad}}}};
   for (const RunBody& body : bodies) all["bodies"].push_back(body_report(body));
   return all;
 }

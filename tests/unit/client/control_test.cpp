@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "streaming/native/wrong_proofs.hpp"
+#include "streaming/net/limits.hpp"
 #include "support/fake_desk.hpp"
 #include "test_server.hpp"
 
@@ -89,10 +89,10 @@ TEST_F(ControlTest, TakesNoCommandsWithoutAConfiguredToken) {
 }
 
 TEST_F(ControlTest, ShutsOutWhoGuesses) {
-  for (int i = 0; i < native::WrongProofs::kAllowed; ++i)
+  for (int i = 0; i < net::WrongProofs::kAllowed; ++i)
     EXPECT_FALSE(Control(options("guess")).commit_map());
   EXPECT_FALSE(Control(options()).commit_map()) << "not even with the right token, for ten seconds";
-  server_.clock().advance(native::WrongProofs::kWindow);
+  server_.clock().advance(net::WrongProofs::kWindow);
   server_.publish(scene_);  // forgets the connections that ended
   Control control(options());
   const auto outcome = control.commit_map();

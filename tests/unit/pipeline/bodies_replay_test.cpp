@@ -135,20 +135,60 @@ TEST(BodiesReplay, AMovedTagDoesNotTearTheMapAndIsLearnedAnew) {
   }
 }
 
-TEST(BodiesReplay, AReplayOfTurnsGivesWhatTheLiveOrderGave) {
-  // Turns in another order than the images' times, as threads may run.
-  std::vector<MapTurn> turns;
+TEST(MapTurns, ReadBackInTheOrderInWhichTheBodiesToldTheMap) {
   TemporaryFolder folder;
   auto writer = MapTurnWriter::create(folder.file("turns.csv"));
   ASSERT_TRUE(writer);
-  ASSERT_TRUE(writer->write({1, 0, 50'000'000, 0, 0, true}));
-  ASSERT_TRUE(writer->write({0, 1, 50'000'000, 0, 0, true}));
+  const Pose pose{Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1. / 3, -2. / 7, 1e-17}};
+  ASSERT_TRUE(writer->write({1, 0, 50'000'000, 0, 3, true, pose}));
+  ASSERT_TRUE(writer->write({0, 1, 50'000'000, 0, -1, false, {}}));
   ASSERT_TRUE(writer->flush());
   const auto read = read_map_turns(folder.file("turns.csv"));
   ASSERT_TRUE(read);
   ASSERT_EQ(read->size(), 2u);
-  EXPECT_EQ((*read)[0].body, 1u) << "sorted by turn";
-  EXPECT_EQ((*read)[1].stamp_ns, 50'000'000);
+  EXPECT_EQ((*read)[0].body, 1u);
+  EXPECT_FALSE((*read)[0].X_WB);
+  EXPECT_EQ((*read)[1].revision, 3);
+  ASSERT_TRUE((*read)[1].X_WB);
+  EXPECT_EQ((*read)[1].X_WB->p, pose.p) << "to the last bit";
+}
+
+TEST(BodiesReplay, FollowsTheTurnsOfASessionAndSaysHowFarItIsFromTheLiveEstimates) {
+  // A run in order of time, noted like a session …
+  const auto robots = [] {
+    std::vector<std::unique_ptr<Robot>> made;
+    made.push_back(std::make_unique<Robot>(1, 8, std::nullopt));
+    made.push_back(std::make_unique<Robot>(2, 8, std::nullopt));
+    return made;
+  };
+  const auto first = robots();
+  BodiesReplay live({{1, "a", first[0]->setup(), first[0]->offline(1).source},
+                     {2, "b", first[1]->setup(), first[1]->offline(2).source}},
+                    {}, {});
+  std::vector<MapTurn> turns;
+  ASSERT_TRUE(live.run([&](std::size_t body, const BodyUpdate& update) {
+    MapTurn turn;
+    turn.turn = turns.size();
+    turn.body = body;
+    turn.stamp_ns = to_ns(update.corners.exposed_at - update.corners.clock_shift);
+    turn.revision = static_cast<std::int64_t>(live.map().published().revision);
+    turn.may_define_workspace = true;
+    if (update.is_placed()) turn.X_WB = update.estimate->X_WB;
+    turns.push_back(turn);
+  }));
+  // … where each image had the map of the image before.
+  for (std::size_t i = turns.size(); i-- > 1;) turns[i].revision = turns[i - 1].revision;
+  turns.front().revision = 0;
+  for (MapTurn& turn : turns) turn.may_define_workspace = turn.body == 0;
+  const auto second = robots();
+  BodiesReplay again({{1, "a", second[0]->setup(), second[0]->offline(1).source},
+                      {2, "b", second[1]->setup(), second[1]->offline(2).source}},
+                     {}, {});
+  again.follow(turns);
+  ASSERT_TRUE(again.run({}));
+  EXPECT_EQ(again.turns_missed(), 0u);
+  EXPECT_GT(again.agreement().compared, 100u);
+  EXPECT_EQ(again.agreement().different, 0u);
 }
 
 }  // namespace

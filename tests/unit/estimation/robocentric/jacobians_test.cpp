@@ -171,7 +171,7 @@ TEST(WorkspaceAxes, TyingToTheReferenceTransformsTheCovariance) {
     rule.yaw_rad = 0.3;
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
     expect_covariance_follows_mean(
-        [&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
+        [&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
   }
 }
 
@@ -182,7 +182,7 @@ TEST(WorkspaceAxes, TheReferenceTagStandsWhereItShould) {
   gauge.X_WT = Pose{exp_so3({1.2, 0.1, -0.4}), {3, -2, 1}};
   const HeadingRule rule = make_heading_rule(gauge, state.q_WB);
   const Pose before = state.X_WB();
-  const Pose shift = tie_to_reference(state, 2, rule, true);
+  const Pose shift = anchor_to_reference(state, 2, rule, true);
   const KnownTag tag = tag_in_workspace(state, 2);
   EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
   const Eigen::Vector3d axis = tag.X_WT.q * Eigen::Vector3d::Unit(rule.axis);
@@ -197,9 +197,9 @@ TEST(WorkspaceAxes, TheReferenceTagStandsWhereItShould) {
 TEST(WorkspaceAxes, TyingAgainChangesNothing) {
   FilterState state = example_state();
   const HeadingRule rule = make_heading_rule({}, state.q_WB);
-  tie_to_reference(state, 0, rule, true);
+  anchor_to_reference(state, 0, rule, true);
   const FilterState once = state;
-  tie_to_reference(state, 0, rule, true);
+  anchor_to_reference(state, 0, rule, true);
   EXPECT_LT(once.error_to(state).norm(), 1e-9);
   EXPECT_LT((once.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
 }

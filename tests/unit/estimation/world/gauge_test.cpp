@@ -21,7 +21,7 @@ TEST(Gauge, TheReferenceTagStandsWhereItShould) {
   gauge.X_WT = Pose{exp_so3({1.2, 0.1, -0.4}), {3, -2, 1}};
   const HeadingRule rule = make_heading_rule(gauge, state.X_WB.q);
   const Pose before = state.X_WB;
-  const Pose shift = tie_to_reference(state, 2, rule, true);
+  const Pose shift = anchor_to_reference(state, 2, rule, true);
   const KnownTag tag = tag_in_workspace(state, 2);
   EXPECT_LT((tag.X_WT.p - gauge.X_WT->p).norm(), 1e-9);
   EXPECT_LT(log_so3(turn_to_heading(rule, tag.X_WT.q)).norm(), 1e-9);
@@ -37,9 +37,9 @@ TEST(Gauge, TheReferenceTagStandsWhereItShould) {
 TEST(Gauge, TyingAgainChangesNothing) {
   FilterState state = example_state();
   const HeadingRule rule = make_heading_rule({}, state.X_WB.q);
-  tie_to_reference(state, 0, rule, true);
+  anchor_to_reference(state, 0, rule, true);
   const FilterState once = state;
-  tie_to_reference(state, 0, rule, true);
+  anchor_to_reference(state, 0, rule, true);
   EXPECT_LT(once.error_to(state).norm(), 1e-9);
   EXPECT_LT((once.P() - state.P()).cwiseAbs().maxCoeff(), 1e-9);
 }
@@ -56,10 +56,10 @@ TEST(Gauge, DistancesBetweenTagsDoNotNoticeWhereTheRoomIs) {
   };
   FilterState state = example_state();
   const double before = distance_variance(state);
-  tie_to_reference(state, 2, make_heading_rule({}, state.X_WB.q), true);
+  anchor_to_reference(state, 2, make_heading_rule({}, state.X_WB.q), true);
   EXPECT_NEAR(distance_variance(state), before, 1e-9 * before);
-  tie_to_known(state, 0, (state.X_WB * state.X_BV[0]).inverse() * state.tags[1].X_WT,
-               {exp_so3({0.1, 0.2, 2.0}), {5, 6, 7}}, true);
+  anchor_to_known(state, 0, (state.X_WB * state.X_BV[0]).inverse() * state.tags[1].X_WT,
+                  {exp_so3({0.1, 0.2, 2.0}), {5, 6, 7}}, true);
   EXPECT_NEAR(distance_variance(state), before, 1e-6 * before);
 }
 

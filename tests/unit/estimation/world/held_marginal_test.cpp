@@ -19,6 +19,8 @@ FilterState state_with_held_tag() {
   FilterState state = example_state();
   state.P() *= kSigma_m * kSigma_m;
   state.tags[1].held = true;
+  state.add_tag(WorldTag{}, Matrix6d::Identity());
+  state.remove_tag(state.tags.size() - 1);  // lists anew which tags are held
   return state;
 }
 
@@ -107,6 +109,33 @@ TEST(HeldMarginal, ATagThatStandsElsewhereWasMoved) {
   const FilterState before = state;
   EXPECT_FALSE(replace_held(state, 1, known_of(before, moved, 0.1 * S)));
   EXPECT_LT(before.error_to(state).norm(), 1e-15) << "untouched: nobody knows what it shares now";
+}
+
+TEST(LocalAndHeldTag, AreFusedAsADenseSchmidtUpdateDoesIt) {
+  FilterState state = state_with_held_tag();
+  Eigen::VectorXd near = Eigen::VectorXd::Zero(state.size());
+  near.segment<6>(state.tag_at(1)) = world_error_between(state.tags[1].X_WT, state.tags[0].X_WT) +
+                                     0.1 * kSigma_m * Vector6d(1, -1, 2, 0.5, 1, -1);
+  state.add_error(near);  // the held tag 1 stands nearly where the body's own tag 0 does
+  const FilterState before = state;
+  const Eigen::MatrixXd P = before.P();
+  const int a = before.tag_at(0);
+  const int b = before.tag_at(1);
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(6, before.size());
+  H.middleCols<6>(a).setIdentity();
+  H.middleCols<6>(b) = -Matrix6d::Identity();
+  const Eigen::MatrixXd S = H * P * H.transpose();
+  Eigen::MatrixXd K = P * H.transpose() * S.inverse();
+  K.middleRows<6>(b).setZero();
+  const Eigen::MatrixXd I_KH = Eigen::MatrixXd::Identity(P.rows(), P.cols()) - K * H;
+  const Eigen::MatrixXd expected = I_KH * P * I_KH.transpose();
+  const Eigen::VectorXd dx = K * world_error_between(before.tags[0].X_WT, before.tags[1].X_WT);
+  fuse_with_held(state, 0, 1);
+  EXPECT_LT((Eigen::MatrixXd(state.P()) - expected).cwiseAbs().maxCoeff(),
+            1e-9 * P.cwiseAbs().maxCoeff());
+  FilterState mean = before;
+  mean.add_error(dx);
+  EXPECT_LT(mean.error_to(state).cwiseAbs().maxCoeff(), 1e-9);
 }
 
 // A map that improves while a body looks at it: its errors shrink, each place published is the old

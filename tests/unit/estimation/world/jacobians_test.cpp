@@ -169,7 +169,7 @@ TEST(WorldCorrection, WhatACameraKnowsAboutPlacesStaysWhenTheyMove) {
     FilterState after = before;
     const Eigen::VectorXd correction = 0.2 * Eigen::VectorXd::LinSpaced(before.size(), -1, 1.3);
     after.add_error(correction);
-    carry_covariance(after, correction, camera);
+    transport_covariance(after, correction, camera);
 
     EXPECT_LT((after.P() - after.P().transpose()).norm(), 1e-12 * after.P().norm());
     const auto expect_same = [&](int at, const Eigen::Vector3d& p_before,
@@ -196,7 +196,7 @@ TEST(WorldAxes, TyingToTheReferenceTransformsTheCovariance) {
     rule.yaw_rad = 0.3;
     rule.X_WT = {exp_so3({0.2, 0.1, -0.4}), {3, -2, 1}};
     expect_covariance_follows_mean(
-        [&](FilterState& state) { tie_to_reference(state, 1, rule, level); });
+        [&](FilterState& state) { anchor_to_reference(state, 1, rule, level); });
   }
 }
 

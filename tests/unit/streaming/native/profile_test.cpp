@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "streaming/native/profile_table.hpp"
+#include "streaming/native/profile.hpp"
 
 namespace fiducap::native {
 namespace {

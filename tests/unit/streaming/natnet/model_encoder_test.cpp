@@ -1,4 +1,4 @@
-#include "streaming/natnet/model_encoder.hpp"
+#include "streaming/natnet/answer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "streaming/natnet/selection.hpp"
+#include "streaming/natnet/registry.hpp"
 
 #include <gtest/gtest.h>
 

@@ -53,8 +53,8 @@ class QualisysConnection : public testing::Test {
   }
 
   FakeDesk desk_;
-  Room room_{QualisysConfig{}, &desk_};
-  Connection connection_{room_, Door::kLittleEndian, 1, "10.0.0.7", 4711};
+  SharedState room_{QualisysConfig{}, &desk_};
+  Connection connection_{room_, Dialect::kLittleEndian, 1, "10.0.0.7", 4711};
   std::shared_ptr<SceneFrame> frame_;
   std::vector<std::byte> out_;
 };
@@ -74,7 +74,7 @@ TEST_F(QualisysConnection, SetsVersionsAndRefusesOthers) {
 }
 
 TEST_F(QualisysConnection, TheOldPortSpeaksVersion0Only) {
-  Connection old(room_, Door::kLegacy, 2, "10.0.0.7", 4712);
+  Connection old(room_, Dialect::kLegacy, 2, "10.0.0.7", 4712);
   ASSERT_TRUE(old.receive(command("Version 1.0", std::endian::big), out_));
   ASSERT_TRUE(old.receive(command("Version 1.28", std::endian::big), out_));
   ASSERT_TRUE(old.receive(command("ByteOrder BigEndian", std::endian::big), out_));

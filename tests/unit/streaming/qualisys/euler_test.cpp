@@ -1,4 +1,4 @@
-#include "streaming/qualisys/euler.hpp"
+#include "streaming/qualisys/frame_encoder.hpp"
 
 #include <gtest/gtest.h>
 

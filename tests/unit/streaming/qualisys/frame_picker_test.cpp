@@ -1,4 +1,4 @@
-#include "streaming/qualisys/frame_picker.hpp"
+#include "streaming/qualisys/connection.hpp"
 
 #include <gtest/gtest.h>
 

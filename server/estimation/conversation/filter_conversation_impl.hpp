@@ -1,0 +1,323 @@
+#pragma once
+
+#include <algorithm>
+
+#include "base/assert.hpp"
+#include "estimation/conversation/filter_conversation.hpp"
+#include "estimation/filter/chi_square.hpp"
+
+namespace fiducap {
+
+namespace filter_rules {
+// So many others, seen so often, say that the filter is right and a lone tag wrong, if it is not
+// young.
+inline constexpr int kProvenOthers = 2;
+inline constexpr int kSightingsToBeProven = 20;
+// A sighting that nothing explains yet costs a little more than one that is explained well.
+inline constexpr double kNumbersOfTag = 8.0;
+inline constexpr double kUnexplained = 10.0;
+}  // namespace filter_rules
+
+template <class C>
+FilterConversation<C>::FilterConversation(BodySensors sensors, const WorkspaceGauge& gauge,
+                                          const EstimatorConfig& config, ClockHypothesis clocks)
+    : follower_(std::move(sensors), config),
+      anchor_(gauge, follower_.has_imu()),
+      candidates_(config),
+      restart_clocks_(std::move(clocks)),
+      gate_(chi_square_quantile(8, config.gate_probability)) {
+  restart();
+}
+
+template <class C>
+void FilterConversation<C>::restart() {
+  ++generation_;
+  clocks_ = restart_clocks_;
+  is_start_over_ = false;
+  follower_.reset(clocks_);
+  anchor_.forget();
+  contradictions_.forget_all();
+  candidates_.forget_all();
+}
+
+template <class C>
+void FilterConversation<C>::set_tag_priors(std::vector<KnownTag> priors) {
+  priors_.clear();
+  for (const KnownTag& prior : priors) priors_[prior.tag_id] = prior;
+}
+
+template <class C>
+void FilterConversation<C>::release_tag(int tag_id) {
+  if constexpr (!C::kRemembersImages) return;  // the paper keeps its tags
+  const int tag = state().find(tag_id);
+  if (tag < 0 || anchor_.defined_by() == tag_id || !is_following() || !anchor_.is_anchored())
+    return;
+  coordinates().state().remove_tag(static_cast<std::size_t>(tag));
+  coordinates().forget_past();  // its states still hold the tag
+}
+
+template <class C>
+void FilterConversation<C>::end_start() {
+  is_start_over_ = true;
+  if (clocks_.spread > 0) return;
+  const auto& cameras = follower_.sensors().cameras;
+  for (std::size_t k = 0; k < cameras.size(); ++k)
+    coordinates().open_clock(static_cast<int>(k), cameras[k].time_shift_sigma_s);
+  contradictions_.pardon_tags();
+  coordinates().forget_past();  // its states still believe in the clocks
+  clocks_.spread = 1.0;
+}
+
+template <class C>
+bool FilterConversation<C>::running() const {
+  return is_following() && (anchor_.is_anchored() || !state().tags.empty());
+}
+
+template <class C>
+void FilterConversation<C>::propagate(const ImuSample& imu) {
+  if (has_imu() && !follower_.add(imu)) candidates_.forget_all();
+}
+
+template <class C>
+UpdateReport FilterConversation<C>::update(const TagObservations& seen, const MapKnowledge& map) {
+  may_define_workspace_ = map.may_define_workspace;
+  const int generation = generation_;
+  UpdateReport report = process(seen, map.tags);
+  report.generation = generation_;
+  report.running = running();
+  if (generation_ != generation) report.gauge_shift.reset();  // nothing was given out since
+  return report;
+}
+
+template <class C>
+void FilterConversation<C>::sort(const TagObservations& seen, std::span<const KnownTag> known) {
+  coordinates().hold_map_tags(seen, known, anchor_.is_anchored());
+  tags_.sort(seen, known, state(), anchor_.is_anchored());
+}
+
+template <class C>
+UpdateReport FilterConversation<C>::process(const TagObservations& seen,
+                                            std::span<const KnownTag> known) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  UpdateReport report;
+  report.exposed_at = seen.exposed_at;
+  report.tags_seen = static_cast<int>(seen.tags.size());
+  if (is_following() && seen.exposed_at < state().time)
+    return report;  // too late; the merger counts these
+
+  coordinates().look_at(seen);
+  if (is_following()) {
+    if (const auto shift = anchor_.by_own_tags(coordinates(), known)) {
+      coordinates().forget_past();  // it does not know where the room is
+      shift_axes(shift, report);
+    }
+  }
+  sort(seen, known);
+  const double longest_s = has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s;
+  if (contradictions_.seconds_without_fit(seen.exposed_at) > longest_s) lose_motion(false);
+
+  coordinates().forget_aim();
+  if (C::kStartsBeforeTags && is_in_mode(FilterMode::kStarting) && has_imu() &&
+      follower_.knows_attitude() && !tags_.fresh.empty()) {
+    follower_.start(seen.exposed_at);
+    contradictions_.note_fit(seen.exposed_at);
+  }
+  const int iterations = move_to(seen);
+  bool is_at_image = iterations > 0;
+  if (is_at_image && !tags_.usable.empty()) correct(seen, iterations, report);
+  if (coordinates().is_aimed() && report.tags_used == 0) {
+    // The motion that the corners showed was no motion: forget this image.
+    coordinates().take_back();
+    is_at_image = false;
+  }
+  if constexpr (C::kRemembersImages) {
+    if (is_at_image) {
+      coordinates().memory().add(seen, known);
+      coordinates().correct_by_points(seen, coordinates().memory().newest(), report);
+      if (report.landmarks_used >= kLandmarksToStay) contradictions_.note_fit(seen.exposed_at);
+    }
+  }
+  if (is_at_image || is_in_mode(FilterMode::kStarting) ||
+      (is_in_mode(FilterMode::kAdrift) && tags_.usable.empty()))
+    meet_fresh_tags(seen, report);
+  answer_contradictions(seen);
+  if (is_following())
+    shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
+  return report;
+}
+
+template <class C>
+int FilterConversation<C>::move_to(const TagObservations& seen) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  bool is_at_image = false;
+  int iterations = 1;
+  if (is_following()) {
+    is_at_image = follower_.move_to(seen, tags_.usable);
+    if (coordinates().is_aimed()) iterations = kCornerStepIterations;
+    if (is_at_image && has_imu() && coordinates().is_attitude_unknown()) {
+      lose_motion(true);
+      is_at_image = false;
+    }
+  }
+  if (is_in_mode(FilterMode::kAdrift)) {
+    is_at_image = !tags_.usable.empty() && come_back(seen);
+    iterations = kFirstIterations;
+  }
+  return is_at_image ? iterations : 0;
+}
+
+template <class C>
+UpdateReport FilterConversation<C>::correct(const TagObservations& seen, int iterations) {
+  const UpdateReport done =
+      coordinates().correct(seen, tags_.usable, gate_, iterations, tags_.accepted);
+  note_sightings(coordinates().state(), tags_.usable, tags_.accepted, seen.exposed_at);
+  return done;
+}
+
+template <class C>
+void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
+                                    UpdateReport& report) {
+  const UpdateReport done = correct(seen, iterations);
+  report.tags_used = done.tags_used;
+  report.tags_rejected = done.tags_rejected;
+  report.nis = done.nis;
+  report.nis_dof = done.nis_dof;
+  report.reprojection_px = done.reprojection_px;
+  for (const int tag_id : contradictions_.count(seen.exposed_at, tags_.usable, tags_.accepted)) {
+    const int tag = state().find(tag_id);
+    if (tag >= 0) coordinates().state().remove_tag(static_cast<std::size_t>(tag));
+    coordinates().forget_past_of(tag_id);
+    anchor_.forget_tag(tag_id);
+    report.name_dropped(tag_id);
+  }
+}
+
+template <class C>
+void FilterConversation<C>::answer_contradictions(const TagObservations& seen) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  // A young filter that contradicts itself is started again from another hypothesis; an old one had
+  // a good clock, which must have jumped.
+  if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
+    const auto camera = static_cast<std::size_t>(seen.camera);
+    coordinates().open_clock(seen.camera, follower_.sensors().cameras[camera].time_shift_sigma_s);
+    contradictions_.pardon_tags();
+    coordinates().forget_past();
+  }
+  if (contradictions_.images_without_fit() < kRejectedToRestart) return;
+  const bool is_patient = contradictions_.has_ever_fit() &&
+                          contradictions_.seconds_without_fit(seen.exposed_at) < kOneTagPatience_s;
+  if (!is_patient || !is_one_tag_against_all()) restart();
+}
+
+/// Images contradict, but all by the same tag.
+template <class C>
+bool FilterConversation<C>::is_one_tag_against_all() const {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  const TagScores& scores = contradictions_.scores();
+  std::ptrdiff_t proven = 0;
+  for (std::size_t i = 0; i < state().tags.size(); ++i) {
+    const auto& tag = state().tags[i];
+    const bool is_proven = !coordinates().is_own(i) || tag.sightings >= kSightingsToBeProven;
+    proven += is_proven && !scores.is_suspect(tag.tag_id) ? 1 : 0;
+  }
+  return has_imu() && is_start_over_ &&
+         std::all_of(tags_.usable.begin(), tags_.usable.end(),
+                     [](const TagToUse& tag) { return tag.local >= 0; }) &&
+         scores.suspects() == 1 && proven >= kProvenOthers;
+}
+
+template <class C>
+void FilterConversation<C>::shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report) {
+  if (!X_new_old) return;
+  report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});
+  coordinates().moved_axes(*X_new_old);
+  if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
+}
+
+template <class C>
+void FilterConversation<C>::lose_motion(bool is_turn_lost) {
+  if (!is_following()) return;
+  if (!running()) return restart();
+  follower_.lose_motion(is_turn_lost);
+  candidates_.forget_all();
+  return_attempts_ = 0;
+}
+
+template <class C>
+bool FilterConversation<C>::come_back(const TagObservations& seen) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (!follower_.knows_attitude()) return false;
+  const auto found = follower_.find_place(seen, tags_.usable);
+  ++return_attempts_;
+  const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
+    jump(found->X_AB, seen.exposed_at);
+    return true;
+  }
+  return has_imu() && come_back_by_views(seen);
+}
+
+template <class C>
+bool FilterConversation<C>::come_back_by_views(const TagObservations& seen) {
+  for (const TagToUse& tag : tags_.usable) {
+    const auto verdict = judge(seen, tag, Patience{});
+    if (!verdict) continue;
+    const Pose X_BT = state().X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
+    jump(coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse()), seen.exposed_at);
+    return true;
+  }
+  return false;
+}
+
+template <class C>
+void FilterConversation<C>::jump(const Pose& X_AB, Instant at) {
+  follower_.jump(X_AB, at);
+  candidates_.forget_all();
+  contradictions_.pardon();
+}
+
+template <class C>
+BodyEstimate FilterConversation<C>::estimate() const {
+  FIDUCAP_ASSERT(running());
+  BodyEstimate out = follower_.estimate();
+  out.anchored = anchor_.is_anchored();
+  return out;
+}
+
+template <class C>
+void FilterConversation<C>::tag_beliefs(std::vector<TagBelief>& out) const {
+  out.clear();
+  const int component = anchor_.is_anchored() ? TagBelief::kWorkspace : TagBelief::kOwnAxes;
+  for (std::size_t i = 0; i < state().tags.size(); ++i) {
+    const auto& tag = state().tags[i];
+    if (!coordinates().is_own(i)) continue;
+    out.push_back(
+        {tag_in_workspace(state(), i), tag.sightings, tag.first_seen, tag.last_seen, component});
+  }
+}
+
+template <class C>
+std::vector<ExtrinsicsEstimate> FilterConversation<C>::extrinsics() const {
+  std::vector<ExtrinsicsEstimate> out;
+  for (int c = 0; c < state().cameras(); ++c) {
+    out.push_back({state().X_BV[static_cast<std::size_t>(c)],
+                   coordinates().extrinsics_covariance(c), clock(c)});
+  }
+  return out;
+}
+
+template <class C>
+Explanation FilterConversation<C>::explain(const TagObservations& seen,
+                                           const UpdateReport& report) const {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
+  Explanation out{report.nis + gate_ * report.tags_rejected + kUnexplained * unexplained,
+                  kNumbersOfTag * report.tags_seen};
+  // Who calls his corners noisy has small distances: the likelihood's other term.
+  const CornerNoise& noise = coordinates().noise(seen.camera);
+  for (const TagObservation& tag : seen.tags)
+    out.cost += 2.0 * kNumbersOfTag * std::log(noise.growth(tag));
+  return out;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,118 @@
+#include "estimation/robocentric/robocentric_coordinates.hpp"
+
+#include "base/so3.hpp"
+#include "estimation/filter/filter_rules.hpp"
+
+namespace fiducap::robocentric {
+
+using namespace layout;        // NOLINT: the block names are the subject of this file
+using namespace filter_rules;  // NOLINT: short names for what both filters go by
+
+RobocentricCoordinates::RobocentricCoordinates(const BodySensors& sensors,
+                                               const EstimatorConfig& config)
+    : sensors_(sensors),
+      config_(config),
+      gravity_W_(0, 0, -sensors.gravity_m_s2),
+      corner_noise_(config, false) {}
+
+void RobocentricCoordinates::reset(const ClockHypothesis&) {
+  state_ = FilterState{};
+  for (const CameraMount& mount : sensors_.cameras) state_.X_BV.push_back(mount.X_BV);
+  state_.resize_covariance();
+  auto P = state_.P();
+  for (int c = 0; config_.estimate_extrinsics && c < state_.cameras(); ++c) {
+    const CameraMount& mount = sensors_.cameras[static_cast<std::size_t>(c)];
+    P.diagonal()
+        .segment<3>(layout::extrinsics(c))
+        .setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    P.diagonal()
+        .segment<3>(layout::extrinsics(c) + 3)
+        .setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+  }
+  motion_.restart();
+}
+
+void RobocentricCoordinates::start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB) {
+  auto P = state_.P();
+  P.topRows<kBodySize>().setZero();
+  P.leftCols<kBodySize>().setZero();
+  state_.time = at;
+  state_.p_WB_B.setZero();
+  state_.v_WB_B.setZero();
+  P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (q_WB) {
+    state_.q_WB = *q_WB;
+    const Eigen::Vector3d up_B = state_.q_WB.conjugate() * Eigen::Vector3d::UnitZ();
+    P.block<3, 3>(kAttitude, kAttitude) =
+        kStartTilt_rad * kStartTilt_rad * (Eigen::Matrix3d::Identity() - up_B * up_B.transpose());
+    P.diagonal().segment<3>(kBiasF).setConstant(kStartBiasF_m_s2 * kStartBiasF_m_s2);
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartBiasW_rad_s * kStartBiasW_rad_s);
+  } else {
+    state_.q_WB.setIdentity();
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  motion_.restart();
+}
+
+void RobocentricCoordinates::step(const InertialInput& input, double dt) {
+  robocentric::propagate(state_, motion_, input, gravity_W_, dt);
+}
+
+void RobocentricCoordinates::jump(const Pose& X_AB, Instant at) {
+  motion_ = step_by_unknown_motion(state_, X_AB, sensors_.imu.has_value());
+  transition_.apply(state_, motion_);
+  state_.time = at;
+}
+
+void RobocentricCoordinates::aim(const Pose& X_B0B, double dt) {
+  before_ = state_;
+  aimed_off_.setZero();
+  const Eigen::Vector3d v_before = state_.v_WB_B;
+  const Eigen::Vector3d bias_before = state_.bias_w;
+  state_.v_WB_B = X_B0B.p / dt;
+  state_.bias_w = -log_so3(X_B0B.q) / dt;
+  aimed_off_.segment<3>(kVelocity) = v_before - state_.v_WB_B;
+  aimed_off_.segment<3>(kBiasW) = bias_before - state_.bias_w;
+}
+
+void RobocentricCoordinates::finish_aimed_motion() {
+  const Eigen::Matrix<double, kMotionSize, 1> moved = motion_.Phi * aimed_off_;
+  transition_.apply(state_, motion_);
+  linearisation_ = state_;
+  state_.add_error(transition_.spread(state_, moved));
+}
+
+void RobocentricCoordinates::give_to_map(std::size_t tag, const KnownTag& map) {
+  fuse_prior(state_, tag, map);
+  state_.remove_tag(tag);
+}
+
+std::vector<SightedTag> RobocentricCoordinates::sighted(int camera,
+                                                        std::span<const TagToUse> tags) const {
+  return tags_at_start(state_, camera, model_of(camera), tags);
+}
+
+Pose RobocentricCoordinates::place_in_W(const TagToUse& tag) const {
+  if (tag.local < 0) return tag.known->X_WT;
+  return state_.X_WB() * state_.X_BV[0] * state_.tags[static_cast<std::size_t>(tag.local)].X_VT;
+}
+
+UpdateReport RobocentricCoordinates::correct(const TagObservations& seen,
+                                             std::span<const TagToUse> tags, double gate,
+                                             int iterations, std::vector<bool>& accepted) {
+  return corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
+                              {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
+                              corner_noise_, accepted);
+}
+
+void RobocentricCoordinates::augment(const TagObservations& seen, const TagObservation& tag,
+                                     const Pose& X_VT) {
+  robocentric::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT,
+                       config_.corner_noise_px);
+}
+
+void RobocentricCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {
+  anchor_to_reference(state_, tag, rule, sensors_.imu.has_value());
+}
+
+}  // namespace fiducap::robocentric

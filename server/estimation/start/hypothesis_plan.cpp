@@ -1,0 +1,183 @@
+#include "estimation/start/hypothesis_plan.hpp"
+
+#include <utility>
+
+namespace fiducap {
+
+namespace {
+// A shift is found again from where it was found last, at most so often and while it moves by more
+// than this.
+constexpr int kMostRefinements = 3;
+constexpr double kFarOff_s = 0.003;
+constexpr double kSure_sigma = 3.0;
+// No shift is believed that the prior calls impossible.
+constexpr double kMost_sigma = 6.0;
+// Less than this does not tell two hypotheses apart.
+constexpr double kClearlyBetter = 10.0;
+// Cost per number of one that explains its images badly: 1 is expected, covered corners make it
+// 1.2, and few numbers scatter.
+constexpr double kPoorCost = 1.25;
+constexpr double kPoorScatter = 4.0;
+// Then the shift is searched from so many sigmas of the prior below to so many above.
+constexpr int kSearched_sigma = 4;
+constexpr double kFoundSpread = 0.5;
+// Nor with so many sightings that a search among them would take too long.
+constexpr double kMostSearchedNumbers = 8 * 1200.0;
+}  // namespace
+
+HypothesisPlan::HypothesisPlan(Prior prior, std::span<const ClockEstimate> present, bool searches)
+    : prior_(std::move(prior)), may_search_(searches) {
+  for (const ClockEstimate& clock : present) present_shifts_s_.push_back(clock.shift_s);
+  has_present_moved_ = is_far_off(prior_.shifts_s, present);
+  refine_from(configured(1.0));
+}
+
+ClockHypothesis HypothesisPlan::configured(double spread) const {
+  return {prior_.shifts_s, spread};
+}
+
+ClockHypothesis HypothesisPlan::beside(double sigmas, double spread) const {
+  ClockHypothesis hypothesis = configured(spread);
+  for (std::size_t k = 0; k < hypothesis.shifts_s.size(); ++k)
+    hypothesis.shifts_s[k] += sigmas * prior_.sigmas_s[k];
+  return hypothesis;
+}
+
+std::optional<ClockHypothesis> HypothesisPlan::next() const {
+  if (stage_ == Stage::kDone) return std::nullopt;
+  return trying_;
+}
+
+bool HypothesisPlan::take(const Outcome& outcome) {
+  const double cost = outcome.explanation.cost + cost_of_shifts(outcome.clocks);
+  switch (stage_) {
+    case Stage::kFree:
+    case Stage::kPresent:
+    case Stage::kSearched:
+      return take_refined(outcome, cost);
+    case Stage::kHeld: {
+      const bool is_best = cost < best_.cost + kClearlyBetter;
+      if (is_best) best_ = {cost, outcome.explanation.numbers};
+      has_searched_ = is_poor() && may_search_ && best_.numbers < kMostSearchedNumbers;
+      enter(has_searched_ ? Stage::kGrid : Stage::kDone);
+      return is_best;
+    }
+    default:
+      take_searched(cost);
+      return false;
+  }
+}
+
+bool HypothesisPlan::take_refined(const Outcome& outcome, double cost) {
+  // Another shift must be clearly better; the same one refined, as good: it began nearer to where
+  // it ended.
+  const bool is_best = cost < best_.cost + (was_best_ ? kClearlyBetter : -kClearlyBetter);
+  if (is_best) best_ = {cost, outcome.explanation.numbers};
+  was_best_ = is_best;
+  const bool again =
+      refinements_ < kMostRefinements && is_far_off(trying_.shifts_s, outcome.clocks);
+  if (again) {
+    ++refinements_;
+    for (std::size_t k = 0; k < trying_.shifts_s.size(); ++k)
+      trying_.shifts_s[k] = outcome.clocks[k].shift_s;
+  } else if (stage_ == Stage::kFree) {
+    enter(has_present_moved_ ? Stage::kPresent : Stage::kHeld);
+  } else {
+    enter(stage_ == Stage::kPresent ? Stage::kHeld : Stage::kDone);
+  }
+  return is_best;
+}
+
+void HypothesisPlan::take_searched(double cost) {
+  if (stage_ == Stage::kGrid) {
+    const int sigmas = step_ - kSearched_sigma;
+    if (cost < lowest_cost_) lowest_ = sigmas;
+    lowest_cost_ = std::min(cost, lowest_cost_);
+    if (++step_ <= 2 * kSearched_sigma) {
+      trying_ = beside(step_ - kSearched_sigma, 0.0);
+    } else {
+      enter(Stage::kHalf);
+    }
+  } else if (stage_ == Stage::kVertex) {
+    lowest_cost_ = cost;
+    enter(Stage::kQuarter);
+  } else {
+    const double step = stage_ == Stage::kHalf ? 0.5 : 0.25;
+    beside_cost_[static_cast<std::size_t>(step_)] = cost;
+    if (step_++ == 0) {
+      trying_ = beside(lowest_ + step, 0.0);
+      return;
+    }
+    lowest_ = vertex(step);
+    enter(stage_ == Stage::kHalf ? Stage::kVertex : Stage::kSearched);
+  }
+}
+
+void HypothesisPlan::enter(Stage stage) {
+  stage_ = stage;
+  step_ = 0;
+  switch (stage) {
+    case Stage::kPresent:
+      return refine_from({present_shifts_s_, kFoundSpread});
+    case Stage::kHeld:
+      trying_ = configured(0.0);
+      return;
+    case Stage::kGrid:
+      trying_ = beside(-kSearched_sigma, 0.0);
+      return;
+    case Stage::kHalf:
+      trying_ = beside(lowest_ - 0.5, 0.0);
+      return;
+    case Stage::kVertex:
+      trying_ = beside(lowest_, 0.0);
+      return;
+    case Stage::kQuarter:
+      trying_ = beside(lowest_ - 0.25, 0.0);
+      return;
+    case Stage::kSearched:
+      return refine_from(beside(lowest_, kFoundSpread));
+    default:
+      return;
+  }
+}
+
+void HypothesisPlan::refine_from(ClockHypothesis hypothesis) {
+  trying_ = std::move(hypothesis);
+  refinements_ = 0;
+  was_best_ = false;
+}
+
+/// Of the parabola through the lowest and its neighbours.
+double HypothesisPlan::vertex(double step) const {
+  const auto [below, above] = beside_cost_;
+  const double bend = below - 2.0 * lowest_cost_ + above;
+  return bend > 0 ? lowest_ + std::clamp(0.5 * (below - above) / bend, -1.0, 1.0) * step : lowest_;
+}
+
+bool HypothesisPlan::is_poor() const {
+  return best_.cost > kPoorCost * best_.numbers + kPoorScatter * std::sqrt(best_.numbers);
+}
+
+double HypothesisPlan::cost_of_shifts(std::span<const ClockEstimate> clocks) const {
+  double cost = 0;
+  for (std::size_t k = 0; k < clocks.size(); ++k) {
+    if (!(prior_.sigmas_s[k] > 0)) continue;  // known exactly
+    const double sigmas = (clocks[k].shift_s - prior_.shifts_s[k]) / prior_.sigmas_s[k];
+    cost += sigmas * sigmas;
+  }
+  return cost;
+}
+
+bool HypothesisPlan::is_far_off(std::span<const double> shifts_s,
+                                std::span<const ClockEstimate> found) const {
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    const double moved_s = std::abs(found[k].shift_s - shifts_s[k]);
+    const bool is_possible =
+        std::abs(found[k].shift_s - prior_.shifts_s[k]) < kMost_sigma * prior_.sigmas_s[k];
+    if (is_possible && moved_s > std::max(kFarOff_s, kSure_sigma * found[k].shift_sigma_s))
+      return true;
+  }
+  return false;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,169 @@
+#include "estimation/start/start_search.hpp"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <utility>
+
+#include "estimation/filter/filter_rules.hpp"
+
+namespace fiducap {
+
+namespace {
+// When the start is looked at, after the first tag.
+constexpr std::array kLooks_s{2.0, 4.0, 6.0};
+// … and besides, when its images contradict each other.
+constexpr std::size_t kMostContradictedLooks = 5;
+// No search when so many in a row did not help: no clock is wrong then (but sizes or lens, say).
+constexpr int kMostVainSearches = 6;
+// Work with one image: an image counts one, each of its sightings one more, readings a little. A
+// sighting costs some 20 to 50 microseconds.
+constexpr double kWorkPerImage = 200.0;
+constexpr double kWorkOfReading = 0.05;
+}  // namespace
+
+StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
+    : prior_(std::move(prior)), is_needed_(is_needed), make_(std::move(make)) {
+  begin();
+}
+
+void StartSearch::begin() {
+  is_open_ = is_needed_;
+  log_ = StartLog{};
+  due_looks_ = 0;
+  contradicted_looks_ = 0;
+  next_contradicted_ = 0;
+  plan_.reset();
+  trial_.reset();
+  best_.reset();
+}
+
+void StartSearch::close(StartingFilter& filter) {
+  begin();
+  is_open_ = false;
+  filter.end_start();
+}
+
+void StartSearch::add(const ImuSample& imu) {
+  if (is_open_) log_.add(imu);
+}
+
+std::unique_ptr<StartingFilter> StartSearch::add(const TagObservations& seen,
+                                                 const MapKnowledge& map, StartingFilter& present) {
+  if (!is_open_) return nullptr;
+  log_.add(seen, map);
+  if (log_.is_full()) {
+    // Images without readings lead to no look: who has not started begins once more.
+    present.is_following() ? close(present) : begin();
+    return nullptr;
+  }
+  if (!plan_ && due_looks_ == kLooks_s.size()) {
+    close(present);
+    return nullptr;
+  }
+  if (!plan_ && is_due(seen.exposed_at, present)) begin_plan(present);
+  double work = kWorkPerImage;
+  while (plan_ && work > 0) {
+    if (trial_) {
+      advance(*trial_, work);
+      if (trial_->images == horizon_) judge_trial();
+    } else if (const auto hypothesis = plan_->next()) {
+      trial_ = begin_trial(*hypothesis);
+    } else if (catch_up(work)) {
+      plan_.reset();
+      std::optional<Trial> best = std::exchange(best_, std::nullopt);
+      return best ? std::move(best->filter) : nullptr;
+    }
+  }
+  return nullptr;
+}
+
+bool StartSearch::is_due(Instant now, const StartingFilter& present) {
+  if (!present.is_following()) return false;
+  const bool is_time = log_.seconds_since_first_tag(now) >= kLooks_s[due_looks_];
+  const bool contradicts =
+      present.contradicting_images() >= filter_rules::kContradictionsToReopenClock &&
+      contradicted_looks_ < kMostContradictedLooks && log_.images().size() >= next_contradicted_;
+  if (!is_time && !contradicts) return false;
+  ++(is_time ? due_looks_ : contradicted_looks_);
+  return true;
+}
+
+void StartSearch::begin_plan(const StartingFilter& present) {
+  std::vector<ClockEstimate> clocks;
+  for (std::size_t k = 0; k < prior_.shifts_s.size(); ++k)
+    clocks.push_back(present.clock(static_cast<int>(k)));
+  plan_.emplace(prior_, clocks, vain_searches_ < kMostVainSearches);
+  horizon_ = log_.images().size();
+}
+
+StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
+  Trial trial{hypothesis, make_(hypothesis), {}, 0, 0, {}};
+  trial.order.resize(horizon_);
+  std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
+  const auto exposed_at = [&](std::size_t i) {
+    const TagObservations& seen = log_.images()[i].seen;
+    const double shift_s = hypothesis.shifts_s[static_cast<std::size_t>(seen.camera)];
+    return seen.exposed_at - seen.clock_shift + from_seconds(shift_s);
+  };
+  std::stable_sort(trial.order.begin(), trial.order.end(),
+                   [&](std::size_t a, std::size_t b) { return exposed_at(a) < exposed_at(b); });
+  return trial;
+}
+
+void StartSearch::advance(Trial& trial, double& work) const {
+  while (trial.images < horizon_ && work > 0) {
+    const StartLog::Image& image = log_.images()[trial.order[trial.images]];
+    const std::size_t readings = trial.readings;
+    take_image(trial, image);
+    work -= 1.0 + static_cast<double>(image.seen.tags.size()) +
+            kWorkOfReading * static_cast<double>(trial.readings - readings);
+  }
+}
+
+void StartSearch::take_image(Trial& trial, const StartLog::Image& image) const {
+  TagObservations seen = image.seen;
+  const Duration shift =
+      from_seconds(trial.hypothesis.shifts_s[static_cast<std::size_t>(seen.camera)]);
+  seen.exposed_at += shift - seen.clock_shift;
+  seen.clock_shift = shift;
+  // Up to the first reading at or after the image, as SampleMerger has it.
+  bool is_covered = false;
+  while (!is_covered && trial.readings < log_.imu().size()) {
+    const ImuSample& imu = log_.imu()[trial.readings++];
+    is_covered = imu.sampled_at >= seen.exposed_at;
+    trial.filter->propagate(imu);
+  }
+  const UpdateReport report = trial.filter->update(seen, {image.known, image.may_define_workspace});
+  trial.explanation += trial.filter->explain(seen, report);
+  ++trial.images;
+}
+
+void StartSearch::judge_trial() {
+  HypothesisPlan::Outcome outcome{trial_->explanation, {}};
+  for (std::size_t k = 0; k < prior_.shifts_s.size(); ++k)
+    outcome.clocks.push_back(trial_->filter->clock(static_cast<int>(k)));
+  if (plan_->take(outcome)) best_ = std::move(trial_);
+  trial_.reset();
+  if (plan_->next()) return;
+  if (!plan_->is_poor()) vain_searches_ = 0;
+  if (plan_->has_searched()) ++vain_searches_;
+  next_contradicted_ =
+      log_.images().size() + static_cast<std::size_t>(filter_rules::kContradictionsToReopenClock);
+}
+
+bool StartSearch::catch_up(double& work) {
+  if (!best_) return true;
+  const std::vector<StartLog::Image>& images = log_.images();
+  while (best_->images < images.size()) {
+    if (work <= 0) return false;
+    const StartLog::Image& image = images[best_->images];
+    take_image(*best_, image);
+    work -= 1.0 + static_cast<double>(image.seen.tags.size());
+  }
+  while (best_->readings < log_.imu().size())
+    best_->filter->propagate(log_.imu()[best_->readings++]);
+  return true;
+}
+
+}  // namespace fiducap

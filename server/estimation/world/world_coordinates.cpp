@@ -1,0 +1,267 @@
+#include "estimation/world/world_coordinates.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "base/so3.hpp"
+#include "estimation/filter/filter_rules.hpp"
+#include "estimation/world/tag_entry.hpp"
+
+namespace fiducap::world {
+
+using namespace layout;        // NOLINT: the block names are the subject of this file
+using namespace filter_rules;  // NOLINT: short names for what both filters go by
+
+namespace {
+
+// Map tags are held while in view, and so many more of those seen last: what their errors share
+// with the body's is worth keeping for a while, and a hall of a thousand tags costs what a room of
+// ten does.
+constexpr std::size_t kHeldOutOfView = 12;
+// The map has another place for a tag that moved more than this, or whose variance changed by this
+// share.
+constexpr double kSamePlace = 1e-9;
+constexpr double kSameVariance = 0.01;
+// The attitude may be off by this, 1-sigma.
+constexpr double kUnknownTurn_rad = 0.4;
+// The reference tag defines W again when linearisation has let it slip this far (m and rad
+// together), or when it seems as unsure as that: every image makes it so by a micrometre, which is
+// nothing but what defining W costs.
+constexpr double kSlipped = 1e-6;
+constexpr double kUnsure = 1e-5;
+
+bool is_in_view(const TagObservations& seen, int tag_id) {
+  return std::any_of(seen.tags.begin(), seen.tags.end(),
+                     [&](const auto& s) { return s.tag_id == tag_id; });
+}
+
+bool is_news(const FilterState& state, std::size_t i, const KnownTag& now) {
+  const Pose& X_WT = state.tags[i].X_WT;
+  if ((X_WT.p - now.X_WT.p).norm() > kSamePlace || angle_between(X_WT.q, now.X_WT.q) > kSamePlace)
+    return true;
+  const Matrix6d held = tag_in_workspace(state, i).covariance;
+  return (held - now.covariance).norm() > kSameVariance * held.norm();
+}
+
+}  // namespace
+
+WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorConfig& config)
+    : sensors_(sensors), config_(config), gravity_W_(0, 0, -sensors.gravity_m_s2) {
+  if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
+  corner_noise_.assign(sensors.cameras.size(), CornerNoise(config, config.learn_corner_noise));
+}
+
+const CameraModel& WorldCoordinates::model_of(int camera) const {
+  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(sensors_.cameras.size()));
+  return sensors_.cameras[static_cast<std::size_t>(camera)].model;
+}
+
+void WorldCoordinates::reset(const ClockHypothesis& clocks) {
+  std::vector<Pose> X_BV;
+  for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
+  state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
+  for (int c = 0; c < state_.cameras(); ++c) reset_camera(c, clocks);
+  motion_.restart();
+  memory_.forget_all();
+}
+
+void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
+  const auto k = static_cast<std::size_t>(camera);
+  const CameraMount& mount = sensors_.cameras[k];
+  auto P = state_.P();
+  if (config_.estimate_extrinsics) {
+    Matrix6d plain = Matrix6d::Zero();
+    plain.diagonal().head<3>().setConstant(mount.position_sigma_m * mount.position_sigma_m);
+    plain.diagonal().tail<3>().setConstant(mount.rotation_sigma_rad * mount.rotation_sigma_rad);
+    const Matrix6d J = world_from_plain_error(mount.X_BV.p);
+    P.block<6, 6>(layout::camera(camera), layout::camera(camera)) =
+        J * plain * J.transpose();  // the body is at the origin
+  }
+  state_.clocks[k] = {.shift_s = clocks.shifts_s[k], .readout_s = mount.readout_s};
+  // Without an IMU there is no other clock to compare with.
+  if (!config_.estimate_clocks || !sensors_.imu) return;
+  P(layout::clock(camera) + 1, layout::clock(camera) + 1) =
+      mount.readout_sigma_s * mount.readout_sigma_s;
+  open_clock(camera, clocks.sigma_s(mount.time_shift_sigma_s));
+}
+
+void WorldCoordinates::open_clock(int camera, double sigma_s) {
+  if (!config_.estimate_clocks || !sensors_.imu) return;
+  const int at = layout::clock(camera);
+  auto P = state_.P();
+  P.row(at).setZero();
+  P.col(at).setZero();
+  P(at, at) = sigma_s * sigma_s;
+}
+
+ClockEstimate WorldCoordinates::clock(int camera) const {
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
+  const int at = layout::clock(camera);
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s,
+          std::sqrt(state_.P()(at + 1, at + 1))};
+}
+
+bool WorldCoordinates::is_attitude_unknown() const {
+  return state_.P().diagonal().segment<3>(kAttitude).maxCoeff() >
+         kUnknownTurn_rad * kUnknownTurn_rad;
+}
+
+void WorldCoordinates::start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB) {
+  camera_errors_to_extrinsics(state_);
+  auto P = state_.P();
+  P.topRows<kBodySize>().setZero();
+  P.leftCols<kBodySize>().setZero();
+  state_.time = at;
+  state_.X_WB = Pose{};
+  state_.v_WB.setZero();
+  P.diagonal().segment<3>(kVelocity).setConstant(kStartVelocity_m_s * kStartVelocity_m_s);
+  if (q_WB) {
+    state_.X_WB.q = *q_WB;
+    P.diagonal().segment<2>(kAttitude).setConstant(kStartTilt_rad * kStartTilt_rad);
+    P.diagonal().segment<3>(kBiasF).setConstant(kStartBiasF_m_s2 * kStartBiasF_m_s2);
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartBiasW_rad_s * kStartBiasW_rad_s);
+  } else {
+    P.diagonal().segment<3>(kBiasW).setConstant(kStartRate_rad_s * kStartRate_rad_s);
+  }
+  extrinsics_to_camera_errors(state_);
+  motion_.restart();
+}
+
+void WorldCoordinates::step(const InertialInput& input, double dt) {
+  world::propagate(state_, motion_, input, gravity_W_, dt);
+}
+
+void WorldCoordinates::lose_motion() {
+  motion_.restart();
+  memory_.forget_all();
+  state_.forget_clones();
+}
+
+void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
+  forget_motion(state_, X_AB, sensors_.imu.has_value());
+  motion_.restart();
+  state_.time = at;
+}
+
+void WorldCoordinates::aim(const Pose& X_B0B, double dt) {
+  before_ = state_;
+  aimed_off_.setZero();
+  const Eigen::Vector3d v_found = state_.X_WB.q * X_B0B.p / dt;
+  const Eigen::Vector3d bias_found = -log_so3(X_B0B.q) / dt;
+  aimed_off_.segment<3>(kVelocity) = state_.v_WB - v_found;
+  aimed_off_.segment<3>(kBiasW) = state_.bias_w - bias_found;
+  state_.v_WB = v_found;
+  state_.bias_w = bias_found;
+}
+
+void WorldCoordinates::finish_aimed_motion() {
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(state_.size());
+  moved.head<kBodySize>() = motion_.Phi * aimed_off_;
+  for (int c = 0; c < state_.cameras(); ++c)
+    moved.segment<6>(layout::camera(c)) = moved.segment<6>(kPosition);
+  apply(state_, motion_);
+  linearisation_ = state_;
+  state_.add_error(moved);
+}
+
+void WorldCoordinates::look_at(const TagObservations& seen) {
+  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
+}
+
+/// What the map says of the tags that are held.
+void WorldCoordinates::follow_map(const TagObservations& seen, std::span<const KnownTag> known) {
+  for (std::size_t i = state_.tags.size(); i-- > 0;) {
+    const WorldTag& tag = state_.tags[i];
+    if (!tag.held) continue;
+    const auto now = std::find_if(known.begin(), known.end(),
+                                  [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
+    if (now == known.end()) {
+      if (is_in_view(seen, tag.tag_id)) state_.remove_tag(i);  // the map does not stand by it
+    } else if (is_news(state_, i, *now)) {
+      const bool is_moved = !replace_held(state_, i, *now);
+      if (is_moved || now->is_exact()) state_.remove_tag(i);
+    }
+  }
+}
+
+void WorldCoordinates::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
+                                     bool is_anchored) {
+  follow_map(seen, known);
+  if (is_anchored) {
+    for (const KnownTag& tag : known) {
+      if (is_in_view(seen, tag.tag_id)) hold_one(tag, seen.exposed_at);
+    }
+  }
+  for (;;) {
+    std::size_t out_of_view = 0;
+    std::size_t oldest = state_.tags.size();
+    for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+      if (!state_.tags[i].held || is_in_view(seen, state_.tags[i].tag_id)) continue;
+      ++out_of_view;
+      if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen)
+        oldest = i;
+    }
+    if (out_of_view <= kHeldOutOfView) return;
+    state_.remove_tag(oldest);
+  }
+}
+
+void WorldCoordinates::hold_one(const KnownTag& tag, Instant at) {
+  if (!tag.is_exact() && state_.find(tag.tag_id) < 0) hold(state_, tag, at);
+}
+
+void WorldCoordinates::give_to_map(std::size_t tag, const KnownTag& map) {
+  if (map.is_exact()) {
+    fuse_prior(state_, tag, map);
+  } else {
+    hold(state_, map, state_.tags[tag].last_seen);
+    fuse_with_held(state_, tag, state_.tags.size() - 1);
+  }
+  state_.remove_tag(tag);
+}
+
+std::vector<SightedTag> WorldCoordinates::sighted(int camera,
+                                                  std::span<const TagToUse> tags) const {
+  std::vector<SightedTag> out;
+  for (const TagToUse& tag : tags) {
+    out.push_back({tag.seen, &model_of(camera), state_.X_BV[static_cast<std::size_t>(camera)],
+                   place_of(state_, tag)});
+  }
+  return out;
+}
+
+UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<const TagToUse> tags,
+                                       double gate, int iterations, std::vector<bool>& accepted) {
+  return corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
+                              {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
+                              corner_noise_[static_cast<std::size_t>(seen.camera)], accepted);
+}
+
+void WorldCoordinates::correct_by_points(const TagObservations& seen, long image,
+                                         UpdateReport& report) {
+  if (!window_) return;
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
+  // A clone is one moment: not for images whose rows are exposed in turn.
+  if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
+  CloneWindow::clone(state_, seen.camera, image);
+  const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
+  report.landmarks_used = done.used;
+  report.landmarks_rejected = done.rejected;
+  report.landmark_nis = done.nis;
+  report.landmark_nis_dof = done.nis_dof;
+}
+
+void WorldCoordinates::augment(const TagObservations& seen, const TagObservation& tag,
+                               const Pose& X_VT) {
+  world::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, noise(seen.camera).of(tag));
+}
+
+void WorldCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {
+  const bool level = sensors_.imu.has_value();
+  const ReferenceSlack slack = slack_of_reference(state_, tag, rule, level);
+  if (slack.moved > kSlipped || slack.sigma > kUnsure)
+    anchor_to_reference(state_, tag, rule, level);
+}
+
+}  // namespace fiducap::world

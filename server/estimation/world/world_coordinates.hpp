@@ -1,0 +1,121 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "estimation/filter/corner_update.hpp"
+#include "estimation/start/clock_hypothesis.hpp"
+#include "estimation/start/resection.hpp"
+#include "estimation/world/clone_window.hpp"
+#include "estimation/world/corner_measurement.hpp"
+#include "estimation/world/filter_state.hpp"
+#include "estimation/world/image_memory.hpp"
+#include "estimation/world/propagation.hpp"
+#include "estimation/world/workspace_axes.hpp"
+
+namespace fiducap::world {
+
+/// The production filter's state and what can be done to it: everything in workspace axes W, errors
+/// on the world's side (state_layout.hpp), so that where the room is never becomes observable by
+/// mistake. Tags of the map are held with the map's covariance (Schmidt). What follows from it is
+/// decided by FilterConversation.
+class WorldCoordinates final {
+ public:
+  /// The motion is followed from the first sight of a tag on, before any has joined.
+  static constexpr bool kStartsBeforeTags = true;
+  /// Past images are followed again when a tag joins late.
+  static constexpr bool kRemembersImages = true;
+
+  /// Both stay the caller's.
+  WorldCoordinates(const BodySensors& sensors, const EstimatorConfig& config);
+
+  [[nodiscard]] FilterState& state() { return state_; }
+  [[nodiscard]] const FilterState& state() const { return state_; }
+  [[nodiscard]] Pose X_WB() const { return state_.X_WB; }
+  /// The body at the state's instant in the axes that place_search works in, and back.
+  [[nodiscard]] Pose X_AB() const { return state_.X_WB; }
+  [[nodiscard]] Pose X_AB_of(const Pose& X_WB) const { return X_WB; }
+  [[nodiscard]] Eigen::Vector3d v_B() const { return state_.X_WB.q.conjugate() * state_.v_WB; }
+  [[nodiscard]] Eigen::Vector3d acceleration_W(const Eigen::Vector3d& f_B) const {
+    return state_.X_WB.q * f_B;
+  }
+  [[nodiscard]] BodyEstimate body() const { return body_in_workspace(state_); }
+  [[nodiscard]] ClockEstimate clock(int camera) const;
+  [[nodiscard]] Matrix6d extrinsics_covariance(int camera) const {
+    return world::extrinsics_covariance(state_, camera);
+  }
+  /// A gyro that was blind for long leaves nothing to linearise at.
+  [[nodiscard]] bool is_attitude_unknown() const;
+
+  void reset(const ClockHypothesis& clocks);
+  /// @param q_WB  nullopt: without IMU
+  void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
+  void open_clock(int camera, double sigma_s);
+
+  void step(const InertialInput& input, double dt);
+  /// Moves the covariance over the steps since the last image.
+  void finish_motion() { apply(state_, motion_); }
+  void lose_motion();
+  /// The body is at X_AB now, its motion unknown.
+  void jump(const Pose& X_AB, Instant at);
+
+  /// Without IMU: the velocity and rate that lead to X_B0B in dt are where the motion is linearised
+  /// …
+  void aim(const Pose& X_B0B, double dt);
+  /// … and after the steps the prior mean is where the old ones would have led.
+  void finish_aimed_motion();
+  [[nodiscard]] bool is_aimed() const { return linearisation_.has_value(); }
+  void forget_aim() { linearisation_.reset(); }
+  /// As it was before aim().
+  void take_back() { state_ = before_; }
+
+  void look_at(const TagObservations& seen);
+  /// Takes over what the map says of tags in view and of those held.
+  void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
+                     bool is_anchored);
+  void hold_one(const KnownTag& tag, Instant at);
+  /// The tag's own copy becomes the map's, and what both say is fused.
+  void give_to_map(std::size_t tag, const KnownTag& map);
+  /// A tag of the map is not a belief of this body.
+  [[nodiscard]] bool is_own(std::size_t tag) const { return !state_.tags[tag].held; }
+  [[nodiscard]] std::vector<SightedTag> sighted(int camera, std::span<const TagToUse> tags) const;
+  [[nodiscard]] Pose place_in_W(const TagToUse& tag) const { return place_of(state_, tag); }
+
+  UpdateReport correct(const TagObservations& seen, std::span<const TagToUse> tags, double gate,
+                       int iterations, std::vector<bool>& accepted);
+  void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
+  void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
+  /// Takes back what linearisation let the tag slip that W was defined by.
+  void keep_defined(std::size_t tag, const HeadingRule& rule);
+  void moved_axes(const Pose& X_new_old) { memory_.move_axes(X_new_old); }
+
+  [[nodiscard]] const CornerNoise& noise(int camera) const {
+    return corner_noise_[static_cast<std::size_t>(camera)];
+  }
+  [[nodiscard]] ImageMemory& memory() { return memory_; }
+  [[nodiscard]] std::optional<Instant> needed_since() const { return memory_.needed_since(); }
+  void forget_past() { memory_.forget_all(); }
+  void forget_past_of(int tag_id) { memory_.forget_tag(tag_id); }
+
+ private:
+  [[nodiscard]] const CameraModel& model_of(int camera) const;
+  void reset_camera(int camera, const ClockHypothesis& clocks);
+  void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
+
+  const BodySensors& sensors_;
+  const EstimatorConfig& config_;
+  Eigen::Vector3d gravity_W_;
+  FilterState
+      state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
+  MotionSinceImage motion_;
+  CornerUpdate<FilterState> corner_update_;
+  std::vector<CornerNoise> corner_noise_;  ///< One per camera.
+  ImageMemory memory_;
+  std::optional<CloneWindow> window_;  ///< Only when points are followed.
+  FilterState before_;
+  std::optional<FilterState> linearisation_;
+  Eigen::Matrix<double, layout::kBodySize, 1> aimed_off_;
+};
+
+}  // namespace fiducap::world

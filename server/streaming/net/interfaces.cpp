@@ -1,0 +1,45 @@
+#include "streaming/net/interfaces.hpp"
+
+#include <ifaddrs.h>
+#include <net/if.h>
+
+#include <memory>
+
+#include "streaming/net/peer.hpp"
+
+namespace fiducap::net {
+
+namespace {
+
+std::uint32_t address_in(const sockaddr* from) {
+  return ntohl(reinterpret_cast<const sockaddr_in*>(from)->sin_addr.s_addr);
+}
+
+}  // namespace
+
+std::vector<Card> network_cards() {
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return {};
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(first, &::freeifaddrs);
+  std::vector<Card> found;
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const bool usable = (one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_LOOPBACK) == 0;
+    if (!usable || one->ifa_addr == nullptr || one->ifa_addr->sa_family != AF_INET) continue;
+    const bool broadcasts = (one->ifa_flags & IFF_BROADCAST) != 0 && one->ifa_broadaddr != nullptr;
+    found.push_back({one->ifa_name, address_in(one->ifa_addr),
+                     broadcasts ? address_in(one->ifa_broadaddr) : 0,
+                     (one->ifa_flags & IFF_MULTICAST) != 0});
+  }
+  return found;
+}
+
+std::vector<std::string> subnet_broadcasts(std::uint32_t own) {
+  std::vector<std::string> all;
+  for (const Card& card : network_cards()) {
+    if (card.address == own && card.broadcast != 0)
+      all.push_back(address_text(Peer{card.broadcast, 0}));
+  }
+  return all;
+}
+
+}  // namespace fiducap::net

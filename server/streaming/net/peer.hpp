@@ -1,0 +1,114 @@
+#pragma once
+
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <compare>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace fiducap::net {
+
+/// Where a protocol listens, and how its user would change that.
+struct BindTarget {
+  std::string address;   ///< IP address of one interface, or 0.0.0.0.
+  std::uint16_t port{};  ///< 0: any free one.
+  std::string_view key;  ///< Section of the configuration, e.g. `streaming.natnet`.
+  std::string_view port_key{"port"};
+};
+
+/// The other end of a connection or of a datagram, without a socket type.
+struct Peer {
+  using Address = std::array<std::uint8_t, 16>;
+
+  Address address{};      ///< IPv6; IPv4 as ::ffff:a.b.c.d
+  std::uint32_t scope{};  ///< Of a link-local IPv6 address, else 0.
+  std::uint16_t port{};
+
+  constexpr Peer() = default;
+  constexpr Peer(const Address& host, std::uint16_t at) : address(host), port(at) {}
+  /// @param ipv4  a.b.c.d as 0xaabbccdd
+  constexpr Peer(std::uint32_t ipv4, std::uint16_t at)
+      : address{0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0,
+                0xff,
+                0xff,
+                static_cast<std::uint8_t>(ipv4 >> 24),
+                static_cast<std::uint8_t>(ipv4 >> 16),
+                static_cast<std::uint8_t>(ipv4 >> 8),
+                static_cast<std::uint8_t>(ipv4)},
+        port(at) {}
+
+  [[nodiscard]] bool is_ipv4() const;
+  /// a.b.c.d as 0xaabbccdd. @pre is_ipv4()
+  [[nodiscard]] std::uint32_t ipv4() const;
+  [[nodiscard]] bool is_loopback() const;
+  [[nodiscard]] bool same_address(const Peer& other) const {
+    return address == other.address && scope == other.scope;
+  }
+  [[nodiscard]] Peer with_port(std::uint16_t other) const;
+  auto operator<=>(const Peer&) const = default;
+};
+
+/// a.b.c.d as 0xaabbccdd. @return nullopt for any other text
+[[nodiscard]] std::optional<std::uint32_t> parse_address(const std::string& text);
+/// IPv4 or IPv6?
+[[nodiscard]] bool is_address(const std::string& text);
+/// `10.0.0.7:1511`. @return nullopt for any other text
+[[nodiscard]] std::optional<Peer> parse_peer(const std::string& text);
+/// `10.0.0.7`, `2001:db8::7`
+[[nodiscard]] std::string address_text(const Peer& peer);
+/// `10.0.0.7:1511`, `[2001:db8::7]:1511`
+[[nodiscard]] std::string text_of(const Peer& peer);
+
+/// A peer as the kernel takes it.
+class SocketAddress final {
+ public:
+  SocketAddress() = default;
+  SocketAddress(const sockaddr* address, socklen_t size);
+  /// @param ipv4  for a socket that speaks IPv4 only
+  SocketAddress(const Peer& peer, bool ipv4);
+
+  [[nodiscard]] Peer peer() const;
+  [[nodiscard]] sockaddr* data() { return &any_.general; }
+  [[nodiscard]] socklen_t size() const { return size_; }
+  static constexpr socklen_t kCapacity = sizeof(sockaddr_in6);
+
+ private:
+  union Any {
+    sockaddr_in6 v6;
+    sockaddr_in v4;
+    sockaddr general;
+  };
+  Any any_{};
+  socklen_t size_{kCapacity};
+};
+
+/// Keyed hash of short inputs. J.-P. Aumasson, D. J. Bernstein, "SipHash: a fast short-input PRF",
+/// 2012 (SipHash-2-4).
+[[nodiscard]] std::uint64_t siphash(const std::array<std::uint64_t, 2>& key,
+                                    std::span<const std::uint8_t> data);
+/// From the system's source of randomness.
+[[nodiscard]] std::uint64_t random_word();
+[[nodiscard]] std::array<std::uint64_t, 2> random_key();
+
+/// Where a peer's address goes in a table that an attacker must not be able to steer. Ports do not
+/// matter, and of IPv6 only the network: one host owns all 2^64 addresses of its network.
+[[nodiscard]] std::uint64_t address_hash(const std::array<std::uint64_t, 2>& key, const Peer& peer);
+/// The same of address and port.
+[[nodiscard]] std::uint64_t peer_hash(const std::array<std::uint64_t, 2>& key, const Peer& peer);
+
+}  // namespace fiducap::net

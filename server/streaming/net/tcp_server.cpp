@@ -1,0 +1,232 @@
+#include "streaming/net/tcp_server.hpp"
+
+#include <algorithm>
+#include <boost/asio/steady_timer.hpp>
+#include <string>
+#include <utility>
+
+#include "streaming/net/bind.hpp"
+
+namespace fiducap::net {
+
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+constexpr auto kTick = std::chrono::milliseconds(100);
+
+}  // namespace
+
+/// Shared with the waits under way, which may outlive the server in the I/O queue.
+struct TcpServer::State : std::enable_shared_from_this<State> {
+  struct Listener {
+    tcp::acceptor acceptor;
+    MakeSession make;
+    bool accepting{false};
+  };
+  struct Connecting {
+    Peer peer;
+    tcp::socket socket;
+    Instant until;
+  };
+
+  State(asio::io_context& context, const TcpLimits& given, const Clock& time)
+      : io(context), limits(given), clock(time), timer(context) {}
+
+  void accept(const std::shared_ptr<Listener>& listener);
+  void take_in(tcp::socket socket, const MakeSession& make);
+  void connect(const Peer& peer, Duration patience, MakeSession make);
+  void connected(const std::shared_ptr<Connecting>& one, const error_code& error,
+                 const MakeSession& make);
+  [[nodiscard]] bool has_room_for(const Peer& peer);
+  void tick();
+  void wait_for_tick();
+  void give_up_connecting(Instant now);
+  void close_listeners();
+  void stop(Duration goodbye);
+  void close_sessions();
+  void sweep() {
+    std::erase_if(sessions, [](const auto& session) { return session->closed(); });
+  }
+  template <typename Work>
+  void guard(Work&& work) const {
+    guarded(
+        limits.protocol, [] { return "a connection"; }, std::forward<Work>(work));
+  }
+
+  asio::io_context& io;
+  TcpLimits limits;
+  const Clock& clock;
+  asio::steady_timer timer;
+  std::vector<std::shared_ptr<Listener>> listeners;
+  std::vector<std::shared_ptr<Connecting>> connecting;
+  std::vector<std::shared_ptr<Session>> sessions;
+  std::function<void(Instant)> ticked;
+  bool may_complain{true};  ///< About a lack of room, once per tick: clients cannot flood the log.
+  bool stopped{false};
+};
+
+void TcpServer::State::accept(const std::shared_ptr<Listener>& listener) {
+  listener->acceptor.async_accept(
+      [self = shared_from_this(), listener](const error_code& error, tcp::socket socket) {
+        listener->accepting = false;
+        if (self->stopped || !listener->acceptor.is_open()) return;
+        if (error) return;  // e.g. out of file descriptors: the next tick tries again
+        self->guard([&] { self->take_in(std::move(socket), listener->make); });
+        self->guard([&] { self->accept(listener); });
+      });
+  listener->accepting = true;
+}
+
+void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
+  error_code gone;
+  const tcp::endpoint from = socket.remote_endpoint(gone);
+  sweep();
+  if (gone || !has_room_for(peer_of(from))) return;  // closes it
+  const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
+  if (session == nullptr) return;
+  sessions.push_back(session);
+  const auto whose = [&] { return "client " + text_of(session->peer()); };
+  if (!guarded(limits.protocol, whose, [&] { session->start(); }))
+    session->close("is closed after a failure", log::Level::kWarning);
+}
+
+bool TcpServer::State::has_room_for(const Peer& peer) {
+  const auto places = [&](const auto& counts) {
+    return std::count_if(sessions.begin(), sessions.end(),
+                         [&](const auto& s) { return !s->closed() && counts(s->peer()); }) +
+           std::count_if(connecting.begin(), connecting.end(),
+                         [&](const auto& one) { return counts(one->peer); });
+  };
+  const auto all = places([](const Peer&) { return true; });
+  const auto same = places([&](const Peer& other) { return other.same_address(peer); });
+  const bool full_here =
+      limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
+  if (all < limits.max_clients && !full_here) return true;
+  if (limits.section.empty() || !std::exchange(may_complain, false)) return false;
+  const std::string section(limits.section);
+  log::warning(
+      limits.protocol,
+      "no room for client " + text_of(peer) + " tcp: " + std::to_string(all) +
+          " places are taken, " + std::to_string(same) + " by its address (" + section +
+          ".max_clients" +
+          (limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address)"
+                                              : ")"));
+  return false;
+}
+
+void TcpServer::State::connect(const Peer& peer, Duration patience, MakeSession make) {
+  const auto there = std::count_if(connecting.begin(), connecting.end(),
+                                   [&](const auto& one) { return one->peer.same_address(peer); });
+  const bool under_way = std::any_of(connecting.begin(), connecting.end(),
+                                     [&](const auto& one) { return one->peer == peer; });
+  if (stopped || under_way || connecting.size() >= kMaxConnecting ||
+      there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) || !has_room_for(peer))
+    return;
+  const auto one =
+      std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + patience});
+  connecting.push_back(one);
+  one->socket.async_connect(endpoint_of(peer), [self = shared_from_this(), one,
+                                                make = std::move(make)](const error_code& error) {
+    self->guard([&] { self->connected(one, error, make); });
+  });
+}
+
+void TcpServer::State::connected(const std::shared_ptr<Connecting>& one, const error_code& error,
+                                 const MakeSession& make) {
+  if (stopped || std::erase(connecting, one) == 0) return;
+  if (!error) return take_in(std::move(one->socket), make);
+  log::debug(limits.protocol, text_of(one->peer) + " tcp cannot be reached: " + error.message());
+}
+
+void TcpServer::State::give_up_connecting(Instant now) {
+  std::erase_if(connecting, [&](const auto& one) {
+    if (now <= one->until) return false;
+    log::info(limits.protocol, text_of(one->peer) + " tcp cannot be reached in time");
+    error_code ignored;
+    one->socket.close(ignored);
+    return true;
+  });
+}
+
+void TcpServer::State::tick() {
+  const Instant now = clock.now();
+  may_complain = true;
+  for (const auto& session : sessions) {
+    const auto whose = [&] { return "client " + text_of(session->peer()); };
+    if (!guarded(limits.protocol, whose, [&] { session->tick(now); }))
+      session->close("is closed after a failure", log::Level::kWarning);
+  }
+  guard([&] { give_up_connecting(now); });
+  if (ticked) guard([&] { ticked(now); });
+  sweep();
+  for (const auto& listener : listeners) {
+    if (!listener->accepting) guard([&] { accept(listener); });
+  }
+}
+
+void TcpServer::State::wait_for_tick() {
+  timer.expires_after(kTick);
+  timer.async_wait([self = shared_from_this()](const error_code& error) {
+    if (error || self->stopped) return;
+    self->guard([&] { self->tick(); });
+    if (!self->stopped) self->wait_for_tick();
+  });
+}
+
+void TcpServer::State::close_listeners() {
+  error_code ignored;
+  for (const auto& listener : listeners) listener->acceptor.close(ignored);
+  listeners.clear();
+}
+
+void TcpServer::State::stop(Duration goodbye) {
+  if (std::exchange(stopped, true)) return;
+  close_listeners();
+  error_code ignored;
+  for (const auto& one : connecting) one->socket.close(ignored);
+  connecting.clear();
+  timer.cancel(ignored);
+  if (goodbye == Duration{0}) return close_sessions();
+  timer.expires_after(goodbye);
+  timer.async_wait([self = shared_from_this()](const error_code&) { self->close_sessions(); });
+}
+
+void TcpServer::State::close_sessions() {
+  for (const auto& session : sessions) {
+    session->close("is left: the server stops", log::Level::kDebug);
+  }
+  sessions.clear();
+}
+
+TcpServer::TcpServer(asio::io_context& io, const TcpLimits& limits, const Clock& clock)
+    : state_(std::make_shared<State>(io, limits, clock)) {}
+
+Expected<std::uint16_t> TcpServer::listen(const BindTarget& target, MakeSession make) {
+  auto acceptor = listen_tcp(state_->io, target);
+  if (!acceptor) return tl::unexpected(acceptor.error());
+  const std::uint16_t port = acceptor->local_endpoint().port();
+  state_->listeners.push_back(
+      std::make_shared<State::Listener>(State::Listener{std::move(*acceptor), std::move(make)}));
+  state_->accept(state_->listeners.back());
+  return port;
+}
+
+void TcpServer::close_listeners() { state_->close_listeners(); }
+void TcpServer::connect(const Peer& peer, Duration patience, MakeSession make) {
+  state_->connect(peer, patience, std::move(make));
+}
+void TcpServer::start(std::function<void(Instant)> ticked) {
+  state_->ticked = std::move(ticked);
+  state_->wait_for_tick();
+}
+bool TcpServer::has_room_for(const Peer& peer) const { return state_->has_room_for(peer); }
+void TcpServer::stop(Duration goodbye) { state_->stop(goodbye); }
+const std::vector<std::shared_ptr<Session>>& TcpServer::sessions() const {
+  return state_->sessions;
+}
+const TcpLimits& TcpServer::limits() const { return state_->limits; }
+
+}  // namespace fiducap::net

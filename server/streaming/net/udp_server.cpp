@@ -1,0 +1,211 @@
+#include "streaming/net/udp_server.hpp"
+
+#include <linux/errqueue.h>
+
+#include <boost/asio/steady_timer.hpp>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "streaming/net/bind.hpp"
+#include "streaming/net/guard.hpp"
+
+namespace fiducap::net {
+
+namespace {
+
+namespace asio = boost::asio;
+using asio::ip::udp;
+using boost::system::error_code;
+
+constexpr int kDatagramsPerTurn = 64;
+constexpr int kMostOtherErrors = 64;  // skipped at once while looking for refused peers
+constexpr auto kPause = std::chrono::milliseconds(100);  // after a failed wait, so as not to spin
+
+using PacketInfo = std::array<std::byte, CMSG_SPACE(sizeof(in_pktinfo))>;
+
+template <typename T>
+std::optional<T> control_value(msghdr& message, int type) {
+  for (cmsghdr* one = CMSG_FIRSTHDR(&message); one != nullptr; one = CMSG_NXTHDR(&message, one)) {
+    if (one->cmsg_level != IPPROTO_IP || one->cmsg_type != type) continue;
+    T value;
+    std::memcpy(&value, CMSG_DATA(one), sizeof(value));
+    return value;
+  }
+  return std::nullopt;
+}
+
+bool set(int socket, int option, int value) {
+  return ::setsockopt(socket, IPPROTO_IP, option, &value, sizeof(value)) == 0;
+}
+
+}  // namespace
+
+/// Shared with the one wait under way, which may outlive the server in the I/O queue.
+struct UdpServer::State : std::enable_shared_from_this<State> {
+  State(udp::socket opened, const UdpOptions& given)
+      : options(given),
+        socket(std::move(opened)),
+        timer(socket.get_executor()),
+        ipv4(socket.local_endpoint().address().is_v4()),
+        port(socket.local_endpoint().port()),
+        incoming(given.longest) {}
+
+  void wait();
+  void read();
+  [[nodiscard]] bool read_one();
+
+  UdpOptions options;
+  udp::socket socket;
+  asio::steady_timer timer;
+  bool ipv4;
+  std::uint16_t port;
+  std::vector<std::byte> incoming;
+  Handler handler;
+  DatagramBatch batch;
+};
+
+void UdpServer::State::wait() {
+  socket.async_wait(udp::socket::wait_read, [self = shared_from_this()](const error_code& error) {
+    if (!self->socket.is_open()) return;
+    if (!error) {
+      self->read();
+      if (self->socket.is_open()) self->wait();
+      return;
+    }
+    self->timer.expires_after(kPause);
+    self->timer.async_wait([self](const error_code&) {
+      if (self->socket.is_open()) self->wait();
+    });
+  });
+}
+
+void UdpServer::State::read() {
+  for (int i = 0; i < kDatagramsPerTurn && socket.is_open() && read_one(); ++i) continue;
+}
+
+bool UdpServer::State::read_one() {
+  sockaddr_in6 from{};
+  iovec piece{incoming.data(), incoming.size()};
+  alignas(cmsghdr) PacketInfo control{};
+  msghdr message{};
+  message.msg_name = &from;
+  message.msg_namelen = sizeof(from);
+  message.msg_iov = &piece;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const ssize_t size = ::recvmsg(socket.native_handle(), &message, MSG_DONTWAIT);
+  // Another error is about an earlier datagram of ours that came back as unreachable.
+  if (size < 0) return errno != EAGAIN && errno != EWOULDBLOCK;
+  const SocketAddress peer(reinterpret_cast<const sockaddr*>(&from), message.msg_namelen);
+  const auto info = control_value<in_pktinfo>(message, IP_PKTINFO);
+  const Datagram datagram{std::span(incoming).first(static_cast<std::size_t>(size)), peer.peer(),
+                          info ? ntohl(info->ipi_spec_dst.s_addr) : INADDR_ANY};
+  guarded(
+      options.protocol, [&] { return "datagram from " + text_of(datagram.from); },
+      [&] { handler(datagram); });
+  return true;
+}
+
+UdpServer::UdpServer(std::shared_ptr<State> state) : state_(std::move(state)) {}
+UdpServer::~UdpServer() {
+  if (state_) stop();
+}
+
+Expected<UdpServer> UdpServer::open(asio::io_context& io, const BindTarget& target,
+                                    const UdpOptions& options) {
+  auto socket = bind_udp(io, target, options.shared);
+  if (!socket) return tl::unexpected(socket.error());
+  const int native = socket->native_handle();
+  set(native, IP_PKTINFO, 1);
+  if (options.fragments) set(native, IP_MTU_DISCOVER, IP_PMTUDISC_DONT);
+  if (options.reports_refusals) set(native, IP_RECVERR, 1);
+  if (options.send_buffer_bytes > 0) {
+    error_code ignored;  // the kernel grants what net.core.wmem_max allows
+    socket->set_option(asio::socket_base::send_buffer_size(options.send_buffer_bytes), ignored);
+  }
+  return UdpServer(std::make_shared<State>(std::move(*socket), options));
+}
+
+void UdpServer::start(Handler handler) {
+  state_->handler = std::move(handler);
+  state_->wait();
+}
+
+std::error_code UdpServer::use_multicast(std::uint32_t interface, int ttl) {
+  const int native = state_->socket.native_handle();
+  const in_addr leave_by{htonl(interface)};
+  const bool done = (interface == INADDR_ANY || ::setsockopt(native, IPPROTO_IP, IP_MULTICAST_IF,
+                                                             &leave_by, sizeof(leave_by)) == 0) &&
+                    set(native, IP_MULTICAST_LOOP, 1) && set(native, IP_MULTICAST_TTL, ttl);
+  return done ? std::error_code{} : std::error_code{errno, std::generic_category()};
+}
+
+void UdpServer::send(std::span<const std::byte> bytes, const Peer& to, std::uint32_t from) {
+  SocketAddress address(to, state_->ipv4);
+  iovec piece{const_cast<std::byte*>(bytes.data()), bytes.size()};  // sendmsg only reads
+  alignas(cmsghdr) PacketInfo control{};
+  msghdr message{};
+  message.msg_name = address.data();
+  message.msg_namelen = address.size();
+  message.msg_iov = &piece;
+  message.msg_iovlen = 1;
+  if (from != INADDR_ANY) {
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    cmsghdr* header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = IPPROTO_IP;
+    header->cmsg_type = IP_PKTINFO;
+    header->cmsg_len = CMSG_LEN(sizeof(in_pktinfo));
+    in_pktinfo info{};
+    info.ipi_spec_dst.s_addr = htonl(from);
+    std::memcpy(CMSG_DATA(header), &info, sizeof(info));
+  }
+  ::sendmsg(state_->socket.native_handle(), &message, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+DatagramBatch& UdpServer::batch() { return state_->batch; }
+
+void UdpServer::add(std::span<const std::byte> bytes, const Peer& to) {
+  SocketAddress address(to, state_->ipv4);
+  state_->batch.add(bytes, address.data(), address.size());
+}
+
+void UdpServer::add_cut(std::span<const std::byte> bytes, std::size_t cut, const Peer& to) {
+  SocketAddress address(to, state_->ipv4);
+  state_->batch.add_cut(bytes, cut, address.data(), address.size());
+}
+
+void UdpServer::send_batch() {
+  if (state_->batch.size() > 0) state_->batch.send(state_->socket.native_handle());
+}
+
+std::optional<Peer> UdpServer::next_refused() {
+  for (int i = 0; i < kMostOtherErrors; ++i) {
+    sockaddr_in6 to{};
+    alignas(cmsghdr) std::array<std::byte, 512> control{};
+    msghdr message{};
+    message.msg_name = &to;
+    message.msg_namelen = sizeof(to);
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    if (::recvmsg(state_->socket.native_handle(), &message, MSG_ERRQUEUE | MSG_DONTWAIT) < 0)
+      return std::nullopt;
+    const auto error = control_value<sock_extended_err>(message, IP_RECVERR);
+    if (error && error->ee_errno == ECONNREFUSED)
+      return SocketAddress(reinterpret_cast<const sockaddr*>(&to), message.msg_namelen).peer();
+  }
+  return std::nullopt;
+}
+
+void UdpServer::stop() {
+  error_code ignored;
+  state_->timer.cancel(ignored);
+  state_->socket.close(ignored);
+}
+
+bool UdpServer::is_open() const { return state_->socket.is_open(); }
+std::uint16_t UdpServer::port() const { return state_->port; }
+
+}  // namespace fiducap::net

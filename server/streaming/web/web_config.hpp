@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/config_check.hpp"
+
+namespace fiducap::web {
+
+struct WebConfig {
+  bool enabled{true};
+  std::string address{"127.0.0.1"};
+  std::uint16_t port{8080};  ///< 0: any free port, see Streamer::port.
+  double rate_hz{20.0};      ///< Frames to a page; a browser needs no more.
+  int max_clients{32};       ///< Live pages at once; the next one is told to come later.
+  std::string root;          ///< Folder of the bundled page; empty: beside the program.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+template <class V>
+void describe(V& v, WebConfig& c) {
+  v.value("enabled", c.enabled);
+  v.value("address", c.address);
+  v.value("port", c.port);
+  v.value("rate_hz", c.rate_hz);
+  v.value("max_clients", c.max_clients);
+  v.path("root", c.root);
+}
+
+using ProtocolConfig = WebConfig;
+
+}  // namespace fiducap::web

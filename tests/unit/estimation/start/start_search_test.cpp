@@ -1,0 +1,187 @@
+// The start that is followed again from other hypotheses: which of them wins, and what that costs.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "estimation/start/start_search.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr int kTagsInView = 5;
+constexpr Duration kImagePeriod = std::chrono::milliseconds(50);
+// 200 sightings or images with each image that comes in, and the one that is under way.
+constexpr int kMostPerImage = 200 + kTagsInView + 1;
+
+/// The clock is off by `truth_s`; a filter that starts from another shift pays for the difference
+/// and finds half of it, if it is free to.
+struct World {
+  double truth_s{0.0};
+  double floor{0.0};    ///< Cost per number that no clock explains.
+  int sightings{0};     ///< Shown to trial filters so far …
+  int filters{0};       ///< … of which there are so many now …
+  int most_filters{0};  ///< … and were at most.
+};
+
+class FakeFilter final : public StartingFilter {
+ public:
+  FakeFilter(World& world, ClockHypothesis clocks) : world_(world), clocks_(std::move(clocks)) {
+    world_.most_filters = std::max(world_.most_filters, ++world_.filters);
+  }
+  ~FakeFilter() override { --world_.filters; }
+  FakeFilter(const FakeFilter&) = delete;
+  FakeFilter& operator=(const FakeFilter&) = delete;
+
+  void propagate(const ImuSample& imu) override { newest_imu_ = imu.sampled_at; }
+  UpdateReport update(const TagObservations& seen, const MapKnowledge&) override {
+    world_.sightings += static_cast<int>(seen.tags.size()) + 1;
+    ++images_;
+    newest_image_ = seen.exposed_at - seen.clock_shift;
+    return {};
+  }
+  void set_tag_priors(std::vector<KnownTag>) override {}
+  void lose_motion() override {}
+  void release_tag(int) override {}
+  [[nodiscard]] bool running() const override { return true; }
+  [[nodiscard]] BodyEstimate estimate() const override { return {}; }
+  void tag_beliefs(std::vector<TagBelief>& out) const override { out.clear(); }
+  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return {}; }
+  [[nodiscard]] ClockEstimate clock(int) const override {
+    const double off_s = world_.truth_s - clocks_.shifts_s[0];
+    return {.shift_s = clocks_.shifts_s[0] + (clocks_.spread > 0 ? 0.5 * off_s : 0.0),
+            .shift_sigma_s = 1e-4};
+  }
+  [[nodiscard]] Explanation explain(const TagObservations& seen,
+                                    const UpdateReport&) const override {
+    const double off_s = world_.truth_s - clock(0).shift_s;
+    const auto tags = static_cast<double>(seen.tags.size());
+    return {tags * (8.0 + world_.floor + 1e5 * off_s * off_s), 8.0 * tags};
+  }
+  [[nodiscard]] bool is_following() const override { return images_ > 0; }
+  [[nodiscard]] int contradicting_images() const override { return contradicting; }
+  void end_start() override { ++ends; }
+  [[nodiscard]] Axes axes() const override { return {}; }
+  [[nodiscard]] int generation() const override { return 1; }
+  void set_generation(int) override {}
+  void set_restart_clocks(ClockHypothesis) override {}
+
+  int contradicting{0};
+  int ends{0};
+  [[nodiscard]] int images() const { return images_; }
+  [[nodiscard]] Instant newest_image() const { return newest_image_; }
+  [[nodiscard]] Instant newest_imu() const { return newest_imu_; }
+  [[nodiscard]] const ClockHypothesis& clocks() const { return clocks_; }
+
+ private:
+  World& world_;
+  ClockHypothesis clocks_;
+  int images_{0};
+  Instant newest_image_{};
+  Instant newest_imu_{};
+};
+
+class StartSearchTest : public testing::Test {
+ protected:
+  /// The next image and the readings before it. @return sightings shown to trial filters with it
+  int show() {
+    for (int i = 0; i < 10; ++i) {
+      const ImuSample imu{now_ += kImagePeriod / 10, {0, 0, 0}, {0, 0, 9.81}};
+      search_.add(imu);
+      present_->propagate(imu);
+    }
+    TagObservations seen;
+    seen.exposed_at = now_;
+    seen.tags.resize(kTagsInView);
+    present_->update(seen, {});
+    const int before = world_.sightings;
+    if (auto better = search_.add(seen, {}, *present_)) {
+      present_.reset(static_cast<FakeFilter*>(better.release()));
+      ++taken_over_;
+      EXPECT_EQ(present_->newest_image(), now_) << "it stands at the present image";
+      EXPECT_EQ(present_->newest_imu(), now_);
+    }
+    return world_.sightings - before;
+  }
+
+  World world_;
+  Instant now_{std::chrono::seconds(100)};
+  StartSearch search_{{{0.0}, {0.02}}, true, [this](const ClockHypothesis& clocks) {
+                        return std::make_unique<FakeFilter>(world_, clocks);
+                      }};
+  std::unique_ptr<FakeFilter> present_{
+      std::make_unique<FakeFilter>(world_, ClockHypothesis{{0.0}, 1.0})};
+  int taken_over_{0};
+};
+
+TEST_F(StartSearchTest, FindsTheClockAndEnds) {
+  world_.truth_s = 0.05;
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_FALSE(search_.is_open());
+  EXPECT_GE(taken_over_, 1);
+  EXPECT_NEAR(present_->clock(0).shift_s, world_.truth_s, 0.005);
+  EXPECT_EQ(present_->ends, 1);
+}
+
+TEST_F(StartSearchTest, NoImageCostsMoreThanSoManySightings) {
+  world_.truth_s = 0.07;
+  world_.floor = 6.0;  // badly explained: everything is tried
+  int most = 0;
+  int images = 0;
+  for (; images < 400 && search_.is_open(); ++images) most = std::max(most, show());
+  EXPECT_LE(most, kMostPerImage);
+  EXPECT_GT(most, kMostPerImage / 2);
+  EXPECT_LT(images, 300) << "fifteen seconds";
+  EXPECT_LE(world_.most_filters, 3) << "the present one, the best, and the one that is tried";
+}
+
+TEST_F(StartSearchTest, IsOverWithTheLogWhenMoreComesInThanAStartIsWorth) {
+  present_->contradicting = 0;
+  for (int i = 0; i < 20; ++i) show();
+  TagObservations seen;
+  seen.tags.resize(500);
+  int images = 0;
+  for (; images < 100 && search_.is_open(); ++images) {
+    seen.exposed_at = now_ += std::chrono::milliseconds(1);
+    (void)search_.add(seen, {}, *present_);
+  }
+  EXPECT_LT(images, 25);
+  EXPECT_EQ(present_->ends, 1);
+}
+
+TEST_F(StartSearchTest, ContradictionsAreLookedAtAtOnce) {
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(show(), 0);
+  present_->contradicting = 5;
+  EXPECT_GT(show(), 0);
+}
+
+TEST(HypothesisPlanTest, TriesTheConfiguredClockFreeAndHeldAndNoMoreWhenAllIsWell) {
+  const std::vector<ClockEstimate> present{{.shift_s = 0.001, .shift_sigma_s = 0.001}};
+  HypothesisPlan plan({{0.0}, {0.02}}, present, true);
+  std::vector<double> spreads;
+  while (const auto hypothesis = plan.next()) {
+    spreads.push_back(hypothesis->spread);
+    EXPECT_EQ(hypothesis->shifts_s, std::vector<double>{0.0});
+    (void)plan.take({{1000.0, 1000.0}, {{.shift_s = 0.001, .shift_sigma_s = 0.001}}});
+  }
+  EXPECT_EQ(spreads, (std::vector<double>{1.0, 0.0}));
+  EXPECT_FALSE(plan.is_poor());
+}
+
+TEST(HypothesisPlanTest, SearchesWhenAllExplainBadlyAndFindsTheLowest) {
+  constexpr double kTruth_s = -0.037;
+  HypothesisPlan plan({{0.0}, {0.02}}, std::vector<ClockEstimate>{{}}, true);
+  ClockHypothesis best;
+  int tried = 0;
+  while (const auto hypothesis = plan.next()) {
+    const double off_s = hypothesis->shifts_s[0] - kTruth_s;
+    const HypothesisPlan::Outcome outcome{{1500.0 + 3e6 * off_s * off_s, 1000.0},
+                                          {{.shift_s = hypothesis->shifts_s[0]}}};
+    if (plan.take(outcome)) best = *hypothesis;
+    ASSERT_LT(++tried, 30);
+  }
+  EXPECT_TRUE(plan.has_searched());
+  EXPECT_NEAR(best.shifts_s[0], kTruth_s, 0.002);
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,40 @@
+#include "streaming/stream_hub.hpp"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+namespace fiducap {
+namespace {
+
+class Counter final : public Streamer {
+ public:
+  Counter(int& frames, bool throws) : frames_(frames), throws_(throws) {}
+  [[nodiscard]] std::string_view protocol() const override { return "test"; }
+  void publish(const std::shared_ptr<const SceneFrame>&) override {
+    if (throws_) throw std::runtime_error("cannot be encoded");
+    ++frames_;
+  }
+  void append_clients(std::vector<ClientStatus>&) const override {}
+  void stop() override {}
+
+ private:
+  int& frames_;
+  bool throws_;
+};
+
+TEST(StreamHub, AProtocolThatThrowsSilencesNoOther) {
+  int before = 0;
+  int broken = 0;
+  int after = 0;
+  StreamHub hub;
+  hub.add(std::make_unique<Counter>(before, false));
+  hub.add(std::make_unique<Counter>(broken, true));
+  hub.add(std::make_unique<Counter>(after, false));
+  for (int i = 0; i < 3; ++i) hub.publish(nullptr);
+  EXPECT_EQ(before, 3);
+  EXPECT_EQ(after, 3);
+}
+
+}  // namespace
+}  // namespace fiducap

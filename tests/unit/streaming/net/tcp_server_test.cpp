@@ -1,0 +1,226 @@
+#include "streaming/net/tcp_server.hpp"
+
+#include <gtest/gtest.h>
+
+#include <boost/asio/write.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "streaming/net/bind.hpp"
+#include "support/fake_clock.hpp"
+
+namespace fiducap::net {
+namespace {
+
+using boost::asio::ip::tcp;
+
+/// Says every received byte back; `!` ends it, `#` makes it throw.
+class Echo final : public TcpSession {
+ public:
+  Echo(Socket socket, const Clock& clock) : TcpSession(std::move(socket), "test", clock) {}
+  void publish() {
+    if (throws_later) throw std::runtime_error("cannot be encoded");
+    offer(std::make_shared<const std::vector<std::byte>>(1, std::byte{'f'}));
+  }
+  bool throws_later{false};
+
+ protected:
+  void received(std::span<const std::byte> got) override {
+    if (got.empty()) return;
+    if (got.front() == std::byte{'!'}) return close("was told to");
+    if (got.front() == std::byte{'#'}) throw std::runtime_error("a handler's defect");
+    send(got);
+  }
+  void ticked(Instant) override {
+    if (throws_later) throw std::runtime_error("cannot tick");
+  }
+};
+
+class TcpServerTest : public testing::Test {
+ protected:
+  TcpServerTest() {
+    port_ = server_
+                .listen({"127.0.0.1", 0, "streaming.test"},
+                        [this](Socket socket, const Peer&) {
+                          sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
+                          return sessions_.back();
+                        })
+                .value();
+  }
+
+  tcp::socket dial() {
+    tcp::socket client(io_);
+    client.connect({boost::asio::ip::address_v4::loopback(), port_});
+    client.non_blocking(true);
+    return client;
+  }
+  tcp::socket connect() {
+    const auto before = sessions_.size();
+    auto client = dial();
+    while (sessions_.size() == before) io_.run_one();
+    return client;
+  }
+  void say(tcp::socket& client, char letter) {
+    boost::asio::write(client, boost::asio::buffer(&letter, 1));
+  }
+  std::string read(tcp::socket& client, std::size_t size) {
+    std::string text(size, '\0');
+    std::size_t have = 0;
+    while (have < size) {
+      io_.poll();
+      boost::system::error_code error;
+      have += client.read_some(boost::asio::buffer(text.data() + have, size - have), error);
+      if (error && error != boost::asio::error::would_block) return "end";
+    }
+    return text;
+  }
+  std::string echo(tcp::socket& client, char letter) {
+    say(client, letter);
+    return read(client, 1);
+  }
+  /// Until the server's own timer has gone off.
+  void tick() {
+    const int before = ticks_;
+    while (ticks_ == before) io_.run_one();
+  }
+  void start() {
+    server_.start([this](Instant) {
+      ++ticks_;
+      if (tick_throws_) throw std::runtime_error("a tick's defect");
+    });
+  }
+
+  static constexpr int kMost = 3;
+  boost::asio::io_context io_;
+  FakeClock clock_;
+  std::vector<std::shared_ptr<Echo>> sessions_;
+  TcpServer server_{io_, {"test", kMost, 2, "streaming.test"}, clock_};
+  std::uint16_t port_{0};
+  int ticks_{0};
+  bool tick_throws_{false};
+};
+
+TEST_F(TcpServerTest, AnswersWhatItReceives) {
+  auto client = connect();
+  EXPECT_EQ(echo(client, 'h'), "h");
+}
+
+TEST_F(TcpServerTest, AClientThatNeverReadsLosesFramesAndThenItsPlace) {
+  auto client = connect();
+  const auto big = std::make_shared<const std::vector<std::byte>>(1 << 20);
+  for (int i = 0; i < 50; ++i) {
+    sessions_[0]->offer(big);
+    io_.poll();
+  }
+  EXPECT_GE(sessions_[0]->frames_dropped(), 40u);
+  EXPECT_FALSE(sessions_[0]->closed());
+  clock_.advance(TcpOutbox::kMaxWait + std::chrono::milliseconds(1));
+  sessions_[0]->tick(clock_.now());
+  EXPECT_TRUE(sessions_[0]->closed());
+}
+
+TEST_F(TcpServerTest, ASessionMayCloseItselfWhileReceiving) {
+  auto client = connect();
+  EXPECT_EQ(echo(client, '!'), "end");
+  EXPECT_TRUE(sessions_[0]->closed());
+}
+
+TEST_F(TcpServerTest, WhatASessionThrowsWhileReceivingEndsThatSessionOnly) {
+  auto broken = connect();
+  auto other = connect();
+  EXPECT_EQ(echo(broken, '#'), "end");
+  EXPECT_TRUE(sessions_[0]->closed());
+  EXPECT_EQ(echo(other, 'a'), "a");
+  start();
+  tick();
+  auto next = connect();
+  EXPECT_EQ(echo(next, 'b'), "b") << "it goes on accepting";
+}
+
+TEST_F(TcpServerTest, WhatASessionThrowsForAFrameEndsThatSessionOnly) {
+  auto broken = connect();
+  auto other = connect();
+  sessions_[0]->throws_later = true;
+  server_.each<Echo>([](Echo& session) { session.publish(); });
+  EXPECT_TRUE(sessions_[0]->closed());
+  EXPECT_EQ(read(other, 1), "f");
+}
+
+TEST_F(TcpServerTest, WhatIsThrownInATickStopsNoTicks) {
+  auto broken = connect();
+  auto other = connect();
+  sessions_[0]->throws_later = true;
+  tick_throws_ = true;
+  start();
+  tick();
+  tick();
+  EXPECT_TRUE(sessions_[0]->closed());
+  EXPECT_EQ(echo(other, 'a'), "a");
+}
+
+TEST_F(TcpServerTest, AMakerThatThrowsCostsThatConnectionOnly) {
+  bool throws = true;
+  const auto port =
+      server_.listen({"127.0.0.1", 0, "streaming.test"}, [&](Socket socket, const Peer&) {
+        if (std::exchange(throws, false)) throw std::runtime_error("no memory");
+        sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
+        return sessions_.back();
+      });
+  port_ = port.value();
+  auto first = dial();
+  EXPECT_EQ(read(first, 1), "end");
+  auto second = connect();
+  EXPECT_EQ(echo(second, 'a'), "a");
+}
+
+TEST_F(TcpServerTest, OneAddressGetsNoMoreThanItsPlaces) {
+  auto one = connect();
+  auto two = connect();
+  auto three = dial();
+  EXPECT_EQ(read(three, 1), "end");
+  EXPECT_EQ(echo(one, '!'), "end");
+  auto four = connect();
+  EXPECT_EQ(echo(four, 'a'), "a") << "a place is free again";
+}
+
+TEST_F(TcpServerTest, ConnectsToAPeerWithinTheSameLimits) {
+  tcp::acceptor listening(io_, {boost::asio::ip::address_v4::loopback(), 0});
+  const Peer peer = peer_of(listening.local_endpoint());
+  int made = 0;
+  const auto make = [&](Socket socket, const Peer&) {
+    ++made;
+    return std::make_shared<Echo>(std::move(socket), clock_);
+  };
+  server_.connect(peer, std::chrono::seconds(3), make);
+  server_.connect(peer, std::chrono::seconds(3), make);
+  tcp::socket client = listening.accept();
+  client.non_blocking(true);
+  EXPECT_EQ(echo(client, 'a'), "a");
+  EXPECT_EQ(made, 1) << "one connection to one peer at a time";
+}
+
+TEST_F(TcpServerTest, NothingIsCalledAfterItHasStopped) {
+  auto client = connect();
+  start();
+  server_.stop();
+  EXPECT_EQ(read(client, 1), "end");
+  io_.restart();
+  io_.run();
+  EXPECT_EQ(ticks_, 0);
+  tcp::socket late(io_);
+  boost::system::error_code error;
+  late.connect({boost::asio::ip::address_v4::loopback(), port_}, error);
+  EXPECT_TRUE(error);
+}
+
+TEST_F(TcpServerTest, SessionsMaySayGoodbye) {
+  auto client = connect();
+  server_.stop(std::chrono::milliseconds(1));
+  EXPECT_FALSE(sessions_[0]->closed());
+  io_.restart();
+  io_.run();
+  EXPECT_TRUE(sessions_[0]->closed());
+}
+
+}  // namespace
+}  // namespace fiducap::net
