@@ -72,6 +72,7 @@ class BodiesReplay final {
   [[nodiscard]] std::optional<std::size_t> earliest() const;
   Expected<void> take_next(std::size_t body, const MapView& view, const Watch& watch);
   Expected<void> run_by_turns(const Watch& watch);
+  Expected<void> skip_to(const MapTurn& turn, const Watch& watch);
   [[nodiscard]] static bool is_at(const Body& body, const MapTurn& turn);
   void compare(const MapTurn& turn);
   [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
