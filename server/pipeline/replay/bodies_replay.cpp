@@ -80,6 +80,7 @@ std::optional<std::size_t> BodiesReplay::earliest() const {
 }
 
 Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, const Watch& watch) {
+  view_ = view;
   Body& body = bodies_[index];
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {

@@ -56,6 +56,8 @@ class BodiesReplay final {
   }
   /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
+  /// What the body of the newest image was told.
+  [[nodiscard]] const MapView& view() const { return view_; }
   /// How far estimates are from those of the recorded session.
   [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
 
@@ -84,6 +86,7 @@ class BodiesReplay final {
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
   LiveAgreement agreement_;
+  MapView view_;
   std::optional<Pose> last_;  ///< Of the image just taken, when it was placed.
 };
 
