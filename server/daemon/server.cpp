@@ -182,6 +182,9 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
     recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
                        std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
+    recorded.bodies[i].cameras.clear();  // as they are used, with what was learned about them
+    for (const CameraMount& mount : sensors.cameras)
+      recorded.bodies[i].cameras.push_back({.mount = mount});
     bodies_.add(std::make_unique<BodyWorker>(
         BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},
         shared));

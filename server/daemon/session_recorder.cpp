@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "detection/side_bend.hpp"
 #include "mapping/formats/map_yaml.hpp"
 
 namespace fiducap {
@@ -107,8 +108,16 @@ void SessionRecorder::take(std::size_t body, const SensorSample& sample) {
   put(body, sample);
 }
 
-void SessionRecorder::take_found(std::size_t body, const CornerFrame& corners) {
-  if (recording_ && !config_.images) put(body, SensorSample(corners));
+void SessionRecorder::take_found(std::size_t body, const CornerFrame& found) {
+  if (!recording_ || config_.images) return;
+  CornerFrame corners = found;
+  const auto camera = static_cast<std::size_t>(found.camera);
+  // A recording holds corners as they are, not where straight lines through bent sides meet.
+  if (found.fitted_straight_sides && camera < bodies_[body].cameras.size()) {
+    for (TagSighting& tag : corners.tags)
+      tag.corners_px = unbend_corners(bodies_[body].cameras[camera].model, tag.corners_px);
+  }
+  put(body, SensorSample(std::move(corners)));
 }
 
 void SessionRecorder::take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,

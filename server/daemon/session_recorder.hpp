@@ -70,7 +70,7 @@ class SessionRecorder final {
   void take(std::size_t body, const SensorSample& sample);
   /// Corners that were found in an image, where images are not recorded; costs nothing when nothing
   /// is recorded.
-  void take_found(std::size_t body, const CornerFrame& corners);
+  void take_found(std::size_t body, const CornerFrame& found);
   /// How the image's body and the map met.
   void take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,
                  std::uint64_t turn);

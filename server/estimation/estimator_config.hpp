@@ -23,7 +23,7 @@ struct EstimatorConfig {
       0.999};               ///< A tag is used when its joint chi-square is below this quantile.
   int max_local_tags{200};  ///< Tags in the state; further ones are ignored and reported once.
   int hand_over_above{
-      60};  ///< More tags in the state than this: the map takes the one unseen for longest.
+      120};  ///< More tags in the state than this: the map takes the one unseen for longest.
   double branch_evidence{
       20.0};  ///< Chi-square by which the second planar pose must lose before a tag is believed.
   int branch_views{10};       ///< Views of a tag that are compared while its branch is open.

@@ -80,6 +80,7 @@ std::optional<std::size_t> BodiesReplay::earliest() const {
 }
 
 Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, const Watch& watch) {
+  view_ = view;
   Body& body = bodies_[index];
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
@@ -109,8 +110,23 @@ std::shared_ptr<const TagMap> BodiesReplay::published(std::int64_t revision) con
   return nullptr;
 }
 
+/// Images whose turns were lost go first, with the map as it is.
+Expected<void> BodiesReplay::skip_to(const MapTurn& turn, const Watch& watch) {
+  Body& body = bodies_[turn.body];
+  while (body.image_at) {
+    const SensorSample& image = *body.pipeline->next();
+    if (to_ns(time_of(image) - clock_shift_of(image)) >= turn.stamp_ns) return {};
+    ++turns_missed_;
+    if (const auto done = take_next(turn.body, map_.view(body.id), watch); !done) return done;
+  }
+  return {};
+}
+
 Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
   for (const MapTurn& turn : turns_) {
+    if (turn.body < bodies_.size()) {
+      if (const auto done = skip_to(turn, watch); !done) return done;
+    }
     if (turn.body >= bodies_.size() || !is_at(bodies_[turn.body], turn)) {
       ++turns_missed_;
       continue;

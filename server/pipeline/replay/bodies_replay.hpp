@@ -56,6 +56,8 @@ class BodiesReplay final {
   }
   /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
+  /// What the body of the newest image was told.
+  [[nodiscard]] const MapView& view() const { return view_; }
   /// How far estimates are from those of the recorded session.
   [[nodiscard]] const LiveAgreement& agreement() const { return agreement_; }
 
@@ -72,6 +74,7 @@ class BodiesReplay final {
   [[nodiscard]] std::optional<std::size_t> earliest() const;
   Expected<void> take_next(std::size_t body, const MapView& view, const Watch& watch);
   Expected<void> run_by_turns(const Watch& watch);
+  Expected<void> skip_to(const MapTurn& turn, const Watch& watch);
   [[nodiscard]] static bool is_at(const Body& body, const MapTurn& turn);
   void compare(const MapTurn& turn);
   [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
@@ -83,6 +86,7 @@ class BodiesReplay final {
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
   LiveAgreement agreement_;
+  MapView view_;
   std::optional<Pose> last_;  ///< Of the image just taken, when it was placed.
 };
 

@@ -112,9 +112,8 @@ Expected<void> add_body(const ReplayArguments& arguments, const std::string& fol
                       ": one map has one; give --set map.reference_tag=N",
                   info->name);
   }
-  auto setup = session == nullptr || !arguments.config.empty() || !arguments.sets.empty()
-                   ? replay_setup(arguments, *info)
-                   : session_setup(arguments, *session, inputs.bodies.size(), *info);
+  auto setup = session == nullptr ? replay_setup(arguments, *info)
+                                  : session_setup(arguments, *session, inputs.bodies.size(), *info);
   if (!setup) return tl::unexpected(setup.error());
   auto source = open_recording(*info, {}, clock);
   if (!source) return tl::unexpected(source.error());
@@ -124,7 +123,12 @@ Expected<void> add_body(const ReplayArguments& arguments, const std::string& fol
 
 Expected<void> add_session(const ReplayArguments& arguments, const std::string& folder,
                            Inputs& inputs) {
-  auto session = read_session(folder);
+  if (!arguments.map.empty() || !arguments.config.empty())
+    return fail(ErrorCode::kInvalid,
+                "a session starts from its own map and configuration: leave --map and --config out "
+                "(--set changes single keys)",
+                folder);
+  auto session = read_session(folder, arguments.sets);
   if (!session) return tl::unexpected(session.error());
   for (const std::string& body : session->bodies)
     if (auto added = add_body(arguments, body, &*session, inputs); !added) return added;

@@ -180,17 +180,22 @@ nlohmann::ordered_json body_report(const RunBody& body) {
 }
 
 nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineSession& session) {
-  if (bodies.size() == 1) return body_report(bodies.front());
-  nlohmann::ordered_json all{{"bodies", nlohmann::ordered_json::array()},
-                             {"tags_in_map", session.map.tags.size()},
-                             {"turns_missed", session.turns_missed},
-                             {"live",
-                              {{"compared", session.agreement.compared},
-                               {"different", session.agreement.different},
-                               {"worst_m", session.agreement.worst_m},
-                               {"worst_rad", session.agreement.worst_rad}}}};
-  for (const RunBody& body : bodies) all["bodies"].push_back(body_report(body));
-  return all;
+  nlohmann::ordered_json report;
+  if (bodies.size() == 1) {
+    report = body_report(bodies.front());
+  } else {
+    report["bodies"] = nlohmann::ordered_json::array();
+    for (const RunBody& body : bodies) report["bodies"].push_back(body_report(body));
+  }
+  report["tags_in_map"] = session.map.tags.size();
+  const LiveAgreement& live = session.agreement;
+  if (live.compared + session.turns_missed > 0)
+    report["live"] = {{"compared", live.compared},
+                      {"different", live.different},
+                      {"worst_m", live.worst_m},
+                      {"worst_rad", live.worst_rad},
+                      {"turns_missed", session.turns_missed}};
+  return report;
 }
 
 }  // namespace

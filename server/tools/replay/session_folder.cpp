@@ -14,11 +14,12 @@ bool is_session(const std::string& folder) {
   return is_file(path / "config.yaml") && is_file(path / "map.yaml") && is_file(path / "turns.csv");
 }
 
-Expected<SessionFolder> read_session(const std::string& folder) {
+Expected<SessionFolder> read_session(const std::string& folder,
+                                     const std::vector<std::string>& sets) {
   const fs::path path(folder);
   SessionFolder session;
   session.folder = folder;
-  auto config = load_config((path / "config.yaml").string());
+  auto config = load_config((path / "config.yaml").string(), sets);
   if (!config)
     return fail(ErrorCode::kInvalid, config.error().front().text(),
                 (path / "config.yaml").string());

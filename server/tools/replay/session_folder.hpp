@@ -22,7 +22,9 @@ struct SessionFolder {
 
 /// Whether a server's session was recorded here.
 [[nodiscard]] bool is_session(const std::string& folder);
-[[nodiscard]] Expected<SessionFolder> read_session(const std::string& folder);
+/// @param sets  over the session's own configuration, as in load_config
+[[nodiscard]] Expected<SessionFolder> read_session(const std::string& folder,
+                                                   const std::vector<std::string>& sets = {});
 /// The session that a recording belongs to; nullopt: it stands alone.
 [[nodiscard]] std::optional<std::string> session_of(const std::string& recording);
 

@@ -154,7 +154,7 @@ TEST(MapTurns, ReadBackInTheOrderInWhichTheBodiesToldTheMap) {
 }
 
 TEST(BodiesReplay, FollowsTheTurnsOfASessionAndSaysHowFarItIsFromTheLiveEstimates) {
-  // A run in order of time, noted like a session …
+  // A run in order of time, noted like a session.
   const auto robots = [] {
     std::vector<std::unique_ptr<Robot>> made;
     made.push_back(std::make_unique<Robot>(1, 8, std::nullopt));
@@ -171,15 +171,11 @@ TEST(BodiesReplay, FollowsTheTurnsOfASessionAndSaysHowFarItIsFromTheLiveEstimate
     turn.turn = turns.size();
     turn.body = body;
     turn.stamp_ns = to_ns(update.corners.exposed_at - update.corners.clock_shift);
-    turn.revision = static_cast<std::int64_t>(live.map().published().revision);
-    turn.may_define_workspace = true;
+    turn.revision = static_cast<std::int64_t>(live.view().revision);
+    turn.may_define_workspace = live.view().may_define_workspace;
     if (update.is_placed()) turn.X_WB = update.estimate->X_WB;
     turns.push_back(turn);
   }));
-  // … where each image had the map of the image before.
-  for (std::size_t i = turns.size(); i-- > 1;) turns[i].revision = turns[i - 1].revision;
-  turns.front().revision = 0;
-  for (MapTurn& turn : turns) turn.may_define_workspace = turn.body == 0;
   const auto second = robots();
   BodiesReplay again({{1, "a", second[0]->setup(), second[0]->offline(1).source},
                       {2, "b", second[1]->setup(), second[1]->offline(2).source}},
