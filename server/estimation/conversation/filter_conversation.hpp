@@ -62,6 +62,8 @@ class FilterConversation final : public StartingFilter {
 
   void restart();
   UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
+  /// What the map says first, and whether the body is still followed.
+  void meet(const TagObservations& seen, std::span<const KnownTag> known, UpdateReport& report);
   void sort(const TagObservations& seen, std::span<const KnownTag> known);
   /// @return iterations of the update; 0: the state does not stand at this image
   int move_to(const TagObservations& seen);

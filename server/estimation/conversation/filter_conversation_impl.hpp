@@ -98,30 +98,13 @@ void FilterConversation<C>::sort(const TagObservations& seen, std::span<const Kn
 template <class C>
 UpdateReport FilterConversation<C>::process(const TagObservations& seen,
                                             std::span<const KnownTag> known) {
-  using namespace filter_rules;  // NOLINT: short names for what filters go by
   UpdateReport report;
   report.exposed_at = seen.exposed_at;
   report.tags_seen = static_cast<int>(seen.tags.size());
   if (is_following() && seen.exposed_at < state().time)
     return report;  // too late; the merger counts these
 
-  coordinates().look_at(seen);
-  if (is_following()) {
-    if (const auto shift = anchor_.by_own_tags(coordinates(), known)) {
-      coordinates().forget_past();  // it does not know where the room is
-      shift_axes(shift, report);
-    }
-  }
-  sort(seen, known);
-  const double longest_s = has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s;
-  if (contradictions_.seconds_without_fit(seen.exposed_at) > longest_s) lose_motion(false);
-
-  coordinates().forget_aim();
-  if (C::kStartsBeforeTags && is_in_mode(FilterMode::kStarting) && has_imu() &&
-      follower_.knows_attitude() && !tags_.fresh.empty()) {
-    follower_.start(seen.exposed_at);
-    contradictions_.note_fit(seen.exposed_at);
-  }
+  meet(seen, known, report);
   const int iterations = move_to(seen);
   bool is_at_image = iterations > 0;
   if (is_at_image && !tags_.usable.empty()) correct(seen, iterations, report);
@@ -134,7 +117,8 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
     if (is_at_image) {
       coordinates().memory().add(seen, known);
       coordinates().correct_by_points(seen, coordinates().memory().newest(), report);
-      if (report.landmarks_used >= kLandmarksToStay) contradictions_.note_fit(seen.exposed_at);
+      if (report.landmarks_used >= filter_rules::kLandmarksToStay)
+        contradictions_.note_fit(seen.exposed_at);
     }
   }
   if (is_at_image || is_in_mode(FilterMode::kStarting) ||
@@ -144,6 +128,28 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   if (is_following())
     shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
   return report;
+}
+
+template <class C>
+void FilterConversation<C>::meet(const TagObservations& seen, std::span<const KnownTag> known,
+                                 UpdateReport& report) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  coordinates().look_at(seen);
+  if (is_following()) {
+    if (const auto shift = anchor_.by_own_tags(coordinates(), known)) {
+      coordinates().forget_past();  // it does not know where the room is
+      shift_axes(shift, report);
+    }
+  }
+  sort(seen, known);
+  const double longest_s = has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s;
+  if (contradictions_.seconds_without_fit(seen.exposed_at) > longest_s) lose_motion(false);
+  coordinates().forget_aim();
+  if (C::kStartsBeforeTags && is_in_mode(FilterMode::kStarting) && has_imu() &&
+      follower_.knows_attitude() && !tags_.fresh.empty()) {
+    follower_.start(seen.exposed_at);
+    contradictions_.note_fit(seen.exposed_at);
+  }
 }
 
 template <class C>

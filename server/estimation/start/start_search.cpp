@@ -16,10 +16,17 @@ constexpr std::array kLooks_s{2.0, 4.0, 6.0};
 constexpr std::size_t kMostContradictedLooks = 5;
 // No search when so many in a row did not help: no clock is wrong then (but sizes or lens, say).
 constexpr int kMostVainSearches = 6;
-// Work with one image: an image counts one, each of its sightings one more, readings a little. A
-// sighting costs some 20 to 50 microseconds.
-constexpr double kWorkPerImage = 200.0;
-constexpr double kWorkOfReading = 0.05;
+// Work with each image that comes in, in units of some 15 microseconds: what following a small
+// image of the past costs.
+constexpr double kWorkPerImage = 800.0;
+constexpr double kWorkOfReading = 0.1;
+
+/// An update grows with its tags, and with the tags of the state, of which there are as many at
+/// least.
+double work_of(const TagObservations& seen) {
+  const auto tags = static_cast<double>(seen.tags.size());
+  return 1.0 + tags * (1.0 + 0.1 * tags);
+}
 }  // namespace
 
 StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
@@ -116,8 +123,7 @@ void StartSearch::advance(Trial& trial, double& work) const {
     const StartLog::Image& image = log_.images()[trial.order[trial.images]];
     const std::size_t readings = trial.readings;
     take_image(trial, image);
-    work -= 1.0 + static_cast<double>(image.seen.tags.size()) +
-            kWorkOfReading * static_cast<double>(trial.readings - readings);
+    work -= work_of(image.seen) + kWorkOfReading * static_cast<double>(trial.readings - readings);
   }
 }
 
@@ -159,7 +165,7 @@ bool StartSearch::catch_up(double& work) {
     if (work <= 0) return false;
     const StartLog::Image& image = images[best_->images];
     take_image(*best_, image);
-    work -= 1.0 + static_cast<double>(image.seen.tags.size());
+    work -= work_of(image.seen);
   }
   while (best_->readings < log_.imu().size())
     best_->filter->propagate(log_.imu()[best_->readings++]);

@@ -18,7 +18,7 @@ namespace fiducap {
 /// each other, it follows the start again with trial filters, one hypothesis after the other
 /// (HypothesisPlan), so much of it with each image and no more: the filter in use goes on giving
 /// poses meanwhile. The best trial then catches up with the present and takes over. At most two
-/// trials are kept. Work is counted in sightings, not by a clock, so that a replay does the same.
+/// trials are kept. Work is counted by sightings, not by a clock, so that a replay does the same.
 class StartSearch final {
  public:
   using MakeFilter = std::function<std::unique_ptr<StartingFilter>(const ClockHypothesis&)>;

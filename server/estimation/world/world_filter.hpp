@@ -17,6 +17,8 @@ using WorldConversation = FilterConversation<WorldCoordinates>;
 class WorldFilter final : public BodyFilter {
  public:
   WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorConfig config);
+  WorldFilter(const WorldFilter&) = delete;  // the search makes filters by it
+  WorldFilter& operator=(const WorldFilter&) = delete;
 
   void propagate(const ImuSample& imu) override;
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;

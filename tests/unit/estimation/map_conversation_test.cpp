@@ -129,7 +129,8 @@ TEST_P(MapConversation, AFilterThatMayNotDefineTheWorkspaceWaitsForATagOfTheMap)
   ExampleRoom room(setup());
   for (int i = 0; i < kStartImages; ++i) {
     room.next_image({.tags = {}, .may_define_workspace = false}, {0, 1, 2});
-    if (room.filter->running()) EXPECT_FALSE(room.filter->estimate().anchored) << "image " << i;
+    const bool is_anchored = room.filter->running() && room.filter->estimate().anchored;
+    EXPECT_FALSE(is_anchored) << "image " << i;
   }
   const std::vector<KnownTag> map{room.known(4, room.tags[4], 1e-3)};
   int anchored_after = -1;
@@ -194,6 +195,25 @@ TEST_P(MapConversation, OneMisreadTagDoesNotAnchorABodyWrongly) {
   }
 }
 
+TEST_P(MapConversation, WhatABodyTaughtTheMapItselfIsNotFusedBack) {
+  ExampleRoom room(setup());
+  wander_unanchored(room);
+  std::vector<TagBelief> beliefs;
+  room.filter->tag_beliefs(beliefs);
+  ASSERT_EQ(beliefs.size(), 6u);
+  for (const TagBelief& belief : beliefs) EXPECT_EQ(belief.component, TagBelief::kOwnAxes);
+  std::vector<KnownTag> map = room.known_all(1e-3);
+  for (KnownTag& tag : map) tag.is_own = true;
+  for (int i = 0; i < 5; ++i) room.next_image({.tags = map, .may_define_workspace = false});
+  EXPECT_FALSE(room.filter->estimate().anchored);
+  map[2].is_own = false;  // somebody else has seen this one
+  room.next_image({.tags = map, .may_define_workspace = false});
+  EXPECT_TRUE(room.filter->estimate().anchored);
+  room.filter->tag_beliefs(beliefs);
+  ASSERT_EQ(beliefs.size(), 5u);
+  for (const TagBelief& belief : beliefs) EXPECT_EQ(belief.component, TagBelief::kWorkspace);
+}
+
 /// Moves what was given out along with the workspace, as whoever keeps poses does, and says how far
 /// the newest pose is from where the last one, moved so, would have it.
 class Follower {
@@ -202,18 +222,20 @@ class Follower {
     if (!room.filter->running()) return 0;
     const Pose X_WB = room.filter->estimate().X_WB;
     double jump = 0;
-    if (last_ && report.generation == generation_) {
-      const Pose moved = report.gauge_shift.value_or(Pose{}) * *last_;
+    if (has_last_ && report.generation == generation_) {
+      const Pose moved = report.gauge_shift.value_or(Pose{}) * last_;
       jump = (X_WB.p - (moved * (truth_.inverse() * room.truth())).p).norm();
     }
     last_ = X_WB;
+    has_last_ = true;
     truth_ = room.truth();
     generation_ = report.generation;
     return jump;
   }
 
  private:
-  std::optional<Pose> last_;
+  bool has_last_{false};
+  Pose last_;
   Pose truth_;
   int generation_{0};
 };
@@ -243,9 +265,11 @@ TEST_P(MapConversation, PosesFromBeforeAResetAreNotMoved) {
   settle(room);
   const int generation = room.next_image({}).generation;
   // Everything stands elsewhere: nothing of what was known fits any more.
-  int index = 0;
-  for (auto& [id, X_RT] : room.tags)
-    X_RT.p += Eigen::Vector3d(0.3 * std::cos(2.0 * index), 0.2, 0.3 * std::sin(3.0 * index++));
+  double index = 0;
+  for (auto& [id, X_RT] : room.tags) {
+    X_RT.p += Eigen::Vector3d(0.3 * std::cos(2.0 * index), 0.2, 0.3 * std::sin(3.0 * index));
+    index += 1.0;
+  }
   bool has_reset = false;
   for (int i = 0; i < 400; ++i) {
     const UpdateReport report = room.next_image({});

@@ -10,8 +10,9 @@ namespace {
 
 constexpr int kTagsInView = 5;
 constexpr Duration kImagePeriod = std::chrono::milliseconds(50);
-// 200 sightings or images with each image that comes in, and the one that is under way.
-constexpr int kMostPerImage = 200 + kTagsInView + 1;
+// An image of five tags and ten readings is nine and a half of the 800 units of work that go with
+// each image; and the one that is under way.
+constexpr int kMostPerImage = (800 / 9 + 1) * (kTagsInView + 1);
 
 /// The clock is off by `truth_s`; a filter that starts from another shift pays for the difference
 /// and finds half of it, if it is free to.
