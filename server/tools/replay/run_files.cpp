@@ -107,6 +107,10 @@ std::string event_line(Instant at, const std::string& body, std::string_view eve
          shortest(turn_deg) + "," + text + "\n";
 }
 
+bool is_about_a_tag(MapEvent::Kind kind) {
+  return kind != MapEvent::Kind::kPublished && kind != MapEvent::Kind::kWorkspace;
+}
+
 std::string events_csv(std::span<const RunBody> bodies, const OfflineSession& session) {
   std::vector<std::pair<Instant, std::string>> lines;
   for (const RunBody& body : bodies)
@@ -114,8 +118,9 @@ std::string events_csv(std::span<const RunBody> bodies, const OfflineSession& se
       lines.emplace_back(event.at, event_line(event.at, body.name, name_of(event.kind),
                                               event.tag_id, event.shift, event.text));
   for (const auto& [at, event] : session.map_events)
-    lines.emplace_back(at, event_line(at, "", name_of(event.kind),
-                                      event.tag_id == 0 ? -1 : event.tag_id, {}, event.text));
+    lines.emplace_back(
+        at, event_line(at, "", name_of(event.kind), is_about_a_tag(event.kind) ? event.tag_id : -1,
+                       {}, event.text));
   std::stable_sort(lines.begin(), lines.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   std::string text = "#t_ns,body,event,tag_id,shift_m,shift_deg,text\n";
