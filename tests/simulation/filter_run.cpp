@@ -221,6 +221,10 @@ PipelineSetup setup_of(const EstimationData& data, const FilterChoice& choice) {
   setup.estimator.estimate_extrinsics = !choice.knowledge.extrinsics_known();
   if (!choice.knowledge.map_known()) setup.gauge.reference_tag = data.reference_tag;
   setup.filter = choice.filter;
+  // How long a pose may be shown without a tag is the body's limit; without a live path around it,
+  // the filter alone decides when it does not know the motion any more.
+  constexpr double kNever_s = 1e6;
+  if (!choice.live) setup.lose_after_s = kNever_s;
   return setup;
 }
 
