@@ -20,6 +20,9 @@ constexpr double kSigmaChanged = 0.1;
 // A tag has settled when it was looked at for so long without a visible change.
 constexpr Duration kStillToSettle = std::chrono::seconds(10);
 constexpr int kSightingsToSettle = 100;
+// Less than this is not a tag that somebody moved.
+constexpr double kMove_m = 0.1;
+constexpr double kMove_rad = 0.1;
 constexpr std::size_t kKeptEvents = 256;
 
 double position_variance(const KnownTag& tag) { return tag.covariance.diagonal().head<3>().sum(); }
@@ -171,6 +174,8 @@ bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_
   MapTag* entry = find_in(working_, tag_id);
   if (entry == nullptr || entry->component != 0 || entry->state == TagState::kQuarantined)
     return false;
+  const auto known = ownership_.find(tag_id);
+  if (known != ownership_.end() && known->second.disputed) return false;
   const std::string name = "tag " + std::to_string(tag_id);
   if (entry->state == TagState::kSurveyed) {
     note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
@@ -220,6 +225,13 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
   if (!is_new && !accept_locked(body_id, belief, *entry, owner)) return false;
   if (owner.quarantined_at) {
     const double moved_m = (belief.tag.X_WT.p - entry->tag.X_WT.p).norm();
+    if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry->tag.X_WT.q) < kMove_rad) {
+      // No move: map and body are further apart than they claim. To take over one tag after the
+      // other would bend the map after this body.
+      entry->state = TagState::kLocal;
+      owner = {.disputed = true};
+      return true;
+    }
     note_locked(MapEvent::Kind::kTagMoved, id,
                 "tag " + std::to_string(id) + " was learned anew, " + fixed(moved_m, 3) +
                     " m from where it was");

@@ -114,6 +114,7 @@ class MapBuilder final {
     Instant last_seen{};
     std::optional<Instant> still_since;  ///< When the published place last changed, by the owner.
     std::optional<Instant> quarantined_at;
+    bool disputed{false};  ///< Contradicted, but not moved: stays where it is.
   };
   [[nodiscard]] bool ready(const TagBelief& belief) const;
   [[nodiscard]] bool has_workspace_locked() const;

@@ -74,7 +74,7 @@ void hold(FilterState& state, const KnownTag& known, Instant at) {
 bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
   static const double kGate = chi_square_quantile(6, 0.9999);
   constexpr double kLeastSigma = 1e-6;  // m and rad: a map's numbers are rounded
-  constexpr double kSingular = 1e-12;   // of the largest eigenvalue
+  constexpr double kSingular = 1e-6;    // of the largest eigenvalue
   auto P = state.P();
   const int at = state.tag_at(tag);
   const Matrix6d J = world_from_plain_error(now.X_WT.p);
@@ -88,7 +88,8 @@ bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
   // Place and heading of a reference tag are exact, so S may be singular; nothing is correlated
   // with what is exact.
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(S);
-  const double least = kSingular * std::max(0.0, eigen.eigenvalues()(5));
+  const double least =
+      std::max(kLeastSigma * kLeastSigma, kSingular * std::max(0.0, eigen.eigenvalues()(5)));
   Vector6d inverse = Vector6d::Zero();
   for (int k = 0; k < 6; ++k) {
     if (eigen.eigenvalues()(k) > least) inverse(k) = 1.0 / eigen.eigenvalues()(k);
@@ -97,6 +98,11 @@ bool replace_held(FilterState& state, std::size_t tag, const KnownTag& now) {
       P.middleCols<6>(at) *
       (eigen.eigenvectors() * inverse.asDiagonal() * eigen.eigenvectors().transpose());
   const Eigen::Matrix<double, Eigen::Dynamic, 6> GD = G * (S - R);
+  // Rounding of a vague state divided by a sharp tag must not make a variance negative.
+  for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    const bool own = k >= at && k < at + 6;
+    if (!own && P(k, k) > 0 && !(GD.row(k).dot(G.row(k)) < P(k, k))) return false;
+  }
   for (Eigen::Index k = 0; k < P.cols(); ++k) {
     P.col(k).head(k + 1).noalias() -= GD.topRows(k + 1) * G.row(k).transpose();
     P.row(k).head(k) = P.col(k).head(k).transpose();
