@@ -31,6 +31,8 @@ LiveSeed run_one(const EstimationOptions& options, const std::string& world,
     robots.push_back(simulate({.world = world,
                                .seconds = seconds_of(options, world),
                                .seed = seed + kNextRobot * static_cast<std::uint64_t>(k)}));
+  // One room has one reference tag.
+  for (EstimationData& robot : robots) robot.reference_tag = robots.front().reference_tag;
   LiveSeed out;
   out.first = time_of(robots.front().samples.front());
   out.bound = run_bound(robots.front(), {'A'});
