@@ -11,7 +11,7 @@
 
 namespace fiducap {
 
-/// Reads numbers from bytes that somebody else sent. Never reads past the end: the first short read
+/// Reads numbers from bytes from outside. Never reads past the end: the first short read
 /// makes the reader fail for good, later reads give zero, and `check()` says what was wanted and
 /// what was left.
 template <std::endian Order>

@@ -80,7 +80,7 @@ class YamlSection final {
 
   void report(const std::string& key, const YAML::Node& node, const Broken& broken) const;
   void complain(const std::string& key, const std::string& rule) const;
-  /// Keys that nobody took, and keys given twice, are faults.
+  /// Keys that were not read, and keys given twice, are faults.
   void refuse_unknown_keys() const;
   /// Error with all faults of the file so far, this section's parents and children included.
   [[nodiscard]] Expected<void> check() const;

@@ -36,8 +36,8 @@ struct TagSighting {
   double sharpness{};
 };
 
-/// One followed image point in one image, before the lens is taken out. What it is of, nobody
-/// knows.
+/// One followed image point in one image, before the lens is taken out. What it shows is
+/// unknown.
 struct PointSighting {
   std::uint32_t track{};  ///< The same in every image that shows the point; never used again.
   int age{};              ///< Reports of this track before this one.

@@ -48,6 +48,7 @@ bool comes_before(const SensorSample& a, const SensorSample& b) {
 }  // namespace
 
 SampleMerger::SampleMerger(const MergerConfig& config) : config_(config) {
+  FIDUCAP_ASSERT(config.cameras >= 0 && config.cameras <= kMostCameras);
   FIDUCAP_ASSERT(config.max_images > 0 && config.max_imu > 0 && config.window > Duration{0});
   if (config_.has_imu) imu_.resize(config_.max_imu);
   images_.reserve(config_.max_images + 1);
@@ -84,7 +85,7 @@ bool SampleMerger::push_imu(const ImuSample& sample) {
 
 void SampleMerger::push_image(SensorSample sample) {
   const int camera = camera_of(sample);
-  if (camera < 0 || camera >= static_cast<int>(kMaxCameras) || !is_sound(sample)) {
+  if (camera < 0 || camera >= config_.cameras || !is_sound(sample)) {
     ++statistics_.bad_dropped;
     return;
   }
@@ -111,7 +112,7 @@ void SampleMerger::push_image(SensorSample sample) {
 }
 
 void SampleMerger::set_clock_shift(int camera, Duration shift) {
-  FIDUCAP_ASSERT(camera >= 0 && camera < static_cast<int>(kMaxCameras));
+  FIDUCAP_ASSERT(camera >= 0 && camera < kMostCameras);
   Duration& applied = clock_shift_[static_cast<std::size_t>(camera)];
   if (applied == shift) return;
   if (std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)])

@@ -11,8 +11,11 @@
 
 namespace fiducap {
 
+constexpr int kMostCameras = 16;  ///< Of one body.
+
 struct MergerConfig {
   bool has_imu{true};
+  int cameras{kMostCameras};  ///< So many the body has; images of others are bad.
   Duration window{std::chrono::milliseconds(
       250)};  ///< An image waits at most this long (in sample time) for its IMU samples.
   std::size_t max_images{8};  ///< More images than this waiting: the oldest goes.
@@ -24,7 +27,7 @@ struct MergerStatistics {
   std::uint64_t images_dropped{};     ///< Queue full, the oldest went.
   std::uint64_t late_dropped{};       ///< Older than what was already released.
   std::uint64_t backwards_dropped{};  ///< Time of one sensor did not increase.
-  std::uint64_t bad_dropped{};        ///< NaN or infinite numbers.
+  std::uint64_t bad_dropped{};        ///< NaN or infinite numbers, or no such camera.
   std::uint64_t
       imu_waits_expired{};  ///< Image released without the IMU sample that closes its interval.
 };
@@ -59,8 +62,6 @@ class SampleMerger final {
   [[nodiscard]] const MergerStatistics& statistics() const { return statistics_; }
 
  private:
-  static constexpr std::size_t kMaxCameras = 16;
-
   bool push_imu(const ImuSample& sample);
   void push_image(SensorSample sample);
   SensorSample take_imu();
@@ -79,8 +80,8 @@ class SampleMerger final {
   std::size_t imu_begin_{0};
   std::size_t imu_waiting_{0};
   std::vector<SensorSample> images_;  ///< By time, then camera.
-  std::array<std::optional<Instant>, kMaxCameras> newest_image_;
-  std::array<Duration, kMaxCameras> clock_shift_{};
+  std::array<std::optional<Instant>, kMostCameras> newest_image_;
+  std::array<Duration, kMostCameras> clock_shift_{};
   std::optional<Instant> newest_imu_;
   std::optional<Instant> newest_seen_;
   std::optional<Instant> released_imu_;

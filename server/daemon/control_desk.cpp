@@ -76,8 +76,8 @@ Expected<void> ControlDesk::set_enabled(int body_id, bool enabled) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
   scene_.set_enabled(*body, enabled);
-  log::info("app", "body " + std::to_string(body_id) +
-                       (enabled ? " is streamed again" : " is streamed no more"));
+  log::info("daemon", "body " + std::to_string(body_id) +
+                          (enabled ? " is streamed again" : " is streamed no more"));
   return {};
 }
 
@@ -91,7 +91,7 @@ Expected<void> ControlDesk::rename(int body_id, const std::string& name) {
     if (other.description.id != body_id && other.description.name == name)
       return fail(ErrorCode::kInvalid, "another body has this name", "\"" + name + "\"");
   scene_.rename(*body, name);
-  log::info("app",
+  log::info("daemon",
             "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
   return {};
 }

@@ -16,7 +16,9 @@ namespace fiducap {
 class FrameMailbox::Impl {
  public:
   Impl(boost::asio::io_context& io, Receiver receiver)
-      : bell_(io, open_bell()), ring_fd_(bell_.native_handle()), receiver_(std::move(receiver)) {
+      : wakeup_(io, open_wakeup()),
+        wakeup_fd_(wakeup_.native_handle()),
+        receiver_(std::move(receiver)) {
     wait();
   }
 
@@ -28,34 +30,34 @@ class FrameMailbox::Impl {
     // `frame` is now the one that nobody fetched; it dies here, outside the lock.
     const std::uint64_t one = 1;
     // The counter cannot fill up: the reader sets it back to zero, and 2^64 frames take a while.
-    [[maybe_unused]] const auto written = ::write(ring_fd_, &one, sizeof one);
+    [[maybe_unused]] const auto written = ::write(wakeup_fd_, &one, sizeof one);
   }
 
   void close() {
     receiver_ = nullptr;
     boost::system::error_code ignored;
-    bell_.cancel(ignored);
+    wakeup_.cancel(ignored);
   }
 
  private:
-  static int open_bell() {
+  static int open_wakeup() {
     const int fd = ::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
     if (fd < 0) throw std::system_error(errno, std::generic_category(), "eventfd");
     return fd;
   }
 
   void wait() {
-    bell_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
-                     [this](const boost::system::error_code& failure) {
-                       if (failure || !receiver_) return;
-                       deliver();
-                       if (receiver_) wait();
-                     });
+    wakeup_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                       [this](const boost::system::error_code& failure) {
+                         if (failure || !receiver_) return;
+                         deliver();
+                         if (receiver_) wait();
+                       });
   }
 
   void deliver() {
     std::uint64_t count{};
-    [[maybe_unused]] const auto read = ::read(ring_fd_, &count, sizeof count);
+    [[maybe_unused]] const auto read = ::read(wakeup_fd_, &count, sizeof count);
     std::shared_ptr<const SceneFrame> frame;
     {
       const std::lock_guard lock(mutex_);
@@ -64,8 +66,8 @@ class FrameMailbox::Impl {
     if (frame) receiver_(frame);
   }
 
-  boost::asio::posix::stream_descriptor bell_;
-  int ring_fd_;
+  boost::asio::posix::stream_descriptor wakeup_;
+  int wakeup_fd_;
   Receiver receiver_;
   std::mutex mutex_;
   std::shared_ptr<const SceneFrame> newest_;

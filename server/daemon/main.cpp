@@ -22,7 +22,7 @@ int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   fiducap::log::set_level(config.log_level);
   auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);
   if (!server) {
-    fiducap::log::error("app", server.error().text());
+    fiducap::log::error("daemon", server.error().text());
     return 1;
   }
   if (!(*server)->run()) std::_Exit(0);  // the map is stored; a device that hangs must not hold us

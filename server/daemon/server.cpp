@@ -215,7 +215,7 @@ Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
 
 void Server::Impl::start_threads() {
   bodies_.start([this] {
-    log::info("app", "every source has ended");
+    log::info("daemon", "every source has ended");
     if (options_.exit_at_end) stop();
   });
   if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
@@ -232,17 +232,17 @@ bool Server::Impl::run() {
     });
   }
   start_threads();
-  log::info("app", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
-                       (ports_.web == 0 ? ""
-                                        : ", page on http://" + config_.streaming.web.address +
-                                              ":" + std::to_string(ports_.web) + "/"));
+  log::info("daemon", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
+                          (ports_.web == 0 ? ""
+                                           : ", page on http://" + config_.streaming.web.address +
+                                                 ":" + std::to_string(ports_.web) + "/"));
   serve();
   return shut_down();
 }
 
 void Server::Impl::serve() {
   if (!run_urgently()) {
-    log::info("app",
+    log::info("daemon",
               "no right to real-time scheduling: with all cores busy a frame may wait for a "
               "millisecond or two "
               "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
@@ -279,8 +279,8 @@ bool Server::Impl::shut_down() {
     keeping_.join();
   }
   bodies_.log_statistics();
-  log::info("app", std::to_string(publisher_->frames()) + " frames published, " +
-                       std::to_string(publisher_->missed()) + " ticks missed; stopped");
+  log::info("daemon", std::to_string(publisher_->frames()) + " frames published, " +
+                          std::to_string(publisher_->missed()) + " ticks missed; stopped");
   return all;
 }
 

@@ -27,7 +27,7 @@ struct RecorderConfig {
   bool images{false};  ///< False: the detected corners and the IMU, enough for `fiducap replay`.
   /// A session of this name begins with the server, before the first sample: its replay gives the
   /// same estimates. Empty: none does.
-  std::string at_start;
+  std::string at_start{};
 };
 
 /// The truth about a simulated body, recorded beside its samples.

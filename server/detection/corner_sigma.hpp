@@ -25,7 +25,7 @@ namespace fiducap {
 /// fitted to 6500 sightings of tags of 40 to 70 px smeared by 6 to 14 px, where corners are 0.4 to
 /// 1.7 px off: chi-square 0.4 to 1.1. Errors of neighbouring corners
 /// correlate with −0.2, those of opposite ones hardly. Lens calibration, stamps and paper that is
-/// not flat are not in it: who uses it adds what it knows of them.
+/// not flat are not in it: the caller adds what it knows of them.
 /// @param pixel_noise  CornerFrame::pixel_noise
 /// @return 0 for a sighting whose source did not measure its sharpness
 [[nodiscard]] double corner_sigma_px(const TagSighting& tag, double pixel_noise);

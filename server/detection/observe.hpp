@@ -7,7 +7,7 @@
 
 namespace fiducap {
 
-/// Takes the lens out of the corners of one image and drops what nobody should use: ignored ids,
+/// Takes the lens out of the corners of one image and drops what should not be used: ignored ids,
 /// too many corrected bits, low margin, corners outside the lens model, corners that do not form a
 /// convex quadrangle seen from the front.
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,

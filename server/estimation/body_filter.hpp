@@ -86,7 +86,7 @@ class BodyFilter {
   /// Replaces `out` by the tags in the state, each with the axes that it is known in.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
-  /// Whoever merges the samples adds shift_to_apply() to the camera's stamps
+  /// The merger of the samples adds shift_to_apply() to the camera's stamps
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter
   /// bridges what is left.
   [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;

@@ -20,8 +20,6 @@ struct KnownTag {
   /// Position (m, W axes) then attitude (rotation vector in W axes, q_WT = exp(δ) q̂_WT). Zero:
   /// exact.
   Matrix6d covariance{Matrix6d::Zero()};
-  /// The map has its place from this very body alone: nothing new to it, never fused back.
-  bool is_own{false};
 
   [[nodiscard]] bool is_exact() const { return covariance.isZero(0); }
 };

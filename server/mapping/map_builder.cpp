@@ -78,6 +78,8 @@ std::string_view name_of(MapEvent::Kind kind) {
       return "tag_quarantined";
     case MapEvent::Kind::kTagMoved:
       return "tag_moved";
+    case MapEvent::Kind::kTagDisputed:
+      return "tag_disputed";
     case MapEvent::Kind::kTagCalibrated:
       return "tag_settled";
     case MapEvent::Kind::kWorkspace:
@@ -228,6 +230,10 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
     if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry->tag.X_WT.q) < kMove_rad) {
       // No move: map and body are further apart than they claim. To take over one tag after the
       // other would bend the map after this body.
+      note_locked(MapEvent::Kind::kTagDisputed, id,
+                  "tag " + std::to_string(id) + " is " + fixed(moved_m, 3) + " m from where body " +
+                      std::to_string(body_id) +
+                      " sees it, too little for a move; it stays where the map has it");
       entry->state = TagState::kLocal;
       owner = {.disputed = true};
       return true;

@@ -38,6 +38,7 @@ struct MapEvent {
     kTagRefined,      ///< Another body knows the tag better and owns it now.
     kTagQuarantined,  ///< A tag contradicts the others: it moved, or another one has its id.
     kTagMoved,        ///< A quarantined tag was learned anew.
+    kTagDisputed,     ///< A body sees a tag a little off its place; the place stays.
     kTagCalibrated,   ///< A tag has settled.
     kWorkspace,       ///< A body has defined the workspace.
     kPublished,       ///< The map was stored as a version.
@@ -73,17 +74,18 @@ struct MapContribution {
 /// workspace.
 ///
 /// Surveyed tags stay as they are, and so do tags that start calibrated or quarantined until
-/// somebody contradicts them. A new tag belongs to the body that knows it best: its belief is
+/// a body contradicts them. A new tag belongs to the body that knows it best: its belief is
 /// copied, beliefs of different bodies are never averaged (they share known tags, so they are not
 /// independent). Another body takes a tag over when its position variance is 30 % smaller; a belief
-/// that much worse than the map's is ignored, whoever it comes from. A tag that a body contradicts
-/// is quarantined until a body has learned it anew. The joint refinement over keyframes of all
-/// bodies will take this place.
+/// that much worse than the map's is ignored, also the owner's. A tag that a body contradicts
+/// is quarantined until a body has learned it anew; one that is then found less than 0.1 m and
+/// 0.1 rad away stays where it was and is disputed, once and for all. The joint refinement over
+/// keyframes of all bodies will take this place.
 ///
 /// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, changed its state, or its
 /// 1-sigma changed by a tenth, each against the published map; sightings and times travel along
 /// with the next one. The snapshot keeps the version it came from; its `hash` is empty as soon as
-/// it differs from that version. Thread-safe; who reads a snapshot never waits for a copy of the
+/// it differs from that version. Thread-safe; reading a snapshot never waits for a copy of the
 /// map.
 class MapBuilder final {
  public:
@@ -97,7 +99,7 @@ class MapBuilder final {
   /// Nothing more comes from this body; what it reserved is free.
   void release(int body_id);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
-  /// The snapshot with its revision, for nobody's image.
+  /// The snapshot with its revision; reserves nothing.
   [[nodiscard]] MapView published() const;
   /// @return true when the map differs from what was last marked as stored.
   [[nodiscard]] bool changed() const;
@@ -110,10 +112,10 @@ class MapBuilder final {
 
  private:
   struct Ownership {
-    std::optional<int> body_id;  ///< nullopt: a local tag of the starting map.
+    std::optional<int> body_id{};  ///< nullopt: a local tag of the starting map.
     Instant last_seen{};
-    std::optional<Instant> still_since;  ///< When the published place last changed, by the owner.
-    std::optional<Instant> quarantined_at;
+    std::optional<Instant> still_since{};  ///< When the published place last changed, by the owner.
+    std::optional<Instant> quarantined_at{};
     bool disputed{false};  ///< Contradicted, but not moved: stays where it is.
   };
   [[nodiscard]] bool ready(const TagBelief& belief) const;

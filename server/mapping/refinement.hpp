@@ -48,7 +48,7 @@ struct RefinementResult {
 /// pulls; priors are believed as stated. Levenberg–Marquardt, frames eliminated first (Schur).
 /// Keeps nothing, no threads, the same input gives the same answer. A local method: what lies in
 /// another basin stays there. Sightings of tags that are neither fixed nor estimated are passed
-/// over; a tag that nobody saw and no prior knows stays where it is.
+/// over; a tag without view and without prior stays where it is.
 /// @return Error when there is nothing to do (no sighting of a known or estimated tag) or a number
 /// cannot be (camera
 ///         out of range, an id twice, a pose that is not finite, a prior without a positive

@@ -20,6 +20,7 @@ constexpr Duration kSilent = std::chrono::milliseconds(500);
 MergerConfig merger_of(const PipelineSetup& setup) {
   MergerConfig config = setup.merger;
   config.has_imu = setup.sensors.imu.has_value();
+  config.cameras = static_cast<int>(setup.sensors.cameras.size());
   return config;
 }
 
@@ -41,30 +42,6 @@ class CpuMeter final {
 };
 
 }  // namespace
-
-std::string_view name_of(BodyEvent::Kind kind) {
-  switch (kind) {
-    case BodyEvent::Kind::kAnchored:
-      return "anchored";
-    case BodyEvent::Kind::kGaugeShift:
-      return "gauge_shift";
-    case BodyEvent::Kind::kReset:
-      return "reset";
-    case BodyEvent::Kind::kMotionLost:
-      return "motion_lost";
-    case BodyEvent::Kind::kImageRejected:
-      return "image_rejected";
-    case BodyEvent::Kind::kTagDropped:
-      return "tag_dropped";
-    case BodyEvent::Kind::kImuSilent:
-      return "imu_silent";
-    case BodyEvent::Kind::kImuBack:
-      return "imu_back";
-    case BodyEvent::Kind::kDoubt:
-      return "doubt";
-  }
-  return "doubt";
-}
 
 BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter)
     : setup_(std::move(setup)),
@@ -112,7 +89,7 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
 }
 
 const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
-  if (!find_corners(view)) return nullptr;
+  find_corners(view);
   const CpuMeter meter(statistics_.update_cpu);
   const CornerFrame& corners = update_.corners;
   const auto camera = static_cast<std::size_t>(corners.camera);
@@ -138,19 +115,16 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   return &update_;
 }
 
-/// Into `update_.corners`. @return false for a camera that the body does not have
-bool BodyPipeline::find_corners(const MapView& view) {
-  const std::size_t cameras = setup_.sensors.cameras.size();
+/// Into `update_.corners`.
+void BodyPipeline::find_corners(const MapView& view) {
   if (auto* delivered = std::get_if<CornerFrame>(&*next_)) {
     update_.corners = std::move(*delivered);
-    return static_cast<std::size_t>(update_.corners.camera) < cameras;
+    return;
   }
-  const auto& image = std::get<CameraFrame>(*next_);
-  if (static_cast<std::size_t>(image.camera) >= cameras) return false;
   const CpuMeter meter(statistics_.detect_cpu);
   if (!search_) search_.emplace(setup_.sensors, setup_.tags, setup_.detector, setup_.estimator);
+  const auto& image = std::get<CameraFrame>(*next_);
   update_.corners = search_->search(image, update_.beliefs, *view.map);
-  return true;
 }
 
 void BodyPipeline::lose_motion_if_lost() {

@@ -25,7 +25,7 @@ struct PipelineSetup {
   WorkspaceGauge gauge;
   std::string filter{"world"};
   std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
-  MergerConfig merger;           ///< `has_imu` follows from the sensors.
+  MergerConfig merger;           ///< `has_imu` and `cameras` follow from the sensors.
   double lose_after_s{BodyLimits{}.lose_after_s};
 };
 
@@ -69,7 +69,7 @@ class BodyPipeline final {
   [[nodiscard]] bool next_is_image();
   /// Works on it. @param view  for an image as new as possible; not looked at for IMU readings
   /// @pre next() != nullptr
-  /// @return what an image did, until the next call; nullptr for everything else
+  /// @return what an image did, until the next call; nullptr for an IMU reading
   const BodyUpdate* take(const MapView& view);
 
   [[nodiscard]] const PipelineSetup& setup() const { return setup_; }
@@ -85,7 +85,7 @@ class BodyPipeline final {
  private:
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
-  bool find_corners(const MapView& view);
+  void find_corners(const MapView& view);
   void lose_motion_if_lost();
   void hand_over_tags(const TagMap& map);
   void refresh_cameras();

@@ -7,6 +7,7 @@
 #include "capture/camera_frame.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/body_filter.hpp"
+#include "mapping/map_builder.hpp"
 
 namespace fiducap {
 
@@ -48,5 +49,8 @@ struct BodyUpdate {
     return estimate && estimate->anchored && estimate->at == seen.exposed_at;
   }
 };
+
+/// What the map hears of it. Refers to the update.
+[[nodiscard]] MapContribution contribution_of(int body_id, const BodyUpdate& update);
 
 }  // namespace fiducap

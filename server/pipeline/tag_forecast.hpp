@@ -27,7 +27,8 @@ class TagForecast final {
   void clear();
   void set_extrinsics(std::size_t camera, const Pose& X_BV) { cameras_[camera].mount.X_BV = X_BV; }
 
-  /// Points a camera at what it will see at `at`. @return false when nobody knows where the body is
+  /// Points a camera at what it will see at `at`. @return false when it is not known where the body
+  /// is
   bool aim(int camera, Instant at);
   /// How the camera aimed stands then. @pre aim() returned true
   [[nodiscard]] Eigen::Quaterniond q_WV() const { return X_VW_.q.conjugate(); }

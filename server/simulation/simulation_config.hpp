@@ -34,7 +34,7 @@ struct RoomConfig {
   double gravity_m_s2{9.81};
   DaylightConfig daylight;
   /// What walls, floor and ceiling show: `clutter` a little out of focus (quick), `sharp` the same
-  /// in focus with fine grain on it, for who follows image points (some 10 ms per image more),
+  /// in focus with fine grain on it, for following image points (some 10 ms per image more),
   /// `plain` nothing.
   std::string texture{"clutter"};
 };

@@ -26,7 +26,7 @@ class Participant;
 /// How the server's clock stands to a client's.
 struct ClockOffset {
   double offset_s{};  ///< Server's clock minus the client's.
-  double sigma_s{};   ///< As far as whoever measured it knows: 1-sigma, or half of a round trip.
+  double sigma_s{};   ///< As its measurement says: 1-sigma, or half of a round trip.
 };
 
 /// One client as the page lists it.

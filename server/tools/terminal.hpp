@@ -25,7 +25,7 @@ struct Terminal {
 int report(const Terminal& terminal, const Error& error);
 
 /// One line on `err` that grows old gracefully: redrawn at most five times a second, wiped at the
-/// end; nothing at all when nobody looks.
+/// end; nothing at all when it is no terminal.
 class ProgressLine final {
  public:
   explicit ProgressLine(const Terminal& terminal) : terminal_(terminal) {}

@@ -21,7 +21,7 @@ constexpr double kGoodFocal = 2e-3;
 constexpr double kGoodUncertainty_px = 0.3;
 constexpr double kGoodRms_px = 1.0;
 constexpr double kGoodMisfit_px = 0.15;
-// What nobody should use.
+// What should not be used.
 constexpr double kUselessCovered = 0.25;
 constexpr double kUselessFocal = 0.02;
 constexpr double kUselessUncertainty_px = 5;  // median over the image

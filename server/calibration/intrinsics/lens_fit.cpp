@@ -60,8 +60,8 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
-/// Takes out sightings for which `is_wrong(view, sighting)`, and poses of groups that nobody needs
-/// any more.
+/// Takes out sightings for which `is_wrong(view, sighting)`, and poses of groups that are not
+/// needed any more.
 template <typename Wrong>
 std::size_t drop(CalibrationData& data, CalibrationState& state, const Wrong& is_wrong) {
   std::size_t dropped = 0;

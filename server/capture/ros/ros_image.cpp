@@ -100,7 +100,7 @@ Expected<void> to_gray(const RawImage& image, const CameraModel& camera, GrayIma
     }
     return {};
   }
-  // OpenCV only reads; its view of somebody's memory knows no const.
+  // OpenCV only reads; its view of foreign memory knows no const.
   const cv::Mat view(camera.height, camera.width, encoding->type,
                      const_cast<std::uint8_t*>(image.data.data()), image.step);
   if (encoding->conversion == kCopy) {

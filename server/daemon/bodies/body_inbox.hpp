@@ -31,7 +31,7 @@ class BodyInbox final {
   bool push(SensorSample sample, Instant arrived);
   /// Nothing more will come; what is there can still be taken.
   void finish();
-  /// Nobody will take any more.
+  /// Nothing will be taken any more.
   void close();
   /// Waits for samples and swaps them into `out`, which is emptied first.
   /// @return false when exhausted, closed or stopped

@@ -219,7 +219,7 @@ void warn_about_tags(const std::string& body, const RecordingInfo& recording,
        << " tags of other sizes, " << recording.ignore_tags.size()
        << " ids to ignore; the configuration says: " << tags.family << ", " << tags.size_m << ", "
        << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
-  log::warning("app", text.str());
+  log::warning("daemon", text.str());
 }
 
 std::unique_ptr<SensorSource> failed_source(Error error) {

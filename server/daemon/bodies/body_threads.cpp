@@ -49,9 +49,10 @@ bool BodyThreads::stop(Duration patience) {
 
 void BodyThreads::log_statistics() const {
   for (const auto& worker : workers_) {
-    log::info("app", worker->name() + ": " + worker->statistics().text());
-    for (const auto& line : worker->learned_text()) log::info("app", worker->name() + ": " + line);
-    for (const auto& line : worker->doubts()) log::warning("app", worker->name() + ": " + line);
+    log::info("daemon", worker->name() + ": " + worker->statistics().text());
+    for (const auto& line : worker->learned_text())
+      log::info("daemon", worker->name() + ": " + line);
+    for (const auto& line : worker->doubts()) log::warning("daemon", worker->name() + ": " + line);
   }
 }
 

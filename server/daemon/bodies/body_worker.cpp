@@ -121,13 +121,7 @@ void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
 }
 
 void BodyWorker::tell_map(const BodyUpdate& update, const MapView& view) {
-  const bool anchored = update.estimate && update.estimate->anchored;
-  const std::uint64_t turn = shared_.map.absorb({.body_id = id_,
-                                                 .at = update.seen.exposed_at,
-                                                 .anchored = anchored,
-                                                 .beliefs = update.beliefs,
-                                                 .contradicted = update.report.named_dropped()},
-                                                utc_now_ns());
+  const std::uint64_t turn = shared_.map.absorb(contribution_of(id_, update), utc_now_ns());
   shared_.recorder.take_turn(index_, update, view, turn);
 }
 
@@ -137,14 +131,18 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
     const bool news = event.kind != MapEvent::Kind::kPublished &&
                       event.kind != MapEvent::Kind::kTagRefined &&
                       event.kind != MapEvent::Kind::kTagCalibrated;
-    const bool bad = event.kind == MapEvent::Kind::kTagQuarantined;
+    const bool bad =
+        event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagDisputed;
     log::write(bad    ? log::Level::kWarning
                : news ? log::Level::kInfo
                       : log::Level::kDebug,
                "mapping", event.text);
   }
   for (const BodyEvent& event : update.events) {
-    if (!event.text.empty()) log::warning("estimation", name_ + ": " + event.text);
+    if (event.text.empty()) continue;
+    const bool good = event.kind == BodyEvent::Kind::kImuBack;
+    log::write(good ? log::Level::kInfo : log::Level::kWarning, "estimation",
+               name_ + ": " + event.text);
   }
 }
 

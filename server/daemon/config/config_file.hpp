@@ -24,9 +24,9 @@
 namespace fiducap {
 
 struct CameraConfig {
-  std::string calibration;  ///< Kalibr camchain (lens, place, time) or a calibration file of one
-                            ///< camera (lens only).
-  CameraMount mount;        ///< What `calibration` does not say.
+  std::string calibration{};  ///< Kalibr camchain (lens, place, time) or a calibration file of one
+                              ///< camera (lens only).
+  CameraMount mount;          ///< What `calibration` does not say.
 };
 
 struct BodyConfig {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <set>
 
+#include "capture/sample_merger.hpp"
 #include "daemon/config/config_file.hpp"
 
 namespace fiducap {
@@ -82,7 +83,9 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
                "must have 1 to 63 of a-z A-Z 0-9 _ - .")
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
-               "must be robocentric or world");
+               "must be robocentric or world")
+      .require(body.cameras.size() <= kMostCameras, "cameras", body.cameras.size(),
+               "are too many: a body has at most " + std::to_string(kMostCameras));
   append(all, rules.errors, prefix);
   check_source(all, body, prefix);
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {

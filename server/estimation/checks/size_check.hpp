@@ -89,7 +89,7 @@ class SizeCheck final {
   void begin(const Image& image);
   void finish();
   void look_at(const TagObservation& tag, const Image& image);
-  /// nullptr: too many tags at once, or nobody knows how it stands
+  /// nullptr: too many tags at once, or its attitude is not known
   [[nodiscard]] Look* look_of(const TagObservation& tag, const Image& image,
                               const Eigen::Quaterniond& q_MV);
   void compare_with_imu(const ScaleFit<kUnknownsByImu>::Vector& prior);

@@ -319,7 +319,7 @@ Explanation FilterConversation<C>::explain(const TagObservations& seen,
   const int unexplained = report.tags_seen - report.tags_used - report.tags_rejected;
   Explanation out{report.nis + gate_ * report.tags_rejected + kUnexplained * unexplained,
                   kNumbersOfTag * report.tags_seen};
-  // Who calls his corners noisy has small distances: the likelihood's other term.
+  // Corners that are called noisy have small distances: the likelihood's other term.
   const CornerNoise& noise = coordinates().noise(seen.camera);
   for (const TagObservation& tag : seen.tags)
     out.cost += 2.0 * kNumbersOfTag * std::log(noise.growth(tag));

@@ -50,7 +50,7 @@ class WorkspaceAnchor final {
     std::vector<MapLink> links;
     for (const KnownTag& tag : known) {
       const int own = state.find(tag.tag_id);
-      if (own < 0 || tag.is_own) continue;
+      if (own < 0) continue;
       links.push_back({tag.tag_id, &tag, state.tags[static_cast<std::size_t>(own)].sightings});
     }
     if (links.empty()) return std::nullopt;

@@ -25,7 +25,7 @@ class CornerUpdate final {
     double gate{};  ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
     int iterations{
         1};  ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
-    /// Where the first linearisation is done, when somebody knows better than the prior mean;
+    /// Where the first linearisation is done, when something better than the prior mean is known;
     /// nullptr: at the prior.
     const State* start{nullptr};
   };

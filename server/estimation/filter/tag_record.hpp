@@ -9,7 +9,7 @@
 
 namespace fiducap {
 
-/// A tag in a filter's state: who it is and how often it was seen.
+/// A tag in a filter's state: its id and how often it was seen.
 struct TagRecord {
   int tag_id{};
   double edge_m{};

@@ -12,7 +12,7 @@ namespace fiducap {
 /// Nothing in a filter looks back further than this, and readings are kept for so long at least.
 inline constexpr Duration kFilterPast = std::chrono::seconds(3);
 
-/// The readings since the oldest instant that somebody still needs, whether to believe them, and
+/// The readings since the oldest instant that is still needed, whether to believe them, and
 /// what they say about any moment between them. Bounded by time at the unit's rate; allocates
 /// nothing after construction.
 class ImuBuffer final {
@@ -39,7 +39,7 @@ class ImuBuffer final {
   }
   /// @pre at least two readings
   [[nodiscard]] const ImuSample& before_newest() const { return reading(size_ - 2).imu; }
-  /// So many readings that somebody must use them.
+  /// So many readings that they must be used now.
   [[nodiscard]] bool is_full() const { return size_ == ring_.size(); }
   /// Older readings may come again.
   void forget_all();

@@ -15,7 +15,7 @@ constexpr std::array kLooks_s{2.0, 4.0, 6.0};
 // … and besides, when its images contradict each other.
 constexpr std::size_t kMostContradictedLooks = 5;
 // No search when so many in a row did not help: no clock is wrong then (but sizes or lens, say).
-constexpr int kMostVainSearches = 6;
+constexpr int kMostFailedClockSearches = 6;
 // Work with each image that comes in, in units of some 15 microseconds: what following a small
 // image of the past costs.
 constexpr double kWorkPerImage = 800.0;
@@ -60,7 +60,7 @@ std::unique_ptr<StartingFilter> StartSearch::add(const TagObservations& seen,
   if (!is_open_) return nullptr;
   log_.add(seen, map);
   if (log_.is_full()) {
-    // Images without readings lead to no look: who has not started begins once more.
+    // Images without readings lead to no look: a search that has not started begins once more.
     present.is_following() ? close(present) : begin();
     return nullptr;
   }
@@ -100,7 +100,7 @@ void StartSearch::begin_plan(const StartingFilter& present) {
   std::vector<ClockEstimate> clocks;
   for (std::size_t k = 0; k < prior_.shifts_s.size(); ++k)
     clocks.push_back(present.clock(static_cast<int>(k)));
-  plan_.emplace(prior_, clocks, vain_searches_ < kMostVainSearches);
+  plan_.emplace(prior_, clocks, failed_clock_searches_ < kMostFailedClockSearches);
   horizon_ = log_.images().size();
 }
 
@@ -152,8 +152,8 @@ void StartSearch::judge_trial() {
   if (plan_->take(outcome)) best_ = std::move(trial_);
   trial_.reset();
   if (plan_->next()) return;
-  if (!plan_->is_poor()) vain_searches_ = 0;
-  if (plan_->has_searched()) ++vain_searches_;
+  if (!plan_->is_poor()) failed_clock_searches_ = 0;
+  if (plan_->has_searched()) ++failed_clock_searches_;
   next_contradicted_ =
       log_.images().size() + static_cast<std::size_t>(filter_rules::kContradictionsToReopenClock);
 }

@@ -67,7 +67,7 @@ class StartSearch final {
   std::size_t due_looks_{0};           ///< Since the log began …
   std::size_t contradicted_looks_{0};  ///< … and those because images contradicted each other.
   std::size_t next_contradicted_{0};   ///< Not before so many images.
-  int vain_searches_{0};  ///< For another clock, since a start was last explained well.
+  int failed_clock_searches_{0};  ///< For another clock, since a start was last explained well.
 
   std::optional<HypothesisPlan> plan_;  ///< While a look lasts.
   std::size_t horizon_{0};              ///< Images that every hypothesis of the look is tried on.

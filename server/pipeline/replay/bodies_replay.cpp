@@ -84,13 +84,7 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
   Body& body = bodies_[index];
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
-    const bool anchored = update->estimate && update->estimate->anchored;
-    map_.absorb({.body_id = body.id,
-                 .at = update->seen.exposed_at,
-                 .anchored = anchored,
-                 .beliefs = update->beliefs,
-                 .contradicted = update->report.named_dropped()},
-                to_ns(update->seen.exposed_at));
+    map_.absorb(contribution_of(body.id, *update), to_ns(update->seen.exposed_at));
     last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
   }

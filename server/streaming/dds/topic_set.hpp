@@ -39,7 +39,7 @@ class TopicMaker final {
   std::optional<Error> failure_;
 };
 
-/// Somebody listens.
+/// There is a subscriber.
 [[nodiscard]] inline bool is_wanted(const std::optional<Writer>& writer) {
   return writer && writer->has_readers();
 }

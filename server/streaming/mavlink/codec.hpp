@@ -14,7 +14,7 @@
 /// MAVLink ↔ structs, pure bytes. Little-endian; a payload's trailing zeros are not sent.
 namespace fiducap::mavlink {
 
-/// Who sends.
+/// The sender.
 struct Sender {
   std::uint8_t system{};
   std::uint8_t component{};

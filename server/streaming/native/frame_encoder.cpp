@@ -40,7 +40,7 @@ bool is_sane(const Eigen::MatrixBase<Derived>& numbers) {
   return (numbers.array().abs() < kLargest).all();
 }
 
-// All but the covariance between pose and motion, which nobody sends.
+// All but the covariance between pose and motion, which is not sent.
 bool is_sane(const BodyPose& body) {
   return is_sane(body.X_WP.p) && is_sane(body.X_WP.q.coeffs()) && is_sane(body.v_WP) &&
          is_sane(body.w_WP_P) && is_sane(body.a_WP) &&

@@ -53,6 +53,10 @@ std::string heading(const Evaluation& e) {
   return text + "\n";
 }
 
+bool has_poses(const Evaluation& e) {
+  return e.reprojection.frames_with_tags_and_pose > 0 || (e.pose && e.pose->samples > 0);
+}
+
 }  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
@@ -108,6 +112,11 @@ int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
   if (!run) return report(terminal, run.error());
   const auto evaluation = evaluate(*run, arguments.recording);
   if (!evaluation) return report(terminal, evaluation.error());
+  if (!has_poses(*evaluation))
+    return report(terminal, {ErrorCode::kInvalid,
+                             "no pose in it belongs to an image of this recording; is it empty, or "
+                             "the run of another recording?",
+                             arguments.tum});
   terminal.out << (arguments.json ? evaluation_json(*evaluation) : evaluation_text(*evaluation));
   return kExitOk;
 }

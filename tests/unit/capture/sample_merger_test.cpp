@@ -27,7 +27,7 @@ std::string name_of(const SensorSample& sample) {
 class SampleMergerTest : public testing::Test {
  protected:
   void make(bool has_imu, std::size_t max_images = 8, std::size_t max_imu = 64) {
-    merger_.emplace(MergerConfig{has_imu, milliseconds(250), max_images, max_imu});
+    merger_.emplace(MergerConfig{.has_imu = has_imu, .max_images = max_images, .max_imu = max_imu});
   }
   void push(const SensorSample& sample) { EXPECT_TRUE(merger_->push(sample)); }
   std::vector<std::string> drain() {

@@ -272,6 +272,29 @@ TEST_F(MapBuilderTest, AContradictedTagIsLeftOutUntilItWasLearnedAnew) {
   EXPECT_TRUE(told);
 }
 
+TEST_F(MapBuilderTest, ATagThatMovedByLessThanADecimetreStaysAndThatIsSaid) {
+  absorb(1, belief(3, 0.01, 1.0));
+  const int contradicted[] = {3};
+  builder_.absorb(
+      {.body_id = 2, .at = instant_from_ns(9'000'000'000), .contradicted = contradicted},
+      kNow_utc_ns);
+  (void)builder_.take_events();
+  auto nearby = belief(3, 0.001, 1.023);
+  nearby.last_seen = instant_from_ns(12'000'000'000);
+  absorb(2, nearby);
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kLocal);
+  EXPECT_EQ(builder_.snapshot()->find(3)->tag.X_WT.p.x(), 1.0);
+  const std::vector<MapEvent> events = builder_.take_events();
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagDisputed);
+  EXPECT_NE(events[0].text.find("0.023 m"), std::string::npos) << events[0].text;
+  builder_.absorb(
+      {.body_id = 2, .at = instant_from_ns(15'000'000'000), .contradicted = contradicted},
+      kNow_utc_ns);
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kLocal) << "said once, not again";
+  EXPECT_TRUE(builder_.take_events().empty());
+}
+
 TEST_F(MapBuilderTest, ASurveyedTagIsNeverMovedByAContradiction) {
   auto start = make_map({1});
   start.tags[0].state = TagState::kSurveyed;

@@ -163,6 +163,10 @@ TEST(Verbs, SimulateReplayEvaluateFitTogetherAndRepeatToTheLastBit) {
   EXPECT_EQ(figures["map"]["samples"], 2);
   EXPECT_LT(figures["map"]["position_rmse_m"], kSound_m) << out;
   EXPECT_GT(figures["coverage"]["share"], 0.95) << out;
+
+  ASSERT_TRUE(write_whole_file(folder.file("a/table.tum"), "# no pose\n"));
+  EXPECT_EQ(say({"evaluate", folder.file("a/table.tum"), folder.file("table")}, out, err), 1);
+  EXPECT_NE(err.find("no pose in it belongs to an image"), std::string::npos) << err;
 }
 
 }  // namespace

@@ -1,0 +1,37 @@
+#include "pipeline/body_update.hpp"
+
+namespace fiducap {
+
+std::string_view name_of(BodyEvent::Kind kind) {
+  switch (kind) {
+    case BodyEvent::Kind::kAnchored:
+      return "anchored";
+    case BodyEvent::Kind::kGaugeShift:
+      return "gauge_shift";
+    case BodyEvent::Kind::kReset:
+      return "reset";
+    case BodyEvent::Kind::kMotionLost:
+      return "motion_lost";
+    case BodyEvent::Kind::kImageRejected:
+      return "image_rejected";
+    case BodyEvent::Kind::kTagDropped:
+      return "tag_dropped";
+    case BodyEvent::Kind::kImuSilent:
+      return "imu_silent";
+    case BodyEvent::Kind::kImuBack:
+      return "imu_back";
+    case BodyEvent::Kind::kDoubt:
+      return "doubt";
+  }
+  return "doubt";
+}
+
+MapContribution contribution_of(int body_id, const BodyUpdate& update) {
+  return {.body_id = body_id,
+          .at = update.seen.exposed_at,
+          .anchored = update.estimate && update.estimate->anchored,
+          .beliefs = update.beliefs,
+          .contradicted = update.report.named_dropped()};
+}
+
+}  // namespace fiducap
