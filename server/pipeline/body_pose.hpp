@@ -38,7 +38,7 @@ struct BodyPose {
   int body_id{};
   BodyState state{BodyState::kSearching};
   bool valid{};  ///< The pose may be used. False: pose and twist below are history.
-  Pose X_WP;
+  Pose X_WP{};
   Eigen::Vector3d v_WP{Eigen::Vector3d::Zero()};    ///< m/s, W axes.
   Eigen::Vector3d w_WP_P{Eigen::Vector3d::Zero()};  ///< rad/s, P axes.
   Eigen::Vector3d a_WP{

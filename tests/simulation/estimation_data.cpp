@@ -61,7 +61,7 @@ std::vector<SensorSample> merged(
     SensorSource& source, bool has_imu, Instant end,
     const std::function<SensorSample(const SensorSample&)>& make = nullptr) {
   std::vector<SensorSample> out;
-  SampleMerger merger({has_imu, std::chrono::milliseconds(250), 8, 4096});
+  SampleMerger merger(MergerConfig{.has_imu = has_imu});
   const auto drain = [&] {
     while (auto sample = merger.pop()) out.push_back(make ? make(*sample) : std::move(*sample));
   };
