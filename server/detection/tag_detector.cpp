@@ -2,16 +2,10 @@
 
 extern "C" {
 #include <apriltag/apriltag.h>
-#include <apriltag/tag16h5.h>
-#include <apriltag/tag25h9.h>
-#include <apriltag/tag36h11.h>
-#include <apriltag/tagCircle21h7.h>
-#include <apriltag/tagStandard41h12.h>
-#include <apriltag/tagStandard52h13.h>
 }
 
 #include <algorithm>
-#include <array>
+#include <utility>
 
 #include "base/assert.hpp"
 #include "detection/corner_sigma.hpp"
@@ -21,27 +15,6 @@ extern "C" {
 namespace fiducap {
 
 namespace {
-
-struct Family {
-  const char* name;
-  apriltag_family_t* (*create)();
-  void (*destroy)(apriltag_family_t*);
-};
-
-constexpr std::array kFamilies{
-    Family{"tag36h11", tag36h11_create, tag36h11_destroy},
-    Family{"tag25h9", tag25h9_create, tag25h9_destroy},
-    Family{"tag16h5", tag16h5_create, tag16h5_destroy},
-    Family{"tagCircle21h7", tagCircle21h7_create, tagCircle21h7_destroy},
-    Family{"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
-    Family{"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
-};
-
-const Family* find_family(const std::string& name) {
-  const auto found = std::find_if(kFamilies.begin(), kFamilies.end(),
-                                  [&](const Family& f) { return name == f.name; });
-  return found == kFamilies.end() ? nullptr : &*found;
-}
 
 /// A tag cut by the image border is decoded all the same, with corners that are pixels off and a
 /// good margin.
@@ -60,6 +33,12 @@ constexpr int kTile_px = 4;
 /// The library counts pixel *edges*, we count centres.
 constexpr double kEdgeToCentre_px = 0.5;
 
+TagFamily family_of(const TagSetConfig& tags) {
+  auto family = TagFamily::named(tags.family);
+  FIDUCAP_ASSERT(family);
+  return std::move(*family);
+}
+
 TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region) {
   TagSighting out;
   out.tag_id = d.id;
@@ -76,32 +55,19 @@ TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region
 
 }  // namespace
 
-bool is_tag_family(const std::string& name) { return find_family(name) != nullptr; }
-
-std::string tag_family_names() {
-  std::string names;
-  for (const Family& f : kFamilies) names += (names.empty() ? "" : ", ") + std::string(f.name);
-  return names;
-}
-
 class TagDetector::Impl {
  public:
   Impl(const TagSetConfig& tags, const DetectorConfig& config)
-      : family_(find_family(tags.family)), min_margin_(config.min_decision_margin) {
-    FIDUCAP_ASSERT(family_ != nullptr);
-    codes_ = family_->create();
+      : family_(family_of(tags)), min_margin_(config.min_decision_margin) {
     // Families with a white border have bits around it instead of a quiet zone.
-    fits_sides_ = config.fit_sides && !codes_->reversed_border;
+    fits_sides_ = config.fit_sides && !family_.has_reversed_border();
     detector_ = apriltag_detector_create();
-    apriltag_detector_add_family_bits(detector_, codes_, config.max_hamming);
+    apriltag_detector_add_family_bits(detector_, family_.handle(), config.max_hamming);
     detector_->nthreads = config.threads;
     detector_->quad_sigma = static_cast<float>(config.blur_sigma_px);
     detector_->refine_edges = config.refine_edges;
   }
-  ~Impl() {
-    apriltag_detector_destroy(detector_);
-    family_->destroy(codes_);
-  }
+  ~Impl() { apriltag_detector_destroy(detector_); }
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
 
@@ -122,7 +88,7 @@ class TagDetector::Impl {
       TagSighting sighting = to_sighting(*d, region);
       if (!is_whole(sighting, region)) continue;
       if (fits_sides_) {
-        if (const auto fitted = fit_sides(image, sighting.corners_px, codes_->width_at_border)) {
+        if (const auto fitted = fit_sides(image, sighting.corners_px, family_.edge_width())) {
           sighting.corners_px = *fitted;
         }
       }
@@ -133,14 +99,13 @@ class TagDetector::Impl {
   }
 
   [[nodiscard]] double outer_ring() const {
-    return 0.5 * (codes_->total_width - codes_->width_at_border) / codes_->width_at_border;
+    return 0.5 * (family_.width() - family_.edge_width()) / family_.edge_width();
   }
 
  private:
-  const Family* family_;
+  TagFamily family_;
   double min_margin_;
   bool fits_sides_{false};
-  apriltag_family_t* codes_{nullptr};
   apriltag_detector_t* detector_{nullptr};
 };
 

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <set>
 
-#include "simulation/images/tag_family.hpp"
+#include "detection/tag_family.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
 
@@ -116,10 +116,10 @@ std::vector<ConfigError> check(const CameraMount& mount, const std::string& pref
 std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix) {
   static const std::vector<std::string> kTextures{"clutter", "sharp", "plain"};
   Checker checker{prefix};
-  const auto family = TagFamily::named(room.family);
   checker
       .require(contains(room_presets(), room.preset), "preset", room.preset, one_of(room_presets()))
-      .require(family.has_value(), "family", room.family, one_of(TagFamily::names()))
+      .require(is_tag_family(room.family), "family", room.family,
+               "must be one of " + tag_family_names())
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
       .within("daylight.factor", room.daylight.factor, 1, 100)
@@ -138,6 +138,7 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
         .not_negative(field + "edge_m", tag.edge_m);
     require_pose(checker, field + "X_WT", tag.X_WT);
   }
+  const auto family = TagFamily::named(room.family);
   if (!family) return checker.errors;
   for (const RecordedTag& tag : tags_of(room)) {
     checker.require(tag.tag_id >= 0 && tag.tag_id < family->ids(), "tags", tag.tag_id,

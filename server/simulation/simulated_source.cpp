@@ -2,10 +2,10 @@
 #include <limits>
 #include <utility>
 
+#include "detection/tag_family.hpp"
 #include "simulation/corner_camera.hpp"
 #include "simulation/faults.hpp"
 #include "simulation/images/image_camera.hpp"
-#include "simulation/images/tag_family.hpp"
 #include "simulation/imu_model.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"

@@ -6,12 +6,12 @@
 
 #include "capture/gray_image.hpp"
 #include "capture/lens/camera_model.hpp"
+#include "detection/tag_family.hpp"
 #include "simulation/corner_camera.hpp"
 #include "simulation/images/backdrop.hpp"
 #include "simulation/images/gray_canvas.hpp"
 #include "simulation/images/lighting.hpp"
 #include "simulation/images/ray_table.hpp"
-#include "simulation/images/tag_family.hpp"
 #include "simulation/images/tag_renderer.hpp"
 #include "simulation/simulation.hpp"
 

@@ -9,10 +9,10 @@
 #include "base/pose.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/recording/recording.hpp"
+#include "detection/tag_family.hpp"
 #include "simulation/images/gray_canvas.hpp"
 #include "simulation/images/lighting.hpp"
 #include "simulation/images/ray_table.hpp"
-#include "simulation/images/tag_family.hpp"
 
 namespace fiducap::simulation {
 
