@@ -32,6 +32,13 @@ namespace {
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
 constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
 
+/// Without them there is no filter, so no body either.
+bool knows_lenses(const BodySetup& setup) {
+  const auto& cameras = setup.sensors.cameras;
+  return std::all_of(cameras.begin(), cameras.end(),
+                     [](const CameraMount& camera) { return camera.model.width > 0; });
+}
+
 }  // namespace
 
 class Server::Impl final {
@@ -58,7 +65,6 @@ class Server::Impl final {
   };
 
   Expected<std::vector<Body>> open_bodies(const StartMap& start);
-  Expected<std::unique_ptr<SensorSource>> open_ros(const BodyConfig& body, BodySetup& setup);
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
@@ -127,12 +133,13 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
           Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);
-    auto motion = options_.motion ? options_.motion(config.name) : nullptr;
-    auto source = config.source.type == SourceType::kRos
-                      ? open_ros(config, *setup)
-                      : open_source(config, *setup, config_.simulation, simulation_start_, clock_,
-                                    std::move(motion));
-    if (!source && config.source.type == SourceType::kRos) {
+    auto source = open_source(config, *setup,
+                              {.room = config_.simulation,
+                               .clock = clock_,
+                               .simulation_start = simulation_start_,
+                               .motion = options_.motion ? options_.motion(config.name) : nullptr,
+                               .join_dds = [this] { return join_dds(); }});
+    if (!source && !knows_lenses(*setup)) {
       return tl::unexpected(
           Error{source.error().code, config.name + ": " + source.error().text(), {}});
     }
@@ -148,13 +155,6 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
   }
   if (opened == 0) return tl::unexpected(*first_failure);
   return bodies;
-}
-
-Expected<std::unique_ptr<SensorSource>> Server::Impl::open_ros(const BodyConfig& body,
-                                                               BodySetup& setup) {
-  auto participant = join_dds();
-  if (!participant) return tl::unexpected(participant.error());
-  return open_ros_body(body, setup, *participant, clock_);
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {

@@ -5,10 +5,8 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "capture/camera_device.hpp"
 #include "capture/lens/camera_calibration_file.hpp"
 #include "capture/lens/kalibr_file.hpp"
-#include "capture/ros/ros_source.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {
@@ -52,62 +50,23 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
 }
 
 Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySetup& setup) {
-  if (!body.use_imu || body.source.type == SourceType::kCamera) return std::nullopt;
-  if (setup.recording && !setup.recording->imu) return std::nullopt;
-  if (body.source.type == SourceType::kRos && body.source.ros.imu.empty()) return std::nullopt;
+  const std::optional<ImuNoise> own = own_imu(body, setup);
+  if (!body.use_imu || !own) return std::nullopt;
   if (!body.kalibr_imu.empty()) return read_kalibr_imu(body.kalibr_imu);
-  if (body.imu) return body.imu;
-  if (setup.recording) return setup.recording->imu;
-  if (body.source.type == SourceType::kRos) {
-    return ImuNoise{};
-  }
-  return body.source.simulator.imu.noise;
-}
-
-/// The simulated body as the simulator wants it: true cameras, and an IMU only if somebody listens.
-simulation::SimulatedBodyConfig robot_of(const BodyConfig& body, const BodySetup& setup) {
-  auto robot = body.source.simulator;
-  if (robot.cameras.empty()) robot.cameras = setup.sensors.cameras;
-  robot.has_imu = setup.sensors.imu.has_value();
-  return robot;
-}
-
-/// What stands in for a source that could not be opened: the body is lost from the start, the
-/// others are served.
-class FailedSource final : public SensorSource {
- public:
-  explicit FailedSource(Error error) : error_(std::move(error)) {}
-  Expected<std::optional<SensorSample>> next(std::stop_token) override {
-    return tl::unexpected(error_);
-  }
-
- private:
-  Error error_;
-};
-
-template <typename T>
-Expected<std::unique_ptr<SensorSource>> as_source(Expected<std::unique_ptr<T>> made) {
-  if (!made) return tl::unexpected(made.error());
-  return std::unique_ptr<SensorSource>(std::move(*made));
+  return body.imu ? body.imu : own;
 }
 
 }  // namespace
 
 Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room) {
   BodySetup setup;
-  if (body.source.type == SourceType::kRecording) {
-    auto info = read_recording_info(body.source.recording.folder);
-    if (!info) return tl::unexpected(info.error());
-    setup.recording = std::move(*info);
-    setup.sensors.cameras = setup.recording->cameras;
-  }
-  if (body.source.type == SourceType::kSimulator) setup.sensors.gravity_m_s2 = room.gravity_m_s2;
+  if (auto own = read_own_setup(body, room, setup); !own) return tl::unexpected(own.error());
   if (!body.cameras.empty()) setup.sensors.cameras.clear();
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     auto mount = read_mount(body.cameras[k], k);
     if (!mount) return tl::unexpected(mount.error());
-    const bool by_ros = body.source.type == SourceType::kRos && mount->model.width == 0;
-    if (const auto errors = mount->model.check(); !errors.empty() && !by_ros) {
+    const bool is_told_later = tells_lenses(body.source) && mount->model.width == 0;
+    if (const auto errors = mount->model.check(); !errors.empty() && !is_told_later) {
       return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
     }
     setup.sensors.cameras.push_back(std::move(*mount));
@@ -162,40 +121,6 @@ SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
   return truth;
 }
 
-Expected<std::unique_ptr<SensorSource>> open_source(
-    const BodyConfig& body, const BodySetup& setup, const simulation::RoomConfig& room,
-    Instant start, const Clock& clock, std::unique_ptr<simulation::Trajectory> motion) {
-  switch (body.source.type) {
-    case SourceType::kSimulator:
-      return as_source(simulation::make_simulated_source(room, robot_of(body, setup), start, &clock,
-                                                         std::move(motion)));
-    case SourceType::kRecording: {
-      const auto& recording = body.source.recording;
-      return open_recording(*setup.recording, {true, recording.loop, recording.speed}, clock);
-    }
-    case SourceType::kCamera:
-      break;
-    case SourceType::kRos:
-      return fail(ErrorCode::kUnsupported, "a ros source needs DDS: see open_ros_body");
-  }
-  CameraDeviceConfig device = body.source.camera;
-  const CameraMount& mount = setup.sensors.cameras.front();
-  device.paced = true;
-  device.time_shift = mount.time_shift;
-  return open_camera_device(device, mount.model, clock);
-}
-
-Expected<std::unique_ptr<SensorSource>> open_ros_body(const BodyConfig& body, BodySetup& setup,
-                                                      std::shared_ptr<dds::Participant> participant,
-                                                      const Clock& clock) {
-  dds::RosSourceConfig ros = body.source.ros;
-  if (!setup.sensors.imu) ros.imu.clear();
-  if (auto asked = dds::ask_for_lenses(*participant, ros, setup.sensors.cameras, clock); !asked) {
-    return tl::unexpected(asked.error());
-  }
-  return dds::open_ros_source(std::move(participant), ros, setup.sensors.cameras, clock);
-}
-
 std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
   std::vector<KnownTag> priors;
   for (const auto& tag : recording.known_tags) {
@@ -220,10 +145,6 @@ void warn_about_tags(const std::string& body, const RecordingInfo& recording,
        << " ids to ignore; the configuration says: " << tags.family << ", " << tags.size_m << ", "
        << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
   log::warning("daemon", text.str());
-}
-
-std::unique_ptr<SensorSource> failed_source(Error error) {
-  return std::make_unique<FailedSource>(std::move(error));
 }
 
 std::vector<ConfigFault> check_files(const ServerConfig& config) {

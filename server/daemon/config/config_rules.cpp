@@ -70,10 +70,7 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
 
 /// The lens may come by a file, or by the source itself.
 bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
-  const bool by_source = visit_source(source, [](const auto& config) {
-    return requires { config.kTellsLenses; };
-  });
-  return !camera.calibration.empty() || (by_source && camera.mount.model.width == 0);
+  return !camera.calibration.empty() || (tells_lenses(source) && camera.mount.model.width == 0);
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {

@@ -33,7 +33,7 @@ inline constexpr std::array<Word<SourceType>, 4> kSourceType{{{"simulator", Sour
 
 /// The registry of sources: calls `visit` with the configuration of the one that was chosen. What
 /// it has of its own, in its own folder: the struct, `describe` (its keys) and `check_source` (its
-/// rules).
+/// rules); how it is opened stands in `bodies/body_sources.cpp`.
 template <class Config, class Visit>
 decltype(auto) visit_source(Config& source, Visit&& visit) {
   switch (source.type) {
@@ -47,6 +47,13 @@ decltype(auto) visit_source(Config& source, Visit&& visit) {
       break;
   }
   return visit(source.simulator);
+}
+
+/// Whether the source itself may tell the lenses of its cameras, once it is open.
+inline bool tells_lenses(const SourceConfig& source) {
+  return visit_source(source, [](const auto& config) {
+    return requires { config.kTellsLenses; };
+  });
 }
 
 /// `type` comes first: it decides which other keys there are.

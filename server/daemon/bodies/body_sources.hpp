@@ -1,0 +1,47 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "base/clock.hpp"
+#include "base/expected.hpp"
+#include "capture/recording/recording.hpp"
+#include "capture/sensor_source.hpp"
+#include "daemon/config/config_file.hpp"
+#include "middleware/participant.hpp"
+
+namespace fiducap {
+
+/// A body's sensors after every file that its configuration names has been read.
+struct BodySetup {
+  BodySensors sensors;
+  std::optional<RecordingInfo> recording;
+};
+
+/// What sources need beside their configuration to be opened. Each takes what it wants.
+struct OpeningContext {
+  const simulation::RoomConfig& room;
+  const Clock& clock;
+  Instant simulation_start{};  ///< The same for all bodies, so that they share one time.
+  std::unique_ptr<simulation::Trajectory> motion{};  ///< Of a robot that a program moves.
+  std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
+};
+
+/// What the source says of itself before it is opened, into `setup`: cameras, gravity.
+[[nodiscard]] Expected<void> read_own_setup(const BodyConfig& body,
+                                            const simulation::RoomConfig& room, BodySetup& setup);
+
+/// The noise of the source's own IMU, unless the configuration has another; nullopt: it has none.
+[[nodiscard]] std::optional<ImuNoise> own_imu(const BodyConfig& body, const BodySetup& setup);
+
+/// Opens the samples themselves, in real time. A source that tells lenses puts those that the
+/// configuration does not describe into `setup`, which may take a while.
+[[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body,
+                                                                  BodySetup& setup,
+                                                                  OpeningContext context);
+
+/// Stands in for a source that could not be opened: gives nothing but this error.
+[[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
+
+}  // namespace fiducap
