@@ -30,6 +30,14 @@ void* malloc(std::size_t size) {
 }
 #endif
 
+bool fiducap::AllocationCounter::counts_malloc() {
+#ifdef FIDUCAP_SANITIZED
+  return false;
+#else
+  return true;
+#endif
+}
+
 namespace {
 void* try_counted(std::size_t size, std::size_t alignment) noexcept {
   ++fiducap::g_allocations;

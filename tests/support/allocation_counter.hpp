@@ -13,6 +13,8 @@ extern std::atomic<std::uint64_t> g_allocations;
 class AllocationCounter final {
  public:
   AllocationCounter() : start_(g_allocations.load()) {}
+  /// False under sanitizers, which own malloc: there only operator new is counted.
+  [[nodiscard]] static bool counts_malloc();
   [[nodiscard]] std::uint64_t count() const { return g_allocations.load() - start_; }
 
  private:

@@ -112,8 +112,8 @@ TEST_F(SessionReplayTest, ARecordingOfARunningServerStartsFromTheMapItHad) {
   ASSERT_EQ(replay({folder_.file("recordings/session")}), 0) << err_.str();
   const auto report = read_whole_file(folder_.file("out/report.json"));
   ASSERT_TRUE(report);
-  for (const auto& body : nlohmann::json::parse(*report)["bodies"])
-    EXPECT_GT(body["frames_with_pose"], 100);
+  const auto json = nlohmann::json::parse(*report);
+  for (const auto& body : json["bodies"]) EXPECT_GT(body["frames_with_pose"], 100);
   ASSERT_EQ(replay({folder_.file("recordings/session/drone")}), 0) << "one robot out of it, too";
 }
 
