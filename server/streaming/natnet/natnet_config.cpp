@@ -34,6 +34,8 @@ std::vector<ConfigError> NatNetConfig::check() const {
                "must differ from port: clients are told by it what kind of server this is")
       .require(is_group(multicast_group), "multicast_group", multicast_group,
                "must be a multicast address, 224.0.0.0 to 239.255.255.255")
+      .require(!multicast || data_port != 0, "data_port", data_port,
+               "must not be 0 with multicast: clients listen at a port that they know")
       .require(multicast_interface.empty() || is_address(multicast_interface),
                "multicast_interface", multicast_interface,
                "must be the IPv4 address of one of this machine's interfaces, or empty")

@@ -82,8 +82,10 @@ void FrameEncoder::begin(const SceneFrame& frame, std::size_t rows,
   utc_100ns_ = static_cast<std::uint64_t>(frame.utc_ns() / 100);
   number_ = static_cast<std::uint32_t>(frame.number);
   rows_.resize(rows);
-  if (!hold_) {
-    for (Row& row : rows_) row.valid = false;
+  // Held is only what a body of this frame had; one that is gone shows nothing.
+  for (std::size_t i = 0; i < rows; ++i) {
+    const bool has_body = std::find(row_of_body.begin(), row_of_body.end(), i) != row_of_body.end();
+    if (!hold_ || !has_body) rows_[i].valid = false;
   }
   const std::size_t bodies = std::min(frame.bodies.size(), row_of_body.size());
   for (std::size_t i = 0; i < bodies; ++i) {

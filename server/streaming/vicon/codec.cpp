@@ -277,6 +277,9 @@ Expected<SubjectFilter> decode_filter(std::span<const std::byte> payload) {
     if (!index_of(type) || !is_per_subject(static_cast<Type>(type))) continue;
     auto& wanted = filter[static_cast<Type>(type)];
     while (ids.left() > 0) wanted.push_back(ids.u32());
+  }
+  // Once per type: one packet may name the same type thousands of times.
+  for (auto& [type, wanted] : filter) {
     std::sort(wanted.begin(), wanted.end());
     wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
   }

@@ -140,6 +140,19 @@ TEST(QualisysFrameEncoder, HoldKeepsTheLastPoseAndNothingElseDoes) {
   }
 }
 
+TEST(QualisysFrameEncoder, ABodyThatIsDisabledIsNotHeld) {
+  auto frame = make_scene_frame({"a"});
+  frame->bodies[0].valid = true;
+  FrameEncoder encoder(kMillimetres, WhenInvalid::kHold);
+  encoder.begin(*frame, 1, in_order(1));
+  frame->bodies.clear();
+  encoder.begin(*frame, 1, {});
+  EncodedFrame out;
+  encoder.encode({only({Component::k6d}), std::endian::little, false}, out);
+  LittleEndianReader in(std::span(out.packet).subspan(40));
+  EXPECT_TRUE(std::isnan(in.f32()));
+}
+
 TEST(QualisysFrameEncoder, ARowThatNoBodyFillsIsNan) {
   const auto frame = make_scene_frame({"b"});
   FrameEncoder encoder(kMillimetres, WhenInvalid::kFlag);
