@@ -22,6 +22,12 @@ bool is_folder_name(const std::string& name) {
          std::all_of(name.begin(), name.end(), good);
 }
 
+std::size_t image_bytes(const std::variant<std::monostate, SensorSample, MapTurn>& what) {
+  const auto* sample = std::get_if<SensorSample>(&what);
+  const auto* frame = sample == nullptr ? nullptr : std::get_if<CameraFrame>(sample);
+  return frame == nullptr || !frame->image ? 0 : frame->image->pixels.size();
+}
+
 }  // namespace
 
 void SessionRecorder::add_body(const std::string& name, RecordingInfo info, SimulatedTruth truth) {
@@ -140,11 +146,13 @@ void SessionRecorder::put(std::size_t body,
   {
     const std::lock_guard lock(mutex_);
     if (!session_) return;
-    if (waiting_.size() >= kMaxWaiting) {
+    const std::size_t bytes = image_bytes(what);
+    if (waiting_.size() >= kMaxWaiting || waiting_bytes_ + bytes > kMaxWaiting_bytes) {
       ++session_->dropped;
       return;
     }
-    waiting_.push_back({session_, body, std::move(what)});
+    waiting_bytes_ += bytes;
+    waiting_.push_back({session_, body, std::move(what), bytes});
   }
   filled_.notify_one();
 }
@@ -159,7 +167,11 @@ void SessionRecorder::run(std::stop_token stop) {
       if (last && session_) waiting_.push_back({std::exchange(session_, nullptr), 0, {}});
       writing.swap(waiting_);
     }
-    for (Item& item : writing) write(item);
+    for (Item& item : writing) {
+      write(item);
+      waiting_bytes_ -= item.image_bytes;
+      item.what = {};
+    }
     writing.clear();
   }
 }

@@ -49,6 +49,7 @@ struct SessionSurroundings {
 class SessionRecorder final {
  public:
   static constexpr std::size_t kMaxWaiting = 20000;
+  static constexpr std::size_t kMaxWaiting_bytes = std::size_t{256} << 20;  ///< Of images.
 
   explicit SessionRecorder(RecorderConfig config) : config_(std::move(config)) {}
 
@@ -90,6 +91,7 @@ class SessionRecorder final {
     std::shared_ptr<Session> session;
     std::size_t body{};
     std::variant<std::monostate, SensorSample, MapTurn> what;  ///< Nothing: the session ends.
+    std::size_t image_bytes{};
   };
   void put(std::size_t body, std::variant<std::monostate, SensorSample, MapTurn> what);
   Expected<void> write_surroundings(const std::filesystem::path& folder, Session& session);
@@ -105,6 +107,7 @@ class SessionRecorder final {
   std::condition_variable_any filled_;
   std::shared_ptr<Session> session_;
   std::vector<Item> waiting_;
+  std::atomic<std::size_t> waiting_bytes_{0};  ///< Images that are not on disk yet.
 };
 
 }  // namespace fiducap

@@ -57,7 +57,9 @@ struct UpdateReport {
   int landmarks_rejected{};
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
-  bool running{};  ///< The filter has started.
+  bool running{};        ///< The filter has started.
+  bool start_is_open{};  ///< The start may still be taken back; what follows from it may not be
+                         ///< told.
   /// How often the filter has forgotten everything. Poses of different generations share no axes
   /// unless both are anchored.
   int generation{};

@@ -23,6 +23,8 @@ constexpr int kSightingsToSettle = 100;
 // Less than this is not a tag that somebody moved.
 constexpr double kMove_m = 0.1;
 constexpr double kMove_rad = 0.1;
+// Long enough not to be asked the same again and again, short enough for a tag that then moves.
+constexpr Duration kDisputeHolds = std::chrono::minutes(1);
 constexpr std::size_t kKeptEvents = 256;
 
 double position_variance(const KnownTag& tag) { return tag.covariance.diagonal().head<3>().sum(); }
@@ -43,10 +45,10 @@ bool same_tags(const TagMap& a, const TagMap& b) {
                     });
 }
 
-/// Given from outside, so that it says where the workspace is.
-bool has_fixed_tag(const TagMap& map) {
+/// Some tag says where the workspace is.
+bool has_places(const TagMap& map) {
   return std::any_of(map.tags.begin(), map.tags.end(), [](const MapTag& entry) {
-    return entry.component == 0 && entry.state == TagState::kSurveyed;
+    return entry.component == 0 && entry.state != TagState::kQuarantined;
   });
 }
 
@@ -68,28 +70,6 @@ MapTag* find_in(TagMap& map, int tag_id) {
 
 }  // namespace
 
-std::string_view name_of(MapEvent::Kind kind) {
-  switch (kind) {
-    case MapEvent::Kind::kTagAdded:
-      return "tag_added";
-    case MapEvent::Kind::kTagRefined:
-      return "tag_refined";
-    case MapEvent::Kind::kTagQuarantined:
-      return "tag_quarantined";
-    case MapEvent::Kind::kTagMoved:
-      return "tag_moved";
-    case MapEvent::Kind::kTagDisputed:
-      return "tag_disputed";
-    case MapEvent::Kind::kTagCalibrated:
-      return "tag_settled";
-    case MapEvent::Kind::kWorkspace:
-      return "workspace_defined";
-    case MapEvent::Kind::kPublished:
-      return "map_stored";
-  }
-  return "map_stored";
-}
-
 std::vector<ConfigError> MapConfig::check() const {
   return Checker{"map."}
       .positive("publish_position_sigma_m", publish_position_sigma_m)
@@ -102,9 +82,13 @@ std::vector<ConfigError> MapConfig::check() const {
 MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
     : config_(config),
       snapshot_(std::make_shared<const TagMap>(start)),
-      working_(std::move(start)) {
+      working_(std::move(start)),
+      starts_with_places_(has_places(working_)),
+      has_workspace_(starts_with_places_) {
   for (const MapTag& entry : working_.tags) {
     if (entry.state == TagState::kLocal) ownership_[entry.tag.tag_id] = {};
+    if (entry.state == TagState::kQuarantined)
+      ownership_[entry.tag.tag_id] = {.quarantined_at = Instant::min()};
   }
 }
 
@@ -119,17 +103,12 @@ bool MapBuilder::ready(const TagBelief& belief) const {
          variances.tail<3>().maxCoeff() <= rotation * rotation;
 }
 
-bool MapBuilder::has_workspace_locked() const {
-  return std::any_of(working_.tags.begin(), working_.tags.end(),
-                     [](const MapTag& entry) { return entry.component == 0; });
-}
-
 /// The reference tag *is* the workspace, for every body alike. Without one it is what the first
 /// body makes it, and nobody else may.
 bool MapBuilder::may_define_locked(int body_id) const {
   if (working_.reference_tag)
-    return working_.find(*working_.reference_tag) == nullptr && !has_fixed_tag(working_);
-  return !has_workspace_locked() && (!founder_ || *founder_ == body_id) &&
+    return working_.find(*working_.reference_tag) == nullptr && !starts_with_places_;
+  return !has_workspace_ && (!founder_ || *founder_ == body_id) &&
          (!defining_ || *defining_ == body_id);
 }
 
@@ -143,14 +122,13 @@ MapView MapBuilder::view(int body_id) {
 void MapBuilder::release(int body_id) {
   const std::lock_guard lock(mutex_);
   if (defining_ == body_id) defining_.reset();
-  if (founder_ == body_id && !has_workspace_locked()) founder_.reset();
+  if (founder_ == body_id && !has_workspace_) founder_.reset();
 }
 
 void MapBuilder::note_workspace_locked(const MapContribution& contribution) {
   const bool was_defining = defining_ == contribution.body_id;
   if (was_defining) defining_.reset();
-  if (!contribution.anchored || founder_ || working_.reference_tag || has_workspace_locked())
-    return;
+  if (!contribution.anchored || founder_ || working_.reference_tag || has_workspace_) return;
   founder_ = contribution.body_id;
   note_locked(MapEvent::Kind::kWorkspace, 0,
               "body " + std::to_string(contribution.body_id) +
@@ -162,7 +140,11 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   const std::lock_guard lock(mutex_);
   note_workspace_locked(contribution);
   const std::uint64_t turn = contributions_++;
-  if (config_.mode == MapMode::kFrozen) return turn;
+  if (config_.mode == MapMode::kFrozen) {
+    for (const int tag_id : contribution.contradicted)
+      note_contradicted_once_locked(contribution.body_id, tag_id, "the map is frozen");
+    return turn;
+  }
   bool follow = false;
   for (const int tag_id : contribution.contradicted)
     follow |= quarantine_locked(contribution, tag_id);
@@ -172,27 +154,58 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   return turn;
 }
 
+void MapBuilder::note_contradicted_once_locked(int body_id, int tag_id, const char* what_holds) {
+  if (working_.find(tag_id) == nullptr || !contradicted_.insert(tag_id).second) return;
+  note_locked(MapEvent::Kind::kTagDisputed, tag_id,
+              "tag " + std::to_string(tag_id) + " is not where the map has it, by what body " +
+                  std::to_string(body_id) + " sees; it stays there, for " + what_holds);
+}
+
 bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_id) {
   MapTag* entry = find_in(working_, tag_id);
   if (entry == nullptr || entry->component != 0 || entry->state == TagState::kQuarantined)
     return false;
-  const auto known = ownership_.find(tag_id);
-  if (known != ownership_.end() && known->second.disputed) return false;
-  const std::string name = "tag " + std::to_string(tag_id);
   if (entry->state == TagState::kSurveyed) {
-    note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
-                name + " is not where the survey says, by what body " +
-                    std::to_string(contribution.body_id) + " sees; the survey holds");
+    note_contradicted_once_locked(contribution.body_id, tag_id, "the survey holds");
     return false;
   }
-  entry->state = TagState::kQuarantined;
   Ownership& owner = ownership_[tag_id];
-  owner = {};
-  owner.quarantined_at = contribution.at;
-  note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
-              name + " is not where the map has it, by what body " +
-                  std::to_string(contribution.body_id) +
-                  " sees; it is left out until it has been learned anew");
+  const auto disputed_at = owner.disputed_at;
+  if (disputed_at && contribution.at - *disputed_at < kDisputeHolds) return false;
+  owner = {.quarantined_at = contribution.at, .before = entry->state, .disputed_at = disputed_at};
+  entry->state = TagState::kQuarantined;
+  if (!disputed_at) {
+    note_locked(MapEvent::Kind::kTagQuarantined, tag_id,
+                "tag " + std::to_string(tag_id) + " is not where the map has it, by what body " +
+                    std::to_string(contribution.body_id) +
+                    " sees; it is left out until it has been learned anew");
+  }
+  return true;
+}
+
+/// The first belief since the quarantine. @return false when the tag has not moved
+bool MapBuilder::relearn_locked(int body_id, const TagBelief& belief, MapTag& entry,
+                                Ownership& owner) {
+  const int id = belief.tag.tag_id;
+  const double moved_m = (belief.tag.X_WT.p - entry.tag.X_WT.p).norm();
+  if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry.tag.X_WT.q) < kMove_rad) {
+    // Map and body are further apart than they claim. To take over one tag after the other would
+    // bend the map after this body.
+    if (!owner.disputed_at) {
+      note_locked(MapEvent::Kind::kTagDisputed, id,
+                  "tag " + std::to_string(id) + " is " + fixed(moved_m, 3) + " m from where body " +
+                      std::to_string(body_id) +
+                      " sees it, too little for a move; it stays where the map has it");
+    }
+    entry.state = owner.before;
+    owner = {.disputed_at = belief.last_seen};
+    return false;
+  }
+  note_locked(MapEvent::Kind::kTagMoved, id,
+              "tag " + std::to_string(id) + " was learned anew, " + fixed(moved_m, 3) +
+                  " m from where it was");
+  entry.state = TagState::kLocal;
+  owner = {.body_id = body_id};
   return true;
 }
 
@@ -201,6 +214,7 @@ bool MapBuilder::accept_locked(int body_id, const TagBelief& belief, const MapTa
                                Ownership& owner) {
   // What was seen before it moved is the old place.
   if (owner.quarantined_at) return belief.last_seen > *owner.quarantined_at;
+  if (owner.disputed_at) return false;
   const double offered = position_variance(belief.tag);
   const double known = position_variance(entry.tag);
   if (owner.body_id == body_id) return kBetterBy * offered <= known;
@@ -225,25 +239,8 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
   if (owned == ownership_.end()) return false;  // a fixed tag of the starting map
   Ownership& owner = owned->second;
   if (!is_new && !accept_locked(body_id, belief, *entry, owner)) return false;
-  if (owner.quarantined_at) {
-    const double moved_m = (belief.tag.X_WT.p - entry->tag.X_WT.p).norm();
-    if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry->tag.X_WT.q) < kMove_rad) {
-      // No move: map and body are further apart than they claim. To take over one tag after the
-      // other would bend the map after this body.
-      note_locked(MapEvent::Kind::kTagDisputed, id,
-                  "tag " + std::to_string(id) + " is " + fixed(moved_m, 3) + " m from where body " +
-                      std::to_string(body_id) +
-                      " sees it, too little for a move; it stays where the map has it");
-      entry->state = TagState::kLocal;
-      owner = {.disputed = true};
-      return true;
-    }
-    note_locked(MapEvent::Kind::kTagMoved, id,
-                "tag " + std::to_string(id) + " was learned anew, " + fixed(moved_m, 3) +
-                    " m from where it was");
-    entry->state = TagState::kLocal;
-  }
-  if (owner.quarantined_at || owner.body_id != body_id) owner = {.body_id = body_id};
+  if (owner.quarantined_at && !relearn_locked(body_id, belief, *entry, owner)) return true;
+  if (owner.body_id != body_id) owner = {.body_id = body_id};
   entry->tag = belief.tag;
   entry->sightings = belief.sightings;
   if (belief.last_seen > owner.last_seen) entry->last_seen_utc_ns = utc_now_ns;
@@ -271,7 +268,8 @@ MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
   const auto place =
       std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
                        [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
-  ownership_[id] = {body_id, {}};
+  ownership_[id] = {.body_id = body_id};
+  has_workspace_ = true;
   note_locked(
       MapEvent::Kind::kTagAdded, id,
       "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));

@@ -5,12 +5,14 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
 #include "estimation/tag_belief.hpp"
+#include "mapping/map_event.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
@@ -30,25 +32,6 @@ struct MapConfig {
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
-
-/// Something about the map that people and protocols should hear of.
-struct MapEvent {
-  enum class Kind {
-    kTagAdded,        ///< A tag joined the map.
-    kTagRefined,      ///< Another body knows the tag better and owns it now.
-    kTagQuarantined,  ///< A tag contradicts the others: it moved, or another one has its id.
-    kTagMoved,        ///< A quarantined tag was learned anew.
-    kTagDisputed,     ///< A body sees a tag a little off its place; the place stays.
-    kTagCalibrated,   ///< A tag has settled.
-    kWorkspace,       ///< A body has defined the workspace.
-    kPublished,       ///< The map was stored as a version.
-  } kind{Kind::kPublished};
-  int tag_id{};  ///< 0 when it is not about a tag.
-  std::string text;
-};
-
-/// `tag_added`, `tag_refined`, …
-[[nodiscard]] std::string_view name_of(MapEvent::Kind kind);
 
 /// The map as one body gets it for one image.
 struct MapView {
@@ -73,14 +56,14 @@ struct MapContribution {
 /// for a `view` before each image and contributes after it; in between it alone may define the
 /// workspace.
 ///
-/// Surveyed tags stay as they are, and so do tags that start calibrated or quarantined until
-/// a body contradicts them. A new tag belongs to the body that knows it best: its belief is
-/// copied, beliefs of different bodies are never averaged (they share known tags, so they are not
-/// independent). Another body takes a tag over when its position variance is 30 % smaller; a belief
-/// that much worse than the map's is ignored, also the owner's. A tag that a body contradicts
-/// is quarantined until a body has learned it anew; one that is then found less than 0.1 m and
-/// 0.1 rad away stays where it was and is disputed, once and for all. The joint refinement over
-/// keyframes of all bodies will take this place.
+/// Surveyed tags stay as they are, and so do tags that start calibrated until a body contradicts
+/// them. A new tag belongs to the body that knows it best: its belief is copied, beliefs of
+/// different bodies are never averaged (they share known tags, so they are not independent).
+/// Another body takes a tag over when its position variance is 30 % smaller; a belief that much
+/// worse than the map's is ignored, also the owner's. A tag that a body contradicts is quarantined
+/// until a body has learned it anew, also over a restart; one that is then found less than 0.1 m
+/// and 0.1 rad away is disputed: it stays where it was, and contradictions count again only a
+/// minute later. The joint refinement over keyframes of all bodies will take this place.
 ///
 /// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, changed its state, or its
 /// 1-sigma changed by a tenth, each against the published map; sightings and times travel along
@@ -116,15 +99,17 @@ class MapBuilder final {
     Instant last_seen{};
     std::optional<Instant> still_since{};  ///< When the published place last changed, by the owner.
     std::optional<Instant> quarantined_at{};
-    bool disputed{false};  ///< Contradicted, but not moved: stays where it is.
+    TagState before{TagState::kLocal};     ///< What it was before the quarantine.
+    std::optional<Instant> disputed_at{};  ///< Contradicted, but not moved: stays where it is.
   };
   [[nodiscard]] bool ready(const TagBelief& belief) const;
-  [[nodiscard]] bool has_workspace_locked() const;
   [[nodiscard]] bool may_define_locked(int body_id) const;
   void note_workspace_locked(const MapContribution& contribution);
   /// The three below: @return true when the published map should follow.
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
   bool quarantine_locked(const MapContribution& contribution, int tag_id);
+  bool relearn_locked(int body_id, const TagBelief& belief, MapTag& entry, Ownership& owner);
+  void note_contradicted_once_locked(int body_id, int tag_id, const char* what_holds);
   bool settle_locked(MapTag& entry, Ownership& owner, bool moved);
   [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
                                    Ownership& owner);
@@ -138,6 +123,9 @@ class MapBuilder final {
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
   std::map<int, Ownership> ownership_;  ///< Of every tag that may still move.
+  std::set<int> contradicted_;          ///< Tags that were said to stay all the same.
+  bool starts_with_places_;             ///< The starting map says where the workspace is.
+  bool has_workspace_;                  ///< … or a tag has joined since.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<MapEvent> events_;

@@ -1,8 +1,11 @@
 #include "pipeline/body_pipeline.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "base/assert.hpp"
+#include "base/so3.hpp"
 #include "detection/observe.hpp"
 #include "estimation/filter/filter_rules.hpp"
 
@@ -17,10 +20,30 @@ constexpr Duration kOutOfView = std::chrono::seconds(2);
 // A body that should have an IMU is told about after so long without a reading.
 constexpr Duration kSilent = std::chrono::milliseconds(500);
 
+// Further apart, two places of a tag are not the same place.
+constexpr double kSamePlace_m = 0.1;
+constexpr double kSamePlace_rad = 0.1;
+
+bool agree(const Pose& a, const Pose& b) {
+  return (a.p - b.p).norm() < kSamePlace_m && angle_between(a.q, b.q) < kSamePlace_rad;
+}
+
+/// As many as come within the merger's window, so that images wait for their IMU readings, not for
+/// a full queue.
+std::size_t images_that_wait(const PipelineSetup& setup) {
+  constexpr double kMostPerCamera = 64;
+  double all = 0;
+  for (const CameraMount& camera : setup.sensors.cameras)
+    all +=
+        std::min(std::ceil(camera.rate_hz * to_seconds(setup.merger.window)) + 2, kMostPerCamera);
+  return std::max<std::size_t>(setup.merger.max_images, static_cast<std::size_t>(all));
+}
+
 MergerConfig merger_of(const PipelineSetup& setup) {
   MergerConfig config = setup.merger;
   config.has_imu = setup.sensors.imu.has_value();
   config.cameras = static_cast<int>(setup.sensors.cameras.size());
+  config.max_images = images_that_wait(setup);
   return config;
 }
 
@@ -101,6 +124,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
   merger_.set_clock_shift(corners.camera,
                           shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
+  note_contradicted();
   filter_->tag_beliefs(update_.beliefs);
   hand_over_tags(*view.map);
   update_.estimate =
@@ -125,6 +149,24 @@ void BodyPipeline::find_corners(const MapView& view) {
   if (!search_) search_.emplace(setup_.sensors, setup_.tags, setup_.detector, setup_.estimator);
   const auto& image = std::get<CameraFrame>(*next_);
   update_.corners = search_->search(image, update_.beliefs, *view.map);
+}
+
+/// The tags that were dropped as the map has them, by a body that stands in its workspace. One that
+/// the body had elsewhere was its own error.
+void BodyPipeline::note_contradicted() {
+  update_.contradicted.clear();
+  if (!anchored_ || update_.report.start_is_open) return;
+  const auto named = [](int tag_id) {
+    return [tag_id](const KnownTag& tag) { return tag.tag_id == tag_id; };
+  };
+  for (const int tag_id : update_.report.named_dropped()) {
+    const auto own = std::find_if(update_.beliefs.begin(), update_.beliefs.end(),
+                                  [&](const TagBelief& b) { return named(tag_id)(b.tag); });
+    const auto map = std::find_if(update_.known.begin(), update_.known.end(), named(tag_id));
+    const bool is_own_error = own != update_.beliefs.end() && map != update_.known.end() &&
+                              !agree(own->tag.X_WT, map->X_WT);
+    if (!is_own_error) update_.contradicted.push_back(tag_id);
+  }
 }
 
 void BodyPipeline::lose_motion_if_lost() {

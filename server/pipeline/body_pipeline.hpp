@@ -25,7 +25,7 @@ struct PipelineSetup {
   WorkspaceGauge gauge;
   std::string filter{"world"};
   std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
-  MergerConfig merger;           ///< `has_imu` and `cameras` follow from the sensors.
+  MergerConfig merger;           ///< `has_imu`, `cameras` and more images follow from the sensors.
   double lose_after_s{BodyLimits{}.lose_after_s};
 };
 
@@ -86,6 +86,7 @@ class BodyPipeline final {
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
   void find_corners(const MapView& view);
+  void note_contradicted();
   void lose_motion_if_lost();
   void hand_over_tags(const TagMap& map);
   void refresh_cameras();

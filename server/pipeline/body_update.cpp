@@ -31,7 +31,7 @@ MapContribution contribution_of(int body_id, const BodyUpdate& update) {
           .at = update.seen.exposed_at,
           .anchored = update.estimate && update.estimate->anchored,
           .beliefs = update.beliefs,
-          .contradicted = update.report.named_dropped()};
+          .contradicted = update.contradicted};
 }
 
 }  // namespace fiducap

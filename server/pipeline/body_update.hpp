@@ -41,6 +41,7 @@ struct BodyUpdate {
   UpdateReport report;
   std::optional<BodyEstimate> estimate;     ///< nullopt: the filter does not run.
   std::vector<TagBelief> beliefs;           ///< The tags in the body's own state.
+  std::vector<int> contradicted;            ///< Tags that are not where the *map* has them.
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.
   std::vector<ExtrinsicsEstimate> cameras;  ///< What was learned about them, at most a second old.
   std::vector<BodyEvent> events;

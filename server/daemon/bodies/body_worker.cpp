@@ -24,11 +24,6 @@ std::size_t images_that_wait(const PipelineSetup& setup) {
   return 4 * std::max<std::size_t>(1, setup.sensors.cameras.size());
 }
 
-PipelineSetup live(PipelineSetup setup) {
-  setup.merger.max_images = images_that_wait(setup);
-  return setup;
-}
-
 }  // namespace
 
 BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
@@ -37,7 +32,7 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       name_(std::move(parts.name)),
       source_(std::move(parts.source)),
       shared_(shared),
-      pipeline_(live(std::move(parts.setup)), std::move(parts.filter)),
+      pipeline_(std::move(parts.setup), std::move(parts.filter)),
       inbox_(images_that_wait(pipeline_.setup())) {}
 
 void BodyWorker::read(std::stop_token stop) {

@@ -69,6 +69,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, const MapKnowledge
   } else if (auto better = search_.add(seen, map, *present_)) {
     take_over(std::move(better), before, report);
   }
+  report.start_is_open = search_.is_open();
   return report;
 }
 

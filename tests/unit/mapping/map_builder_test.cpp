@@ -4,33 +4,24 @@
 
 #include <thread>
 
+#include "unit/mapping/belief_fixture.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr std::int64_t kNow_utc_ns = 1'700'000'100'000'000'000;
-
-TagBelief belief(int id, double sigma = 0.01, double x = 1.0, int sightings = 20) {
-  TagBelief b;
-  b.tag.tag_id = id;
-  b.tag.edge_m = 0.2;
-  b.tag.X_WT.p = {x, 2, 3};
-  b.tag.covariance = Matrix6d::Identity() * sigma * sigma;
-  b.sightings = sightings;
-  b.first_seen = instant_from_ns(1'000'000'000);
-  b.last_seen = instant_from_ns(4'000'000'000);
-  return b;
-}
-
-MapContribution from(int body, const TagBelief& b) {
-  return {.body_id = body, .at = b.last_seen, .anchored = true, .beliefs = std::span(&b, 1)};
-}
-
 class MapBuilderTest : public testing::Test {
  protected:
   MapBuilderTest() : builder_(MapConfig{}, make_map({2, 5})) {}
   void absorb(int body, const TagBelief& b) { builder_.absorb(from(body, b), kNow_utc_ns); }
+  void contradict(int body, int tag_id, int second) {
+    const int contradicted[] = {tag_id};
+    builder_.absorb({.body_id = body,
+                     .at = instant_from_ns(second * 1'000'000'000LL),
+                     .anchored = true,
+                     .contradicted = contradicted},
+                    kNow_utc_ns);
+  }
   MapBuilder builder_;
 };
 
@@ -70,17 +61,26 @@ TEST_F(MapBuilderTest, AnUncertainRareOrBrokenBeliefStaysOutside) {
   EXPECT_FALSE(builder_.changed());
 }
 
-TEST_F(MapBuilderTest, TagsThatStartCalibratedSurveyedOrQuarantinedNeverMove) {
-  auto start = make_map({1, 2, 3});
+TEST_F(MapBuilderTest, TagsThatStartCalibratedOrSurveyedNeverMoveByBeliefsAlone) {
+  auto start = make_map({1, 2});
   start.tags[1].state = TagState::kSurveyed;
-  start.tags[2].state = TagState::kQuarantined;
   MapBuilder builder(MapConfig{}, start);
-  for (const int id : {1, 2, 3}) {
+  for (const int id : {1, 2}) {
     const auto better = belief(id, 1e-6);
     builder.absorb(from(1, better), kNow_utc_ns);
   }
   EXPECT_EQ(worst_corner_m(*builder.snapshot(), start), 0);
   EXPECT_FALSE(builder.changed());
+}
+
+TEST_F(MapBuilderTest, ATagThatStartsQuarantinedIsLearnedAnew) {
+  auto start = make_map({1, 2});
+  start.tags[1].state = TagState::kQuarantined;
+  MapBuilder builder(MapConfig{}, start);
+  const auto anew = belief(2, 0.01, start.tags[1].tag.X_WT.p.x() + 1.5);
+  builder.absorb(from(1, anew), kNow_utc_ns);
+  EXPECT_EQ(builder.snapshot()->find(2)->state, TagState::kLocal);
+  EXPECT_EQ(builder.snapshot()->find(2)->tag.X_WT.p.x(), anew.tag.X_WT.p.x());
 }
 
 TEST_F(MapBuilderTest, ALocalTagOfTheStartingMapGoesToWhoKnowsItBetter) {
@@ -274,10 +274,7 @@ TEST_F(MapBuilderTest, AContradictedTagIsLeftOutUntilItWasLearnedAnew) {
 
 TEST_F(MapBuilderTest, ATagThatMovedByLessThanADecimetreStaysAndThatIsSaid) {
   absorb(1, belief(3, 0.01, 1.0));
-  const int contradicted[] = {3};
-  builder_.absorb(
-      {.body_id = 2, .at = instant_from_ns(9'000'000'000), .contradicted = contradicted},
-      kNow_utc_ns);
+  contradict(2, 3, 9);
   (void)builder_.take_events();
   auto nearby = belief(3, 0.001, 1.023);
   nearby.last_seen = instant_from_ns(12'000'000'000);
@@ -288,11 +285,50 @@ TEST_F(MapBuilderTest, ATagThatMovedByLessThanADecimetreStaysAndThatIsSaid) {
   ASSERT_EQ(events.size(), 1u);
   EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagDisputed);
   EXPECT_NE(events[0].text.find("0.023 m"), std::string::npos) << events[0].text;
-  builder_.absorb(
-      {.body_id = 2, .at = instant_from_ns(15'000'000'000), .contradicted = contradicted},
-      kNow_utc_ns);
-  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kLocal) << "said once, not again";
+  absorb(2, nearby);
+  EXPECT_EQ(builder_.snapshot()->find(3)->tag.X_WT.p.x(), 1.0) << "also for the next belief";
+  contradict(2, 3, 15);
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kLocal) << "just looked into";
   EXPECT_TRUE(builder_.take_events().empty());
+}
+
+TEST_F(MapBuilderTest, ADisputedTagThatIsMovedLaterIsLearnedAnew) {
+  absorb(1, belief(3, 0.01, 1.0));
+  contradict(2, 3, 9);
+  auto nearby = belief(3, 0.001, 1.023);
+  nearby.last_seen = instant_from_ns(12'000'000'000);
+  absorb(2, nearby);
+  (void)builder_.take_events();
+  contradict(2, 3, 100);
+  EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kQuarantined);
+  auto moved = belief(3, 0.01, 2.0);
+  moved.last_seen = instant_from_ns(103'000'000'000);
+  absorb(2, moved);
+  EXPECT_EQ(builder_.snapshot()->find(3)->tag.X_WT.p.x(), 2.0);
+  const std::vector<MapEvent> events = builder_.take_events();
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, MapEvent::Kind::kTagMoved);
+}
+
+TEST_F(MapBuilderTest, ACalibratedTagIsCalibratedAgainAfterADispute) {
+  const double x = builder_.snapshot()->find(2)->tag.X_WT.p.x();
+  auto nearby = belief(2, 0.001, 0);
+  nearby.tag.X_WT = builder_.snapshot()->find(2)->tag.X_WT;
+  nearby.tag.X_WT.p.x() += 0.02;
+  contradict(1, 2, 3);
+  absorb(1, nearby);
+  EXPECT_EQ(builder_.snapshot()->find(2)->state, TagState::kCalibrated);
+  absorb(1, nearby);
+  EXPECT_EQ(builder_.snapshot()->find(2)->tag.X_WT.p.x(), x);
+}
+
+TEST_F(MapBuilderTest, AFrozenMapSaysOnceWhichTagIsContradicted) {
+  builder_.set_mode(MapMode::kFrozen);
+  for (int second = 1; second < 200; second += 10) contradict(1, 2, second);
+  EXPECT_NE(builder_.snapshot()->find(2)->state, TagState::kQuarantined);
+  const std::vector<MapEvent> events = builder_.take_events();
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_NE(events[0].text.find("frozen"), std::string::npos) << events[0].text;
 }
 
 TEST_F(MapBuilderTest, ASurveyedTagIsNeverMovedByAContradiction) {
@@ -300,9 +336,10 @@ TEST_F(MapBuilderTest, ASurveyedTagIsNeverMovedByAContradiction) {
   start.tags[0].state = TagState::kSurveyed;
   MapBuilder builder(MapConfig{}, start);
   const int moved[] = {1};
-  builder.absorb({.body_id = 1, .contradicted = moved}, kNow_utc_ns);
+  for (int times = 0; times < 3; ++times)
+    builder.absorb({.body_id = 1, .contradicted = moved}, kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(1)->state, TagState::kSurveyed);
-  ASSERT_EQ(builder.take_events().size(), 1u) << "but it is said";
+  ASSERT_EQ(builder.take_events().size(), 1u) << "but it is said, once";
 }
 
 TEST_F(MapBuilderTest, ATagThatIsLookedAtAndStaysHasSettled) {
@@ -312,41 +349,6 @@ TEST_F(MapBuilderTest, ATagThatIsLookedAtAndStaysHasSettled) {
     absorb(1, b);
   }
   EXPECT_EQ(builder_.snapshot()->find(3)->state, TagState::kCalibrated);
-}
-
-TEST(Workspace, BelongsToTheFirstBodyThatAnchorsAndAllOthersWait) {
-  MapBuilder builder(MapConfig{}, TagMap{});
-  EXPECT_TRUE(builder.view(1).may_define_workspace);
-  EXPECT_FALSE(builder.view(2).may_define_workspace) << "1 is at work";
-  builder.absorb({.body_id = 1}, kNow_utc_ns);
-  EXPECT_TRUE(builder.view(2).may_define_workspace) << "1 saw no tag";
-  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
-  EXPECT_FALSE(builder.view(1).may_define_workspace);
-  EXPECT_TRUE(builder.view(2).may_define_workspace) << "after a reset, while the map is empty";
-  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
-  const auto first = belief(7);
-  builder.absorb(from(2, first), kNow_utc_ns);
-  EXPECT_FALSE(builder.view(2).may_define_workspace) << "now the map says where it is";
-}
-
-TEST(Workspace, IsFreeAgainWhenTheBodyThatDefinedItIsGoneBeforeAnythingWasMapped) {
-  MapBuilder builder(MapConfig{}, TagMap{});
-  (void)builder.view(1);
-  builder.absorb({.body_id = 1, .anchored = true}, kNow_utc_ns);
-  EXPECT_FALSE(builder.view(2).may_define_workspace);
-  builder.release(1);
-  EXPECT_TRUE(builder.view(2).may_define_workspace);
-}
-
-TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
-  TagMap start;
-  start.reference_tag = 7;
-  MapBuilder builder(MapConfig{}, start);
-  EXPECT_TRUE(builder.view(1).may_define_workspace);
-  EXPECT_TRUE(builder.view(2).may_define_workspace);
-  const auto first = belief(7);
-  builder.absorb(from(2, first), kNow_utc_ns);
-  EXPECT_FALSE(builder.view(1).may_define_workspace);
 }
 
 }  // namespace

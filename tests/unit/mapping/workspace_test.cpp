@@ -1,0 +1,54 @@
+// Who defines the workspace, and when.
+#include <gtest/gtest.h>
+
+#include "mapping/map_builder.hpp"
+#include "unit/mapping/belief_fixture.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+TEST(Workspace, BelongsToTheFirstBodyThatAnchorsAndAllOthersWait) {
+  MapBuilder builder(MapConfig{}, TagMap{});
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  EXPECT_FALSE(builder.view(2).may_define_workspace) << "1 is at work";
+  builder.absorb({.body_id = 1}, kNow_utc_ns);
+  EXPECT_TRUE(builder.view(2).may_define_workspace) << "1 saw no tag";
+  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
+  EXPECT_FALSE(builder.view(1).may_define_workspace);
+  EXPECT_TRUE(builder.view(2).may_define_workspace) << "after a reset, while the map is empty";
+  builder.absorb({.body_id = 2, .anchored = true}, kNow_utc_ns);
+  const auto first = belief(7);
+  builder.absorb(from(2, first), kNow_utc_ns);
+  EXPECT_FALSE(builder.view(2).may_define_workspace) << "now the map says where it is";
+}
+
+TEST(Workspace, IsFreeAgainWhenTheBodyThatDefinedItIsGoneBeforeAnythingWasMapped) {
+  MapBuilder builder(MapConfig{}, TagMap{});
+  (void)builder.view(1);
+  builder.absorb({.body_id = 1, .anchored = true}, kNow_utc_ns);
+  EXPECT_FALSE(builder.view(2).may_define_workspace);
+  builder.release(1);
+  EXPECT_TRUE(builder.view(2).may_define_workspace);
+}
+
+TEST(Workspace, IsWhereTheStartingMapHasItAlsoWithoutTheReferenceTag) {
+  TagMap start = make_map({1, 2});
+  start.reference_tag = 7;
+  MapBuilder builder(MapConfig{}, start);
+  EXPECT_FALSE(builder.view(1).may_define_workspace) << "tags 1 and 2 say where it is";
+}
+
+TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
+  TagMap start;
+  start.reference_tag = 7;
+  MapBuilder builder(MapConfig{}, start);
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  EXPECT_TRUE(builder.view(2).may_define_workspace);
+  const auto first = belief(7);
+  builder.absorb(from(2, first), kNow_utc_ns);
+  EXPECT_FALSE(builder.view(1).may_define_workspace);
+}
+
+}  // namespace
+}  // namespace fiducap
