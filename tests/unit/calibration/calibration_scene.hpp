@@ -67,8 +67,10 @@ class CalibrationScene final {
 
   /// Board in camera axes, drawn anew each time.
   Pose board_pose(double reach, double tilt_rad) {
-    const Eigen::Vector2d px(camera_.cu + reach * uniform(-0.5, 0.5) * camera_.width,
-                             camera_.cv + reach * uniform(-0.5, 0.5) * camera_.height);
+    const double down = uniform(-0.5, 0.5);
+    const double across = uniform(-0.5, 0.5);
+    const Eigen::Vector2d px(camera_.cu + reach * across * camera_.width,
+                             camera_.cv + reach * down * camera_.height);
     const auto ideal = undistort(camera_, px);
     const Eigen::Vector3d ray = Eigen::Vector3d((ideal->px.x() - camera_.cu) / camera_.fu,
                                                 (ideal->px.y() - camera_.cv) / camera_.fv, 1)
@@ -80,9 +82,10 @@ class CalibrationScene final {
     const Eigen::Quaterniond facing(
         Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), ray) *
         exp_so3({3.14159265, 0, 0}));
-    return {
-        (facing * exp_so3(uniform(0, 1) * tilt) * exp_so3({0, 0, uniform(-0.5, 0.5)})).normalized(),
-        distance * ray};
+    const double rolled = uniform(-0.5, 0.5);
+    const double tilted = uniform(0, 1);
+    return {(facing * exp_so3(tilted * tilt) * exp_so3({0, 0, rolled})).normalized(),
+            distance * ray};
   }
 
   CalibrationData data;
@@ -110,7 +113,10 @@ class CalibrationScene final {
           px->y() > camera_.height - 3)
         return;
       std::normal_distribution<double> noise(0, noise_px);
-      const Eigen::Vector2d seen = *px + Eigen::Vector2d(noise(random_), noise(random_));
+      // One draw a statement: compilers differ in the order of arguments.
+      Eigen::Vector2d seen = *px;
+      seen.y() += noise(random_);
+      seen.x() += noise(random_);
       sighting.points.push_back({static_cast<int>(i), seen, seen});
     }
     view.sightings.push_back(std::move(sighting));
