@@ -206,7 +206,9 @@ TEST_F(TagSearchTest, AllocatesNothingOfOursAfterWarmUp) {
   const AllocationCounter alone;
   library();
   const std::uint64_t of_library = alone.count();
-  if (AllocationCounter::counts_malloc()) EXPECT_GT(of_library, 0u);
+  if (AllocationCounter::counts_malloc()) {
+    EXPECT_GT(of_library, 0u);
+  }
   EXPECT_EQ(of_search, of_library);
 }
 
