@@ -239,6 +239,7 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
   if (owned == ownership_.end()) return false;  // a fixed tag of the starting map
   Ownership& owner = owned->second;
   if (!is_new && !accept_locked(body_id, belief, *entry, owner)) return false;
+  has_workspace_ = true;
   if (owner.quarantined_at && !relearn_locked(body_id, belief, *entry, owner)) return true;
   if (owner.body_id != body_id) owner = {.body_id = body_id};
   entry->tag = belief.tag;
@@ -269,7 +270,6 @@ MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
       std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
                        [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
   ownership_[id] = {.body_id = body_id};
-  has_workspace_ = true;
   note_locked(
       MapEvent::Kind::kTagAdded, id,
       "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));

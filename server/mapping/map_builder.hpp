@@ -125,7 +125,7 @@ class MapBuilder final {
   std::map<int, Ownership> ownership_;  ///< Of every tag that may still move.
   std::set<int> contradicted_;          ///< Tags that were said to stay all the same.
   bool starts_with_places_;             ///< The starting map says where the workspace is.
-  bool has_workspace_;                  ///< … or a tag has joined since.
+  bool has_workspace_;                  ///< … or a body has since.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<MapEvent> events_;

@@ -30,7 +30,7 @@ bool agree(const Pose& a, const Pose& b) {
 
 /// As many as come within the merger's window, so that images wait for their IMU readings, not for
 /// a full queue.
-std::size_t images_that_wait(const PipelineSetup& setup) {
+std::size_t images_within_window(const PipelineSetup& setup) {
   constexpr double kMostPerCamera = 64;
   double all = 0;
   for (const CameraMount& camera : setup.sensors.cameras)
@@ -43,7 +43,7 @@ MergerConfig merger_of(const PipelineSetup& setup) {
   MergerConfig config = setup.merger;
   config.has_imu = setup.sensors.imu.has_value();
   config.cameras = static_cast<int>(setup.sensors.cameras.size());
-  config.max_images = images_that_wait(setup);
+  config.max_images = images_within_window(setup);
   return config;
 }
 

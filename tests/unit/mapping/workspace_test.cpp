@@ -39,6 +39,16 @@ TEST(Workspace, IsWhereTheStartingMapHasItAlsoWithoutTheReferenceTag) {
   EXPECT_FALSE(builder.view(1).may_define_workspace) << "tags 1 and 2 say where it is";
 }
 
+TEST(Workspace, IsThereAgainWhenATagThatStartedQuarantinedIsLearned) {
+  TagMap start = make_map({1});
+  start.tags[0].state = TagState::kQuarantined;
+  MapBuilder builder(MapConfig{}, start);
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  const auto anew = belief(1, 0.01, 5.0);
+  builder.absorb(from(1, anew), kNow_utc_ns);
+  EXPECT_FALSE(builder.view(1).may_define_workspace) << "also not after a reset";
+}
+
 TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
   TagMap start;
   start.reference_tag = 7;
