@@ -178,7 +178,7 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
     const BodyConfig& config = config_.bodies[i];
     const BodySensors& sensors = bodies[i].setup.sensors;
     // A robot that a controller moves has no truth at other times than now.
-    auto truth = options_.motion ? SimulatedTruth{} : truth_of(*bodies[i].source, config, config_);
+    auto truth = options_.motion ? SimulatedTruth{} : truth_of(*bodies[i].source, config_);
     recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
                        std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);

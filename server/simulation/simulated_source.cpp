@@ -70,6 +70,8 @@ class Simulation final : public SimulatedSource {
 
   [[nodiscard]] Instant start() const override { return start_; }
 
+  [[nodiscard]] const std::vector<CameraMount>& cameras() const override { return body_.cameras; }
+
  private:
   /// Of those that arrive together the IMU comes first, then the cameras by index.
   [[nodiscard]] Pending& first_to_arrive() {

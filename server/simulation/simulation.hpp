@@ -42,6 +42,8 @@ class SimulatedSource : public SensorSource {
   /// The true state at an instant of the source's own time line, past or future. Thread-safe.
   [[nodiscard]] virtual TruthSample truth(Instant at) const = 0;
   [[nodiscard]] virtual Instant start() const = 0;
+  /// Where the cameras truly sit, whatever is believed about them.
+  [[nodiscard]] virtual const std::vector<CameraMount>& cameras() const = 0;
 };
 
 /// @param clock  paced: samples come when they are due on this clock, and t = 0 is `start`;

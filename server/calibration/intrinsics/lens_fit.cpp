@@ -134,6 +134,12 @@ void settle(LensFit& fit, bool each_by_itself) {
   measure(fit);
 }
 
+std::size_t total_sightings(const CalibrationData& data) {
+  std::size_t total = 0;
+  for (const CalibrationView& view : data.views) total += view.sightings.size();
+  return total;
+}
+
 /// The stages from one focal length; few images.
 std::optional<LensFit> start_from(const CalibrationData& data, const CameraModel& camera) {
   LensFit fit;
@@ -170,7 +176,9 @@ std::optional<LensFit> fit_loose(const CalibrationData& data, Distortion kind) {
   fit.free = kAllNumbers;
   unbend(fit.data, best->state.camera);
   const std::size_t before = count_points(fit.data);
+  const std::size_t sightings = total_sightings(fit.data);
   fit.state = loose_state(fit.data, best->state.camera);
+  fit.rejected = sightings - total_sightings(fit.data);  // those that no pose explains
   if (count_points(fit.data) * 2 < before) return std::nullopt;
   settle(fit, true);
   return fit;

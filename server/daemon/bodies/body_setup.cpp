@@ -74,6 +74,7 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   auto imu = read_imu(body, setup);
   if (!imu) return tl::unexpected(imu.error());
   setup.sensors.imu = *imu;
+  setup.configured_cameras = setup.sensors.cameras;
   return setup;
 }
 
@@ -107,17 +108,13 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   return info;
 }
 
-SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
-                        const ServerConfig& config) {
+SimulatedTruth truth_of(const SensorSource& source, const ServerConfig& config) {
   const auto* simulated = dynamic_cast<const simulation::SimulatedSource*>(&source);
   if (simulated == nullptr) return {};
   SimulatedTruth truth;
   truth.at = [simulated](Instant at) { return simulated->truth(at); };
   truth.tags = simulation::tags_of(config.simulation);
-  const auto& own = body.source.simulator.cameras;
-  for (const CameraMount& camera : own) truth.X_BV.push_back(camera.X_BV);
-  if (own.empty())
-    for (const CameraConfig& camera : body.cameras) truth.X_BV.push_back(camera.mount.X_BV);
+  for (const CameraMount& camera : simulated->cameras()) truth.X_BV.push_back(camera.X_BV);
   return truth;
 }
 

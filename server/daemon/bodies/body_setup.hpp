@@ -28,8 +28,7 @@ namespace fiducap {
                                          std::optional<int> reference_tag);
 
 /// What only a simulation knows about a body; empty for every other source.
-[[nodiscard]] SimulatedTruth truth_of(const SensorSource& source, const BodyConfig& body,
-                                      const ServerConfig& config);
+[[nodiscard]] SimulatedTruth truth_of(const SensorSource& source, const ServerConfig& config);
 
 /// What a recording says about the tags it is about.
 [[nodiscard]] std::vector<KnownTag> tag_priors(const RecordingInfo& recording);

@@ -27,7 +27,7 @@ std::optional<ImuNoise> imu_of(const simulation::SimulatedBodyConfig& config, co
 
 /// With true cameras, and an IMU only if it is read.
 Opened open(simulation::SimulatedBodyConfig robot, BodySetup& setup, OpeningContext context) {
-  if (robot.cameras.empty()) robot.cameras = setup.sensors.cameras;
+  if (robot.cameras.empty()) robot.cameras = setup.configured_cameras;
   robot.has_imu = setup.sensors.imu.has_value();
   auto made = simulation::make_simulated_source(context.room, robot, context.simulation_start,
                                                 &context.clock, std::move(context.motion));

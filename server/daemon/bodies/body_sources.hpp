@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "base/clock.hpp"
 #include "base/expected.hpp"
@@ -16,6 +17,8 @@ namespace fiducap {
 /// A body's sensors after every file that its configuration names has been read.
 struct BodySetup {
   BodySensors sensors;
+  std::vector<CameraMount>
+      configured_cameras;  ///< `sensors.cameras` before a map store refined it.
   std::optional<RecordingInfo> recording;
 };
 

@@ -146,7 +146,8 @@ bool FilterConversation<C>::admit(const TagObservations& seen, const TagToUse& t
   join(seen, *tag.seen, X_VT);
   ++report.tags_added;
   const auto prior = priors_.find(tag.seen->tag_id);
-  if (prior != priors_.end()) {
+  // Who may not say where the workspace is waits for a tag of the map, whatever it was told before.
+  if (prior != priors_.end() && (anchor_.is_anchored() || may_define_workspace_)) {
     const Pose& X_WT = prior->second.X_WT;
     if (!anchor_.is_anchored()) coordinates().forget_past();
     shift_axes(anchor_.by_sighting(coordinates(), seen.camera, X_VT, X_WT), report);

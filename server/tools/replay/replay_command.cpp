@@ -91,7 +91,7 @@ Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const Ses
   OfflineSetup setup = offline_setup(info);
   auto live = read_body_setup(config, session.config.simulation);
   static_cast<PipelineSetup&>(setup) =
-      pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}});
+      pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}, {}});
   setup.known.clear();  // the session's map has them
   if (!arguments.filter.empty()) setup.filter = arguments.filter;
   return setup;

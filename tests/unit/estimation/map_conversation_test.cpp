@@ -142,6 +142,22 @@ TEST_P(MapConversation, AFilterThatMayNotDefineTheWorkspaceWaitsForATagOfTheMap)
   EXPECT_LT((room.filter->estimate().X_WB.p - room.truth().p).norm(), 5 * kGood_m);
 }
 
+TEST_P(MapConversation, APriorDoesNotDefineASecondWorkspace) {
+  ExampleRoom room(setup());
+  KnownTag prior = room.known(1, room.tags[1], 1e-2);
+  prior.X_WT.p += Eigen::Vector3d(7, 0, 0);  // told in a workspace of its own
+  room.filter->set_tag_priors({prior});
+  for (int i = 0; i < kStartImages; ++i) {
+    room.next_image({.tags = {}, .may_define_workspace = false}, {0, 1, 2});
+    const bool is_anchored = room.filter->running() && room.filter->estimate().anchored;
+    ASSERT_FALSE(is_anchored) << "image " << i;
+  }
+  const std::vector<KnownTag> map{room.known(4, room.tags[4], 1e-3)};
+  for (int i = 0; i < 40; ++i) room.next_image({.tags = map, .may_define_workspace = false});
+  ASSERT_TRUE(room.filter->estimate().anchored);
+  EXPECT_LT((room.filter->estimate().X_WB.p - room.truth().p).norm(), 5 * kGood_m);
+}
+
 /// A body that knows its tags since long, in axes of its own.
 void wander_unanchored(ExampleRoom& room) {
   for (int i = 0; i < kStartImages; ++i)

@@ -118,5 +118,82 @@ TEST_F(BodyPipelineTest, WithoutAReferenceTagABodyThatMayNotDefineTheWorkspaceWa
   EXPECT_EQ(count(BodyEvent::Kind::kAnchored), 0);
 }
 
+TEST_F(BodyPipelineTest, ReadingsThatComeInBurstsAreNotLost) {
+  constexpr int kBurst_ms = 100;
+  setup_.sensors.cameras[0].rate_hz = 60;
+  BodyPipeline pipeline(setup_);
+  for (int begin = 0; begin < 3000; begin += kBurst_ms) {
+    for (int t = begin + 8; t < begin + kBurst_ms; t += 16) push(pipeline, frame_at(t));
+    for (int t = begin; t < begin + kBurst_ms; t += 5) push(pipeline, imu_at(t));
+  }
+  pipeline.finish();
+  work(pipeline);
+  EXPECT_EQ(pipeline.statistics().merger.late_dropped, 0u);
+  EXPECT_EQ(pipeline.statistics().merger.imu_waits_expired, 0u);
+  EXPECT_EQ(pipeline.statistics().imu_samples, 600u);
+}
+
+/// Says what it is told to say of tag 4.
+class ScriptedFilter final : public BodyFilter {
+ public:
+  struct Script {
+    bool anchored{true};
+    bool start_is_open{false};
+    bool drops{false};
+    std::optional<double> own_x{};  ///< Where the filter itself has the tag, metres.
+  };
+  explicit ScriptedFilter(const Script& script) : script_(script) {}
+  void propagate(const ImuSample&) override {}
+  UpdateReport update(const TagObservations& seen, const MapKnowledge&) override {
+    UpdateReport report;
+    at_ = report.exposed_at = seen.exposed_at;
+    report.start_is_open = script_.start_is_open;
+    if (script_.drops) report.name_dropped(4);
+    return report;
+  }
+  void set_tag_priors(std::vector<KnownTag>) override {}
+  void lose_motion() override {}
+  void release_tag(int) override {}
+  [[nodiscard]] bool running() const override { return true; }
+  [[nodiscard]] BodyEstimate estimate() const override {
+    BodyEstimate estimate;
+    estimate.at = at_;
+    estimate.anchored = script_.anchored;
+    return estimate;
+  }
+  void tag_beliefs(std::vector<TagBelief>& out) const override {
+    out.clear();
+    if (!script_.own_x) return;
+    out.emplace_back();
+    out.back().tag.tag_id = 4;
+    out.back().tag.X_WT.p.x() = *script_.own_x;
+  }
+  [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return {}; }
+  [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
+
+ private:
+  const Script& script_;
+  Instant at_{};
+};
+
+TEST_F(BodyPipelineTest, ContradictsTheMapOnlyForWhatTheMapSaid) {
+  TagMap map;
+  map.tags.push_back({.tag = {.tag_id = 4, .edge_m = 0.16, .X_WT = {}}});
+  view_.map = std::make_shared<const TagMap>(map);
+  setup_.sensors.imu.reset();
+  const auto contradicted = [&](ScriptedFilter::Script script) {
+    BodyPipeline pipeline(setup_, std::make_unique<ScriptedFilter>(script));
+    push(pipeline, frame_at(0));
+    script.drops = true;
+    push(pipeline, frame_at(50));
+    return last_->contradicted;
+  };
+  EXPECT_THAT(contradicted({}), testing::ElementsAre(4));
+  EXPECT_THAT(contradicted({.own_x = 0.01}), testing::ElementsAre(4)) << "told by itself";
+  EXPECT_THAT(contradicted({.own_x = 0.5}), testing::IsEmpty()) << "its own error";
+  EXPECT_THAT(contradicted({.anchored = false}), testing::IsEmpty());
+  EXPECT_THAT(contradicted({.start_is_open = true}), testing::IsEmpty());
+}
+
 }  // namespace
 }  // namespace fiducap

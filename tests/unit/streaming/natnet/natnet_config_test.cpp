@@ -44,6 +44,8 @@ TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
   EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.multicast_command_port"));
   config.unicast = false;
   EXPECT_TRUE(config.check().empty());
+  config.data_port = 0;
+  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.data_port"));
   config.multicast = false;
   EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast"));
 }
