@@ -145,11 +145,11 @@ std::vector<Table> bench_cpu(const EstimationOptions& options) {
     add_rows(table, filter, options.quick ? std::vector{10, 100} : std::vector{10, 100, 1000}, true,
              images);
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "propagate: taking in IMU readings; update: all that an image costs behind the detector. "
       "slope: "
       "exponent of the total between this row and the one above.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "mapped: tags come with the map's covariance, the view wanders over all of them. RCARS: -O2, "
       "220 predictions per s.");
   return {table};

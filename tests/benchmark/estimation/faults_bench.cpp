@@ -127,10 +127,10 @@ std::vector<Table> bench_faults(const EstimationOptions& options) {
       }
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "bound: of the same seeds without the fault. median: over seeds. rejected: of the tags "
       "offered. dropped: tags thrown out, per seed.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "Saturated: 0.4 rad/s and 9.5 m/s2 per axis. Extrinsics: drawn, 5 deg and 5 cm in total, "
       "prior as wide. Pose at the images' own stamps.");
   return {table};

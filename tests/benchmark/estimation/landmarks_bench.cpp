@@ -163,10 +163,10 @@ std::vector<Table> bench_landmarks(const EstimationOptions& options) {
       }
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "Level axes at the reference tag. covered: pose inside its own 95 % ellipsoid. all: every "
       "image after 5 s, gaps or not.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "all ratio: RMSE with over without, all seeds; worst run: the largest of one seed. CPU: "
       "filter alone, whole run.");
   return {table};

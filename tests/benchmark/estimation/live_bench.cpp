@@ -119,11 +119,11 @@ std::vector<Table> bench_live(const EstimationOptions& options) {
       table.rows.push_back(three.row(world, filter, "live, 3 bodies"));
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "live: BodiesReplay, the objects of the server with its map's feedback, in virtual time. "
       "Bound: "
       "of the first robot alone, for all three.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "NEES per degree of freedom, mean over runs; worst: of one run. Tags of bodies that share "
       "known "
       "tags count as independent until the joint map stands: three bodies are not expected at 1.");

@@ -117,10 +117,10 @@ std::vector<Table> bench_outages(const EstimationOptions& options) {
       }
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "Level axes at the reference tag. covered: pose inside its own 95 % ellipsoid. before: error "
       "of the 2 s before.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "recovery: from the first image with tags until the RMS over outages is within 1.25 of "
       "before; -: not within 5 s.");
   return {table};

@@ -83,7 +83,7 @@ std::vector<Table> bench_recordings(const EstimationOptions& options) {
     if (data) {
       all.push_back(std::move(*data));
     } else {
-      table.remarks.push_back("NOT RUN: " + data.error().text());
+      table.remarks.emplace_back("NOT RUN: " + data.error().text());
     }
   }
   std::vector<Job> jobs;
@@ -102,10 +102,10 @@ std::vector<Table> bench_recordings(const EstimationOptions& options) {
       table.rows.push_back(row_of(job, options.filters[f], job.runs[f]));
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "pos, ori: in the reference tag's axes; level: gravity-levelled at that tag; vel, rate: body "
       "axes; from 5 s on.");
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "Limits for one run: 2.2 in A to C, 1.3 in D. Loop gap: bound 0.13 % of the path. RCARS loop "
       "A with the right branch forced: 216 mm.");
   return {table};

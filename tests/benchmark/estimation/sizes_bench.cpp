@@ -145,7 +145,7 @@ std::vector<Table> bench_sizes(const EstimationOptions& options) {
       }
     }
   }
-  table.remarks.push_back(
+  table.remarks.emplace_back(
       "rightly: at least one warning of a tag (or of all) whose print is off, to the right side. "
       "first s, ratio said: medians of first and last such warning. one: the tag seen most.");
   return {table};
