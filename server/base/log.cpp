@@ -1,80 +1,215 @@
 #include "base/log.hpp"
 
-#include <spdlog/sinks/stdout_color_sinks.h>
-#include <spdlog/spdlog.h>
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+#include <unistd.h>
 
+#include <array>
 #include <atomic>
+#include <cerrno>
+#include <condition_variable>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
 #include <deque>
 #include <mutex>
+#include <system_error>
+#include <thread>
+
+#include "base/log_lines.hpp"
 
 namespace fiducap::log {
 
 namespace {
 
 constexpr std::size_t kKeptLines = 500;
-
-struct Memory {
-  std::mutex mutex;
-  std::deque<Line> lines;
-  std::uint64_t next_number{1};
-};
-
-Memory& memory() {
-  static Memory m;
-  return m;
-}
+constexpr std::chrono::seconds kTidyPeriod{1};
+// What the process still says at its end, if the terminal takes it.
+constexpr std::chrono::milliseconds kLastWords{500};
 
 std::atomic<Level> g_level{Level::kInfo};
 
-spdlog::logger& terminal() {
-  static const auto logger = [] {
-    auto made = spdlog::stderr_color_mt("fiducap");
-    made->set_pattern("%H:%M:%S.%e %^%-7l%$ %v");
-    made->set_level(spdlog::level::debug);
-    return made;
-  }();
-  return *logger;
-}
-
-spdlog::level::level_enum to_spdlog(Level level) {
+std::string_view color_of(Level level) {
   switch (level) {
     case Level::kDebug:
-      return spdlog::level::debug;
+      return "\x1b[36m";
     case Level::kInfo:
-      return spdlog::level::info;
+      return "\x1b[32m";
     case Level::kWarning:
-      return spdlog::level::warn;
+      return "\x1b[33m\x1b[1m";
     case Level::kError:
-      return spdlog::level::err;
+      return "\x1b[31m\x1b[1m";
   }
-  return spdlog::level::info;
+  return "";
 }
+
+/// `12:34:56.789 warning natnet    text`, into `out`, whose memory is used again.
+void compose(const Line& line, bool colored, std::string& out) {
+  const std::time_t seconds = line.utc_ms / 1000;
+  std::tm local{};
+  ::localtime_r(&seconds, &local);
+  std::array<char, 32> time{};
+  const auto size = std::strftime(time.data(), time.size(), "%H:%M:%S", &local);
+  std::snprintf(time.data() + size, time.size() - size, ".%03d ",
+                static_cast<int>(line.utc_ms % 1000));
+  const auto padded = [&out](std::string_view word, std::size_t width) {
+    out += word;
+    if (word.size() < width) out.append(width - word.size(), ' ');
+  };
+  out = time.data();
+  if (colored) out += color_of(line.level);
+  padded(name_of(line.level), 7);
+  if (colored) out += "\x1b[m";
+  out += ' ';
+  padded(line.room, 9);
+  out += ' ';
+  out += line.text;
+  out += '\n';
+}
+
+/// Not through stdio: the end of a process waits for its locks.
+void write_whole(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(STDERR_FILENO, bytes.data(), bytes.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0 && errno == EAGAIN) {  // somebody made the terminal non-blocking
+      pollfd terminal{STDERR_FILENO, POLLOUT, 0};
+      ::poll(&terminal, 1, -1);
+      continue;
+    }
+    if (n <= 0) return;  // nobody is there any more
+    bytes.remove_prefix(static_cast<std::size_t>(n));
+  }
+}
+
+/// Takes lines from all threads; one of its own hands them to stderr, which may block for ever (a
+/// pager that is paused, a full pipe) without anybody else noticing. Never destroyed: that thread
+/// may be blocked when the process ends.
+class Log {
+ public:
+  static Log& get() {
+    static Log* const log = new Log;  // NOLINT: see above
+    return *log;
+  }
+
+  void write(Level level, std::string_view room, std::string_view text) {
+    const auto now = std::chrono::steady_clock::now();
+    const std::lock_guard lock(mutex_);
+    start();
+    say_left_out(now);
+    if (limiter_.allow(room, level, now)) keep(level, room, printable(text));
+    changed_.notify_one();
+  }
+
+  bool flush(std::chrono::milliseconds limit) {
+    std::unique_lock lock(mutex_);
+    return idle_.wait_for(lock, limit, [&] { return !has_thread_ || is_idle(); });
+  }
+
+  std::vector<Line> lines_after(std::uint64_t number) {
+    const std::lock_guard lock(mutex_);
+    std::vector<Line> newer;
+    for (const auto& line : kept_) {
+      if (line.number > number) newer.push_back(line);
+    }
+    return newer;
+  }
+
+ private:
+  Log() : is_colored_(::isatty(STDERR_FILENO) == 1) {
+    composed_.reserve(4096);
+    std::atexit([] { log::flush(kLastWords); });
+  }
+
+  /// Tried again with the next line where the system has no thread to give.
+  void start() {
+    if (has_thread_) return;
+    try {
+      std::thread([this] { run(); }).detach();
+      has_thread_ = true;
+    } catch (const std::system_error&) {
+    }
+  }
+
+  void keep(Level level, std::string_view room, std::string text) {
+    const auto now = std::chrono::system_clock::now().time_since_epoch();
+    const Line line{next_number_++,
+                    std::chrono::duration_cast<std::chrono::milliseconds>(now).count(), level,
+                    std::string(room), std::move(text)};
+    kept_.push_back(line);
+    if (kept_.size() > kKeptLines) kept_.pop_front();
+    waiting_.push(line);
+  }
+
+  void say_left_out(LineLimiter::Time now) {
+    for (const auto& left_out : limiter_.ended(now))
+      keep(left_out.level, left_out.room,
+           std::to_string(left_out.lines) + " more lines of this kind were left out");
+  }
+
+  [[nodiscard]] bool is_idle() const { return waiting_.empty() && !is_writing_; }
+
+  void run() {
+    const sched_param normal{};  // whoever logs first may run in real time
+    pthread_setschedparam(pthread_self(), SCHED_OTHER, &normal);
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      if (!changed_.wait_for(lock, kTidyPeriod, [&] { return !waiting_.empty(); }))
+        say_left_out(std::chrono::steady_clock::now());
+      while (!waiting_.empty()) {
+        const Line line = waiting_.pop();
+        const std::uint64_t left_out = waiting_.take_left_out();
+        is_writing_ = true;
+        lock.unlock();
+        try {
+          show(line, left_out);
+        } catch (...) {  // out of memory
+        }
+        lock.lock();
+        is_writing_ = false;
+      }
+      idle_.notify_all();
+    }
+  }
+
+  void show(const Line& line, std::uint64_t left_out) {
+    compose(line, is_colored_, composed_);
+    write_whole(composed_);
+    if (left_out == 0) return;
+    compose({0, line.utc_ms, Level::kWarning, "log",
+             "the terminal did not take " + std::to_string(left_out) + " more lines"},
+            is_colored_, composed_);
+    write_whole(composed_);
+  }
+
+  const bool is_colored_;
+  std::string composed_;  ///< Of the terminal's thread.
+  std::mutex mutex_;
+  std::condition_variable changed_, idle_;
+  bool has_thread_{false};
+  bool is_writing_{false};
+  LineLimiter limiter_;
+  LineQueue waiting_;
+  std::deque<Line> kept_;
+  std::uint64_t next_number_{1};
+};
 
 }  // namespace
 
-void write(Level level, std::string_view room, std::string_view text) {
+void write(Level level, std::string_view room, std::string_view text) noexcept {
   if (level < g_level.load(std::memory_order_relaxed)) return;
-  terminal().log(to_spdlog(level), "{:<9} {}", room, text);
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  auto& m = memory();
-  const std::lock_guard lock(m.mutex);
-  m.lines.push_back({m.next_number++,
-                     std::chrono::duration_cast<std::chrono::milliseconds>(now).count(), level,
-                     std::string(room), std::string(text)});
-  if (m.lines.size() > kKeptLines) m.lines.pop_front();
+  try {
+    Log::get().write(level, room, text);
+  } catch (...) {  // out of memory: a line less, nothing else
+  }
 }
 
 void set_level(Level level) { g_level.store(level, std::memory_order_relaxed); }
 
-std::vector<Line> lines_after(std::uint64_t number) {
-  auto& m = memory();
-  const std::lock_guard lock(m.mutex);
-  std::vector<Line> newer;
-  for (const auto& line : m.lines) {
-    if (line.number > number) newer.push_back(line);
-  }
-  return newer;
-}
+bool flush(std::chrono::milliseconds limit) { return Log::get().flush(limit); }
+
+std::vector<Line> lines_after(std::uint64_t number) { return Log::get().lines_after(number); }
 
 std::string_view name_of(Level level) {
   switch (level) {

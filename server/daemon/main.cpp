@@ -1,5 +1,6 @@
 // fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration.
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdlib>
 #include <exception>
 #include <iostream>
@@ -19,13 +20,17 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 
 int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   const fiducap::SystemClock clock;
+  std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
   fiducap::log::set_level(config.log_level);
   auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);
   if (!server) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
   }
-  if (!(*server)->run()) std::_Exit(0);  // the map is stored; a device that hangs must not hold us
+  if (!(*server)->run()) {  // the map is stored; a device that hangs must not hold us
+    fiducap::log::flush(std::chrono::milliseconds(500));
+    std::_Exit(0);
+  }
   return 0;
 }
 

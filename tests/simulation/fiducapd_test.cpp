@@ -6,6 +6,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -32,10 +35,10 @@ const std::vector<std::string> kFreePorts{"--set", "streaming.vrpn.port=0",
                                           "--set", "bodies.1.source.camera.images=false",
                                           "--set", "bodies.2.source.camera.images=false"};
 
-/// fiducapd with these arguments; its output goes to a file.
+/// fiducapd with these arguments; its output goes to a file, or to `output` where one is given.
 class Program final {
  public:
-  explicit Program(std::vector<std::string> arguments) {
+  explicit Program(std::vector<std::string> arguments, int output_to = -1) {
     arguments.insert(arguments.begin(),
                      (std::filesystem::path(FIDUCAP_BINARY_DIR) / "bin" / "fiducapd").string());
     std::vector<char*> argv;
@@ -44,7 +47,8 @@ class Program final {
     const std::string file = folder_.file("output");
     pid_ = ::fork();
     if (pid_ != 0) return;
-    const int output = ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    const int output =
+        output_to >= 0 ? output_to : ::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
     ::dup2(output, STDOUT_FILENO);
     ::dup2(output, STDERR_FILENO);
     ::execv(argv[0], argv.data());
@@ -80,6 +84,47 @@ class Program final {
   TemporaryFolder folder_;
   pid_t pid_{-1};
 };
+
+/// A pipe that takes not one byte more, like `| less` that nobody scrolls.
+class FullPipe final {
+ public:
+  FullPipe() {
+    EXPECT_EQ(::pipe2(ends_.data(), O_CLOEXEC | O_NONBLOCK), 0);
+    while (::write(ends_[1], "x", 1) == 1) {
+    }
+    ::fcntl(ends_[1], F_SETFL, 0);  // from here on a writer waits
+  }
+  ~FullPipe() {
+    ::close(ends_[0]);
+    ::close(ends_[1]);
+  }
+  FullPipe(const FullPipe&) = delete;
+  FullPipe& operator=(const FullPipe&) = delete;
+  [[nodiscard]] int in() const { return ends_[1]; }
+
+ private:
+  std::array<int, 2> ends_{};
+};
+
+std::uint16_t free_port() {
+  boost::asio::io_context io;
+  const boost::asio::ip::tcp::acceptor any(io, {boost::asio::ip::address_v4::loopback(), 0});
+  return any.local_endpoint().port();
+}
+
+/// What the server answers to `GET /healthz`; empty: nothing within a minute.
+std::string health(std::uint16_t port) {
+  for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(50ms)) {
+    boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
+                                       std::to_string(port));
+    if (!web) continue;
+    web.expires_after(5s);
+    web << "GET /healthz HTTP/1.0\r\nHost: localhost\r\n\r\n" << std::flush;
+    std::string line;
+    if (std::getline(web, line)) return line;
+  }
+  return {};
+}
 
 std::vector<std::string> with_demo(std::vector<std::string> more) {
   more.insert(more.begin(), {"--config", kDemo});
@@ -131,6 +176,31 @@ TEST(Fiducapd, EndsCleanlyOnSignalsWithinASecondAndSaysWhatItDid) {
     EXPECT_THAT(program.output(), HasSubstr("drone: "));
     EXPECT_THAT(program.output(), HasSubstr("CPU per frame"));
   }
+}
+
+TEST(Fiducapd, ServesAndEndsWhileNobodyReadsWhatItSays) {
+  const FullPipe terminal;
+  const std::uint16_t port = free_port();
+  auto arguments = kFreePorts;
+  arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
+  Program program(with_demo(arguments), terminal.in());
+  EXPECT_THAT(health(port), HasSubstr(" 200 "));
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.exit_code(), 0);
+}
+
+TEST(Fiducapd, ServesAndEndsWhenItsTerminalIsGone) {
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+  ::close(ends[0]);
+  const std::uint16_t port = free_port();
+  auto arguments = kFreePorts;
+  arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
+  Program program(with_demo(arguments), ends[1]);
+  ::close(ends[1]);
+  EXPECT_THAT(health(port), HasSubstr(" 200 "));
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.exit_code(), 0);
 }
 
 }  // namespace

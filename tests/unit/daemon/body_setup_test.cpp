@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "daemon/map_start.hpp"
-#include "daemon/system_clock.hpp"
+#include "support/fake_clock.hpp"
 
 namespace fiducap {
 namespace {
@@ -26,7 +26,7 @@ TEST(BodySetup, WhatWasLearnedAboutACameraDoesNotMoveTheSimulatedOne) {
   use_learned({{"robot", 0, learned}}, "robot", setup->sensors);
   ASSERT_EQ(setup->sensors.cameras.front().X_BV.p, learned.p);
 
-  const SystemClock clock;
+  const FakeClock clock{instant_from_ns(1)};
   const auto source =
       open_source(robot, *setup, {.room = config.simulation, .clock = clock, .motion = nullptr});
   ASSERT_TRUE(source) << source.error().text();

@@ -1,0 +1,49 @@
+#include "base/log_lines.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace fiducap::log {
+namespace {
+
+using namespace std::chrono_literals;
+constexpr LineLimiter::Time kStart{};
+
+TEST(Printable, EscapesWhatMovesTheCursorAndKeepsTheRest) {
+  EXPECT_EQ(printable("Größe\n\x1b[2J\x7f"), "Größe\\x0a\\x1b[2J\\x7f");
+}
+
+TEST(LineLimiter, LeavesOutAFloodOfOneRoomAndSaysHowMuchOnce) {
+  LineLimiter limiter;
+  int said = 0;
+  for (int i = 0; i < 1000; ++i) said += limiter.allow("natnet", Level::kWarning, kStart) ? 1 : 0;
+  EXPECT_EQ(said, static_cast<int>(LineLimiter::kMost));
+  EXPECT_TRUE(limiter.allow("natnet", Level::kError, kStart)) << "a flood hides no error";
+  EXPECT_TRUE(limiter.allow("vrpn", Level::kWarning, kStart));
+
+  EXPECT_THAT(limiter.ended(kStart + 9s), testing::IsEmpty());
+  const auto ended = limiter.ended(kStart + LineLimiter::kWindow);
+  ASSERT_EQ(ended.size(), 1U);
+  EXPECT_EQ(ended[0].room, "natnet");
+  EXPECT_EQ(ended[0].lines, 1000 - LineLimiter::kMost);
+  EXPECT_THAT(limiter.ended(kStart + 30s), testing::IsEmpty());
+  EXPECT_TRUE(limiter.allow("natnet", Level::kWarning, kStart + LineLimiter::kWindow));
+}
+
+TEST(LineLimiter, ARoomThatSaysLittleIsNeverLeftOut) {
+  LineLimiter limiter;
+  for (int i = 0; i < 1000; ++i)
+    ASSERT_TRUE(limiter.allow("mapping", Level::kInfo, kStart + i * 250ms)) << i;
+}
+
+TEST(LineQueue, KeepsTheFirstLinesAndCountsTheOthers) {
+  LineQueue queue;
+  for (std::uint64_t i = 1; i <= LineQueue::kMost + 7; ++i) queue.push({.number = i});
+  EXPECT_EQ(queue.take_left_out(), 7U);
+  EXPECT_EQ(queue.take_left_out(), 0U);
+  for (std::uint64_t i = 1; i <= LineQueue::kMost; ++i) ASSERT_EQ(queue.pop().number, i);
+  EXPECT_TRUE(queue.empty());
+}
+
+}  // namespace
+}  // namespace fiducap::log
