@@ -1,4 +1,6 @@
 // fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration.
+#include <sys/stat.h>
+
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdlib>
@@ -20,6 +22,7 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 
 int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   const fiducap::SystemClock clock;
+  ::umask(0027);                  // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
   fiducap::log::set_level(config.log_level);
   auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);

@@ -80,6 +80,7 @@ Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfi
   if (!settings.store.empty()) {
     auto store = MapStore::open(settings.store);
     if (!store) return tl::unexpected(store.error());
+    if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
     start.store.emplace(std::move(*store));
     auto newest = start.store->newest();
     if (!newest) return tl::unexpected(newest.error());

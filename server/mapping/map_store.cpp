@@ -9,6 +9,7 @@
 
 #include "base/byte_reader.hpp"
 #include "base/byte_writer.hpp"
+#include "mapping/file_claim.hpp"
 #include "mapping/sqlite_file.hpp"
 
 namespace fiducap {
@@ -221,6 +222,7 @@ class MapStore::Impl {
  public:
   explicit Impl(SqliteFile opened) : file(std::move(opened)) {}
   SqliteFile file;
+  std::optional<FileClaim> claim{};
 };
 
 MapStore::MapStore(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -238,6 +240,13 @@ Expected<MapStore> MapStore::open(const std::string& path) {
   if (auto ready = set_up(*file, *fresh); !ready) return pass_on(ready.error());
   file->write_back_on_close(true);
   return MapStore(std::make_unique<Impl>(std::move(*file)));
+}
+
+Expected<void> MapStore::claim() {
+  auto claim = FileClaim::take(impl_->file.path());
+  if (!claim) return pass_on(claim.error());
+  impl_->claim.emplace(std::move(*claim));
+  return {};
 }
 
 Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment) {

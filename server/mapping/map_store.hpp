@@ -46,6 +46,9 @@ class MapStore final {
   /// Opens or creates. A damaged file is an Error that says so and what to do; it is never
   /// overwritten.
   [[nodiscard]] static Expected<MapStore> open(const std::string& path);
+  /// For whoever will commit: until this is destroyed no other process can claim it.
+  /// @return Error naming the process that has it
+  [[nodiscard]] Expected<void> claim();
   ~MapStore();
   MapStore(MapStore&&) noexcept;
   MapStore& operator=(MapStore&&) noexcept;

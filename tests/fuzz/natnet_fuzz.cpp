@@ -44,7 +44,7 @@ struct World {
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone", "left,leg"});
   FakeDesk desk;
   Instant now = instant_from_ns(1'000'000'000'000);
-  Conversation conversation{config(), frame->model, &desk, 100, 1, now};
+  Conversation conversation{config(), frame->model, &desk, 100, 1, net::TrustedNetworks({}), now};
 
   static NatNetConfig config() {
     NatNetConfig config;
@@ -56,7 +56,7 @@ struct World {
 
 void check_frames(World& world) {
   Conversation& conversation = world.conversation;
-  FIDUCAP_ASSERT(conversation.subscribers().size() <= 3 + Registry::kMaxStrangers);
+  FIDUCAP_ASSERT(conversation.subscribers().size() <= 3);
   conversation.take(world.frame, world.now);
   for (const auto& one : conversation.subscribers()) {
     FIDUCAP_ASSERT(conversation.frame_for(one, world.now).size() <= kMaxDatagram);

@@ -24,9 +24,10 @@ RegistryLimits limits_of(const NatNetConfig& config) {
 }  // namespace
 
 Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
-                           OperatorDesk* desk, double rate_hz, std::uint64_t key, Instant epoch)
+                           OperatorDesk* desk, double rate_hz, std::uint64_t key,
+                           net::TrustedNetworks networks, Instant epoch)
     : registry_(limits_of(config)),
-      guard_(key),
+      guard_(key, std::move(networks)),
       encoder_(config.axes(), config.when_invalid, epoch) {
   server_.config = config;
   server_.desk = desk;
@@ -58,21 +59,13 @@ Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, c
     ++unanswered_.malformed;
     return {};
   }
-  if (channel == Channel::kUnicast) meet_again(turn);
+  if (channel == Channel::kUnicast) turn.subscriber = registry_.find(from);
+  if (turn.subscriber != nullptr) turn.subscriber->heard_at = now;
   const Bytes answer = std::visit([&](const auto& what) { return on(what, turn); }, *request);
-  if (answer.empty() || guard_.may_answer(from, answer.size(), !turn.before.known, now))
+  if (answer.empty() || guard_.may_answer(from, answer.size(), turn.before.trusted, now))
     return answer;
   ++unanswered_.too_much;
   return {};
-}
-
-void Conversation::meet_again(Turn& turn) {
-  turn.subscriber = registry_.find(turn.from);
-  if (turn.subscriber == nullptr) return;
-  turn.subscriber->heard_at = turn.now;
-  if (!turn.subscriber->stranger) return;
-  if (!registry_.accept(*turn.subscriber, turn.now)) ++unanswered_.full;
-  turn.subscriber = registry_.find(turn.from);
 }
 
 Conversation::Bytes Conversation::on(const ConnectRequest& request, Turn& turn) {
@@ -148,16 +141,30 @@ Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) 
 void Conversation::subscribe(Turn& turn, Bitstream version, const std::string& name,
                              Instant frames_from) {
   if (turn.subscriber == nullptr) {
-    turn.subscriber = registry_.add(turn.from, !turn.before.known, turn.now);
-    if (turn.subscriber == nullptr) {
-      ++unanswered_.full;
-      return;
-    }
+    if (turn.before.trusted) turn.subscriber = registry_.add(turn.from, turn.now);
+    if (turn.subscriber == nullptr) return refuse(turn);
     turn.subscriber->version = version;
     turn.subscriber->frames_from = frames_from;
   }
   turn.subscriber->frames_from = std::min(turn.subscriber->frames_from, frames_from);
   if (!name.empty()) turn.subscriber->name = name;
+}
+
+/// Says once in a while why somebody gets no frames, and what would change it.
+void Conversation::refuse(const Turn& turn) {
+  ++(turn.before.trusted ? unanswered_.full : unanswered_.untrusted);
+  if (!guard_.may_complain(turn.from, turn.now)) return;
+  const std::string who = net::address_text(turn.from);
+  log::warning("natnet",
+               turn.before.trusted
+                   ? who + " gets no frames: all " + std::to_string(server_.config.max_clients) +
+                         " places, or its own " +
+                         std::to_string(server_.config.max_clients_per_address) +
+                         ", are taken (streaming.natnet.max_clients, max_clients_per_address)"
+                   : who +
+                         " gets no frames: it is in no network of this machine. Serve it with "
+                         "streaming.natnet.networks: [" +
+                         net::text_of(net::usual_network_of(turn.from)) + "]");
 }
 
 void Conversation::switch_to(Bitstream version, Turn& turn) {
@@ -201,10 +208,9 @@ void Conversation::take(std::shared_ptr<const SceneFrame> frame, Instant now) {
 
 Conversation::Bytes Conversation::frame_for(const Subscriber& subscriber, Instant now) {
   if (!server_.frame || now < subscriber.frames_from) return {};
-  const Bytes bytes = frame({frame_layout(subscriber.version),
-                             now < subscriber.bitstream_changed_until, &subscriber.selection},
-                            now);
-  return subscriber.stranger && !guard_.may_send_to_stranger(bytes.size(), now) ? Bytes{} : bytes;
+  return frame({frame_layout(subscriber.version), now < subscriber.bitstream_changed_until,
+                &subscriber.selection},
+               now);
 }
 
 Conversation::Bytes Conversation::multicast_frame(Instant now) {

@@ -24,8 +24,9 @@ enum class Channel { kUnicast, kMulticast };
 /// Requests that got no answer, by reason.
 struct Unanswered {
   std::uint64_t malformed{};
-  std::uint64_t too_much{};  ///< ReflectionGuard said no.
-  std::uint64_t full{};      ///< No place for another client.
+  std::uint64_t too_much{};   ///< ReflectionGuard said no.
+  std::uint64_t full{};       ///< No place for another client.
+  std::uint64_t untrusted{};  ///< Wanted frames from a network that is not served.
 };
 
 /// The conversation with all clients and the frames they get: datagram in → datagram out, time
@@ -40,9 +41,11 @@ class Conversation final {
   static constexpr Duration kAnnounce = std::chrono::milliseconds(200);
 
   /// @param key  random for each start of the server
+  /// @param networks  whose addresses may be clients
   /// @param epoch  where the frames' seconds begin
   Conversation(const NatNetConfig& config, std::shared_ptr<const SceneModel> model,
-               OperatorDesk* desk, double rate_hz, std::uint64_t key, Instant epoch);
+               OperatorDesk* desk, double rate_hz, std::uint64_t key, net::TrustedNetworks networks,
+               Instant epoch);
 
   /// @return the answer; empty: none
   [[nodiscard]] std::span<const std::byte> receive(std::span<const std::byte> datagram,
@@ -85,7 +88,7 @@ class Conversation final {
   Bytes on(const CommandRequest& request, Turn& turn);
 
   void use(std::shared_ptr<const SceneModel> model);
-  void meet_again(Turn& turn);
+  void refuse(const Turn& turn);
   void subscribe(Turn& turn, Bitstream version, const std::string& name, Instant frames_from);
   void switch_to(Bitstream version, Turn& turn);
   [[nodiscard]] Bitstream version_for(const ClientVersions& versions, const Turn& turn) const;

@@ -9,6 +9,7 @@ namespace {
 constexpr std::uint32_t kFirstGroup = 0xe0000000;  // 224.0.0.0
 constexpr std::uint32_t kLastGroup = 0xefffffff;
 constexpr std::size_t kMostTargets = 64;
+constexpr std::size_t kMostNetworks = 64;
 
 bool is_address(const std::string& text) { return parse_address(text).has_value(); }
 
@@ -52,7 +53,24 @@ std::vector<ConfigError> NatNetConfig::check() const {
     rules.require(parse_peer(target).has_value(), "targets", target,
                   "must be ip:port, e.g. 10.0.0.7:1511");
   }
+  rules.require(networks.size() <= kMostNetworks, "networks", networks.size(),
+                "must be at most 64");
+  for (const auto& network : networks) {
+    rules.require(net::parse_network(network).has_value(), "networks", network,
+                  "must be a network, e.g. 10.1.0.0/16, or an address");
+  }
   return rules.errors;
+}
+
+std::vector<net::Network> NatNetConfig::trusted_networks() const {
+  std::vector<net::Network> all;
+  for (const auto& text : networks) {
+    if (const auto network = net::parse_network(text)) all.push_back(*network);
+  }
+  for (const auto& text : targets) {
+    if (const auto target = parse_peer(text)) all.push_back({target->address, 128});
+  }
+  return all;
 }
 
 ServedProtocol NatNetConfig::served() const {

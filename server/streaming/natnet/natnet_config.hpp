@@ -8,6 +8,7 @@
 #include "base/config_check.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/natnet/bitstream.hpp"
+#include "streaming/net/networks.hpp"
 #include "streaming/net/peer.hpp"
 #include "streaming/operator_desk.hpp"
 
@@ -37,10 +38,14 @@ struct NatNetConfig {
   NameAliases aliases;
   std::vector<std::string>
       targets;  ///< `ip:port` that get frames without asking, for clients that only listen.
+  /// Who may be a client beside the networks that this machine is attached to, e.g. 10.1.0.0/16:
+  /// NatNet proves no address, and frames go to whoever asks.
+  std::vector<std::string> networks;
   int max_clients{64};
   int max_clients_per_address{16};  ///< Of others; this machine's own may take all places.
   double client_timeout_s{15.0};    ///< Of silence; some clients speak every 5 s only.
-  RemoteControl remote_control{RemoteControl::kLoopback};  ///< The protocol knows no password.
+  /// The protocol knows no password: whoever this lets in may rename, disable and record.
+  RemoteControl remote_control{RemoteControl::kOff};
 
   [[nodiscard]] OutputAxes axes() const { return {up, scope, 1.0}; }
   [[nodiscard]] Bitstream default_bitstream() const {
@@ -49,6 +54,8 @@ struct NatNetConfig {
   /// Commas separate the fields of commands: a body with one in its name could not be addressed.
   [[nodiscard]] NameRule name_rule() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
+  /// `networks` and the addresses of `targets`, which may ask, too.
+  [[nodiscard]] std::vector<net::Network> trusted_networks() const;
   /// Where it listens and what its clients receive.
   [[nodiscard]] ServedProtocol served() const;
 };
@@ -71,6 +78,7 @@ void describe(V& v, NatNetConfig& c) {
   v.word("when_invalid", c.when_invalid, words::kWhenInvalid);
   v.value("aliases", c.aliases);
   v.value("targets", c.targets);
+  v.value("networks", c.networks);
   v.value("max_clients", c.max_clients);
   v.value("max_clients_per_address", c.max_clients_per_address);
   v.value("client_timeout_s", c.client_timeout_s);

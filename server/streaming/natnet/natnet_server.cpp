@@ -220,7 +220,6 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
   const auto& config = conversation_.server().config;
   const std::string axes = std::string(name_of(config.up)) + " m";
   for (const auto& one : conversation_.subscribers()) {
-    if (one.stranger) continue;
     std::string detail = "bitstream " + fiducap::natnet::text_of(one.version) + ", " + axes;
     if (!one.name.empty()) detail = one.name + ", " + detail;
     if (!one.selection.is_everything()) detail += ", some bodies";
@@ -265,7 +264,7 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
   auto frames = open_frame_port(io, config);
   if (!frames) return tl::unexpected(frames.error());
   Conversation conversation(config, std::move(model), desk, rate_hz, net::random_word(),
-                            clock.now());
+                            net::TrustedNetworks(config.trusted_networks()), clock.now());
   auto server =
       std::make_unique<NatNetServer>(std::move(*frames), std::move(conversation), config, clock);
   if (auto listening = server->listen(io, config); !listening) {

@@ -52,7 +52,7 @@ std::optional<Datagram> OperatorWords::answer(const Command& command, const Serv
   if (at == std::end(kWords)) return std::nullopt;
   const std::string what = std::string(at->text) + " " + shown(command[0]) + " of " + text_of(from);
   if (!may_change(server, from)) {
-    log::debug("natnet", what + " refused: streaming.natnet.remote_control does not allow it");
+    log::info("natnet", what + " refused: streaming.natnet.remote_control does not allow it");
     return encode_response(kRefused);
   }
   const auto done = (this->*at->handler)(command, server);

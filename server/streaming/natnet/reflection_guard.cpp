@@ -1,40 +1,44 @@
 #include "streaming/natnet/reflection_guard.hpp"
 
-#include <algorithm>
+#include <utility>
 
 namespace fiducap::natnet {
 
-ReflectionGuard::ReflectionGuard(std::uint64_t key)
-    : key_{key, ~key}, tables_(std::make_unique<Tables>()) {}
+ReflectionGuard::ReflectionGuard(std::uint64_t key, net::TrustedNetworks networks)
+    : key_{key, ~key}, networks_(std::move(networks)), tables_(std::make_unique<Tables>()) {}
 
 ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size_t bytes,
                                                      Instant now) {
+  const bool trusted = networks_.contains(from, now);
+  if (!trusted) {
+    strangers_.heard(net::address_hash(key_, from), bytes);
+    return {};
+  }
   Seen& seen = place_of(from);
   const bool known =
       seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kAcquaintance;
-  if (!known) {
-    seen = {from, {}, 0};
-    strangers_.give_back(static_cast<double>(bytes), kStrangerBytes_s, now);
-  }
+  if (!known) seen = {from, {}, 0};
   seen.at_ns = to_ns(now);
-  return {known, seen.version};
+  return {true, seen.version};
 }
 
 void ReflectionGuard::promise(const Peer& to, Bitstream version) {
   if (Seen& seen = place_of(to); seen.peer == to) seen.version = version;
 }
 
-bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool stranger, Instant now) {
+bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool trusted, Instant now) {
   if (to.is_loopback()) return true;
-  const auto cost = static_cast<double>(bytes);
-  auto& bucket = tables_->addresses[net::address_hash(key_, to) % kBuckets];
-  if (!bucket.has(cost, kAddressBurst, kAddressBytes_s, now)) return false;
-  if (stranger && !may_send_to_stranger(bytes, now)) return false;
-  return bucket.take(cost, kAddressBurst, kAddressBytes_s, now);
+  const std::uint64_t hash = net::address_hash(key_, to);
+  if (!trusted) return strangers_.take(hash, bytes);
+  return tables_->addresses[hash % kBuckets].take(static_cast<double>(bytes), kAddressBurst,
+                                                  kAddressBytes_s, now);
 }
 
-bool ReflectionGuard::may_send_to_stranger(std::size_t bytes, Instant now) {
-  return strangers_.take(static_cast<double>(bytes), kStrangerBurst, kStrangerBytes_s, now);
+bool ReflectionGuard::may_complain(const Peer& about, Instant now) {
+  std::int64_t& at_ns = tables_->complained_ns[net::address_hash(key_, about) % kBuckets];
+  if (at_ns != 0 && now - instant_from_ns(at_ns) < kComplaint) return false;
+  at_ns = to_ns(now);
+  return true;
 }
 
 ReflectionGuard::Seen& ReflectionGuard::place_of(const Peer& peer) {

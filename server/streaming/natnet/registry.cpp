@@ -8,11 +8,7 @@ namespace {
 
 constexpr std::size_t kMostFixed = 64;
 
-bool is_client(const Subscriber& one) { return !one.stranger && !one.fixed; }
-
-bool quieter(const Subscriber& one, const Subscriber& other) {
-  return one.heard_at < other.heard_at;
-}
+bool is_client(const Subscriber& one) { return !one.fixed; }
 
 bool before(const std::pair<int, bool>& one, int id) { return one.first < id; }
 
@@ -42,7 +38,7 @@ bool Selection::by_default() const {
 }
 
 Registry::Registry(const RegistryLimits& limits) : limits_(limits) {
-  subscribers_.reserve(static_cast<std::size_t>(limits.max_clients + kMaxStrangers) + kMostFixed);
+  subscribers_.reserve(static_cast<std::size_t>(limits.max_clients) + kMostFixed);
 }
 
 Subscriber* Registry::find(const Peer& peer) {
@@ -51,15 +47,10 @@ Subscriber* Registry::find(const Peer& peer) {
   return at == subscribers_.end() ? nullptr : &*at;
 }
 
-Subscriber* Registry::add(const Peer& peer, bool stranger, Instant now) {
-  if (stranger) {
-    drop_oldest_stranger();
-  } else if (!make_place(peer, now)) {
-    return nullptr;
-  }
+Subscriber* Registry::add(const Peer& peer, Instant now) {
+  if (!make_place(peer, now)) return nullptr;
   Subscriber& added = subscribers_.emplace_back();
   added.peer = peer;
-  added.stranger = stranger;
   added.since = now;
   added.heard_at = now;
   return &added;
@@ -75,50 +66,57 @@ void Registry::add_fixed(const Peer& peer, Bitstream version, Instant now) {
   added.since = now;
 }
 
-bool Registry::accept(Subscriber& stranger, Instant now) {
-  const Peer peer = stranger.peer;
-  if (!make_place(peer, now)) return false;
-  find(peer)->stranger = false;  // looked up again: making a place may have moved it
-  return true;
-}
-
 bool Registry::remove(const Peer& peer) {
   return std::erase_if(subscribers_,
                        [&](const Subscriber& s) { return s.peer == peer && !s.fixed; }) > 0;
 }
 
 std::size_t Registry::expire(Instant now) {
-  std::erase_if(subscribers_, [&](const Subscriber& s) {
-    return s.stranger && now - s.heard_at > kStrangerTimeout;
-  });
   return std::erase_if(subscribers_, [&](const Subscriber& s) {
     return is_client(s) && now - s.heard_at > limits_.timeout;
   });
 }
 
 bool Registry::make_place(const Peer& peer, Instant now) {
-  const auto of_address = [&](const Subscriber& s) {
-    return is_client(s) && s.peer.same_address(peer);
-  };
   const auto clients = std::count_if(subscribers_.begin(), subscribers_.end(), is_client);
-  const auto here = std::count_if(subscribers_.begin(), subscribers_.end(), of_address);
-  // Nobody can forge this machine's own address from outside.
+  const std::ptrdiff_t here = clients_at(peer);
   const bool full_here = !peer.is_loopback() && here >= limits_.max_clients_per_address;
   if (clients < limits_.max_clients && !full_here) return true;
-  Subscriber* quietest = nullptr;
-  for (Subscriber& s : subscribers_) {
-    const bool may_go = full_here ? of_address(s) : is_client(s);
-    if (may_go && (quietest == nullptr || quieter(s, *quietest))) quietest = &s;
-  }
-  if (quietest == nullptr || now - quietest->heard_at <= kReplaceableAfter) return false;
-  return remove(quietest->peer);
+  const Subscriber* silent =
+      quietest([&](const Subscriber& s) { return !full_here || s.peer.same_address(peer); });
+  if (silent != nullptr && now - silent->heard_at > kReplaceableAfter) return remove(silent->peer);
+  if (full_here) return false;
+  const Subscriber* spare = of_the_greediest(here + 2);
+  return spare != nullptr && remove(spare->peer);
 }
 
-void Registry::drop_oldest_stranger() {
-  const auto is_stranger = [](const Subscriber& s) { return s.stranger; };
-  if (std::count_if(subscribers_.begin(), subscribers_.end(), is_stranger) < kMaxStrangers) return;
-  const auto oldest = std::find_if(subscribers_.begin(), subscribers_.end(), is_stranger);
-  subscribers_.erase(oldest);  // they stand in the order they came
+std::ptrdiff_t Registry::clients_at(const Peer& address) const {
+  return std::count_if(subscribers_.begin(), subscribers_.end(), [&](const Subscriber& s) {
+    return is_client(s) && s.peer.same_address(address);
+  });
+}
+
+template <typename MayGo>
+const Subscriber* Registry::quietest(MayGo may_go) const {
+  const Subscriber* found = nullptr;
+  for (const Subscriber& s : subscribers_) {
+    if (is_client(s) && may_go(s) && (found == nullptr || s.heard_at < found->heard_at)) found = &s;
+  }
+  return found;
+}
+
+/// The quietest client of the address that has the most, and at least so many.
+const Subscriber* Registry::of_the_greediest(std::ptrdiff_t least) const {
+  const Subscriber* greediest = nullptr;
+  for (const Subscriber& s : subscribers_) {
+    if (!is_client(s)) continue;
+    const std::ptrdiff_t has = clients_at(s.peer);
+    if (has < least) continue;
+    least = has + 1;
+    greediest = &s;
+  }
+  if (greediest == nullptr) return nullptr;
+  return quietest([&](const Subscriber& s) { return s.peer.same_address(greediest->peer); });
 }
 
 }  // namespace fiducap::natnet

@@ -49,8 +49,7 @@ struct Subscriber {
   Peer peer;
   std::string name;  ///< As it calls itself, may be empty.
   Bitstream version;
-  bool stranger{};  ///< Heard once: gets frames only as far as ReflectionGuard lets.
-  bool fixed{};     ///< From the configuration: never asked, never forgotten.
+  bool fixed{};  ///< From the configuration: never asked, never forgotten.
   Instant since{};
   Instant heard_at{};
   Instant frames_from{};  ///< Nothing before: a slow start-up takes a frame for an answer.
@@ -66,12 +65,11 @@ struct RegistryLimits {
   Duration timeout{std::chrono::seconds(15)};
 };
 
-/// Who gets frames. Bounded: strangers have a few places of their own and push out each other,
-/// never a client.
+/// Who gets frames. Bounded, and shared fairly: when all places are taken, the address with the
+/// most of them gives one to an address that has at least two fewer, so that nobody can keep others
+/// out.
 class Registry final {
  public:
-  static constexpr int kMaxStrangers = 16;
-  static constexpr Duration kStrangerTimeout = std::chrono::seconds(3);
   /// A client silent for longer gives its place to a new one when all are taken.
   static constexpr Duration kReplaceableAfter = std::chrono::seconds(8);
 
@@ -81,13 +79,11 @@ class Registry final {
   [[nodiscard]] Subscriber* find(const Peer& peer);
   /// A new one. @pre find(peer) == nullptr
   /// @return nullptr when there is no place for it
-  Subscriber* add(const Peer& peer, bool stranger, Instant now);
+  Subscriber* add(const Peer& peer, Instant now);
   void add_fixed(const Peer& peer, Bitstream version, Instant now);
-  /// A stranger was heard again. @return false: no place among the clients, it stays what it is
-  bool accept(Subscriber& stranger, Instant now);
   /// @return it was there; fixed ones stay.
   bool remove(const Peer& peer);
-  /// Forgets who was silent for too long. @return how many of them were no strangers
+  /// Forgets who was silent for too long. @return how many
   std::size_t expire(Instant now);
 
   [[nodiscard]] std::span<Subscriber> all() { return subscribers_; }
@@ -95,7 +91,11 @@ class Registry final {
 
  private:
   [[nodiscard]] bool make_place(const Peer& peer, Instant now);
-  void drop_oldest_stranger();
+  [[nodiscard]] std::ptrdiff_t clients_at(const Peer& address) const;
+  /// Of whom `may_go` is true. @return nullptr: of nobody
+  template <typename MayGo>
+  [[nodiscard]] const Subscriber* quietest(MayGo may_go) const;
+  [[nodiscard]] const Subscriber* of_the_greediest(std::ptrdiff_t least) const;
 
   RegistryLimits limits_;
   std::vector<Subscriber> subscribers_;

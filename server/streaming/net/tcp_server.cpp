@@ -32,6 +32,11 @@ struct TcpServer::State : std::enable_shared_from_this<State> {
     Instant until;
   };
 
+  struct Room {
+    bool is_there{};
+    std::shared_ptr<Session> instead_of{};  ///< Who has to go for it.
+  };
+
   State(asio::io_context& context, const TcpLimits& given, const Clock& time)
       : io(context), limits(given), clock(time), timer(context) {}
 
@@ -40,7 +45,10 @@ struct TcpServer::State : std::enable_shared_from_this<State> {
   void connect(const Peer& peer, Duration patience, MakeSession make);
   void connected(const std::shared_ptr<Connecting>& one, const error_code& error,
                  const MakeSession& make);
-  [[nodiscard]] bool has_room_for(const Peer& peer);
+  [[nodiscard]] std::ptrdiff_t places_of(const Peer& address) const;
+  [[nodiscard]] std::shared_ptr<Session> newest_of_the_greediest(std::ptrdiff_t least) const;
+  [[nodiscard]] Room room_for(const Peer& peer);
+  void complain_about_room(const Peer& peer, std::ptrdiff_t all, std::ptrdiff_t same);
   void tick();
   void wait_for_tick();
   void give_up_connecting(Instant now);
@@ -84,7 +92,12 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
   error_code gone;
   const tcp::endpoint from = socket.remote_endpoint(gone);
   sweep();
-  if (gone || !has_room_for(peer_of(from))) return;  // closes it
+  if (gone) return;
+  const Room room = room_for(peer_of(from));
+  if (!room.is_there) return;  // closes it
+  if (room.instead_of)
+    room.instead_of->close("is closed: its address holds the most places and others want one",
+                           log::Level::kWarning);
   const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
   if (session == nullptr) return;
   sessions.push_back(session);
@@ -93,28 +106,52 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
     session->close("is closed after a failure", log::Level::kWarning);
 }
 
-bool TcpServer::State::has_room_for(const Peer& peer) {
-  const auto places = [&](const auto& counts) {
-    return std::count_if(sessions.begin(), sessions.end(),
-                         [&](const auto& s) { return !s->closed() && counts(s->peer()); }) +
-           std::count_if(connecting.begin(), connecting.end(),
-                         [&](const auto& one) { return counts(one->peer); });
-  };
-  const auto all = places([](const Peer&) { return true; });
-  const auto same = places([&](const Peer& other) { return other.same_address(peer); });
+std::ptrdiff_t TcpServer::State::places_of(const Peer& address) const {
+  const auto same = [&](const Peer& other) { return other.same_address(address); };
+  return std::count_if(sessions.begin(), sessions.end(),
+                       [&](const auto& s) { return !s->closed() && same(s->peer()); }) +
+         std::count_if(connecting.begin(), connecting.end(),
+                       [&](const auto& one) { return same(one->peer); });
+}
+
+/// Of the address that has the most places, and at least so many. @return nullptr: there is none
+std::shared_ptr<Session> TcpServer::State::newest_of_the_greediest(std::ptrdiff_t least) const {
+  std::shared_ptr<Session> newest;
+  for (const auto& session : sessions) {  // they stand in the order they came
+    if (session->closed()) continue;
+    const std::ptrdiff_t has = places_of(session->peer());
+    if (has < least) continue;
+    least = has;
+    newest = session;
+  }
+  return newest;
+}
+
+TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
+  const auto open = std::count_if(sessions.begin(), sessions.end(),
+                                  [](const auto& session) { return !session->closed(); });
+  const auto all = open + static_cast<std::ptrdiff_t>(connecting.size());
+  const std::ptrdiff_t same = places_of(peer);
   const bool full_here =
       limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
-  if (all < limits.max_clients && !full_here) return true;
-  if (limits.section.empty() || !std::exchange(may_complain, false)) return false;
+  if (all < limits.max_clients && !full_here) return {true};
+  if (!full_here) {
+    if (auto spare = newest_of_the_greediest(same + 2)) return {true, std::move(spare)};
+  }
+  complain_about_room(peer, all, same);
+  return {false};
+}
+
+void TcpServer::State::complain_about_room(const Peer& peer, std::ptrdiff_t all,
+                                           std::ptrdiff_t same) {
+  if (limits.section.empty() || !std::exchange(may_complain, false)) return;
   const std::string section(limits.section);
-  log::warning(
-      limits.protocol,
-      "no room for client " + text_of(peer) + " tcp: " + std::to_string(all) +
-          " places are taken, " + std::to_string(same) + " by its address (" + section +
-          ".max_clients" +
-          (limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address)"
-                                              : ")"));
-  return false;
+  const std::string per_address =
+      limits.max_clients_per_address > 0 ? ", " + section + ".max_clients_per_address" : "";
+  log::warning(limits.protocol, "no room for client " + text_of(peer) +
+                                    " tcp: " + std::to_string(all) + " places are taken, " +
+                                    std::to_string(same) + " by its address (" + section +
+                                    ".max_clients" + per_address + ")");
 }
 
 void TcpServer::State::connect(const Peer& peer, Duration patience, MakeSession make) {
@@ -123,7 +160,7 @@ void TcpServer::State::connect(const Peer& peer, Duration patience, MakeSession 
   const bool under_way = std::any_of(connecting.begin(), connecting.end(),
                                      [&](const auto& one) { return one->peer == peer; });
   if (stopped || under_way || connecting.size() >= kMaxConnecting ||
-      there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) || !has_room_for(peer))
+      there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) || !room_for(peer).is_there)
     return;
   const auto one =
       std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + patience});
@@ -222,7 +259,6 @@ void TcpServer::start(std::function<void(Instant)> ticked) {
   state_->ticked = std::move(ticked);
   state_->wait_for_tick();
 }
-bool TcpServer::has_room_for(const Peer& peer) const { return state_->has_room_for(peer); }
 void TcpServer::stop(Duration goodbye) { state_->stop(goodbye); }
 const std::vector<std::shared_ptr<Session>>& TcpServer::sessions() const {
   return state_->sessions;

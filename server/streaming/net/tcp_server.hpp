@@ -29,6 +29,9 @@ struct TcpLimits {
 /// The TCP side of a protocol: listens, takes in sessions within the limits, ticks and forgets
 /// them. What a session throws ends that session; accepting and ticking go on.
 ///
+/// Nobody keeps others out by holding many places: when all are taken, the address with the most
+/// loses its newest session to an address that has at least two fewer.
+///
 /// Nothing of it is called after `stop`, whatever still waits in the I/O queue.
 class TcpServer final {
  public:
@@ -53,8 +56,6 @@ class TcpServer final {
   void connect(const Peer& peer, Duration patience, MakeSession make);
   /// Ticks all sessions ten times a second, and then `ticked`.
   void start(std::function<void(Instant)> ticked = {});
-  /// Is there a place for one more? Says in the log when there is none.
-  [[nodiscard]] bool has_room_for(const Peer& peer) const;
 
   /// All sessions that are not closed. @tparam S  what the server's `MakeSession` makes
   template <typename S, typename Work>

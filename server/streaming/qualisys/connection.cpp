@@ -154,10 +154,21 @@ void Connection::stream_frames(std::string_view words, std::vector<std::byte>& o
 }
 
 void Connection::take_control(std::string_view password, std::vector<std::byte>& out) {
+  if (shared_.wrong_passwords.shut_out(address_hash(), shared_.now))
+    return reply(refusal("Too many wrong passwords from this address: wait 10 s"), out);
   const Reply taken =
       shared_.control.take(id_, address_ + " (" + std::to_string(port_) + ")", password);
-  if (taken.wrong_password) ++wrong_passwords_;
+  if (taken.wrong_password) {
+    ++wrong_passwords_;
+    shared_.wrong_passwords.note(address_hash(), shared_.now);
+  }
   reply(taken, out);
+}
+
+/// Also of a new connection: reconnecting does not give new guesses.
+std::uint64_t Connection::address_hash() const {
+  return net::siphash(shared_.key,
+                      {reinterpret_cast<const std::uint8_t*>(address_.data()), address_.size()});
 }
 
 void Connection::reply(const Reply& reply, std::vector<std::byte>& out) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -11,6 +12,8 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "streaming/net/limits.hpp"
+#include "streaming/net/peer.hpp"
 #include "streaming/qualisys/body_table.hpp"
 #include "streaming/qualisys/codec.hpp"
 #include "streaming/qualisys/command.hpp"
@@ -30,6 +33,9 @@ struct SharedState {
   BodyTable bodies;
   FrameBoard frames;
   double rate_hz{0};  ///< Of the frames; 0 before the first.
+  Instant now{};      ///< Of the server's last tick: good enough for who guesses passwords.
+  net::WrongProofs wrong_passwords;
+  const std::array<std::uint64_t, 2> key{net::random_key()};
 };
 
 /// Which port the client came to.
@@ -93,6 +99,7 @@ class Connection final {
   void take_control(std::string_view password, std::vector<std::byte>& out);
   void reply(const Reply& reply, std::vector<std::byte>& out) const;
   [[nodiscard]] Profile profile_of(Components components) const;
+  [[nodiscard]] std::uint64_t address_hash() const;
 
   SharedState& shared_;
   const Dialect dialect_;

@@ -111,6 +111,7 @@ Expected<void> QualisysServer::open_ports(std::uint16_t base_port) {
 Expected<std::uint16_t> QualisysServer::open_port(Dialect dialect, std::uint16_t port) {
   return tcp_.listen({shared_->config.address, port, kKey, "base_port"},
                      [this, dialect](net::Socket socket, const net::Peer&) {
+                       shared_->now = clock_.now();
                        return std::make_shared<Session>(std::move(socket), shared_, dialect,
                                                         next_client_++, clock_);
                      });
@@ -188,6 +189,7 @@ void QualisysServer::append_clients(std::vector<ClientStatus>& out) const {
 }
 
 void QualisysServer::tick() {
+  shared_->now = clock_.now();
   events_.clear();
   shared_->control.observe(events_);
   for (const Event event : events_) tell_all(event);

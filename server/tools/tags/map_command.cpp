@@ -125,6 +125,7 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   if (!map) return report(terminal, map.error());
   auto store = MapStore::open(arguments.store);
   if (!store) return report(terminal, store.error());
+  if (auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
   const auto newest = store->newest();
   if (!newest) return report(terminal, newest.error());
   map->version = newest->version;  // whatever the file was once: here it follows the newest

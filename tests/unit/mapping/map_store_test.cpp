@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <sstream>
@@ -261,6 +262,19 @@ TEST_F(MapStoreTest, AFolderThatIsNotThereIsNamed) {
   EXPECT_NE(store.error().text().find("the folder must exist"), std::string::npos);
   EXPECT_FALSE(MapStore::open(""));
   EXPECT_FALSE(MapStore::open(":memory:"));
+}
+
+TEST_F(MapStoreTest, TwoServersDoNotShareAStore) {
+  auto first = MapStore::open(path_);
+  ASSERT_TRUE(first && first->claim());
+  auto second = MapStore::open(path_);
+  ASSERT_TRUE(second) << "reading is everybody's";
+  const auto refused = second->claim();
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text().find("process " + std::to_string(::getpid())),
+            std::string::npos);
+  *first = std::move(*MapStore::open(folder_.file("other.map")));
+  EXPECT_TRUE(second->claim()) << "given back";
 }
 
 TEST(MapDiff, NamesAddedRemovedAndMovedTags) {

@@ -18,6 +18,7 @@ class CommandWordsTest : public testing::Test {
  protected:
   CommandWordsTest() {
     server_.desk = &desk_;
+    server_.config.remote_control = RemoteControl::kLoopback;
     server_.rate_hz = 120;
     server_.frame = make_scene_frame({"arm", "drone"});
     server_.model = server_.frame->model;
@@ -162,8 +163,8 @@ TEST_F(CommandWordsTest, OthersMayLookButNotTouch) {
   EXPECT_EQ(number("StartRecording"), kDone);
 }
 
-TEST_F(CommandWordsTest, RemoteControlCanBeOffForEverybody) {
-  server_.config.remote_control = RemoteControl::kOff;
+TEST_F(CommandWordsTest, WithoutAWordOfTheConfigurationNobodyChangesAnything) {
+  server_.config.remote_control = NatNetConfig{}.remote_control;
   EXPECT_EQ(number("StartRecording"), kRefused);
   server_.config.remote_control = RemoteControl::kAll;
   server_.desk = nullptr;

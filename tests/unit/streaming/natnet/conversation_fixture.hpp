@@ -16,10 +16,16 @@ class ConversationFixture : public testing::Test {
   static constexpr Peer kOther{0x0a000008, 40002};
 
   void start() {
+    const auto attached = [] {
+      return std::vector{*net::parse_network("10.0.0.0/8"), *net::parse_network("127.0.0.0/8")};
+    };
     conversation_.emplace(config_, make_scene_frame({"arm", "drone"})->model, &desk_, 100, 12345,
-                          now_);
+                          net::TrustedNetworks(config_.trusted_networks(), attached), now_);
   }
-  void SetUp() override { start(); }
+  void SetUp() override {
+    config_.remote_control = RemoteControl::kLoopback;
+    start();
+  }
 
   std::span<const std::byte> say(const Bytes& datagram, const Peer& from = kClient,
                                  Channel channel = Channel::kUnicast) {

@@ -36,18 +36,17 @@ class FloodTest : public ConversationFixture {
     return traffic;
   }
   std::mt19937 random_{3};  // every flood comes from other addresses
-  static double allowance() {
-    return ReflectionGuard::kStrangerBurst + kSeconds * ReflectionGuard::kStrangerBytes_s;
-  }
 };
 
-TEST_F(FloodTest, StrangersGetNoMoreBytesThanTheySentAndTheAllowance) {
+TEST_F(FloodTest, StrangersGetAtMostThreeTimesTheirBytesAndNoFrames) {
   for (const Bytes& datagram :
        {ping(), connect({4, 1}, {4, 1}), message(Message::kKeepAlive), message(Message::kConnect),
         message(Message::kRequestModel), message(Message::kRequestFrame), words("FrameRate"),
         message(Message::kEchoRequest, Bytes(8)), words("GetProperty,,FrameRate")}) {
+    start();  // what was not used of an earlier flood's bytes is no excuse
     const Traffic traffic = flood(datagram);
-    EXPECT_LE(traffic.out, traffic.in + allowance()) << to_hex(datagram).substr(0, 40);
+    EXPECT_LE(traffic.out, net::AnswerBudget::kRatio * traffic.in)
+        << to_hex(datagram).substr(0, 40);
   }
 }
 
@@ -69,10 +68,33 @@ TEST_F(FloodTest, ANewClientGetsInDuringAFlood) {
   EXPECT_FALSE(frame_of().empty());
 }
 
-TEST_F(FloodTest, OnlyAFewStrangersAreRemembered) {
-  (void)flood(ping());
-  EXPECT_LE(conversation_->subscribers().size(), static_cast<std::size_t>(Registry::kMaxStrangers));
-  EXPECT_GT(conversation_->unanswered().too_much, 0U);
+TEST_F(FloodTest, NoStrangerIsAClientHoweverOftenItSpeaks) {
+  const Peer stranger{0xc0a80107, 40000};
+  double in = 0, out = 0;
+  for (int i = 0; i < 1000; ++i) {
+    for (const Bytes& datagram :
+         {message(Message::kKeepAlive), ping(), connect({4, 1}, {4, 1}),
+          message(Message::kRequestModel), message(Message::kRequestFrame)}) {
+      in += static_cast<double>(datagram.size());
+      out += static_cast<double>(say(datagram, stranger).size());
+    }
+    pass(0.02);
+    next_frame();
+    ASSERT_TRUE(frame_of(stranger).empty());
+  }
+  EXPECT_GT(out, 0) << "it is told who is here";
+  EXPECT_LE(out, net::AnswerBudget::kRatio * in);
+  EXPECT_TRUE(conversation_->subscribers().empty());
+  EXPECT_GT(conversation_->unanswered().untrusted, 0U);
+}
+
+TEST_F(FloodTest, AStrangerOfANetworkThatTheConfigurationNamesIsAClient) {
+  config_.networks = {"192.168.0.0/16"};
+  start();
+  const Peer client{0xc0a80107, 40000};
+  join(ping(), client);
+  next_frame();
+  EXPECT_FALSE(frame_of(client).empty());
 }
 
 TEST_F(FloodTest, RandomBytesAreNeverMoreThanARequest) {

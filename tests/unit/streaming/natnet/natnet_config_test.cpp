@@ -37,6 +37,18 @@ TEST(NatNetConfig, NamesEveryBrokenRule) {
                   "streaming.natnet.max_clients", "streaming.natnet.client_timeout_s"));
 }
 
+TEST(NatNetConfig, TrustsItsNetworksAndItsTargets) {
+  NatNetConfig config;
+  config.networks = {"10.1.0.0/16", "10.1.0.0/33", "lab"};
+  config.targets = {"10.0.0.7:1511"};
+  EXPECT_THAT(faults(config),
+              testing::ElementsAre("streaming.natnet.networks", "streaming.natnet.networks"));
+  config.networks.resize(1);
+  EXPECT_THAT(faults(config), testing::IsEmpty());
+  EXPECT_THAT(config.trusted_networks(), testing::ElementsAre(*net::parse_network("10.1.0.0/16"),
+                                                              *net::parse_network("10.0.0.7")));
+}
+
 TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
   NatNetConfig config;
   config.multicast = true;

@@ -48,15 +48,16 @@ class TcpServerTest : public testing::Test {
                 .value();
   }
 
-  tcp::socket dial() {
-    tcp::socket client(io_);
+  /// @param host  of 127.0.0.0/8: each is an address of its own
+  tcp::socket dial(std::uint32_t host = 0x7f000001) {
+    tcp::socket client(io_, tcp::endpoint(boost::asio::ip::address_v4(host), 0));
     client.connect({boost::asio::ip::address_v4::loopback(), port_});
     client.non_blocking(true);
     return client;
   }
-  tcp::socket connect() {
+  tcp::socket connect(std::uint32_t host = 0x7f000001) {
     const auto before = sessions_.size();
-    auto client = dial();
+    auto client = dial(host);
     while (sessions_.size() == before) io_.run_one();
     return client;
   }
@@ -181,6 +182,21 @@ TEST_F(TcpServerTest, OneAddressGetsNoMoreThanItsPlaces) {
   EXPECT_EQ(echo(one, '!'), "end");
   auto four = connect();
   EXPECT_EQ(echo(four, 'a'), "a") << "a place is free again";
+}
+
+TEST_F(TcpServerTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
+  constexpr std::uint32_t kGreedy = 0x7f000002, kOther = 0x7f000003, kThird = 0x7f000004;
+  auto first = connect(kGreedy);
+  auto second = connect(kGreedy);
+  auto other = connect(kOther);
+  auto third = connect(kThird);
+  EXPECT_FALSE(sessions_[0]->closed());
+  EXPECT_TRUE(sessions_[1]->closed()) << "the newest of the two";
+  EXPECT_EQ(echo(first, 'a'), "a");
+  EXPECT_EQ(echo(third, 'b'), "b");
+  auto back = dial(kGreedy);
+  EXPECT_EQ(read(back, 1), "end") << "everybody has one now";
+  EXPECT_EQ(echo(other, 'c'), "c");
 }
 
 TEST_F(TcpServerTest, ConnectsToAPeerWithinTheSameLimits) {

@@ -133,6 +133,21 @@ TEST_F(QualisysConnection, WhoGuessesPasswordsIsEnded) {
   EXPECT_FALSE(connection_.receive(command("TakeControl guess"), out_));
 }
 
+TEST_F(QualisysConnection, ReconnectingGivesNoNewGuesses) {
+  const auto try_one = [&](const std::string& address, const std::string& password) {
+    Connection fresh{room_, Dialect::kLittleEndian, 2, address, 4712};
+    std::vector<std::byte> out;
+    EXPECT_TRUE(fresh.receive(command("TakeControl " + password), out));
+    fresh.leave();
+    return read(out).front();
+  };
+  for (int i = 0; i < 1000; ++i) (void)try_one("10.0.0.9", "guess");
+  EXPECT_THAT(try_one("10.0.0.9", "open sesame"), HasSubstr("Too many wrong passwords"));
+  EXPECT_EQ(try_one("10.0.0.8", "open sesame"), "1 You are now master");
+  room_.now += net::WrongProofs::kWindow;
+  EXPECT_EQ(try_one("10.0.0.9", "open sesame"), "1 You are now master");
+}
+
 TEST_F(QualisysConnection, StreamsWhatWasAskedForUntilStop) {
   publish(1);
   EXPECT_FALSE(connection_.stream_of(*frame_));

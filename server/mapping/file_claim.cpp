@@ -1,0 +1,49 @@
+#include "mapping/file_claim.hpp"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+namespace fiducap {
+
+namespace {
+
+/// Written by the process that has the lock; only for people.
+std::string holder_of(int file) {
+  std::array<char, 32> text{};
+  const ssize_t size = ::pread(file, text.data(), text.size() - 1, 0);
+  return size > 0 ? "process " + std::string(text.data(), static_cast<std::size_t>(size))
+                  : "another process";
+}
+
+}  // namespace
+
+Expected<FileClaim> FileClaim::take(const std::string& path) {
+  const std::string lock = path + ".lock";
+  const int file = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  if (file < 0)
+    return fail(ErrorCode::kUnavailable, std::string("cannot be opened: ") + std::strerror(errno),
+                lock);
+  FileClaim claim(file);
+  if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
+    return fail(ErrorCode::kUnavailable,
+                "is in use by " + holder_of(file) +
+                    ": two servers would mix two histories; stop it, or name another file",
+                path);
+  }
+  const std::string pid = std::to_string(::getpid());
+  if (::ftruncate(file, 0) != 0 || ::pwrite(file, pid.data(), pid.size(), 0) < 0) {
+    // Then nobody is told the number; the lock holds.
+  }
+  return claim;
+}
+
+FileClaim::~FileClaim() {
+  if (file_ >= 0) ::close(file_);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,124 @@
+#include "streaming/net/networks.hpp"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <cstring>
+#include <memory>
+
+namespace fiducap::net {
+
+namespace {
+
+constexpr int kIpv4Prefix = 96;  // ::ffff:0:0/96
+constexpr Duration kAskAgain = std::chrono::seconds(5);
+constexpr Duration kForgetAfter = std::chrono::seconds(60);
+
+Peer::Address masked(Peer::Address address, int prefix) {
+  for (std::size_t i = 0; i < address.size(); ++i) {
+    const int bits = std::clamp(prefix - 8 * static_cast<int>(i), 0, 8);
+    address[i] = static_cast<std::uint8_t>(address[i] & (0xff00 >> bits));
+  }
+  return address;
+}
+
+/// IPv4 or IPv6. @param[out] is_ipv4
+std::optional<Peer::Address> parse_ip(const std::string& text, bool& is_ipv4) {
+  is_ipv4 = false;
+  if (const auto v4 = parse_address(text)) {
+    is_ipv4 = true;
+    return Peer(*v4, 0).address;
+  }
+  in6_addr v6{};
+  if (::inet_pton(AF_INET6, text.c_str(), &v6) != 1) return std::nullopt;
+  Peer::Address address{};
+  std::memcpy(address.data(), &v6, address.size());
+  return address;
+}
+
+int ones(std::span<const std::uint8_t> mask) {
+  int all = 0;
+  for (const std::uint8_t byte : mask) all += std::popcount(byte);
+  return all;
+}
+
+std::optional<Network> network_of(const ifaddrs& card) {
+  if (card.ifa_addr == nullptr || card.ifa_netmask == nullptr) return std::nullopt;
+  if (card.ifa_addr->sa_family == AF_INET) {
+    const auto address = reinterpret_cast<const sockaddr_in*>(card.ifa_addr)->sin_addr.s_addr;
+    const auto mask = reinterpret_cast<const sockaddr_in*>(card.ifa_netmask)->sin_addr.s_addr;
+    const int prefix = kIpv4Prefix + std::popcount(mask);
+    return Network{masked(Peer(ntohl(address), 0).address, prefix), prefix};
+  }
+  if (card.ifa_addr->sa_family != AF_INET6) return std::nullopt;
+  Peer::Address address{};
+  Peer::Address mask{};
+  std::memcpy(address.data(), &reinterpret_cast<const sockaddr_in6*>(card.ifa_addr)->sin6_addr, 16);
+  std::memcpy(mask.data(), &reinterpret_cast<const sockaddr_in6*>(card.ifa_netmask)->sin6_addr, 16);
+  return Network{masked(address, ones(mask)), ones(mask)};
+}
+
+}  // namespace
+
+bool Network::contains(const Peer& peer) const { return masked(peer.address, prefix) == address; }
+
+std::optional<Network> parse_network(const std::string& text) {
+  const auto slash = text.find('/');
+  bool is_ipv4 = false;
+  const auto address = parse_ip(text.substr(0, slash), is_ipv4);
+  if (!address) return std::nullopt;
+  const int most = is_ipv4 ? 32 : 128;
+  int bits = most;
+  if (slash != std::string::npos) {
+    const char* const end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(text.data() + slash + 1, end, bits);
+    if (error != std::errc{} || stop != end || bits < 0 || bits > most) return std::nullopt;
+  }
+  const int prefix = bits + (is_ipv4 ? kIpv4Prefix : 0);
+  return Network{masked(*address, prefix), prefix};
+}
+
+std::string text_of(const Network& network) {
+  const Peer first(network.address, 0);
+  const int bits = network.prefix - (first.is_ipv4() ? kIpv4Prefix : 0);
+  return address_text(first) + "/" + std::to_string(bits);
+}
+
+Network usual_network_of(const Peer& peer) {
+  const int prefix = peer.is_ipv4() ? kIpv4Prefix + 24 : 64;
+  return {masked(peer.address, prefix), prefix};
+}
+
+std::vector<Network> attached_networks() {
+  std::vector<Network> found{{Peer(0x7f000000, 0).address, kIpv4Prefix + 8}};
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return found;
+  const std::unique_ptr<ifaddrs, decltype(&::freeifaddrs)> owner(first, &::freeifaddrs);
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    if ((one->ifa_flags & IFF_UP) == 0) continue;
+    if (const auto network = network_of(*one)) found.push_back(*network);
+  }
+  return found;
+}
+
+bool TrustedNetworks::contains(const Peer& peer, Instant now) {
+  const bool is_known = knows(peer);
+  if (!asked_at_ || now - *asked_at_ > (is_known ? kForgetAfter : kAskAgain)) {
+    asked_at_ = now;
+    known_ = attached_();
+    return knows(peer);
+  }
+  return is_known;
+}
+
+bool TrustedNetworks::knows(const Peer& peer) const {
+  const auto has_it = [&](const Network& network) { return network.contains(peer); };
+  return std::any_of(configured_.begin(), configured_.end(), has_it) ||
+         std::any_of(known_.begin(), known_.end(), has_it);
+}
+
+}  // namespace fiducap::net
