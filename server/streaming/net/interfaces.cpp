@@ -2,7 +2,9 @@
 
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <unistd.h>
 
+#include <array>
 #include <memory>
 
 #include "streaming/net/peer.hpp"
@@ -31,6 +33,11 @@ std::vector<Card> network_cards() {
                      (one->ifa_flags & IFF_MULTICAST) != 0});
   }
   return found;
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "fiducap";
 }
 
 std::vector<std::string> subnet_broadcasts(std::uint32_t own) {

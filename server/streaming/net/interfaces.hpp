@@ -15,6 +15,8 @@ struct Card {
 };
 
 [[nodiscard]] std::vector<Card> network_cards();
+/// This machine's, as it calls itself.
+[[nodiscard]] std::string host_name();
 /// Where broadcasts of its networks go that a socket bound to `own` does not hear; e.g.
 /// `10.0.0.255`.
 [[nodiscard]] std::vector<std::string> subnet_broadcasts(std::uint32_t own);

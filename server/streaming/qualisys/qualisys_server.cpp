@@ -1,14 +1,12 @@
 #include "streaming/qualisys/qualisys_server.hpp"
 
-#include <unistd.h>
-
-#include <array>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "base/log.hpp"
+#include "streaming/net/interfaces.hpp"
 #include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
@@ -28,11 +26,6 @@ constexpr std::size_t kLongestQuestion = 64;
 // answers for the whole world, so that a flood of questions costs less than it brings.
 constexpr double kAnswerBurst = 5;
 constexpr double kAnswersPerSecond = 5;
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "fiducap";
-}
 
 /// Listeners, discovery, and the fan-out of frames: each is encoded once per profile, and goes to
 /// all its UDP readers by one call.
@@ -130,7 +123,7 @@ void QualisysServer::open_discovery() {
     log::warning("qualisys", "discovery is not answered: " + opened.error().text());
     return;
   }
-  about_ = host_name() + ", QTM " + config.qtm_version + ", 0 cameras";
+  about_ = net::host_name() + ", QTM " + config.qtm_version + ", 0 cameras";
   discovery_.emplace(std::move(*opened));
   discovery_->start([this](const auto& question) { answer(question); });
 }

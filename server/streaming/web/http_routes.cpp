@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "streaming/net/peer.hpp"
+
 namespace fiducap::web {
 
 namespace {
@@ -92,6 +94,18 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
     return response;
   }
   return plain_response(404, "nothing here; the page is at /\n");
+}
+
+bool is_our_name(std::string_view host, const std::vector<std::string>& names) {
+  std::string name = lower(host);
+  if (name.empty()) return true;
+  if (name.front() == '[') return name.find(']') != std::string::npos;  // an IPv6 address
+  name = name.substr(0, name.rfind(':'));
+  if (name.ends_with('.')) name.pop_back();
+  if (name == "localhost" || net::is_address(name)) return true;
+  return std::any_of(names.begin(), names.end(), [&](const std::string& ours) {
+    return name == lower(ours) || name == lower(ours) + ".local";
+  });
 }
 
 bool same_origin(std::string_view origin, std::string_view host) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "streaming/web/page_files.hpp"
 
@@ -46,6 +47,12 @@ struct RouteSources {
 /// origin and may.
 /// @param origin  e.g. `http://hall:8080`   @param host  e.g. `hall:8080`
 [[nodiscard]] bool same_origin(std::string_view origin, std::string_view host);
+
+/// Is this a name of ours? A page from elsewhere can have its own name resolve to our address (DNS
+/// rebinding) and would then pass for the same origin. IP addresses, `localhost` and no name at all
+/// (a program, no browser) are always ours.
+/// @param host  of the request, e.g. `hall:8080`   @param names  this machine's and configured ones
+[[nodiscard]] bool is_our_name(std::string_view host, const std::vector<std::string>& names);
 
 /// Sent with every answer: nothing from elsewhere runs in the page, and the page runs nowhere else.
 inline constexpr std::string_view kContentSecurityPolicy =

@@ -14,7 +14,9 @@ struct WebConfig {
   std::uint16_t port{8080};  ///< 0: any free port, see Streamer::port.
   double rate_hz{20.0};      ///< Frames to a page; a browser needs no more.
   int max_clients{32};       ///< Live pages at once; the next one is told to come later.
-  std::string root;          ///< Folder of the bundled page; empty: beside the program.
+  /// Names that browsers may call this server by, beside this machine's own and its addresses.
+  std::vector<std::string> hosts;
+  std::string root;  ///< Folder of the bundled page; empty: beside the program.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
@@ -26,6 +28,7 @@ void describe(V& v, WebConfig& c) {
   v.value("port", c.port);
   v.value("rate_hz", c.rate_hz);
   v.value("max_clients", c.max_clients);
+  v.value("hosts", c.hosts);
   v.path("root", c.root);
 }
 

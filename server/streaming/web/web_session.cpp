@@ -15,6 +15,7 @@
 #include "base/log.hpp"
 #include "streaming/net/bind.hpp"
 #include "streaming/net/guard.hpp"
+#include "streaming/net/interfaces.hpp"
 
 namespace fiducap::web {
 
@@ -103,6 +104,12 @@ void BeastSession::read_request() {
 void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   if (error) return refuse(error);
   const auto& request = parser_->get();
+  if (!desk_->knows(view(request[http::field::host]))) {
+    return send(plain_response(421,
+                               "this server has another name: use its address, or add this name to "
+                               "streaming.web.hosts\n"),
+                false);
+  }
   if (websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath)
     return upgrade();
   send(desk_->answer({view(request.method_string()), view(request.target()),
@@ -227,6 +234,12 @@ void BeastSession::close(std::string_view why, log::Level level) {
 }
 
 }  // namespace
+
+std::vector<std::string> own_names(const WebConfig& config) {
+  std::vector<std::string> names = config.hosts;
+  names.push_back(net::host_name());
+  return names;
+}
 
 std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,
                                          std::shared_ptr<WebDesk> desk) {

@@ -3,6 +3,7 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "base/clock.hpp"
 #include "streaming/net/tcp_session.hpp"
@@ -11,6 +12,9 @@
 #include "streaming/web/page_files.hpp"
 
 namespace fiducap::web {
+
+/// This machine's name and those of the configuration.
+[[nodiscard]] std::vector<std::string> own_names(const WebConfig& config);
 
 /// Everything a session asks its server, without a socket. Shared by the sessions, so that it
 /// outlives the last of them.
@@ -21,12 +25,14 @@ class WebDesk final {
       : page_(PageFiles::load(page_root(config.root))),
         feed_(config, std::move(sources), std::move(model)),
         most_pages_(static_cast<std::size_t>(config.max_clients)),
+        names_(own_names(config)),
         clock_(clock) {}
 
   [[nodiscard]] HttpResponse answer(const HttpRequest& request) const {
     return web::answer(request, page_,
                        {[this] { return feed_.state(); }, [this] { return feed_.trouble(now()); }});
   }
+  [[nodiscard]] bool knows(std::string_view host) const { return is_our_name(host, names_); }
   [[nodiscard]] bool has_room() const { return feed_.connections().size() < most_pages_; }
   [[nodiscard]] bool has_page() const { return !page_.empty(); }
   [[nodiscard]] LiveFeed& feed() { return feed_; }
@@ -37,6 +43,7 @@ class WebDesk final {
   PageFiles page_;
   LiveFeed feed_;
   std::size_t most_pages_;
+  std::vector<std::string> names_;
   const Clock& clock_;
 };
 

@@ -102,5 +102,20 @@ TEST(SameOrigin, FailsForEveryOtherPage) {
   }
 }
 
+TEST(OurName, AddressesAndOurNamesAreOursWhateverThePort) {
+  const std::vector<std::string> names{"Hall", "mocap.example.org"};
+  for (const char* host :
+       {"", "127.0.0.1", "10.0.0.5:8080", "[::1]:8080", "[fe80::1]", "localhost:8080", "LOCALHOST",
+        "hall", "HALL:8080", "hall.local:8080", "mocap.example.org", "mocap.example.org.:80"})
+    EXPECT_TRUE(is_our_name(host, names)) << host;
+}
+
+TEST(OurName, ANameThatOnlyPointsHereIsNot) {
+  const std::vector<std::string> names{"hall"};
+  for (const char* host : {"evil.example", "evil.example:8080", "hall.evil.example",
+                           "10.0.0.5.evil", "localhost.evil.example:80", "xhall", ":8080"})
+    EXPECT_FALSE(is_our_name(host, names)) << host;
+}
+
 }  // namespace
 }  // namespace fiducap::web

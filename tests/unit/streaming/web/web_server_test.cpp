@@ -26,6 +26,7 @@ class WebServerTest : public Test {
     server_.reset();
     config_.port = 0;
     config_.root = files_.root().string();
+    config_.hosts = {"hall"};
     WebSources sources;
     sources.version = "0.1.0";
     sources.clients = [this] {
@@ -88,6 +89,19 @@ TEST_F(WebServerTest, AnswersManyRequestsOnOneConnection) {
     peer.get("/assets/index-1a2b.js");
     ASSERT_TRUE(peer.wait_for("export {};\n")) << i;
     peer.received().clear();
+  }
+}
+
+TEST_F(WebServerTest, ANameThatOnlyResolvesToThisMachineGetsNothing) {
+  for (const std::string target : {"/", "/api/v1/state", "/healthz", "/api/v1/live"}) {
+    auto peer = client();
+    peer.send("GET " + target +
+              " HTTP/1.1\r\nHost: evil.example:8080\r\nOrigin: http://evil.example:8080\r\n"
+              "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+              "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n");
+    ASSERT_TRUE(peer.wait_for_close()) << target;
+    EXPECT_EQ(peer.received().rfind("HTTP/1.1 421", 0), 0) << peer.received();
+    EXPECT_NE(peer.received().find("streaming.web.hosts"), std::string::npos);
   }
 }
 
