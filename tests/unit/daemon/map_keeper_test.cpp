@@ -181,10 +181,15 @@ TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
   settings_.store = folder_.file("map.sqlite");
   settings_.file =
       folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
-  const auto first = open_start_map(settings_, tags_);
-  ASSERT_TRUE(first) << first.error().text();
-  ASSERT_EQ(first->map.tags.size(), 1u);
-  EXPECT_EQ(first->map.version, 1);
+  {
+    const auto first = open_start_map(settings_, tags_);
+    ASSERT_TRUE(first) << first.error().text();
+    ASSERT_EQ(first->map.tags.size(), 1u);
+    EXPECT_EQ(first->map.version, 1);
+    const auto beside = open_start_map(settings_, tags_);
+    ASSERT_FALSE(beside) << "another server has it";
+    EXPECT_NE(beside.error().text().find("is in use by process"), std::string::npos);
+  }
   settings_.file = folder_.file("gone.csv");
   const auto second = open_start_map(settings_, tags_);
   ASSERT_TRUE(second) << second.error().text();
