@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "streaming/net/limits.hpp"
+
 namespace fiducap::natnet {
 
 namespace {
@@ -78,22 +80,23 @@ std::size_t Registry::expire(Instant now) {
 }
 
 bool Registry::make_place(const Peer& peer, Instant now) {
-  const auto clients = std::count_if(subscribers_.begin(), subscribers_.end(), is_client);
-  const std::ptrdiff_t here = clients_at(peer);
+  std::vector<Peer> clients;
+  for (const Subscriber& s : subscribers_) {
+    if (is_client(s)) clients.push_back(s.peer);
+  }
+  const auto here = std::count_if(clients.begin(), clients.end(),
+                                  [&](const Peer& other) { return other.same_address(peer); });
+  const bool full = static_cast<std::ptrdiff_t>(clients.size()) >= limits_.max_clients;
   const bool full_here = !peer.is_loopback() && here >= limits_.max_clients_per_address;
-  if (clients < limits_.max_clients && !full_here) return true;
+  if (!full && !full_here) return true;
   const Subscriber* silent =
       quietest([&](const Subscriber& s) { return !full_here || s.peer.same_address(peer); });
   if (silent != nullptr && now - silent->heard_at > kReplaceableAfter) return remove(silent->peer);
   if (full_here) return false;
-  const Subscriber* spare = of_the_greediest(here + 2);
-  return spare != nullptr && remove(spare->peer);
-}
-
-std::ptrdiff_t Registry::clients_at(const Peer& address) const {
-  return std::count_if(subscribers_.begin(), subscribers_.end(), [&](const Subscriber& s) {
-    return is_client(s) && s.peer.same_address(address);
-  });
+  const auto greediest = net::greediest_address(clients, here + 2);
+  if (!greediest) return false;
+  return remove(
+      quietest([&](const Subscriber& s) { return s.peer.same_address(*greediest); })->peer);
 }
 
 template <typename MayGo>
@@ -103,20 +106,6 @@ const Subscriber* Registry::quietest(MayGo may_go) const {
     if (is_client(s) && may_go(s) && (found == nullptr || s.heard_at < found->heard_at)) found = &s;
   }
   return found;
-}
-
-/// The quietest client of the address that has the most, and at least so many.
-const Subscriber* Registry::of_the_greediest(std::ptrdiff_t least) const {
-  const Subscriber* greediest = nullptr;
-  for (const Subscriber& s : subscribers_) {
-    if (!is_client(s)) continue;
-    const std::ptrdiff_t has = clients_at(s.peer);
-    if (has < least) continue;
-    least = has + 1;
-    greediest = &s;
-  }
-  if (greediest == nullptr) return nullptr;
-  return quietest([&](const Subscriber& s) { return s.peer.same_address(greediest->peer); });
 }
 
 }  // namespace fiducap::natnet

@@ -91,11 +91,9 @@ class Registry final {
 
  private:
   [[nodiscard]] bool make_place(const Peer& peer, Instant now);
-  [[nodiscard]] std::ptrdiff_t clients_at(const Peer& address) const;
   /// Of whom `may_go` is true. @return nullptr: of nobody
   template <typename MayGo>
   [[nodiscard]] const Subscriber* quietest(MayGo may_go) const;
-  [[nodiscard]] const Subscriber* of_the_greediest(std::ptrdiff_t least) const;
 
   RegistryLimits limits_;
   std::vector<Subscriber> subscribers_;

@@ -4,8 +4,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <span>
 
 #include "base/time.hpp"
+#include "streaming/net/peer.hpp"
 
 /// Limits against floods and guesses. Fixed tables, memory never grows: two addresses that fall on
 /// the same place share it, and their hashes are keyed, so that nobody can choose with whom.
@@ -76,6 +79,21 @@ class AnswerBudget final {
  private:
   std::array<double, 1024> saved_{};
 };
+
+/// The address that holds the most places, and at least `least` of them; it gives one up when all
+/// are taken and somebody with at least two fewer wants one, so that nobody keeps others out.
+[[nodiscard]] inline std::optional<Peer> greediest_address(std::span<const Peer> holders,
+                                                           std::ptrdiff_t least) {
+  std::optional<Peer> greediest;
+  for (const Peer& one : holders) {
+    const auto has = std::count_if(holders.begin(), holders.end(),
+                                   [&](const Peer& other) { return other.same_address(one); });
+    if (has < least) continue;
+    least = has + 1;
+    greediest = one;
+  }
+  return greediest;
+}
 
 /// Who guesses tokens: after `kAllowed` wrong ones within `kWindow` an address is shut out for the
 /// rest of it.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "streaming/net/bind.hpp"
+#include "streaming/net/limits.hpp"
 
 namespace fiducap::net {
 
@@ -45,10 +46,10 @@ struct TcpServer::State : std::enable_shared_from_this<State> {
   void connect(const Peer& peer, Duration patience, MakeSession make);
   void connected(const std::shared_ptr<Connecting>& one, const error_code& error,
                  const MakeSession& make);
-  [[nodiscard]] std::ptrdiff_t places_of(const Peer& address) const;
-  [[nodiscard]] std::shared_ptr<Session> newest_of_the_greediest(std::ptrdiff_t least) const;
+  [[nodiscard]] std::vector<Peer> holders() const;
+  [[nodiscard]] std::shared_ptr<Session> newest_of(const Peer& address) const;
   [[nodiscard]] Room room_for(const Peer& peer);
-  void complain_about_room(const Peer& peer, std::ptrdiff_t all, std::ptrdiff_t same);
+  void complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same);
   void tick();
   void wait_for_tick();
   void give_up_connecting(Instant now);
@@ -106,43 +107,41 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
     session->close("is closed after a failure", log::Level::kWarning);
 }
 
-std::ptrdiff_t TcpServer::State::places_of(const Peer& address) const {
-  const auto same = [&](const Peer& other) { return other.same_address(address); };
-  return std::count_if(sessions.begin(), sessions.end(),
-                       [&](const auto& s) { return !s->closed() && same(s->peer()); }) +
-         std::count_if(connecting.begin(), connecting.end(),
-                       [&](const auto& one) { return same(one->peer); });
+/// Who has a place, or will have when it is reached.
+std::vector<Peer> TcpServer::State::holders() const {
+  std::vector<Peer> all;
+  for (const auto& session : sessions) {
+    if (!session->closed()) all.push_back(session->peer());
+  }
+  for (const auto& one : connecting) all.push_back(one->peer);
+  return all;
 }
 
-/// Of the address that has the most places, and at least so many. @return nullptr: there is none
-std::shared_ptr<Session> TcpServer::State::newest_of_the_greediest(std::ptrdiff_t least) const {
-  std::shared_ptr<Session> newest;
-  for (const auto& session : sessions) {  // they stand in the order they came
-    if (session->closed()) continue;
-    const std::ptrdiff_t has = places_of(session->peer());
-    if (has < least) continue;
-    least = has;
-    newest = session;
-  }
-  return newest;
+/// @return nullptr: there is none
+std::shared_ptr<Session> TcpServer::State::newest_of(const Peer& address) const {
+  const auto newest = std::find_if(sessions.rbegin(), sessions.rend(), [&](const auto& session) {
+    return !session->closed() && session->peer().same_address(address);
+  });  // they stand in the order they came
+  return newest == sessions.rend() ? nullptr : *newest;
 }
 
 TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
-  const auto open = std::count_if(sessions.begin(), sessions.end(),
-                                  [](const auto& session) { return !session->closed(); });
-  const auto all = open + static_cast<std::ptrdiff_t>(connecting.size());
-  const std::ptrdiff_t same = places_of(peer);
+  const std::vector<Peer> all = holders();
+  const auto same = std::count_if(all.begin(), all.end(),
+                                  [&](const Peer& other) { return other.same_address(peer); });
+  const bool full = static_cast<std::ptrdiff_t>(all.size()) >= limits.max_clients;
   const bool full_here =
       limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
-  if (all < limits.max_clients && !full_here) return {true};
-  if (!full_here) {
-    if (auto spare = newest_of_the_greediest(same + 2)) return {true, std::move(spare)};
+  if (!full && !full_here) return {true};
+  const auto greediest = full_here ? std::nullopt : greediest_address(all, same + 2);
+  if (greediest) {
+    if (auto spare = newest_of(*greediest)) return {true, std::move(spare)};
   }
-  complain_about_room(peer, all, same);
+  complain_about_room(peer, all.size(), same);
   return {false};
 }
 
-void TcpServer::State::complain_about_room(const Peer& peer, std::ptrdiff_t all,
+void TcpServer::State::complain_about_room(const Peer& peer, std::size_t all,
                                            std::ptrdiff_t same) {
   if (limits.section.empty() || !std::exchange(may_complain, false)) return;
   const std::string section(limits.section);
