@@ -141,8 +141,7 @@ TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
   return {false};
 }
 
-void TcpServer::State::complain_about_room(const Peer& peer, std::size_t all,
-                                           std::ptrdiff_t same) {
+void TcpServer::State::complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same) {
   if (limits.section.empty() || !std::exchange(may_complain, false)) return;
   const std::string section(limits.section);
   const std::string per_address =
