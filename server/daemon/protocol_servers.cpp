@@ -11,9 +11,9 @@ namespace fiducap {
 
 Expected<ServerPorts> start_protocols(const ProtocolParts& parts, StreamHub& hub) {
   const StreamingConfig& streaming = parts.config.streaming;
-  const ProtocolContext context{
-      parts.io,          parts.model,     parts.desk,     parts.clock,
-      streaming.rate_hz, FIDUCAP_VERSION, parts.join_dds, [&hub] { return hub.clients(); }};
+  const ProtocolContext context{parts.io,        parts.model,    parts.desk,
+                                parts.events,    parts.clock,    streaming.rate_hz,
+                                FIDUCAP_VERSION, parts.join_dds, [&hub] { return hub.clients(); }};
   ServerPorts ports;
   std::optional<Error> failure;
   for_each_protocol(

@@ -26,6 +26,7 @@ struct ProtocolParts {
   const ServerConfig& config;
   std::shared_ptr<const SceneModel> model;
   OperatorDesk& desk;
+  const EventBoard& events;
   const Clock& clock;
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
 };

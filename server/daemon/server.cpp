@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_threads.hpp"
@@ -77,6 +78,7 @@ class Server::Impl final {
   ServerOptions options_;
   const Clock& clock_;
   Instant simulation_start_{};
+  EventBoard events_{utc_now_ns};
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
@@ -171,7 +173,7 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 }
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
-  const SharedParts shared{*map_, *scene_, clock_, recorder_};
+  const SharedParts shared{*map_, *scene_, clock_, recorder_, events_};
   ServerConfig recorded = config_;
   recorded.operators.token.clear();
   for (std::size_t i = 0; i < bodies.size(); ++i) {
@@ -194,7 +196,8 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 
 Expected<void> Server::Impl::build_streaming() {
   auto ports = start_protocols(
-      {io_, config_, scene_->model(), *desk_, clock_, [this] { return join_dds(); }}, hub_);
+      {io_, config_, scene_->model(), *desk_, events_, clock_, [this] { return join_dds(); }},
+      hub_);
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   mailbox_.emplace(io_,

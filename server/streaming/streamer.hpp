@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/clock.hpp"
+#include "base/event_board.hpp"
 #include "base/expected.hpp"
 #include "scene/scene_frame.hpp"
 
@@ -61,6 +62,7 @@ struct ProtocolContext {
   boost::asio::io_context& io;
   std::shared_ptr<const SceneModel> model;
   OperatorDesk& desk;
+  const EventBoard& events;
   const Clock& clock;
   double rate_hz{};  ///< Of the frames.
   std::string_view version{};

@@ -11,6 +11,7 @@
 
 #include "base/clock.hpp"
 #include "base/duration_histogram.hpp"
+#include "base/event_board.hpp"
 #include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_inbox.hpp"
 #include "daemon/session_recorder.hpp"
@@ -36,6 +37,7 @@ struct SharedParts {
   Scene& scene;
   const Clock& clock;
   SessionRecorder& recorder;
+  EventBoard& events;
 };
 
 /// What a body did and what it cost. CPU of its worker thread.

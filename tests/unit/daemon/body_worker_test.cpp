@@ -57,7 +57,7 @@ class BodyWorkerTest : public testing::Test {
     setup.estimator = estimator_;
     worker_ = std::make_unique<BodyWorker>(
         BodyParts{0, 1, "robot", std::move(setup), std::move(source), std::move(filter)},
-        SharedParts{*map_, *scene_, clock_, recorder_});
+        SharedParts{*map_, *scene_, clock_, recorder_, events_});
   }
   void build(std::vector<SensorSample> samples) {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
@@ -72,6 +72,7 @@ class BodyWorkerTest : public testing::Test {
     return scene_->sample(at, at, {}, 100, map_->snapshot())->bodies.front();
   }
 
+  EventBoard events_{[] { return std::int64_t{0}; }};
   BodySensors sensors_;
   TagMap start_;
   FakeClock clock_{ms(1000)};
