@@ -11,15 +11,28 @@
 #include <system_error>
 #include <utility>
 
+#include "streaming/net/standing_wait.hpp"
+
 namespace fiducap {
 
-class FrameMailbox::Impl {
+class FrameMailbox::Impl final : public net::StandingWait,
+                                 public std::enable_shared_from_this<Impl> {
  public:
   Impl(boost::asio::io_context& io, Receiver receiver)
       : wakeup_(io, open_wakeup()),
         wakeup_fd_(wakeup_.native_handle()),
-        receiver_(std::move(receiver)) {
-    wait();
+        receiver_(std::move(receiver)) {}
+
+  void resume() override {
+    if (waiting_ || !receiver_) return;
+    wakeup_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
+                       [self = shared_from_this(), token = waiting_.begin()](
+                           const boost::system::error_code& failure) mutable {
+                         token.release();
+                         if (failure) return;
+                         self->deliver();
+                         self->resume();
+                       });
   }
 
   void put(std::shared_ptr<const SceneFrame> frame) {
@@ -46,15 +59,6 @@ class FrameMailbox::Impl {
     return fd;
   }
 
-  void wait() {
-    wakeup_.async_wait(boost::asio::posix::stream_descriptor::wait_read,
-                       [this](const boost::system::error_code& failure) {
-                         if (failure || !receiver_) return;
-                         deliver();
-                         if (receiver_) wait();
-                       });
-  }
-
   void deliver() {
     std::uint64_t count{};
     [[maybe_unused]] const auto read = ::read(wakeup_fd_, &count, sizeof count);
@@ -63,7 +67,7 @@ class FrameMailbox::Impl {
       const std::lock_guard lock(mutex_);
       frame.swap(newest_);
     }
-    if (frame) receiver_(frame);
+    if (frame && receiver_) receiver_(frame);
   }
 
   boost::asio::posix::stream_descriptor wakeup_;
@@ -71,11 +75,15 @@ class FrameMailbox::Impl {
   Receiver receiver_;
   std::mutex mutex_;
   std::shared_ptr<const SceneFrame> newest_;
+  net::PendingWait waiting_;
 };
 
 FrameMailbox::FrameMailbox(boost::asio::io_context& io, Receiver receiver)
-    : impl_(std::make_unique<Impl>(io, std::move(receiver))) {}
-FrameMailbox::~FrameMailbox() = default;
+    : impl_(std::make_shared<Impl>(io, std::move(receiver))) {
+  net::register_wait(io, impl_);
+  impl_->resume();
+}
+FrameMailbox::~FrameMailbox() { close(); }
 void FrameMailbox::put(std::shared_ptr<const SceneFrame> frame) { impl_->put(std::move(frame)); }
 void FrameMailbox::close() { impl_->close(); }
 

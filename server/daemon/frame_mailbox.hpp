@@ -31,7 +31,7 @@ class FrameMailbox final {
 
  private:
   class Impl;
-  std::unique_ptr<Impl> impl_;
+  std::shared_ptr<Impl> impl_;
 };
 
 }  // namespace fiducap

@@ -4,6 +4,7 @@
 
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
+#include "streaming/net/guard.hpp"
 
 namespace fiducap {
 
@@ -21,7 +22,9 @@ void Publisher::run(std::stop_token stop) {
   run_urgently();
   Instant next = clock_.now();
   while (clock_.wait_until(next, stop)) {
-    publish();
+    // What it throws (no memory) costs this frame, said once a while.
+    const auto whose = [this] { return failures_++ % 1000 == 0 ? "a frame" : ""; };
+    net::guarded("publisher", whose, [this] { publish(); });
     next += period_;
     const Duration late = clock_.now() - next;
     if (late < Duration::zero()) continue;

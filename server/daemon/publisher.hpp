@@ -37,6 +37,7 @@ class Publisher final {
   Duration utc_offset_{};
   std::uint64_t frames_{0};
   std::uint64_t missed_{0};
+  std::uint64_t failures_{0};
 };
 
 }  // namespace fiducap

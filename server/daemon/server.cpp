@@ -1,6 +1,7 @@
 #include "daemon/server.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -24,6 +25,8 @@
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
 #include "scene/scene.hpp"
+#include "streaming/net/guard.hpp"
+#include "streaming/net/standing_wait.hpp"
 #include "streaming/stream_hub.hpp"
 
 namespace fiducap {
@@ -31,6 +34,7 @@ namespace fiducap {
 namespace {
 
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
+constexpr std::chrono::milliseconds kBreath{10};    // before a lost wait is tried again
 constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
 
 /// Without them there is no filter, so no body either.
@@ -72,6 +76,7 @@ class Server::Impl final {
   Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
+  void say_goodbye();
   bool shut_down();
 
   ServerConfig config_;
@@ -93,6 +98,8 @@ class Server::Impl final {
   ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
+  std::atomic<bool> stopping_{false};
+  bool said_goodbye_{false};
   std::jthread keeping_;
   std::jthread recording_;
   std::jthread publishing_;
@@ -231,7 +238,9 @@ bool Server::Impl::run() {
     signals_.add(SIGINT);
     signals_.add(SIGTERM);
     signals_.async_wait([this](const boost::system::error_code& failure, int) {
-      if (!failure) stop();
+      if (failure) return;
+      stopping_ = true;
+      say_goodbye();
     });
   }
   start_threads();
@@ -250,25 +259,28 @@ void Server::Impl::serve() {
               "millisecond or two "
               "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
   }
-  for (;;) {
-    try {
-      io_.run();
-      return;
-    } catch (const std::exception& failure) {
-      log::error("streaming", failure.what());  // of one handler; the others go on
-    }
+  while (!io_.stopped()) {
+    net::guarded(
+        "streaming", [] { return "a handler"; }, [this] { io_.run(); });
+    // Here after an exception, too. It cost one handler; the others go on.
+    while (!net::resume_waits(io_)) std::this_thread::sleep_for(kBreath);
+    if (stopping_) say_goodbye();
   }
 }
 
 void Server::Impl::stop() {
-  boost::asio::post(io_, [this] {
-    mailbox_->close();
-    hub_.stop();
-    boost::system::error_code ignored;
-    signals_.cancel(ignored);
-    goodbye_.expires_after(kGoodbye);
-    goodbye_.async_wait([this](const boost::system::error_code&) { io_.stop(); });
-  });
+  stopping_ = true;
+  boost::asio::post(io_, [this] { say_goodbye(); });
+}
+
+void Server::Impl::say_goodbye() {
+  if (std::exchange(said_goodbye_, true)) return io_.stop();
+  mailbox_->close();
+  hub_.stop();
+  boost::system::error_code ignored;
+  signals_.cancel(ignored);
+  goodbye_.expires_after(kGoodbye);
+  goodbye_.async_wait([this](const boost::system::error_code&) { io_.stop(); });
 }
 
 bool Server::Impl::shut_down() {

@@ -1,6 +1,4 @@
 // The whole server on loopback, in real time: what a client receives is the simulated truth.
-#include "daemon/server.hpp"
-#include "mapping/map_store.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -18,9 +16,9 @@
 #include <thread>
 
 #include "capture/recording/recording.hpp"
-#include "daemon/system_clock.hpp"
 #include "mapping/map_store.hpp"
 #include "simulation/simulation.hpp"
+#include "support/running_server.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -29,57 +27,6 @@ namespace {
 using namespace std::chrono_literals;
 using boost::asio::ip::tcp;
 using testing::HasSubstr;
-
-/// The shipped demo with ready corners instead of images (a thousandth of the cost) on free ports.
-ServerConfig corner_demo() {
-  const auto file = std::filesystem::path(FIDUCAP_SOURCE_DIR) / "config" / "demo.yaml";
-  auto config = load_config(
-      file.string(), {"streaming.vrpn.port=0", "streaming.native.port=0", "streaming.natnet.port=0",
-                      "streaming.vicon.port=0", "streaming.qualisys.base_port=0",
-                      "streaming.qualisys.discovery_port=0", "streaming.dds.enabled=false",
-                      "streaming.web.port=0", "log_level=warning"});
-  if (!config) throw std::runtime_error(config.error().front().text());
-  for (auto& body : config->bodies) {
-    body.source.simulator.camera.images = false;
-    body.source.simulator.faults = {};
-  }
-  // Corners alone come with more noise than a detector finds in the demo's sharp images.
-  config->estimator.corner_noise_px =
-      config->bodies.front().source.simulator.camera.corner_noise_px;
-  return *config;
-}
-
-/// A server on a thread of its own; stopped at the end.
-class RunningServer final {
- public:
-  explicit RunningServer(const ServerConfig& config, const ServerOptions& options = {}) {
-    auto built = Server::build(config, options, clock_);
-    if (!built) throw std::runtime_error(built.error().text());
-    server_ = std::move(*built);
-    thread_ = std::jthread([this] { clean_ = server_->run(); });
-  }
-  ~RunningServer() { stop(); }
-  RunningServer(const RunningServer&) = delete;
-  RunningServer& operator=(const RunningServer&) = delete;
-
-  /// @return how long the server took to end.
-  Duration stop() {
-    const Instant begin = clock_.now();
-    server_->stop();
-    if (thread_.joinable()) thread_.join();
-    return clock_.now() - begin;
-  }
-  void wait() { thread_.join(); }
-  [[nodiscard]] bool clean() const { return clean_; }
-  Server& operator*() { return *server_; }
-  Server* operator->() { return server_.get(); }
-
- private:
-  SystemClock clock_;
-  std::unique_ptr<Server> server_;
-  bool clean_{false};
-  std::jthread thread_;
-};
 
 std::unique_ptr<Client> client_of(Server& server) {
   ClientOptions options;

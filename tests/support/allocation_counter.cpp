@@ -7,7 +7,21 @@
 
 namespace fiducap {
 std::atomic<std::uint64_t> g_allocations{0};
+
+namespace {
+std::atomic<int> g_until_fault{0};  ///< 0: none will fail.
+thread_local bool t_in_reach = false;
+
+bool must_fail() {
+  return t_in_reach && g_until_fault.load(std::memory_order_relaxed) > 0 &&
+         g_until_fault.fetch_sub(1) == 1;
 }
+}  // namespace
+
+void AllocationFault::reach_this_thread() { t_in_reach = true; }
+void AllocationFault::arm(int nth) { g_until_fault = nth; }
+bool AllocationFault::disarm() { return g_until_fault.exchange(0) <= 0; }
+}  // namespace fiducap
 
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
@@ -45,6 +59,7 @@ void* try_counted(std::size_t size, std::size_t alignment) noexcept {
   return std::aligned_alloc(alignment, rounded == 0 ? alignment : rounded);
 }
 void* counted(std::size_t size, std::size_t alignment) {
+  if (fiducap::must_fail()) throw std::bad_alloc();
   if (void* p = try_counted(size, alignment)) return p;
   throw std::bad_alloc();
 }

@@ -21,4 +21,14 @@ class AllocationCounter final {
   std::uint64_t start_;
 };
 
+/// Lets one operator new throw bad_alloc: in the threads that asked to be in reach, the n-th from
+/// `arm` on. From any thread. Link `fiducap_allocation_counter`.
+class AllocationFault final {
+ public:
+  static void reach_this_thread();
+  static void arm(int nth);
+  /// @return false: fewer allocations came than it waited for, none has failed
+  static bool disarm();
+};
+
 }  // namespace fiducap

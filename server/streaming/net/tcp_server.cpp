@@ -7,6 +7,7 @@
 
 #include "streaming/net/bind.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/standing_wait.hpp"
 
 namespace fiducap::net {
 
@@ -21,11 +22,11 @@ constexpr auto kTick = std::chrono::milliseconds(100);
 }  // namespace
 
 /// Shared with the waits under way, which may outlive the server in the I/O queue.
-struct TcpServer::State : std::enable_shared_from_this<State> {
+struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State> {
   struct Listener {
     tcp::acceptor acceptor;
     MakeSession make;
-    bool accepting{false};
+    PendingWait accepting{};
   };
   struct Connecting {
     Peer peer;
@@ -52,6 +53,7 @@ struct TcpServer::State : std::enable_shared_from_this<State> {
   void complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same);
   void tick();
   void wait_for_tick();
+  void resume() override;
   void give_up_connecting(Instant now);
   void close_listeners();
   void stop(Duration goodbye);
@@ -74,19 +76,22 @@ struct TcpServer::State : std::enable_shared_from_this<State> {
   std::vector<std::shared_ptr<Session>> sessions;
   std::function<void(Instant)> ticked;
   bool may_complain{true};  ///< About a lack of room, once per tick: clients cannot flood the log.
+  PendingWait ticking;
+  bool started{false};
   bool stopped{false};
 };
 
 void TcpServer::State::accept(const std::shared_ptr<Listener>& listener) {
+  if (listener->accepting) return;
   listener->acceptor.async_accept(
-      [self = shared_from_this(), listener](const error_code& error, tcp::socket socket) {
-        listener->accepting = false;
+      [self = shared_from_this(), listener, token = listener->accepting.begin()](
+          const error_code& error, tcp::socket socket) mutable {
+        token.release();
         if (self->stopped || !listener->acceptor.is_open()) return;
         if (error) return;  // e.g. out of file descriptors: the next tick tries again
         self->guard([&] { self->take_in(std::move(socket), listener->make); });
         self->guard([&] { self->accept(listener); });
       });
-  listener->accepting = true;
 }
 
 void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
@@ -197,18 +202,22 @@ void TcpServer::State::tick() {
   guard([&] { give_up_connecting(now); });
   if (ticked) guard([&] { ticked(now); });
   sweep();
-  for (const auto& listener : listeners) {
-    if (!listener->accepting) guard([&] { accept(listener); });
-  }
+  for (const auto& listener : listeners) guard([&] { accept(listener); });
+}
+
+void TcpServer::State::resume() {
+  if (started && !stopped && !ticking) wait_for_tick();
 }
 
 void TcpServer::State::wait_for_tick() {
   timer.expires_after(kTick);
-  timer.async_wait([self = shared_from_this()](const error_code& error) {
-    if (error || self->stopped) return;
-    self->guard([&] { self->tick(); });
-    if (!self->stopped) self->wait_for_tick();
-  });
+  timer.async_wait(
+      [self = shared_from_this(), token = ticking.begin()](const error_code& error) mutable {
+        token.release();
+        if (error || self->stopped) return;
+        self->guard([&] { self->tick(); });
+        self->resume();
+      });
 }
 
 void TcpServer::State::close_listeners() {
@@ -237,7 +246,9 @@ void TcpServer::State::close_sessions() {
 }
 
 TcpServer::TcpServer(asio::io_context& io, const TcpLimits& limits, const Clock& clock)
-    : state_(std::make_shared<State>(io, limits, clock)) {}
+    : state_(std::make_shared<State>(io, limits, clock)) {
+  register_wait(io, state_);
+}
 
 Expected<std::uint16_t> TcpServer::listen(const BindTarget& target, MakeSession make) {
   auto acceptor = listen_tcp(state_->io, target);
@@ -255,7 +266,8 @@ void TcpServer::connect(const Peer& peer, Duration patience, MakeSession make) {
 }
 void TcpServer::start(std::function<void(Instant)> ticked) {
   state_->ticked = std::move(ticked);
-  state_->wait_for_tick();
+  state_->started = true;
+  state_->resume();
 }
 void TcpServer::stop(Duration goodbye) { state_->stop(goodbye); }
 const std::vector<std::shared_ptr<Session>>& TcpServer::sessions() const {

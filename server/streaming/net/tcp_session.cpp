@@ -10,6 +10,7 @@
 
 #include "streaming/net/bind.hpp"
 #include "streaming/net/guard.hpp"
+#include "streaming/net/standing_wait.hpp"
 
 namespace fiducap::net {
 
@@ -57,6 +58,7 @@ struct TcpSession::Link {
 
   tcp::socket socket;
   asio::steady_timer timer;
+  PendingWait reading;
   std::array<std::byte, 16384> incoming{};
 };
 
@@ -87,7 +89,9 @@ void TcpSession::start() {
 
 void TcpSession::read() {
   link_->socket.async_read_some(asio::buffer(link_->incoming),
-                                [self = self()](const error_code& error, std::size_t size) {
+                                [self = self(), token = link_->reading.begin()](
+                                    const error_code& error, std::size_t size) mutable {
+                                  token.release();
                                   if (self->closed()) return;
                                   if (error) return self->close("left");
                                   self->guard([&] { self->take(size); });
@@ -158,6 +162,7 @@ void TcpSession::wake_after(Duration wait) {
 
 void TcpSession::tick(Instant now) {
   if (closed()) return;
+  if (!link_->reading) return close("is closed after a failure", log::Level::kWarning);
   if (const auto why = outbox_.overdue(now)) return close(*why, log::Level::kWarning);
   ticked(now);
 }

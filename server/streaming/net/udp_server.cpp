@@ -9,6 +9,7 @@
 
 #include "streaming/net/bind.hpp"
 #include "streaming/net/guard.hpp"
+#include "streaming/net/standing_wait.hpp"
 
 namespace fiducap::net {
 
@@ -42,7 +43,7 @@ bool set(int socket, int option, int value) {
 }  // namespace
 
 /// Shared with the one wait under way, which may outlive the server in the I/O queue.
-struct UdpServer::State : std::enable_shared_from_this<State> {
+struct UdpServer::State final : StandingWait, std::enable_shared_from_this<State> {
   State(udp::socket opened, const UdpOptions& given)
       : options(given),
         socket(std::move(opened)),
@@ -51,7 +52,8 @@ struct UdpServer::State : std::enable_shared_from_this<State> {
         port(socket.local_endpoint().port()),
         incoming(given.longest) {}
 
-  void wait();
+  void resume() override;
+  void pause();
   void read();
   [[nodiscard]] bool read_one();
 
@@ -61,22 +63,28 @@ struct UdpServer::State : std::enable_shared_from_this<State> {
   bool ipv4;
   std::uint16_t port;
   std::vector<std::byte> incoming;
-  Handler handler;
+  Handler handler;  ///< Nothing: not started.
+  PendingWait waiting;
   DatagramBatch batch;
 };
 
-void UdpServer::State::wait() {
-  socket.async_wait(udp::socket::wait_read, [self = shared_from_this()](const error_code& error) {
+void UdpServer::State::resume() {
+  if (waiting || !handler || !socket.is_open()) return;
+  socket.async_wait(udp::socket::wait_read, [self = shared_from_this(), token = waiting.begin()](
+                                                const error_code& error) mutable {
+    token.release();
     if (!self->socket.is_open()) return;
-    if (!error) {
-      self->read();
-      if (self->socket.is_open()) self->wait();
-      return;
-    }
-    self->timer.expires_after(kPause);
-    self->timer.async_wait([self](const error_code&) {
-      if (self->socket.is_open()) self->wait();
-    });
+    if (error) return self->pause();
+    self->read();
+    self->resume();
+  });
+}
+
+void UdpServer::State::pause() {
+  timer.expires_after(kPause);
+  timer.async_wait([self = shared_from_this(), token = waiting.begin()](const error_code&) mutable {
+    token.release();
+    self->resume();
   });
 }
 
@@ -125,12 +133,14 @@ Expected<UdpServer> UdpServer::open(asio::io_context& io, const BindTarget& targ
     error_code ignored;  // the kernel grants what net.core.wmem_max allows
     socket->set_option(asio::socket_base::send_buffer_size(options.send_buffer_bytes), ignored);
   }
-  return UdpServer(std::make_shared<State>(std::move(*socket), options));
+  const auto state = std::make_shared<State>(std::move(*socket), options);
+  register_wait(io, state);
+  return UdpServer(state);
 }
 
 void UdpServer::start(Handler handler) {
   state_->handler = std::move(handler);
-  state_->wait();
+  state_->resume();
 }
 
 std::error_code UdpServer::use_multicast(std::uint32_t interface, int ttl) {
