@@ -27,7 +27,8 @@ log::Level level_of(Severity severity) {
 std::string_view name_of(Severity severity) { return log::name_of(level_of(severity)); }
 
 std::string Event::sentence() const {
-  return subject + ": " + text + (remedy.empty() ? "" : ". " + remedy);
+  const bool ends = !text.empty() && (text.back() == '.' || text.back() == '?');
+  return subject + ": " + text + (remedy.empty() ? "" : (ends ? " " : ". ") + remedy);
 }
 
 void EventBoard::tell(Event event) {

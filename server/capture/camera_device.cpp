@@ -26,7 +26,7 @@ bool is_number(const std::string& text) {
 
 Kind kind_of(const std::string& open) {
   if (open.find('!') != std::string::npos) return Kind::kPipeline;
-  if (is_number(open) || open.starts_with("/dev/video")) return Kind::kDevice;
+  if (is_number(open) || open.starts_with("/dev/")) return Kind::kDevice;
   return Kind::kFile;
 }
 
@@ -250,6 +250,8 @@ Expected<void> check_mode(const CameraDeviceConfig& config, const CameraModel& c
 }
 
 }  // namespace
+
+bool is_file(const CameraDeviceConfig& config) { return kind_of(config.open) == Kind::kFile; }
 
 std::vector<ConfigError> CameraDeviceConfig::check(const std::string& prefix) const {
   Checker checker{prefix};

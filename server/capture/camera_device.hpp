@@ -46,6 +46,9 @@ void describe(V& v, CameraDeviceConfig& c) {
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
 
+/// A video file, not a device or pipeline.
+[[nodiscard]] bool is_file(const CameraDeviceConfig& config);
+
 /// A file ends with nullopt, a device or pipeline that gives nothing more with an Error. A stop is
 /// seen between two images: a V4L2 device that hangs is given up by OpenCV after 10 s.
 /// @param camera  width 0: not calibrated yet, any size will do

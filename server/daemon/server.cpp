@@ -8,6 +8,7 @@
 #include <boost/asio/steady_timer.hpp>
 #include <csignal>
 #include <exception>
+#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -16,6 +17,7 @@
 #include "base/log.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_threads.hpp"
+#include "daemon/bodies/reopening_source.hpp"
 #include "daemon/control_desk.hpp"
 #include "daemon/frame_mailbox.hpp"
 #include "daemon/map_start.hpp"
@@ -67,9 +69,14 @@ class Server::Impl final {
   struct Body {
     BodySetup setup;
     std::unique_ptr<SensorSource> source;
+    SimulatedTruth truth;
   };
 
   Expected<std::vector<Body>> open_bodies(const StartMap& start);
+  Expected<std::unique_ptr<SensorSource>> open(const BodyConfig& config, BodySetup& setup);
+  [[nodiscard]] bool comes_back(const BodyConfig& config) const;
+  std::unique_ptr<SensorSource> keep_open(const BodyConfig& config, const BodySetup& setup,
+                                          Expected<std::unique_ptr<SensorSource>> source);
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
@@ -87,6 +94,7 @@ class Server::Impl final {
   boost::asio::io_context io_{1};
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
+  std::mutex joining_;
   std::shared_ptr<dds::Participant> participant_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
@@ -142,28 +150,58 @@ Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartM
           Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
     if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
     if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);
-    auto source = open_source(config, *setup,
-                              {.room = config_.simulation,
-                               .clock = clock_,
-                               .simulation_start = simulation_start_,
-                               .motion = options_.motion ? options_.motion(config.name) : nullptr,
-                               .join_dds = [this] { return join_dds(); }});
-    if (!source && !knows_lenses(*setup)) {
-      return tl::unexpected(
-          Error{source.error().code, config.name + ": " + source.error().text(), {}});
+    auto source = open(config, *setup);
+    if (!source) {
+      Error why{source.error().code, config.name + ": " + source.error().text(), {}};
+      if (!knows_lenses(*setup)) return tl::unexpected(std::move(why));
+      if (!first_failure) first_failure = std::move(why);
     }
-    if (source && options_.source) *source = options_.source(config.name, std::move(*source));
-    if (source) {
-      ++opened;
-    } else {
-      if (!first_failure)
-        first_failure = Error{source.error().code, config.name + ": " + source.error().text(), {}};
-      source = failed_source(source.error());
-    }
-    bodies.push_back({std::move(*setup), std::move(*source)});
+    if (source || comes_back(config)) ++opened;
+    auto truth = source && !comes_back(config) ? truth_of(**source, config_) : SimulatedTruth{};
+    auto kept = keep_open(config, *setup, std::move(source));
+    bodies.push_back({std::move(*setup), std::move(kept), std::move(truth)});
   }
   if (opened == 0) return tl::unexpected(*first_failure);
   return bodies;
+}
+
+Expected<std::unique_ptr<SensorSource>> Server::Impl::open(const BodyConfig& config,
+                                                           BodySetup& setup) {
+  auto source = open_source(config, setup,
+                            {.room = config_.simulation,
+                             .clock = clock_,
+                             .simulation_start = simulation_start_,
+                             .motion = options_.motion ? options_.motion(config.name) : nullptr,
+                             .join_dds = [this] { return join_dds(); }});
+  if (source && options_.source) *source = options_.source(config.name, std::move(*source));
+  return source;
+}
+
+bool Server::Impl::comes_back(const BodyConfig& config) const {
+  return may_come_back(config) || options_.source;
+}
+
+/// A device that is lost, or not there yet, is opened again; any other source fails for good.
+/// @param config  outlives the source
+std::unique_ptr<SensorSource> Server::Impl::keep_open(
+    const BodyConfig& config, const BodySetup& setup,
+    Expected<std::unique_ptr<SensorSource>> source) {
+  if (!comes_back(config)) return source ? std::move(*source) : failed_source(source.error());
+  const std::size_t body = static_cast<std::size_t>(&config - config_.bodies.data());
+  ReopeningSource::Listener listener{
+      [this, body, &config](const Error& why) {
+        scene_->source_lost(body);
+        events_.begin({.severity = Severity::kError,
+                       .subject = config.name,
+                       .kind = "source",
+                       .text = "its source is lost: " + why.text(),
+                       .remedy = "It is opened again until it comes back"});
+      },
+      [this, &config] { events_.end(config.name, "source", "its source is back"); }};
+  return std::make_unique<ReopeningSource>(
+      std::move(source),
+      [this, &config, own = BodySetup(setup)]() mutable { return open(config, own); },
+      std::move(listener), clock_);
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
@@ -187,7 +225,7 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
     const BodyConfig& config = config_.bodies[i];
     const BodySensors& sensors = bodies[i].setup.sensors;
     // A robot that a controller moves has no truth at other times than now.
-    auto truth = options_.motion ? SimulatedTruth{} : truth_of(*bodies[i].source, config_);
+    auto truth = options_.motion ? SimulatedTruth{} : std::move(bodies[i].truth);
     recorder_.add_body(config.name, recording_of(sensors, config_.tags, config_.map.reference_tag),
                        std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
@@ -217,6 +255,7 @@ Expected<void> Server::Impl::build_streaming() {
 
 /// One participant for ROS sources and ROS topics, made when first needed.
 Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
+  const std::lock_guard lock(joining_);  // a source that comes back asks on its own thread
   if (participant_) return participant_;
   auto joined = dds::Participant::open(config_.dds);
   if (joined) participant_ = *joined;

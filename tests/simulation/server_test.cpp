@@ -216,6 +216,37 @@ TEST(ServerOnLoopback, ServesTheOthersWhenOneCameraIsNotThere) {
   }));
 }
 
+/// Is unplugged after some readings.
+class Unplugged final : public SensorSource {
+ public:
+  explicit Unplugged(std::unique_ptr<SensorSource> device) : device_(std::move(device)) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
+    if (left_-- == 0) return fail(ErrorCode::kClosed, "gives no more images");
+    return device_->next(std::move(stop));
+  }
+
+ private:
+  std::unique_ptr<SensorSource> device_;
+  int left_{1000};
+};
+
+TEST(ServerOnLoopback, ARobotWhoseDeviceIsPluggedInAgainIsBackWithoutARestart) {
+  int opened = 0;
+  ServerOptions options;
+  options.source = [&](const std::string& body,
+                       std::unique_ptr<SensorSource> device) -> std::unique_ptr<SensorSource> {
+    if (body != "rover" || opened++ > 0) return device;
+    return std::make_unique<Unplugged>(std::move(device));
+  };
+  RunningServer server(corner_demo(), options);
+  const auto client = client_of(*server);
+  ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) { return all_valid(frame, 3); }));
+  ASSERT_TRUE(follow(*client, 30s, [](const Frame& frame) {
+    return frame.bodies[1].tracking == Tracking::kLost && frame.bodies[0].valid;
+  }));
+  EXPECT_TRUE(follow(*client, 30s, [](const Frame& frame) { return all_valid(frame, 3); }));
+}
+
 TEST(ServerOnLoopback, KeepsTheMapFromOneRunToTheNext) {
   const TemporaryFolder folder;
   ServerConfig config = corner_demo();
@@ -275,8 +306,15 @@ TEST_F(ServerBuildTest, IsNothingWithoutABody) {
 TEST_F(ServerBuildTest, FailsWhenNoSourceAtAllCanBeOpened) {
   config_.bodies.resize(1);
   config_.bodies[0].source.type = SourceType::kCamera;
+  config_.bodies[0].source.camera.open = "/no/such/video.mp4";
+  EXPECT_THAT(error(), HasSubstr("/no/such/video.mp4"));
+}
+
+TEST_F(ServerBuildTest, WaitsForADeviceThatIsNotThereYet) {
+  config_.bodies.resize(1);
+  config_.bodies[0].source.type = SourceType::kCamera;
   config_.bodies[0].source.camera.open = "/dev/no-such-camera";
-  EXPECT_THAT(error(), HasSubstr("/dev/no-such-camera"));
+  EXPECT_EQ(error(), "");
 }
 
 }  // namespace

@@ -30,7 +30,9 @@ bool BodyInbox::push(SensorSample sample, Instant arrived) {
         ++images_;
       }
     } else if (waiting_.size() - images_ == kMaxImu) {
-      return false;
+      waiting_.clear();
+      images_ = 0;
+      ++overflows_;
     }
     waiting_.push_back(std::move(delivery));
   }
@@ -63,6 +65,17 @@ bool BodyInbox::take(std::vector<Delivery>& out, std::stop_token stop) {
   out.swap(waiting_);
   images_ = 0;
   return true;
+}
+
+void BodyInbox::clear() {
+  const std::lock_guard lock(mutex_);
+  waiting_.clear();
+  images_ = 0;
+}
+
+std::uint64_t BodyInbox::overflows() const {
+  const std::lock_guard lock(mutex_);
+  return overflows_;
 }
 
 std::uint64_t BodyInbox::images_dropped() const {

@@ -18,8 +18,9 @@ struct Delivery {
 };
 
 /// Between a body's reader and its worker, in order of arrival. Bounded: the oldest image goes when
-/// images pile up, an IMU reading never goes (full means that the worker is dead). The lock is held
-/// for a push or a swap only.
+/// images pile up; a single IMU reading never goes. When so many of them wait that they are seconds
+/// old, all that waits goes at once: the body begins anew with the present. The lock is held for a
+/// push or a swap only.
 class BodyInbox final {
  public:
   static constexpr std::size_t kMaxImu = 4096;
@@ -27,7 +28,7 @@ class BodyInbox final {
   /// @param max_images  more of them waiting: the oldest goes
   explicit BodyInbox(std::size_t max_images);
 
-  /// @return false when the inbox is closed or full of IMU readings.
+  /// @return false when the inbox is closed
   bool push(SensorSample sample, Instant arrived);
   /// Nothing more will come; what is there can still be taken.
   void finish();
@@ -36,6 +37,10 @@ class BodyInbox final {
   /// Waits for samples and swaps them into `out`, which is emptied first.
   /// @return false when exhausted, closed or stopped
   [[nodiscard]] bool take(std::vector<Delivery>& out, std::stop_token stop);
+  /// Forgets what waits.
+  void clear();
+  /// How often everything went because IMU readings piled up.
+  [[nodiscard]] std::uint64_t overflows() const;
   [[nodiscard]] std::uint64_t images_dropped() const;
 
  private:
@@ -45,6 +50,7 @@ class BodyInbox final {
   std::size_t max_images_;
   std::size_t images_{0};
   std::uint64_t images_dropped_{0};
+  std::uint64_t overflows_{0};
   bool finished_{false};
   bool closed_{false};
 };

@@ -1,4 +1,4 @@
-// Three functions per source; `visit_source` chooses among the sources.
+// Four functions per source; `visit_source` chooses among the sources.
 #include "daemon/bodies/body_sources.hpp"
 
 #include <utility>
@@ -35,6 +35,8 @@ Opened open(simulation::SimulatedBodyConfig robot, BodySetup& setup, OpeningCont
   return std::unique_ptr<SensorSource>(std::move(*made));
 }
 
+bool may_come_back(const simulation::SimulatedBodyConfig&) { return false; }
+
 // --- a recording -------------------------------------------------------------------------------
 
 Expected<void> read_own(const RecordingSourceConfig& config, const simulation::RoomConfig&,
@@ -54,6 +56,8 @@ Opened open(const RecordingSourceConfig& config, BodySetup& setup, const Opening
   return open_recording(*setup.recording, {true, config.loop, config.speed}, context.clock);
 }
 
+bool may_come_back(const RecordingSourceConfig&) { return false; }
+
 // --- one camera --------------------------------------------------------------------------------
 
 Expected<void> read_own(const CameraDeviceConfig&, const simulation::RoomConfig&, BodySetup&) {
@@ -68,6 +72,8 @@ Opened open(CameraDeviceConfig device, BodySetup& setup, const OpeningContext& c
   device.time_shift = mount.time_shift;
   return open_camera_device(device, mount.model, context.clock);
 }
+
+bool may_come_back(const CameraDeviceConfig& device) { return !is_file(device); }
 
 // --- ROS 2 topics ------------------------------------------------------------------------------
 
@@ -88,6 +94,8 @@ Opened open(dds::RosSourceConfig ros, BodySetup& setup, const OpeningContext& co
     return tl::unexpected(asked.error());
   return dds::open_ros_source(std::move(*participant), ros, cameras, context.clock);
 }
+
+bool may_come_back(const dds::RosSourceConfig&) { return true; }
 
 // -----------------------------------------------------------------------------------------------
 
@@ -119,6 +127,10 @@ std::optional<ImuNoise> own_imu(const BodyConfig& body, const BodySetup& setup) 
 Opened open_source(const BodyConfig& body, BodySetup& setup, OpeningContext context) {
   return visit_source(body.source,
                       [&](const auto& source) { return open(source, setup, std::move(context)); });
+}
+
+bool may_come_back(const BodyConfig& body) {
+  return visit_source(body.source, [](const auto& source) { return may_come_back(source); });
 }
 
 std::unique_ptr<SensorSource> failed_source(Error error) {

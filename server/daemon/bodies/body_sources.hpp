@@ -44,6 +44,9 @@ struct OpeningContext {
                                                                   BodySetup& setup,
                                                                   OpeningContext context);
 
+/// Whether it is a device, which may be unplugged or not be up yet, and come back.
+[[nodiscard]] bool may_come_back(const BodyConfig& body);
+
 /// Stands in for a source that could not be opened: gives nothing but this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);
 

@@ -9,6 +9,7 @@
 #include "base/log.hpp"
 #include "daemon/bodies/calibration_report.hpp"
 #include "daemon/system_clock.hpp"
+#include "streaming/net/guard.hpp"
 
 namespace fiducap {
 
@@ -18,6 +19,11 @@ constexpr Duration kRememberPeriod = std::chrono::seconds(2);
 // A clock known this well is said once, when it is off by so much that somebody should look.
 constexpr double kKnownShift_s = 1e-3;
 constexpr double kWorthSaying_s = 5e-3;
+
+// A pipeline that has run for this long before it failed begins anew at once.
+constexpr Duration kForgiven = std::chrono::minutes(1);
+constexpr Duration kShortestPause = std::chrono::milliseconds(100);
+constexpr Duration kLongestPause = std::chrono::seconds(30);
 
 /// More waiting images would only make the newest late.
 std::size_t images_that_wait(const PipelineSetup& setup) {
@@ -32,8 +38,12 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       name_(std::move(parts.name)),
       source_(std::move(parts.source)),
       shared_(shared),
-      pipeline_(std::move(parts.setup), std::move(parts.filter)),
-      inbox_(images_that_wait(pipeline_.setup())) {}
+      setup_(std::move(parts.setup)),
+      make_filter_(std::move(parts.make_filter)),
+      pipeline_(make_pipeline()),
+      inbox_(images_that_wait(setup_)),
+      pause_(kShortestPause),
+      began_at_(shared.clock.now()) {}
 
 void BodyWorker::read(std::stop_token stop) {
   try {
@@ -53,66 +63,113 @@ void BodyWorker::read_samples(std::stop_token stop) {
       if (!stop.stop_requested()) log::info("capture", name_ + ": source has ended");
       return;
     }
+    const Instant now = shared_.clock.now();
     const auto* imu = std::get_if<ImuSample>(&**sample);
-    if (imu != nullptr && !pipeline_.setup().sensors.imu) continue;
+    if (imu != nullptr && !setup_.sensors.imu) continue;
+    (imu != nullptr ? pulse_.imu_came_ns : pulse_.image_came_ns) = to_ns(now);
+    if (imu == nullptr) ++pulse_.images;
     if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite())
       shared_.scene.add_imu(index_, *imu);
-    if (!inbox_.push(std::move(**sample), shared_.clock.now())) {
-      return log::error("capture",
-                        name_ + ": the worker does not keep up with the IMU; the body is lost");
-    }
+    if (!inbox_.push(std::move(**sample), now)) return;
   }
 }
 
 void BodyWorker::work(std::stop_token stop) {
-  try {
-    work_samples(stop);
-  } catch (const std::exception& failure) {
-    log::error("pipeline", name_ + ": " + failure.what());
-  }
+  while (const auto why = work_until_failure(stop)) begin_anew(*why, stop);
   inbox_.close();
   shared_.map.release(id_);
-  ended_ = true;
+  pulse_.ended = true;
   if (stop.stop_requested()) return;
   shared_.scene.source_lost(index_);
   log::warning("pipeline", name_ + " is lost; the server goes on");
 }
 
-void BodyWorker::work_samples(std::stop_token stop) {
+std::unique_ptr<BodyPipeline> BodyWorker::make_pipeline() const {
+  return std::make_unique<BodyPipeline>(setup_, make_filter_ ? make_filter_() : nullptr);
+}
+
+/// @return why the body has to begin anew; nullopt: its samples have ended
+std::optional<std::string> BodyWorker::work_until_failure(std::stop_token stop) {
+  try {
+    if (!pipeline_) {
+      auto fresh = make_pipeline();
+      const std::lock_guard lock(pipeline_mutex_);
+      pipeline_ = std::move(fresh);
+    }
+    if (work_samples(stop)) return std::nullopt;
+    return "too many IMU readings wait for an image";
+  } catch (const std::exception& failure) {
+    return failure.what();
+  }
+}
+
+/// What the pipeline had learned is lost; the map keeps its tags.
+void BodyWorker::begin_anew(const std::string& why, std::stop_token stop) {
+  const Instant now = shared_.clock.now();
+  if (now - began_at_ > kForgiven) pause_ = kShortestPause;
+  const auto whose = [this] { return name_; };
+  net::guarded("pipeline", whose, [&] {
+    shared_.events.begin({.severity = Severity::kError,
+                          .subject = name_,
+                          .kind = "failed",
+                          .text = "its estimate broke off (" + why + ") and begins anew",
+                          .remedy = "This is a defect of the server: please report it"});
+    failed_ = true;
+    ++statistics_.new_beginnings;
+    shared_.scene.source_lost(index_);
+    shared_.map.release(id_);
+  });
+  if (!shared_.clock.wait_until(now + pause_, stop)) return;
+  pause_ = std::min(2 * pause_, kLongestPause);
+  inbox_.clear();
+  began_at_ = shared_.clock.now();
+  const std::lock_guard lock(pipeline_mutex_);
+  pipeline_ = nullptr;
+}
+
+/// @return false: the pipeline takes no more
+bool BodyWorker::work_samples(std::stop_token stop) {
   while (inbox_.take(taken_, stop)) {
     for (Delivery& delivery : taken_) {
       if (!std::holds_alternative<ImuSample>(delivery.sample))
         arrivals_[next_arrival_++ % arrivals_.size()] = {time_of(delivery.sample),
                                                          delivery.arrived};
-      if (!pipeline_.push(std::move(delivery.sample)))
-        return log::error("pipeline", name_ + ": too many IMU readings wait for an image");
+      if (!pipeline_->push(std::move(delivery.sample))) return false;
       work_on_what_is_due();
     }
   }
-  if (stop.stop_requested()) return;
-  pipeline_.finish();
+  if (stop.stop_requested()) return true;
+  pipeline_->finish();
   work_on_what_is_due();
+  return true;
 }
 
 void BodyWorker::work_on_what_is_due() {
-  while (const SensorSample* sample = pipeline_.next()) {
+  while (const SensorSample* sample = pipeline_->next()) {
     shared_.recorder.take(index_, *sample);
-    const MapView view = pipeline_.next_is_image() ? shared_.map.view(id_) : MapView{};
-    if (const BodyUpdate* update = pipeline_.take(view)) publish(*update, view);
+    const MapView view = pipeline_->next_is_image() ? shared_.map.view(id_) : MapView{};
+    if (const BodyUpdate* update = pipeline_->take(view)) publish(*update, view);
   }
 }
 
 void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
-  if (!pipeline_.source_gives_corners()) shared_.recorder.take_found(index_, update.corners);
+  if (!pipeline_->source_gives_corners()) shared_.recorder.take_found(index_, update.corners);
   tell_map(update, view);
+  count(update);
+  tell_people(update);
+  remember_cameras(update);
+}
+
+void BodyWorker::count(const BodyUpdate& update) {
   const std::uint64_t dropped =
-      inbox_.images_dropped() + pipeline_.statistics().merger.images_dropped;
+      inbox_.images_dropped() + pipeline_->statistics().merger.images_dropped;
   const Instant now = shared_.clock.now();
   shared_.scene.ingest(index_, update.estimate, update.report, now - arrival_of(update.corners),
                        dropped);
-  statistics_.lateness.add(now - update.seen.exposed_at);
-  tell_people(update);
-  remember_cameras(update);
+  const Duration lateness = now - update.seen.exposed_at;
+  statistics_.lateness.add(lateness);
+  pulse_.lateness_ns = lateness.count();
+  pulse_.skipped = dropped;
 }
 
 void BodyWorker::tell_map(const BodyUpdate& update, const MapView& view) {
@@ -132,6 +189,10 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
                : news ? log::Level::kInfo
                       : log::Level::kDebug,
                "mapping", event.text);
+  }
+  if (failed_ && update.is_placed()) {
+    failed_ = false;
+    shared_.events.end(name_, "failed", "is tracked again");
   }
   for (const BodyEvent& event : update.events) {
     if (event.text.empty()) continue;
@@ -165,24 +226,29 @@ void BodyWorker::announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras)
   if (!clocks_announced_) return;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     if (std::abs(cameras[k].clock.shift_s) < kWorthSaying_s) continue;
-    log::info("estimation",
-              name_ + ": " + calibration_text(k, cameras[k], pipeline_.setup().sensors.cameras[k]) +
-                  "; its stamps are corrected by that");
+    log::info("estimation", name_ + ": " +
+                                calibration_text(k, cameras[k], setup_.sensors.cameras[k]) +
+                                "; its stamps are corrected by that");
   }
 }
 
 std::vector<std::string> BodyWorker::learned_text() const {
   std::vector<std::string> lines;
   const auto cameras = learned();
-  const auto& told = pipeline_.setup().sensors.cameras;
+  const auto& told = setup_.sensors.cameras;
   for (std::size_t k = 0; k < cameras.size() && k < told.size(); ++k)
     lines.push_back(calibration_text(k, cameras[k], told[k]));
   return lines;
 }
 
+std::vector<std::string> BodyWorker::doubts() const {
+  const std::lock_guard lock(pipeline_mutex_);
+  return pipeline_ ? pipeline_->doubts() : std::vector<std::string>{};
+}
+
 BodyStatistics BodyWorker::statistics() const {
   BodyStatistics all = statistics_;
-  all.pipeline = pipeline_.statistics();
+  if (pipeline_) all.pipeline = pipeline_->statistics();
   all.images_dropped = inbox_.images_dropped() + all.pipeline.merger.images_dropped;
   return all;
 }
@@ -204,7 +270,8 @@ std::string BodyStatistics::text() const {
        << per_frame_ms(p.detect_cpu) << " ms, update " << per_frame_ms(p.update_cpu)
        << " ms, propagate " << per_frame_ms(p.propagate_cpu) << " ms; dropped: " << images_dropped
        << " images when busy, " << p.merger.late_dropped << " late, " << p.merger.backwards_dropped
-       << " backwards, " << p.merger.bad_dropped << " bad; " << p.motion_losses << " restarts";
+       << " backwards, " << p.merger.bad_dropped << " bad; " << p.motion_losses << " restarts, "
+       << new_beginnings << " after failures";
   const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
   line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
   if (p.search.images > 0) {

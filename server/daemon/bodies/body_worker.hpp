@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,6 +15,7 @@
 #include "base/event_board.hpp"
 #include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_inbox.hpp"
+#include "daemon/bodies/body_pulse.hpp"
 #include "daemon/session_recorder.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/body_pipeline.hpp"
@@ -28,7 +30,7 @@ struct BodyParts {
   std::string name;
   PipelineSetup setup;
   std::unique_ptr<SensorSource> source;
-  std::unique_ptr<BodyFilter> filter{};  ///< nullptr: as the setup says.
+  std::function<std::unique_ptr<BodyFilter>()> make_filter{};  ///< Empty: as the setup says.
 };
 
 /// What all bodies share.
@@ -44,14 +46,16 @@ struct SharedParts {
 struct BodyStatistics {
   PipelineStatistics pipeline{};
   std::uint64_t images_dropped{};  ///< Because the worker was busy.
+  std::uint64_t new_beginnings{};  ///< After a failure inside of the pipeline.
   DurationHistogram lateness{};    ///< Middle of exposure → corrected; for live sources.
 
   [[nodiscard]] std::string text() const;  ///< One line for the log.
 };
 
 /// The life of one body's samples: a reader that waits for the device, and a worker that drives the
-/// body's pipeline. Both are plain functions for a thread to run; when the source ends or fails,
-/// the body is lost and everything else goes on.
+/// body's pipeline. Both are plain functions for a thread to run. When the source ends, the body is
+/// lost and everything else goes on; what the pipeline throws makes it begin anew, after pauses
+/// that grow to half a minute.
 class BodyWorker final {
  public:
   BodyWorker(BodyParts parts, const SharedParts& shared);
@@ -64,7 +68,7 @@ class BodyWorker final {
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool reading() const { return reading_; }
-  [[nodiscard]] bool ended() const { return ended_; }
+  [[nodiscard]] const BodyPulse& pulse() const { return pulse_; }
   /// @pre work() has returned
   [[nodiscard]] BodyStatistics statistics() const;
   /// What was learned about the cameras; empty until the filter has run. From any thread.
@@ -72,15 +76,19 @@ class BodyWorker final {
   /// What was learned about the cameras, in words; a line per camera.
   [[nodiscard]] std::vector<std::string> learned_text() const;
   /// What was said about tags that do not fit together. From any thread.
-  [[nodiscard]] std::vector<std::string> doubts() const { return pipeline_.doubts(); }
+  [[nodiscard]] std::vector<std::string> doubts() const;
 
  private:
   void read_samples(std::stop_token stop);
-  void work_samples(std::stop_token stop);
+  [[nodiscard]] std::unique_ptr<BodyPipeline> make_pipeline() const;
+  [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
+  [[nodiscard]] bool work_samples(std::stop_token stop);
+  void begin_anew(const std::string& why, std::stop_token stop);
   void work_on_what_is_due();
   void publish(const BodyUpdate& update, const MapView& view);
   void tell_map(const BodyUpdate& update, const MapView& view);
   void tell_people(const BodyUpdate& update);
+  void count(const BodyUpdate& update);
   void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
   [[nodiscard]] Instant arrival_of(const CornerFrame& corners) const;
@@ -95,14 +103,20 @@ class BodyWorker final {
   std::string name_;
   std::unique_ptr<SensorSource> source_;
   SharedParts shared_;
-  BodyPipeline pipeline_;
+  const PipelineSetup setup_;
+  std::function<std::unique_ptr<BodyFilter>()> make_filter_;
+  mutable std::mutex pipeline_mutex_;       ///< Held to replace it, and by others to read.
+  std::unique_ptr<BodyPipeline> pipeline_;  ///< nullptr: made with the next sample.
   BodyInbox inbox_;
   std::vector<Delivery> taken_;
   std::array<Arrival, 64> arrivals_{};  ///< Of the newest images.
   std::size_t next_arrival_{0};
   BodyStatistics statistics_;
+  BodyPulse pulse_;
   std::atomic<bool> reading_{true};
-  std::atomic<bool> ended_{false};
+  Duration pause_;      ///< Before the next new beginning.
+  Instant began_at_{};  ///< Of this pipeline.
+  bool failed_{false};  ///< And not back yet.
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;

@@ -48,12 +48,16 @@ TEST(BodyInbox, DropsTheOldestImageWhenNobodyTakesThemAndNoImuReading) {
   EXPECT_EQ(time_of(taken[4].sample), ms(160)) << "the oldest image that is left";
 }
 
-TEST(BodyInbox, RefusesImuReadingsThatNobodyTakesInsteadOfDroppingThem) {
+TEST(BodyInbox, ForgetsAllThatWaitsWhenImuReadingsPileUpThatNobodyTakes) {
   BodyInbox inbox(2);
-  std::size_t taken = 0;
-  while (taken < 2 * BodyInbox::kMaxImu && inbox.push(imu_at(ms(static_cast<int>(taken))), ms(0)))
-    ++taken;
-  EXPECT_EQ(taken, BodyInbox::kMaxImu);
+  EXPECT_TRUE(inbox.push(CornerFrame{0, ms(1), {}}, ms(0)));
+  const int all = static_cast<int>(BodyInbox::kMaxImu) + 5;
+  for (int i = 0; i < all; ++i) ASSERT_TRUE(inbox.push(imu_at(ms(i)), ms(0)));
+  EXPECT_EQ(inbox.overflows(), 1U);
+  std::vector<Delivery> taken;
+  ASSERT_TRUE(inbox.take(taken, {}));
+  ASSERT_EQ(taken.size(), 5U) << "no gap inside of what is left";
+  EXPECT_EQ(time_of(taken.front().sample), ms(all - 5));
 }
 
 TEST(BodyInbox, TakesNothingAfterItWasClosed) {

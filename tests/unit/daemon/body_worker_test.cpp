@@ -50,14 +50,18 @@ class BodyWorkerTest : public testing::Test {
     bodies[0].sensors = sensors_;
     scene_ = std::make_unique<Scene>(bodies);
     map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
-    auto filter = std::make_unique<RecordingFilter>(log_);
-    filter_ = filter.get();
     PipelineSetup setup;
     setup.sensors = sensors_;
     setup.estimator = estimator_;
     worker_ = std::make_unique<BodyWorker>(
-        BodyParts{0, 1, "robot", std::move(setup), std::move(source), std::move(filter)},
+        BodyParts{0, 1, "robot", std::move(setup), std::move(source), [this] { return filter(); }},
         SharedParts{*map_, *scene_, clock_, recorder_, events_});
+  }
+  std::unique_ptr<BodyFilter> filter() {
+    auto filter = std::make_unique<RecordingFilter>(log_);
+    filter_ = filter.get();
+    if (fails_always_) filter_->throws_at = log_.updated.size() + 1;
+    return filter;
   }
   void build(std::vector<SensorSample> samples) {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
@@ -80,6 +84,7 @@ class BodyWorkerTest : public testing::Test {
   SessionRecorder recorder_{RecorderConfig{}};
   RecordingFilter::Log log_;
   RecordingFilter* filter_{nullptr};
+  bool fails_always_{false};  ///< Every filter that is made from now on.
   std::unique_ptr<Scene> scene_;
   std::unique_ptr<MapBuilder> map_;
   std::unique_ptr<BodyWorker> worker_;
@@ -137,9 +142,9 @@ TEST_F(BodyWorkerTest, KeepsTheFiltersTagsWhileTheyAreFew) {
 TEST_F(BodyWorkerTest, ShowsTheBodyWhileItIsFedAndLosesItWhenTheSourceHasEnded) {
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   worker_->read({});
-  EXPECT_FALSE(worker_->ended());
+  EXPECT_FALSE(worker_->pulse().ended);
   worker_->work({});
-  EXPECT_TRUE(worker_->ended());
+  EXPECT_TRUE(worker_->pulse().ended);
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
   EXPECT_FALSE(pose_at(ms(1006)).valid);
 }
@@ -162,13 +167,40 @@ TEST_F(BodyWorkerTest, SurvivesADriverThatThrows) {
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
 }
 
-TEST_F(BodyWorkerTest, SurvivesAFilterThatThrowsAndTakesNothingMore) {
-  build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002)), imu_at(ms(1010))});
+TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {
+  int images = 0;
+  build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
+    const auto told = events_.after(0);
+    if (!told.empty() && told.back().over) return std::nullopt;
+    if (k % 2 == 0) return imu_at(ms(1000 + 5 * k));
+    return frame_at(ms(1000 + 5 * k - 2), {4 + images++ % 2});
+  }));
+  filter_->throws_at = 3;
+  std::thread reader([this] { worker_->read({}); });
+  worker_->work({});
+  reader.join();
+  EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
+  const auto told = events_.after(0);
+  ASSERT_EQ(told.size(), 2U);
+  EXPECT_THAT(told[0].sentence(), testing::HasSubstr("robot: its estimate broke off (a matrix is"));
+  EXPECT_EQ(told[1].sentence(), "robot: is tracked again");
+}
+
+TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
+  const Instant begin = clock_.now();
+  build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
+    if (clock_.now() - begin > std::chrono::seconds(120)) return std::nullopt;
+    if (k % 2 == 0) return imu_at(ms(1000 + 5 * k));
+    return frame_at(ms(1000 + 5 * k - 2));
+  }));
+  fails_always_ = true;
   filter_->throws_at = 1;
-  EXPECT_NO_THROW(run());
-  EXPECT_EQ(log_.propagated.size(), 2u);
-  EXPECT_TRUE(worker_->ended());
-  EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
+  std::thread reader([this] { worker_->read({}); });
+  worker_->work({});
+  reader.join();
+  EXPECT_LE(worker_->statistics().new_beginnings, 13U) << "100 ms, 200 ms, … 30 s, 30 s";
+  EXPECT_GE(worker_->statistics().new_beginnings, 9U);
+  EXPECT_EQ(events_.after(0).size(), 1U) << "said once";
 }
 
 TEST_F(BodyWorkerTest, TellsTheFilterThatMotionWasLostWhenTagsComeBackAfterTheBodyWasLost) {

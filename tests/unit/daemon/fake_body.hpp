@@ -42,6 +42,18 @@ class ScriptedSource final : public SensorSource {
   std::optional<Error> error_;
 };
 
+/// Gives whatever is made for each turn, until that is nothing.
+class EndlessSource final : public SensorSource {
+ public:
+  using Make = std::function<std::optional<SensorSample>(int turn)>;
+  explicit EndlessSource(Make make) : make_(std::move(make)) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token) override { return make_(turn_++); }
+
+ private:
+  Make make_;
+  int turn_{0};
+};
+
 /// Gives prepared samples, but never runs more than a few images ahead of the filter, so that none
 /// is dropped.
 class PacedSource final : public SensorSource {

@@ -1,0 +1,123 @@
+#include "daemon/bodies/reopening_source.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <stdexcept>
+
+#include "support/fake_clock.hpp"
+
+namespace fiducap {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+/// Gives so many readings, then is unplugged, throws, or ends.
+class Device final : public SensorSource {
+ public:
+  enum class End { kUnplugged, kThrows, kOver };
+  Device(int readings, End end) : left_(readings), end_(end) {}
+  Expected<std::optional<SensorSample>> next(std::stop_token) override {
+    if (left_-- > 0) return ImuSample{};
+    if (end_ == End::kThrows) throw std::runtime_error("driver bug");
+    if (end_ == End::kOver) return std::nullopt;
+    return fail(ErrorCode::kClosed, "gives no more images");
+  }
+
+ private:
+  int left_;
+  End end_;
+};
+
+class ReopeningSourceTest : public testing::Test {
+ protected:
+  using Opened = Expected<std::unique_ptr<SensorSource>>;
+  static Opened device(int readings, Device::End end) {
+    return std::make_unique<Device>(readings, end);
+  }
+  void build(Opened first) {
+    source_ = std::make_unique<ReopeningSource>(
+        std::move(first),
+        [this]() -> Opened {
+          opened_at_.push_back(clock_.now() - Instant{});
+          if (next_.empty()) return fail(ErrorCode::kNotFound, "no such device");
+          Opened one = std::move(next_.front());
+          next_.pop_front();
+          return one;
+        },
+        ReopeningSource::Listener{[this](const Error& why) { said_.push_back(why.what); },
+                                  [this] { said_.push_back("back"); }},
+        clock_);
+  }
+  bool gives_a_sample() {
+    const auto sample = source_->next(stop_.get_token());
+    return sample && sample->has_value();
+  }
+
+  FakeClock clock_;
+  std::deque<Opened> next_;
+  std::vector<Duration> opened_at_;
+  std::vector<std::string> said_;
+  std::stop_source stop_;
+  std::unique_ptr<ReopeningSource> source_;
+};
+
+TEST_F(ReopeningSourceTest, ADeviceThatWasUnpluggedComesBackByItself) {
+  next_.push_back(device(5, Device::End::kUnplugged));
+  build(device(1, Device::End::kUnplugged));
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_THAT(said_, IsEmpty());
+  EXPECT_TRUE(gives_a_sample()) << "of the device that was plugged in again";
+  EXPECT_THAT(said_, ElementsAre("gives no more images", "back"));
+  EXPECT_THAT(opened_at_, ElementsAre(Duration(250ms)));
+}
+
+TEST_F(ReopeningSourceTest, ADriverThatIsNotUpYetIsWaitedFor) {
+  next_.push_back(fail(ErrorCode::kNotFound, "no such device"));
+  next_.push_back(fail(ErrorCode::kUnavailable, "is busy"));
+  next_.push_back(device(1, Device::End::kOver));
+  build(fail(ErrorCode::kNotFound, "no such device"));
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_THAT(said_, ElementsAre("no such device", "is busy", "back"))
+      << "each reason once, however often it is tried";
+}
+
+TEST_F(ReopeningSourceTest, PausesGrowToHalfAMinuteAndAreShortAgainAfterASample) {
+  for (int i = 0; i < 10; ++i) next_.push_back(fail(ErrorCode::kNotFound, "no such device"));
+  next_.push_back(device(1, Device::End::kUnplugged));
+  next_.push_back(device(1, Device::End::kOver));
+  build(device(0, Device::End::kUnplugged));
+  EXPECT_TRUE(gives_a_sample());
+  ASSERT_EQ(opened_at_.size(), 11U);
+  EXPECT_EQ(opened_at_[1] - opened_at_[0], 500ms);
+  EXPECT_EQ(opened_at_[10] - opened_at_[9], 30s);
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_EQ(opened_at_[11] - opened_at_[10], 250ms);
+}
+
+TEST_F(ReopeningSourceTest, AnExceptionOfADriverIsALossLikeAnyOther) {
+  next_.push_back(device(1, Device::End::kOver));
+  build(device(1, Device::End::kThrows));
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_THAT(said_, ElementsAre("driver bug", "back"));
+}
+
+TEST_F(ReopeningSourceTest, TheEndOfASourceIsTheEnd) {
+  build(device(1, Device::End::kOver));
+  EXPECT_TRUE(gives_a_sample());
+  EXPECT_FALSE(gives_a_sample());
+  EXPECT_THAT(opened_at_, IsEmpty());
+}
+
+TEST_F(ReopeningSourceTest, AStopEndsTheWaiting) {
+  build(fail(ErrorCode::kNotFound, "no such device"));
+  stop_.request_stop();
+  EXPECT_FALSE(gives_a_sample());
+}
+
+}  // namespace
+}  // namespace fiducap
