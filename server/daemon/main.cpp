@@ -1,4 +1,5 @@
-// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration.
+// fiducapd: sensors in, mocap streams out. Exit codes: 0 ok, 1 failed, 2 usage or configuration,
+// 3 given up because no frames went out any more.
 #include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
@@ -25,7 +26,14 @@ int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   ::umask(0027);                  // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
   fiducap::log::set_level(config.log_level);
-  auto server = fiducap::Server::build(config, {exit_at_end, true, nullptr, nullptr}, clock);
+  fiducap::ServerOptions options;
+  options.exit_at_end = exit_at_end;
+  options.stop_on_signals = true;
+  options.give_up = [] {
+    fiducap::log::flush(std::chrono::milliseconds(500));
+    std::_Exit(3);
+  };
+  auto server = fiducap::Server::build(config, options, clock);
   if (!server) {
     fiducap::log::error("daemon", server.error().text());
     return 1;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <stop_token>
@@ -22,6 +23,7 @@ class Publisher final {
 
   /// Ticks until stopped.
   void run(std::stop_token stop);
+  /// So far. From any thread.
   [[nodiscard]] std::uint64_t frames() const { return frames_; }
   [[nodiscard]] std::uint64_t missed() const { return missed_; }
 
@@ -35,8 +37,8 @@ class Publisher final {
   const Clock& clock_;
   Receiver receiver_;
   Duration utc_offset_{};
-  std::uint64_t frames_{0};
-  std::uint64_t missed_{0};
+  std::atomic<std::uint64_t> frames_{0};
+  std::atomic<std::uint64_t> missed_{0};
   std::uint64_t failures_{0};
 };
 

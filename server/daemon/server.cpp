@@ -26,6 +26,7 @@
 #include "daemon/session_recorder.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
+#include "daemon/watch/health_watch.hpp"
 #include "scene/scene.hpp"
 #include "streaming/net/guard.hpp"
 #include "streaming/net/standing_wait.hpp"
@@ -36,6 +37,7 @@ namespace fiducap {
 namespace {
 
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
+constexpr std::chrono::seconds kLastCommit{1};
 constexpr std::chrono::milliseconds kBreath{10};    // before a lost wait is tried again
 constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
 
@@ -84,6 +86,7 @@ class Server::Impl final {
   void start_threads();
   void serve();
   void say_goodbye();
+  void give_up();
   bool shut_down();
 
   ServerConfig config_;
@@ -106,11 +109,13 @@ class Server::Impl final {
   ServerPorts ports_;
   std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
+  std::optional<HealthWatch> watch_;
   std::atomic<bool> stopping_{false};
   bool said_goodbye_{false};
   std::jthread keeping_;
   std::jthread recording_;
   std::jthread publishing_;
+  std::jthread watching_;
 };
 
 Expected<void> Server::Impl::build() {
@@ -245,11 +250,16 @@ Expected<void> Server::Impl::build_streaming() {
       hub_);
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
-  mailbox_.emplace(io_,
-                   [this](const std::shared_ptr<const SceneFrame>& frame) { hub_.publish(frame); });
+  mailbox_.emplace(io_, [this](const std::shared_ptr<const SceneFrame>& frame) {
+    hub_.publish(frame);
+    watch_->delivered(frame);
+  });
   publisher_.emplace(
       config_.streaming.rate_hz, *scene_, *map_, clock_,
       [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
+  watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
+  for (std::size_t i = 0; i < config_.bodies.size(); ++i)
+    watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->pulse());
   return {};
 }
 
@@ -270,6 +280,7 @@ void Server::Impl::start_threads() {
   if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
   recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
+  watching_ = std::jthread([this](std::stop_token stop) { watch_->run(stop); });
 }
 
 bool Server::Impl::run() {
@@ -312,6 +323,14 @@ void Server::Impl::stop() {
   boost::asio::post(io_, [this] { say_goodbye(); });
 }
 
+/// On the watch's thread: the one that does I/O does not answer.
+void Server::Impl::give_up() {
+  if (!options_.give_up) return;
+  if (keeper_) keeper_->request_commit();
+  std::this_thread::sleep_for(kLastCommit);
+  options_.give_up();
+}
+
 void Server::Impl::say_goodbye() {
   if (std::exchange(said_goodbye_, true)) return io_.stop();
   mailbox_->close();
@@ -323,6 +342,8 @@ void Server::Impl::say_goodbye() {
 }
 
 bool Server::Impl::shut_down() {
+  watching_.request_stop();
+  watching_.join();
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourcePatience);
   publishing_.join();

@@ -22,12 +22,15 @@ struct ServerOptions {
   std::function<std::unique_ptr<SensorSource>(const std::string& body,
                                               std::unique_ptr<SensorSource> configured)>
       source{};
+  /// When frames have reached nobody for ten seconds, whatever the reason, and the map is stored:
+  /// has to end the process. Empty: it is only said.
+  std::function<void()> give_up{};
 };
 
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
 ///
-/// Threads: per body one reader and one worker; one publisher; one map keeper; the caller of `run`
-/// does all I/O.
+/// Threads: per body one reader and one worker; one publisher; one map keeper; one recorder; one
+/// that watches over all of it; the caller of `run` does all I/O.
 class Server final {
  public:
   /// Opens the map, the sources and the ports. Nothing moves before `run`.

@@ -13,9 +13,10 @@ struct BodyPulse {
   std::atomic<std::int64_t> image_came_ns{0};
   std::atomic<std::int64_t> imu_came_ns{0};
   std::atomic<std::int64_t> lateness_ns{0};  ///< Of the last image: middle of exposure → corrected.
-  std::atomic<std::uint64_t> images{0};      ///< That came.
-  std::atomic<std::uint64_t> skipped{0};     ///< Of those: never looked at, for lack of time.
-  std::atomic<bool> ended{false};            ///< Nothing more will come.
+  std::atomic<std::int64_t> on_the_way_ns{0};  ///< … middle of exposure → arrived here.
+  std::atomic<std::uint64_t> images{0};        ///< That came.
+  std::atomic<std::uint64_t> skipped{0};       ///< Of those: never looked at, for lack of time.
+  std::atomic<bool> ended{false};              ///< Nothing more will come.
 };
 
 }  // namespace fiducap

@@ -26,6 +26,7 @@ class BodyThreads final {
   /// One line per body. @pre stop() has returned
   void log_statistics() const;
   [[nodiscard]] std::vector<LearnedBody> learned() const;
+  [[nodiscard]] const std::vector<std::unique_ptr<BodyWorker>>& workers() const { return workers_; }
 
  private:
   [[nodiscard]] bool some_are_reading() const;

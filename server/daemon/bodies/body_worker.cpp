@@ -169,6 +169,7 @@ void BodyWorker::count(const BodyUpdate& update) {
   const Duration lateness = now - update.seen.exposed_at;
   statistics_.lateness.add(lateness);
   pulse_.lateness_ns = lateness.count();
+  pulse_.on_the_way_ns = (arrival_of(update.corners) - update.seen.exposed_at).count();
   pulse_.skipped = dropped;
 }
 

@@ -1,0 +1,78 @@
+#include "daemon/watch/machine_health.hpp"
+
+#include <sys/resource.h>
+#include <sys/timex.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+#include <string>
+#include <system_error>
+
+namespace fiducap {
+
+namespace {
+
+constexpr double kRateFor_s = 2;
+constexpr double kMissedShare = 0.02;
+constexpr double kFullShare = 0.9;
+
+}  // namespace
+
+MachineState read_machine_state() {
+  MachineState state;
+  timex clock{};
+  state.clock_synchronised = ::adjtimex(&clock) != TIME_ERROR;
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) state.most_descriptors = limit.rlim_cur;
+  std::error_code failed;
+  const std::filesystem::directory_iterator all("/proc/self/fd", failed);
+  if (!failed)
+    state.open_descriptors = static_cast<std::size_t>(std::distance(begin(all), end(all)));
+  return state;
+}
+
+void MachineHealth::look(const MachineState& state, Instant now) {
+  events_.set(!state.clock_synchronised,
+              {.severity = Severity::kInfo,
+               .subject = "clock",
+               .kind = "unsynchronised",
+               .text = "this computer's clock is not synchronised: stamps in UTC (ROS 2, NatNet) "
+                       "drift against other computers",
+               .remedy = "timedatectl set-ntp true, chrony or PTP"},
+              "this computer's clock is synchronised");
+  const double full = state.most_descriptors == 0 ? 0
+                                                  : static_cast<double>(state.open_descriptors) /
+                                                        static_cast<double>(state.most_descriptors);
+  events_.set(full > kFullShare,
+              {.severity = Severity::kError,
+               .subject = "server",
+               .kind = "descriptors",
+               .text = std::to_string(state.open_descriptors) + " of " +
+                       std::to_string(state.most_descriptors) +
+                       " files and sockets are open: new clients are turned away",
+               .remedy = "See on the page who holds so many; or raise LimitNOFILE"},
+              "there is room for files and sockets again");
+  judge_rate(state, now);
+}
+
+void MachineHealth::judge_rate(const MachineState& state, Instant now) {
+  if (counted_at_ && to_seconds(now - *counted_at_) < kRateFor_s) return;
+  const auto missed = static_cast<double>(state.missed - counted_.missed);
+  const double all = static_cast<double>(state.frames - counted_.frames) + missed;
+  const bool counted = counted_at_ && all > 0;
+  counted_ = state;
+  counted_at_ = now;
+  events_.set(counted && missed > kMissedShare * all,
+              {.severity = Severity::kWarning,
+               .subject = "server",
+               .kind = "overload",
+               .text = "frames are left out (" +
+                       std::to_string(static_cast<int>(counted ? 100 * missed / all : 0)) +
+                       " %): this computer is too busy to keep the rate",
+               .remedy = "End other programs, lower streaming.rate_hz, or grant real-time "
+                         "scheduling (LimitRTPRIO, see deploy/fiducapd.service)"},
+              "all frames are sent again");
+}
+
+}  // namespace fiducap
