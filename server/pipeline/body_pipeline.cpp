@@ -90,6 +90,11 @@ bool BodyPipeline::next_is_image() {
   return sample != nullptr && !std::holds_alternative<ImuSample>(*sample);
 }
 
+void BodyPipeline::skip() {
+  next_.reset();
+  ++statistics_.skipped;
+}
+
 const BodyUpdate* BodyPipeline::take(const MapView& view) {
   FIDUCAP_ASSERT(next() != nullptr);
   const BodyUpdate* update = nullptr;

@@ -38,7 +38,8 @@ struct PipelineStatistics {
   std::uint64_t motion_losses{};
   Duration propagate_cpu{};
   Duration detect_cpu{};
-  Duration update_cpu{};  ///< Correction with the corners and everything after it.
+  Duration update_cpu{};    ///< Correction with the corners and everything after it.
+  std::uint64_t skipped{};  ///< Images left out by `skip`.
   MergerStatistics merger{};
   SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
 };
@@ -71,6 +72,9 @@ class BodyPipeline final {
   /// @pre next() != nullptr
   /// @return what an image did, until the next call; nullptr for an IMU reading
   const BodyUpdate* take(const MapView& view);
+
+  /// Leaves it out: an image that is too old to be of use. @pre next() != nullptr
+  void skip();
 
   [[nodiscard]] const PipelineSetup& setup() const { return setup_; }
   [[nodiscard]] PipelineStatistics statistics() const;

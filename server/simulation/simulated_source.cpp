@@ -51,11 +51,12 @@ class Simulation final : public SimulatedSource {
     while (!stop.stop_requested()) {
       Pending& first = first_to_arrive();
       if (ended(first)) return std::nullopt;
-      if (clock_ != nullptr && first.sensor == kImu) draw_ahead();
+      if (clock_ != nullptr && first.sensor == kImu && !is_behind(first)) draw_ahead();
       if (clock_ != nullptr && !clock_->wait_until(start_ + first.arrives, stop))
         return std::nullopt;
       const Pending now = first;
       schedule(first, now.k + 1);
+      if (now.sensor != kImu && is_behind(now)) continue;
       if (!dropped(now)) return std::optional<SensorSample>(take(now));
     }
     return std::nullopt;
@@ -80,6 +81,14 @@ class Simulation final : public SimulatedSource {
       if (sensor.arrives < first->arrives) first = &sensor;
     }
     return *first;
+  }
+
+  /// A computer too busy to draw every image in time leaves some out, as a camera would whose
+  /// buffers are full; the present is not left behind for them. IMU readings all come.
+  [[nodiscard]] bool is_behind(const Pending& sample) const {
+    if (clock_ == nullptr || images_.empty()) return false;
+    constexpr Duration kPatience = std::chrono::milliseconds(50);
+    return clock_->now() > start_ + sample.arrives + kPatience;
   }
 
   [[nodiscard]] bool ended(const Pending& sample) const {

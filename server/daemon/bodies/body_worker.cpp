@@ -20,6 +20,8 @@ constexpr Duration kRememberPeriod = std::chrono::seconds(2);
 constexpr double kKnownShift_s = 1e-3;
 constexpr double kWorthSaying_s = 5e-3;
 
+// An image that waited for longer is of use only while there is no newer one.
+constexpr Duration kStale = std::chrono::milliseconds(200);
 // A pipeline that has run for this long before it failed begins anew at once.
 constexpr Duration kForgiven = std::chrono::minutes(1);
 constexpr Duration kShortestPause = std::chrono::milliseconds(100);
@@ -146,10 +148,22 @@ bool BodyWorker::work_samples(std::stop_token stop) {
 
 void BodyWorker::work_on_what_is_due() {
   while (const SensorSample* sample = pipeline_->next()) {
+    if (is_stale(*sample)) {
+      pipeline_->skip();
+      continue;
+    }
     shared_.recorder.take(index_, *sample);
     const MapView view = pipeline_->next_is_image() ? shared_.map.view(id_) : MapView{};
     if (const BodyUpdate* update = pipeline_->take(view)) publish(*update, view);
   }
+}
+
+/// An image that waited for so long, while a newer one has come, would only make that one late,
+/// too.
+bool BodyWorker::is_stale(const SensorSample& sample) const {
+  if (std::holds_alternative<ImuSample>(sample)) return false;
+  const Instant arrived = arrival_of(time_of(sample) - clock_shift_of(sample));
+  return to_ns(arrived) < pulse_.image_came_ns && shared_.clock.now() - arrived > kStale;
 }
 
 void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
@@ -161,15 +175,14 @@ void BodyWorker::publish(const BodyUpdate& update, const MapView& view) {
 }
 
 void BodyWorker::count(const BodyUpdate& update) {
-  const std::uint64_t dropped =
-      inbox_.images_dropped() + pipeline_->statistics().merger.images_dropped;
+  const std::uint64_t dropped = images_left_out();
   const Instant now = shared_.clock.now();
-  shared_.scene.ingest(index_, update.estimate, update.report, now - arrival_of(update.corners),
-                       dropped);
+  const Instant stamp = update.corners.exposed_at - update.corners.clock_shift;
+  shared_.scene.ingest(index_, update.estimate, update.report, now - arrival_of(stamp), dropped);
   const Duration lateness = now - update.seen.exposed_at;
   statistics_.lateness.add(lateness);
   pulse_.lateness_ns = lateness.count();
-  pulse_.on_the_way_ns = (arrival_of(update.corners) - update.seen.exposed_at).count();
+  pulse_.on_the_way_ns = (arrival_of(stamp) - update.seen.exposed_at).count();
   pulse_.skipped = dropped;
 }
 
@@ -203,8 +216,13 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
   }
 }
 
-Instant BodyWorker::arrival_of(const CornerFrame& corners) const {
-  const Instant stamp = corners.exposed_at - corners.clock_shift;
+std::uint64_t BodyWorker::images_left_out() const {
+  const PipelineStatistics done = pipeline_ ? pipeline_->statistics() : PipelineStatistics{};
+  return inbox_.images_dropped() + done.merger.images_dropped + done.skipped;
+}
+
+/// @param stamp  of an image, as the device gave it
+Instant BodyWorker::arrival_of(Instant stamp) const {
   const auto found = std::find_if(arrivals_.begin(), arrivals_.end(),
                                   [&](const Arrival& a) { return a.stamp == stamp; });
   return found == arrivals_.end() ? stamp : found->arrived;
@@ -250,7 +268,7 @@ std::vector<std::string> BodyWorker::doubts() const {
 BodyStatistics BodyWorker::statistics() const {
   BodyStatistics all = statistics_;
   if (pipeline_) all.pipeline = pipeline_->statistics();
-  all.images_dropped = inbox_.images_dropped() + all.pipeline.merger.images_dropped;
+  all.images_dropped = images_left_out();
   return all;
 }
 

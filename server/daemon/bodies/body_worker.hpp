@@ -91,7 +91,9 @@ class BodyWorker final {
   void count(const BodyUpdate& update);
   void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);
-  [[nodiscard]] Instant arrival_of(const CornerFrame& corners) const;
+  [[nodiscard]] Instant arrival_of(Instant stamp) const;
+  [[nodiscard]] bool is_stale(const SensorSample& sample) const;
+  [[nodiscard]] std::uint64_t images_left_out() const;
 
   struct Arrival {
     Instant stamp{};  ///< Of the device.

@@ -270,6 +270,27 @@ TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
   EXPECT_LE(log_.updated.size(), 4u);
 }
 
+TEST_F(BodyWorkerTest, AnImageThatWaitedTooLongIsLeftOutWhenANewerOneHasCome) {
+  std::vector<SensorSample> samples;
+  for (int k = 0; k < 3; ++k) {
+    samples.push_back(imu_at(ms(1000 + 100 * k)));
+    samples.push_back(frame_at(ms(1042 + 100 * k)));
+  }
+  samples.push_back(imu_at(ms(1300)));
+  build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
+    clock_.advance(std::chrono::milliseconds(50));
+    if (static_cast<std::size_t>(k) == samples.size()) return std::nullopt;
+    return samples[static_cast<std::size_t>(k)];
+  }));
+  worker_->read({});
+  clock_.advance(std::chrono::milliseconds(500));  // the worker gets no time meanwhile
+  worker_->work({});
+  ASSERT_EQ(log_.updated.size(), 1U);
+  EXPECT_EQ(log_.updated.front().exposed_at, ms(1242)) << "the newest";
+  EXPECT_EQ(log_.propagated.size(), 4U) << "every IMU reading is used";
+  EXPECT_EQ(worker_->statistics().images_dropped, 2U);
+}
+
 TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   std::stop_source stop;
