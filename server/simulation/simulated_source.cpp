@@ -18,6 +18,11 @@ namespace {
 constexpr Duration kFirstExposure = std::chrono::microseconds(1300);
 constexpr int kImu = -1;
 
+// Further behind the present, nothing is drawn until it has caught up.
+constexpr Duration kPatience = std::chrono::milliseconds(50);
+// So late a thread may wake without any lack of time.
+constexpr Duration kHiccup = std::chrono::milliseconds(5);
+
 /// The sample that a sensor delivers next.
 struct Pending {
   int sensor{kImu};  ///< kImu or the camera's index.
@@ -51,12 +56,12 @@ class Simulation final : public SimulatedSource {
     while (!stop.stop_requested()) {
       Pending& first = first_to_arrive();
       if (ended(first)) return std::nullopt;
-      if (clock_ != nullptr && first.sensor == kImu && !is_behind(first)) draw_ahead();
+      if (clock_ != nullptr && first.sensor == kImu && !is_behind(first, kPatience)) draw_ahead();
       if (clock_ != nullptr && !clock_->wait_until(start_ + first.arrives, stop))
         return std::nullopt;
       const Pending now = first;
       schedule(first, now.k + 1);
-      if (now.sensor != kImu && is_behind(now)) continue;
+      if (now.sensor != kImu && cannot_be_drawn(now)) continue;
       if (!dropped(now)) return std::optional<SensorSample>(take(now));
     }
     return std::nullopt;
@@ -85,10 +90,18 @@ class Simulation final : public SimulatedSource {
 
   /// A computer too busy to draw every image in time leaves some out, as a camera would whose
   /// buffers are full; the present is not left behind for them. IMU readings all come.
-  [[nodiscard]] bool is_behind(const Pending& sample) const {
-    if (clock_ == nullptr || images_.empty()) return false;
-    constexpr Duration kPatience = std::chrono::milliseconds(50);
-    return clock_->now() > start_ + sample.arrives + kPatience;
+  [[nodiscard]] bool cannot_be_drawn(const Pending& sample) const {
+    if (images_.empty() || !is_behind(sample, kHiccup)) return false;
+    // Most of it was drawn between the IMU readings, unless there was no time for that.
+    const auto camera = static_cast<std::size_t>(sample.sensor);
+    const bool mostly_drawn =
+        images_[camera].begun == sample.k &&
+        images_[camera].renderer->rows_left() < body_.cameras[camera].model.height / 2;
+    return !mostly_drawn || is_behind(sample, kPatience);
+  }
+
+  [[nodiscard]] bool is_behind(const Pending& sample, Duration by) const {
+    return clock_ != nullptr && clock_->now() > start_ + sample.arrives + by;
   }
 
   [[nodiscard]] bool ended(const Pending& sample) const {
