@@ -7,10 +7,6 @@ namespace fiducap::dds {
 
 namespace {
 
-bool is_loopback(const std::string& interface) {
-  return interface == "lo" || interface.starts_with("127.") || interface == "::1";
-}
-
 /// A host, an address or an interface: nothing that could end an XML attribute.
 bool is_plain_name(const std::string& text) {
   const auto good = [](unsigned char c) {
@@ -30,14 +26,18 @@ std::string interface_xml(const std::string& interface, bool multicast) {
 
 std::string peers_xml(const NetworkConfig& config) {
   std::string xml;
-  if (is_loopback(config.interface)) xml += "<Peer Address=\"127.0.0.1\"/>";
+  if (config.is_loopback()) xml += "<Peer Address=\"127.0.0.1\"/>";
   for (const auto& peer : config.peers) xml += "<Peer Address=\"" + peer + "\"/>";
   return xml.empty() ? "" : "<Peers>" + xml + "</Peers>";
 }
 
 }  // namespace
 
-bool NetworkConfig::uses_multicast() const { return peers.empty() && !is_loopback(interface); }
+bool NetworkConfig::is_loopback() const {
+  return interface == "lo" || interface.starts_with("127.") || interface == "::1";
+}
+
+bool NetworkConfig::uses_multicast() const { return peers.empty() && !is_loopback(); }
 
 std::vector<ConfigError> NetworkConfig::check() const {
   Checker checker{"dds."};
@@ -56,13 +56,13 @@ std::vector<ConfigError> NetworkConfig::check() const {
   return checker.errors;
 }
 
-std::string cyclone_xml(const NetworkConfig& config) {
+std::string cyclone_xml(const NetworkConfig& config, bool attached_only) {
   const bool multicast = config.uses_multicast();
   // Only participants with a number can be asked at a peer's address; with multicast any port will
   // do, but those who list us as their peer still want a number.
   return "<CycloneDDS><Domain Id=\"any\"><General>" + interface_xml(config.interface, multicast) +
-         "<AllowMulticast>" + (multicast ? "spdp" : "false") +
-         "</AllowMulticast></General><Discovery>" +
+         "<AllowMulticast>" + (multicast ? "spdp" : "false") + "</AllowMulticast><DontRoute>" +
+         (attached_only ? "true" : "false") + "</DontRoute></General><Discovery>" +
          "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" +
          std::to_string(config.max_participants - 1) + "</MaxAutoParticipantIndex><SPDPInterval>" +
          std::to_string(static_cast<int>(config.announce_s * 1000)) + "ms</SPDPInterval>" +

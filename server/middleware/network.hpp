@@ -20,6 +20,7 @@ struct NetworkConfig {
       20};  ///< Per machine, when multicast is not used: so many ports are asked at each peer.
   double announce_s{2.0};  ///< How often we say that we are there.
 
+  [[nodiscard]] bool is_loopback() const;
   /// Others are found by multicast: not on loopback, and not when peers are named.
   [[nodiscard]] bool uses_multicast() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
@@ -31,6 +32,8 @@ inline constexpr std::size_t kMaxMessage = 48u << 20;
 
 /// The same in the words of Cyclone DDS. It stands in for CYCLONEDDS_URI, which is not read.
 /// @pre config.check().empty()
-[[nodiscard]] std::string cyclone_xml(const NetworkConfig& config);
+/// @param attached_only  nothing is sent beyond the networks that the interface is attached to,
+/// whatever address a datagram claims for its sender
+[[nodiscard]] std::string cyclone_xml(const NetworkConfig& config, bool attached_only);
 
 }  // namespace fiducap::dds

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "base/log.hpp"
+#include "middleware/fence.hpp"
 #include "middleware/reader.hpp"
 
 namespace fiducap::dds {
@@ -76,7 +77,8 @@ Entity::~Entity() {
 
 Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config) {
   const std::string where = "domain " + std::to_string(config.domain);
-  const std::string xml = cyclone_xml(config);
+  const Neighbours neighbours = neighbours_of(config);
+  const std::string xml = cyclone_xml(config, neighbours.attached_only);
   dds_set_log_sink(log_some, nullptr);
   Entity domain(dds_create_domain(static_cast<dds_domainid_t>(config.domain), xml.c_str()));
   if (domain.handle() == DDS_RETCODE_PRECONDITION_NOT_MET) {
@@ -89,6 +91,8 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
       "\" one of this machine's (`ip address` lists them), and are there fewer than " +
       std::to_string(config.max_participants) + " participants (dds.max_participants)?";
   if (!domain) return failed<std::shared_ptr<Participant>>(domain.handle(), remedy, where);
+  if (auto fenced = fence_off(config.domain, neighbours); !fenced)
+    return tl::unexpected(fenced.error());
   Entity participant(
       dds_create_participant(static_cast<dds_domainid_t>(config.domain), nullptr, nullptr));
   if (!participant)

@@ -14,7 +14,7 @@ TEST(DdsNetwork, DefaultIsThisMachineAloneWithoutMulticast) {
   const NetworkConfig config;
   EXPECT_THAT(config.check(), IsEmpty());
   EXPECT_FALSE(config.uses_multicast());
-  const std::string xml = cyclone_xml(config);
+  const std::string xml = cyclone_xml(config, true);
   EXPECT_THAT(xml, HasSubstr("name=\"lo\""));
   EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false<"));
   EXPECT_THAT(xml, HasSubstr("<Peer Address=\"127.0.0.1\"/>"));
@@ -24,17 +24,22 @@ TEST(DdsNetwork, AnotherInterfaceIsSearchedByMulticastUnlessPeersAreNamed) {
   NetworkConfig config;
   config.interface = "eth0";
   EXPECT_TRUE(config.uses_multicast());
-  EXPECT_THAT(cyclone_xml(config), HasSubstr("<AllowMulticast>spdp<"));
+  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("<AllowMulticast>spdp<"));
   config.peers = {"192.168.1.7", "robot.local"};
   EXPECT_FALSE(config.uses_multicast());
-  EXPECT_THAT(cyclone_xml(config),
+  EXPECT_THAT(cyclone_xml(config, true),
               HasSubstr("<Peer Address=\"192.168.1.7\"/><Peer Address=\"robot.local\"/>"));
 }
 
 TEST(DdsNetwork, AnAddressStandsForItsInterface) {
   NetworkConfig config;
   config.interface = "192.168.1.5";
-  EXPECT_THAT(cyclone_xml(config), HasSubstr("address=\"192.168.1.5\""));
+  EXPECT_THAT(cyclone_xml(config, true), HasSubstr("address=\"192.168.1.5\""));
+}
+
+TEST(DdsNetwork, NothingLeavesTheAttachedNetworksUnlessAPeerIsBeyond) {
+  EXPECT_THAT(cyclone_xml({}, true), HasSubstr("<DontRoute>true<"));
+  EXPECT_THAT(cyclone_xml({}, false), HasSubstr("<DontRoute>false<"));
 }
 
 TEST(DdsNetwork, WhatWouldEndAnAttributeIsRefused) {
@@ -46,7 +51,8 @@ TEST(DdsNetwork, WhatWouldEndAnAttributeIsRefused) {
 }
 
 TEST(DdsNetwork, LongMessagesAreRefusedByTheMiddleware) {
-  EXPECT_THAT(cyclone_xml({}), HasSubstr("<MaxSampleSize>" + std::to_string(kMaxMessage) + "B<"));
+  EXPECT_THAT(cyclone_xml({}, true),
+              HasSubstr("<MaxSampleSize>" + std::to_string(kMaxMessage) + "B<"));
 }
 
 }  // namespace
