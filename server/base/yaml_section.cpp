@@ -6,6 +6,8 @@
 
 #include <Eigen/LU>
 
+#include "base/yaml_text.hpp"
+
 namespace fiducap {
 namespace {
 
@@ -94,14 +96,14 @@ Expected<YamlSection> YamlSection::load(const std::filesystem::path& path) {
   if (text->starts_with("%YAML")) text->erase(0, text->find('\n'));
   // YAML forbids the tabs with which some programs indent their JSON.
   if (text->starts_with("{")) std::replace(text->begin(), text->end(), '\t', ' ');
-  try {
-    const YAML::Node root = YAML::Load(*text);
-    if (!root.IsMap())
-      return fail(ErrorCode::kInvalid, "is not a YAML map of keys and values", path.string());
-    return YamlSection(root, "", std::make_shared<YamlReading>(YamlReading{path.string()}));
-  } catch (const YAML::Exception& broken) {
-    return fail(ErrorCode::kInvalid, std::string("is not YAML: ") + broken.what(), path.string());
+  const auto root = load_yaml(*text);
+  if (!root) {
+    const std::string line = root.error().line > 0 ? ":" + std::to_string(root.error().line) : "";
+    return fail(ErrorCode::kInvalid, root.error().text(), path.string() + line);
   }
+  if (!root->IsMap())
+    return fail(ErrorCode::kInvalid, "is not a YAML map of keys and values", path.string());
+  return YamlSection(*root, "", std::make_shared<YamlReading>(YamlReading{path.string()}));
 }
 
 YAML::Node YamlSection::find(const std::string& key) const {

@@ -23,7 +23,7 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 
 int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
   const fiducap::SystemClock clock;
-  ::umask(0027);                  // maps and recordings are the lab's, not the world's
+  ::umask(::umask(0) | 0027);     // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
   fiducap::log::set_level(config.log_level);
   fiducap::ServerOptions options;

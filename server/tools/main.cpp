@@ -2,6 +2,7 @@
 #include <exception>
 #include <iostream>
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/log.hpp"
@@ -10,6 +11,7 @@
 int main(int argc, char** argv) {
   const fiducap::Terminal terminal{std::cout, std::cerr, ::isatty(STDOUT_FILENO) == 1,
                                    ::isatty(STDERR_FILENO) == 1};
+  ::umask(::umask(0) | 0027);  // maps and recordings are the lab's, not the world's
   fiducap::log::set_level(fiducap::log::Level::kWarning);
   try {
     return fiducap::run_command_line(argc, argv, terminal);

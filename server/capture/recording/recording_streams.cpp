@@ -8,16 +8,6 @@
 namespace fiducap {
 namespace {
 
-// The next row of a log with a sound stamp; a last line that was cut is left out.
-bool next_stamped(CsvReader& rows, StampGuard& stamps, std::int64_t& ns) {
-  while (rows.next()) {
-    if (!rows.line_is_complete()) return false;
-    if (parse_stamp(rows.fields()[0], ns) && stamps.accept(ns)) return true;
-    rows.count_damaged();
-  }
-  return false;
-}
-
 bool parse_sighting(std::span<const std::string_view> fields, TagSighting& tag) {
   std::array<double, 8> uv{};
   if (fields.size() < 11 || !parse(fields[1], tag.tag_id) || !parse(fields[2], tag.hamming) ||
@@ -30,21 +20,39 @@ bool parse_sighting(std::span<const std::string_view> fields, TagSighting& tag) 
 
 }  // namespace
 
-bool StampGuard::accept(std::int64_t ns) {
-  constexpr std::int64_t kHour = 3'600'000'000'000;
-  if (last_ns_ && ns > *last_ns_ + kHour) return false;
-  last_ns_ = ns;
-  return true;
+Expected<StampedRows> StampedRows::open(const std::filesystem::path& path) {
+  Expected<CsvReader> rows = CsvReader::open(path);
+  if (!rows) return tl::unexpected(rows.error());
+  Expected<StampColumn> stamps = StampColumn::read(path);
+  if (!stamps) return tl::unexpected(stamps.error());
+  return StampedRows(std::move(*rows), std::move(*stamps));
+}
+
+bool StampedRows::next(std::int64_t& ns) {
+  while (rows_.next()) {
+    if (!rows_.line_is_complete()) return false;
+    if (!parse_stamp(rows_.fields()[0], ns)) {
+      rows_.count_damaged();
+    } else if (stamps_.accepts(rows_.line())) {
+      return true;
+    }
+  }
+  return false;
+}
+
+void StampedRows::log_damage() const {
+  rows_.log_damage();
+  stamps_.log_left_out();
 }
 
 Expected<ImuStream> ImuStream::open(const RecordingLayout& layout, const RecordingInfo& info) {
-  Expected<CsvReader> rows = CsvReader::open(layout.imu_csv());
+  Expected<StampedRows> rows = StampedRows::open(layout.imu_csv());
   if (!rows) return tl::unexpected(rows.error());
   return ImuStream(std::move(*rows), info.X_BI);
 }
 
 std::optional<SensorSample> ImuStream::next() {
-  for (std::int64_t ns = 0; next_stamped(rows_, stamps_, ns);) {
+  for (std::int64_t ns = 0; rows_.next(ns);) {
     std::array<double, 6> v{};
     if (parse(rows_.fields().subspan(1), v)) {
       return ImuSample{instant_from_ns(ns), R_BI_ * Eigen::Vector3d(v[0], v[1], v[2]),
@@ -57,11 +65,11 @@ std::optional<SensorSample> ImuStream::next() {
 
 Expected<CornerStream> CornerStream::open(const RecordingLayout& layout, const RecordingInfo& info,
                                           std::size_t camera) {
-  Expected<CsvReader> rows = CsvReader::open(layout.corners_csv(camera));
+  Expected<StampedRows> rows = StampedRows::open(layout.corners_csv(camera));
   if (!rows) return tl::unexpected(rows.error());
   CornerStream stream(std::move(*rows), static_cast<int>(camera), info.cameras[camera].time_shift);
   if (is_file(layout.frames_csv(camera))) {
-    Expected<CsvReader> frames = CsvReader::open(layout.frames_csv(camera));
+    Expected<StampedRows> frames = StampedRows::open(layout.frames_csv(camera));
     if (!frames) return tl::unexpected(frames.error());
     stream.frames_ = std::move(*frames);
     stream.read_frame();
@@ -73,7 +81,7 @@ Expected<CornerStream> CornerStream::open(const RecordingLayout& layout, const R
 void CornerStream::read_row() {
   row_.reset();
   Row row;
-  while (next_stamped(rows_, row_stamps_, row.ns)) {
+  while (rows_.next(row.ns)) {
     if (parse_sighting(rows_.fields(), row.tag)) {
       row_ = row;
       return;
@@ -85,7 +93,7 @@ void CornerStream::read_row() {
 void CornerStream::read_frame() {
   frame_ns_.reset();
   std::int64_t ns = 0;
-  if (frames_ && next_stamped(*frames_, frame_stamps_, ns)) frame_ns_ = ns;
+  if (frames_ && frames_->next(ns)) frame_ns_ = ns;
 }
 
 std::optional<SensorSample> CornerStream::next() {
@@ -107,14 +115,14 @@ void CornerStream::log_damage() const {
 
 Expected<ImageStream> ImageStream::open(const RecordingLayout& layout, const RecordingInfo& info,
                                         std::size_t camera, GrayImagePool& pool) {
-  Expected<CsvReader> rows = CsvReader::open(layout.images_csv(camera));
+  Expected<StampedRows> rows = StampedRows::open(layout.images_csv(camera));
   if (!rows) return tl::unexpected(rows.error());
   return ImageStream(std::move(*rows), layout.images(camera), info.cameras[camera],
                      static_cast<int>(camera), pool);
 }
 
 std::optional<SensorSample> ImageStream::next() {
-  for (std::int64_t ns = 0; next_stamped(rows_, stamps_, ns);) {
+  for (std::int64_t ns = 0; rows_.next(ns);) {
     const std::filesystem::path file = file_of_row(ns);
     if (file.empty()) {
       rows_.count_damaged();

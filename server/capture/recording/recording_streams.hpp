@@ -10,18 +10,27 @@
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
+#include "capture/recording/stamp_column.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {
 
-/// The stamps of one file. A stamp an hour ahead of the one before it is damage, not time: waiting
-/// for it would hang the playback. Going backwards is passed on, SampleMerger counts it.
-class StampGuard final {
+/// The lines of one file whose stamps can be used, see StampColumn.
+class StampedRows final {
  public:
-  [[nodiscard]] bool accept(std::int64_t ns);
+  [[nodiscard]] static Expected<StampedRows> open(const std::filesystem::path& path);
+  /// Moves to the next such line; a last line that was cut is left out.
+  [[nodiscard]] bool next(std::int64_t& ns);
+  [[nodiscard]] std::span<const std::string_view> fields() const { return rows_.fields(); }
+  void count_damaged() { rows_.count_damaged(); }
+  void log_damage() const;
 
  private:
-  std::optional<std::int64_t> last_ns_;
+  StampedRows(CsvReader rows, StampColumn stamps)
+      : rows_(std::move(rows)), stamps_(std::move(stamps)) {}
+
+  CsvReader rows_;
+  StampColumn stamps_;
 };
 
 /// imu0/data.csv, turned into body axes.
@@ -33,11 +42,10 @@ class ImuStream final {
   void log_damage() const { rows_.log_damage(); }
 
  private:
-  ImuStream(CsvReader rows, const Pose& X_BI) : rows_(std::move(rows)), R_BI_(X_BI.rotation()) {}
+  ImuStream(StampedRows rows, const Pose& X_BI) : rows_(std::move(rows)), R_BI_(X_BI.rotation()) {}
 
-  CsvReader rows_;
+  StampedRows rows_;
   Eigen::Matrix3d R_BI_;
-  StampGuard stamps_;
 };
 
 /// tags<K>/data.csv, its rows joined per image; frames.csv adds the images without tags.
@@ -53,17 +61,15 @@ class CornerStream final {
     std::int64_t ns{};
     TagSighting tag;
   };
-  CornerStream(CsvReader rows, int camera, Duration time_shift)
+  CornerStream(StampedRows rows, int camera, Duration time_shift)
       : rows_(std::move(rows)), camera_(camera), time_shift_(time_shift) {}
   void read_row();
   void read_frame();
 
-  CsvReader rows_;
-  std::optional<CsvReader> frames_;
+  StampedRows rows_;
+  std::optional<StampedRows> frames_;
   int camera_;
   Duration time_shift_;
-  StampGuard row_stamps_;
-  StampGuard frame_stamps_;
   std::optional<Row> row_;                ///< Read, not yet given out.
   std::optional<std::int64_t> frame_ns_;  ///< Same.
 };
@@ -79,7 +85,7 @@ class ImageStream final {
   void log_damage() const;
 
  private:
-  ImageStream(CsvReader rows, std::filesystem::path folder, const CameraMount& mount, int camera,
+  ImageStream(StampedRows rows, std::filesystem::path folder, const CameraMount& mount, int camera,
               GrayImagePool& pool)
       : rows_(std::move(rows)),
         folder_(std::move(folder)),
@@ -89,12 +95,11 @@ class ImageStream final {
   [[nodiscard]] std::filesystem::path file_of_row(std::int64_t ns) const;
   [[nodiscard]] std::shared_ptr<const GrayImage> read(const std::filesystem::path& file);
 
-  CsvReader rows_;
+  StampedRows rows_;
   std::filesystem::path folder_;
   CameraMount mount_;
   int camera_;
   GrayImagePool* pool_;
-  StampGuard stamps_;
   std::vector<std::uint8_t> file_bytes_;
   std::uint64_t dropped_{0};
 };

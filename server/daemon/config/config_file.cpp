@@ -5,6 +5,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "base/yaml_text.hpp"
 #include "daemon/config/config_override.hpp"
 #include "daemon/config/config_printer.hpp"
 #include "daemon/config/config_reader.hpp"
@@ -15,14 +16,13 @@ namespace fiducap {
 namespace {
 
 ConfigResult<YAML::Node> parse_yaml(const std::string& text, const std::string& name) {
-  try {
-    YAML::Node document = YAML::Load(text);
-    return document.IsNull() ? YAML::Node(YAML::NodeType::Map) : document;
-  } catch (const YAML::Exception& failure) {
-    const std::string where = name + ":" + std::to_string(failure.mark.line + 1);
-    return tl::unexpected(
-        std::vector{ConfigFault{{"file", name, "is not YAML: " + failure.msg}, where}});
-  }
+  auto document = load_yaml(text);
+  if (document) return document->IsNull() ? YAML::Node(YAML::NodeType::Map) : *document;
+  const YamlFault& fault = document.error();
+  ConfigError error{fault.path, fault.value, fault.rule};
+  if (fault.path.empty()) error = {"file", name, fault.rule};
+  return tl::unexpected(
+      std::vector{ConfigFault{std::move(error), name + ":" + std::to_string(fault.line)}});
 }
 
 void number_the_bodies(std::vector<BodyConfig>& bodies) {

@@ -96,7 +96,8 @@ using ConfigResult = tl::expected<T, std::vector<ConfigFault>>;
                                                       const std::string& name,
                                                       const std::vector<std::string>& sets = {});
 
-/// The effective configuration as YAML: every key, paths resolved. Loads again to the same.
+/// The effective configuration as YAML: every key, paths resolved. Loads again to the same,
+/// but without secrets.
 [[nodiscard]] std::string print_config(const ServerConfig& config);
 
 /// The rules of all rooms and those between them, e.g. that names are unique.

@@ -4,6 +4,8 @@
 #include <optional>
 #include <sstream>
 
+#include "base/yaml_text.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -51,10 +53,10 @@ void apply_override(YAML::Node& document, const std::string& assignment, YamlRea
     return broken("?", "must be written path.to.key=value");
   const std::string value = assignment.substr(equals + 1);
   YAML::Node parsed(value);
-  try {
-    if (!value.empty()) parsed = YAML::Load(value);
-  } catch (const YAML::Exception& failure) {
-    return broken(value, "is not YAML: " + failure.msg);
+  if (!value.empty()) {
+    auto loaded = load_yaml(value);
+    if (!loaded) return broken(value, loaded.error().text());
+    parsed = std::move(*loaded);
   }
   YAML::Node at = document;
   for (const auto& part : parts) {

@@ -21,6 +21,10 @@ class ConfigPrinter final {
   }
   void seconds(const char* key, const Duration& x) { line(key, text_of(to_seconds(x))); }
   void path(const char* key, const std::string& x) { line(key, text_of(x)); }
+  /// Never shown: who reads the print, or a recording with it, shall not get in.
+  void secret(const char* key, const std::string& x) {
+    line(key, x.empty() ? "\"\"" : "\"\"  # set, not shown");
+  }
   void device(const char* key, const std::string& x) { line(key, text_of(x)); }
 
   template <typename T>

@@ -55,6 +55,7 @@ class ConfigReader final {
     section_.read(key, value);
     if (!std::isnan(value)) out = from_seconds(value);
   }
+  void secret(const char* key, std::string& out) { value(key, out); }
   void path(const char* key, std::string& out) {
     const YAML::Node node = section_.take(key);
     if (!node.IsDefined()) return;

@@ -8,6 +8,7 @@
 ///
 ///   value(key, x)             one value                word(key, x, words)   an enum
 ///   seconds(key, duration)    a time span in seconds   path(key, text)       a file or folder
+///   secret(key, text)         read, but not printed
 ///   section(key, struct)      a struct of its own      list(key, structs)    a list of them
 ///   optional_section(key, struct)                      a struct that may be missing
 ///

@@ -39,7 +39,7 @@ void describe(V& v, StreamingConfig& c) {
 
 template <class V>
 void describe(V& v, OperatorConfig& c) {
-  v.value("token", c.token);
+  v.secret("token", c.token);
 }
 
 template <class V>

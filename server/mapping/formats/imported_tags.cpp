@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace fiducap {
@@ -23,19 +24,29 @@ void restore_unit(Pose& pose) {
   if (std::abs(pose.q.norm() - 1.0) > kUnitToRounding) pose.q.normalize();
 }
 
-Expected<void> add_imported(TagMap& map, MapTag entry, const std::string& context) {
+Expected<void> ImportedTags::add(MapTag entry, const std::string& context) {
   if (const auto fault = fault_in(entry)) return fail(ErrorCode::kInvalid, *fault, context);
   restore_unit(entry.tag.X_WT);
   const int id = entry.tag.tag_id;
-  // Maps are usually written in order; then this is the end.
-  const auto place =
-      std::lower_bound(map.tags.begin(), map.tags.end(), id,
-                       [](const MapTag& other, int tag_id) { return other.tag.tag_id < tag_id; });
-  if (place != map.tags.end() && place->tag.tag_id == id) {
+  if (!ids_.insert(id).second)
     return fail(ErrorCode::kInvalid, "tag id " + std::to_string(id) + " is there twice", context);
-  }
-  map.tags.insert(place, std::move(entry));
+  tags_.push_back(std::move(entry));
   return {};
+}
+
+std::vector<MapTag> ImportedTags::take() {
+  // Only indices are sorted: a tag with its covariance is large.
+  std::vector<std::size_t> order(tags_.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [this](std::size_t a, std::size_t b) {
+    return tags_[a].tag.tag_id < tags_[b].tag.tag_id;
+  });
+  std::vector<MapTag> sorted;
+  sorted.reserve(tags_.size());
+  for (const std::size_t i : order) sorted.push_back(std::move(tags_[i]));
+  tags_.clear();
+  ids_.clear();
+  return sorted;
 }
 
 }  // namespace fiducap

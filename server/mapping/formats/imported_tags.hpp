@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <string>
+#include <unordered_set>
+#include <vector>
 
 #include "base/expected.hpp"
 #include "mapping/tag_map.hpp"
@@ -17,9 +19,19 @@ inline constexpr std::size_t kLongestMapText = std::size_t{64} << 20;
 /// as it is.
 void restore_unit(Pose& pose);
 
-/// Adds one tag that was read from a text, its quaternion unit again.
-/// @param context  where the tag stands, for the message
-/// @return Error when the tag is broken or its id is there already
-[[nodiscard]] Expected<void> add_imported(TagMap& map, MapTag entry, const std::string& context);
+/// The tags of a text, in whatever order it has them.
+class ImportedTags final {
+ public:
+  /// Adds one tag, its quaternion unit again.
+  /// @param context  where the tag stands, for the message
+  /// @return Error when the tag is broken or its id is there already
+  [[nodiscard]] Expected<void> add(MapTag entry, const std::string& context);
+  /// Sorted by id.
+  [[nodiscard]] std::vector<MapTag> take();
+
+ private:
+  std::vector<MapTag> tags_;
+  std::unordered_set<int> ids_;
+};
 
 }  // namespace fiducap

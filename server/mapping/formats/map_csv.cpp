@@ -87,16 +87,18 @@ Expected<TagMap> map_from_csv(const std::string& text, const std::string& contex
     return fail(ErrorCode::kInvalid, "expected the header '" + std::string(kHeader) + "'",
                 context + ":1");
   }
-  TagMap map;
+  ImportedTags imported;
   for (int line_number = 2; !rest.empty(); ++line_number) {
     const auto line = trimmed(take_until(rest, '\n'));
     if (line.empty() || line.front() == '#') continue;
     const std::string place = context + ":" + std::to_string(line_number);
     auto entry = tag_from(line, place);
     if (!entry) return tl::unexpected<Error>(entry.error());
-    if (auto added = add_imported(map, std::move(*entry), place); !added)
+    if (auto added = imported.add(std::move(*entry), place); !added)
       return tl::unexpected<Error>(added.error());
   }
+  TagMap map;
+  map.tags = imported.take();
   return map;
 }
 

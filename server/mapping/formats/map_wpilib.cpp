@@ -99,14 +99,16 @@ Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
   const auto tags = member(layout, "tags", context);
   if (!tags) return tl::unexpected<Error>(tags.error());
   if (!(*tags)->is_array()) return fail(ErrorCode::kInvalid, "'tags' must be a list", context);
-  TagMap map;
+  ImportedTags imported;
   for (std::size_t i = 0; i < (*tags)->size(); ++i) {
     const std::string place = context + " /tags/" + std::to_string(i);
     auto entry = tag_from((**tags)[i], edge_m, place);
     if (!entry) return tl::unexpected<Error>(entry.error());
-    if (auto added = add_imported(map, std::move(*entry), place); !added)
+    if (auto added = imported.add(std::move(*entry), place); !added)
       return tl::unexpected<Error>(added.error());
   }
+  TagMap map;
+  map.tags = imported.take();
   return map;
 }
 

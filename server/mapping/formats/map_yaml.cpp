@@ -8,6 +8,7 @@
 #include <set>
 #include <string_view>
 
+#include "base/yaml_text.hpp"
 #include "mapping/formats/imported_tags.hpp"
 #include "mapping/formats/text_number.hpp"
 
@@ -197,16 +198,18 @@ MapTag tag_of(const Section& section) {
 
 void read_tags(const YAML::Node& tags, TagMap& map) {
   if (!tags.IsSequence()) throw Fault{line_of(tags), "tags: must be a list"};
+  ImportedTags imported;
   std::size_t index = 0;
   for (const YAML::Node& node : tags) {
     const std::string name = "tags[" + std::to_string(index++) + "]";
     const Section section(node, name,
                           {"id", "edge_m", "position", "quaternion_wxyz", "state", "component",
                            "sightings", "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
-    if (auto added = add_imported(map, tag_of(section), {}); !added) {
+    if (auto added = imported.add(tag_of(section), {}); !added) {
       throw Fault{section.line(), name + ": " + added.error().what};
     }
   }
+  map.tags = imported.take();
 }
 
 TagMap read_map(const YAML::Node& root) {
@@ -265,8 +268,10 @@ std::string map_to_yaml(const TagMap& map) {
 
 Expected<TagMap> map_from_yaml(const std::string& text, const std::string& context) {
   if (auto fits = check_length(text, context); !fits) return tl::unexpected<Error>(fits.error());
+  const auto root = load_yaml(text);
+  if (!root) return failure(root.error().line, root.error().text(), context);
   try {
-    return read_map(YAML::Load(text));
+    return read_map(*root);
   } catch (const Fault& fault) {
     return failure(fault.line, fault.what, context);
   } catch (const YAML::Exception& error) {

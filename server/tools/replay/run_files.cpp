@@ -12,6 +12,7 @@
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
+#include "base/yaml_text.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "tools/replay/tum_file.hpp"
@@ -313,11 +314,12 @@ std::string to_extrinsics_yaml(const std::vector<Pose>& X_BV) {
 Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
                                                  const std::string& context) {
   std::vector<Pose> X_BV;
+  const auto root = load_yaml(text);
+  if (!root) return fail(ErrorCode::kInvalid, root.error().text(), context);
   try {
-    const YAML::Node root = YAML::Load(text);
     for (std::size_t k = 0; k < cameras; ++k) {
       const std::string name = "cam" + std::to_string(k);
-      YAML::Node data = YAML::Clone(root);
+      YAML::Node data = YAML::Clone(*root);
       for (const char* key : {name.c_str(), "T_BS", "data"})
         data.reset(data.IsMap() ? data[key] : YAML::Node());
       if (!data.IsDefined() || !data.IsSequence())

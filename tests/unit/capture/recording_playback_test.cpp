@@ -52,10 +52,30 @@ TEST_F(RecordingTest, NumbersThatAreNoNumbersArePassedOnForTheMergerToCount) {
   EXPECT_FALSE(std::get<ImuSample>(samples[0]).w_WB_B.allFinite());
 }
 
-TEST_F(RecordingTest, TimeThatRunsBackwardsIsPassedOnAndTheRestStillComes) {
+TEST_F(RecordingTest, ALineBeforeItsTimeIsLeftOutAndTheRestStillComes) {
   write_basics();
   write_imu("1000101000000,1,2,3,4,5,6\n1000050000000,1,2,3,4,5,6\n1000102000000,1,2,3,4,5,6\n");
-  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'101, 1'000'050, 1'000'102));
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'101, 1'000'102));
+  EXPECT_THAT(log_text(), HasSubstr("imu0/data.csv: stamps of 1 of 3 lines are out of order or far "
+                                    "from the others: left out (first in line 3)"));
+}
+
+TEST_F(RecordingTest, AFirstStampFarInTheFutureCostsItsOwnLineOnly) {
+  write_basics();
+  write_imu(
+      "3900000000000000000,1,2,3,4,5,6\n1000101000000,1,2,3,4,5,6\n1000102000000,1,2,3,4,5,6\n");
+  EXPECT_THAT(stamps_ms(play()), ElementsAre(1'000'101, 1'000'102));
+  EXPECT_THAT(log_text(), HasSubstr("stamps of 1 of 3 lines"));
+  EXPECT_THAT(log_text(), HasSubstr("first in line 2"));
+}
+
+TEST_F(RecordingTest, AWrongStampOfACornerCostsItsOwnLineOnly) {
+  write_corners(
+      "1000000000000,5,0,1,2,3,4,5,6,7,8\n1000100000000,5,0,1,2,3,4,5,6,7,8\n"
+      "5,5,0,1,2,3,4,5,6,7,8\n1000300000000,5,0,1,2,3,4,5,6,7,8\n");
+  std::vector<std::size_t> tags;
+  for (const SensorSample& sample : play()) tags.push_back(std::get<CornerFrame>(sample).tags.size());
+  EXPECT_THAT(tags, ElementsAre(1, 1, 0, 1));
 }
 
 TEST_F(RecordingTest, AStampFarInTheFutureIsDamageAndDoesNotHangThePlayback) {

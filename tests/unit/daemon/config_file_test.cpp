@@ -230,6 +230,25 @@ TEST(ConfigPaths, DevicesAndPipelinesStayAsTheyAre) {
   }
 }
 
+TEST(ConfigFile, BodiesThatContainThemselvesAreToldWithPathAndRule) {
+  EXPECT_THAT(faults_of("bodies: &a [*a, *a]\n"),
+              ElementsAre("test.yaml:1: bodies.0 = an alias: repeats the list or section that it "
+                          "stands in"));
+}
+
+TEST(ConfigPrint, DoesNotShowTheTokenNorOneThatWorks) {
+  const auto config = parse_config("operator: {token: \"open sesame\"}", "test.yaml");
+  ASSERT_TRUE(config);
+  EXPECT_EQ(config->operators.token, "open sesame");
+  const std::string printed = print_config(*config);
+  EXPECT_THAT(printed, testing::Not(HasSubstr("sesame")));
+  EXPECT_THAT(printed, HasSubstr("  token: \"\"  # set, not shown\n"));
+  const auto again = parse_config(printed, "printed.yaml");
+  ASSERT_TRUE(again) << again.error().front().text();
+  EXPECT_EQ(again->operators.token, "") << "nobody is let in by what was printed";
+  EXPECT_THAT(print_config(ServerConfig{}), HasSubstr("  token: \"\"\n"));
+}
+
 TEST(ConfigPrint, LoadsAgainToTheSame) {
   const auto config =
       parse_config(kOneCamera, "test.yaml",

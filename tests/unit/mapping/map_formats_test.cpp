@@ -38,6 +38,26 @@ TagMap random_map(unsigned seed) {
   return map;
 }
 
+// Placed one by one where they belong, so many tags took minutes: the test's time limit would end it.
+TEST(MapCsv, TagsInDescendingOrderAreSortedAtOnce) {
+  constexpr int kTags = 150'000;
+  std::string text = "id,size,px,py,pz,qw,qx,qy,qz\n";
+  for (int id = kTags - 1; id >= 0; --id) text += std::to_string(id) + ",0.16,1,2,3,1,0,0,0\n";
+  const auto map = map_from_csv(text, "down.csv");
+  ASSERT_TRUE(map) << map.error().text();
+  ASSERT_EQ(map->tags.size(), std::size_t{kTags});
+  EXPECT_EQ(fault_in(*map), std::nullopt);
+}
+
+TEST(MapCsv, ATagThatIsThereTwiceIsToldWithItsLineInAnyOrder) {
+  const auto map = map_from_csv(
+      "id,size,px,py,pz,qw,qx,qy,qz\n9,0.16,0,0,0,1,0,0,0\n3,0.16,0,0,0,1,0,0,0\n"
+      "9,0.16,0,0,0,1,0,0,0\n",
+      "twice.csv");
+  ASSERT_FALSE(map);
+  EXPECT_EQ(map.error().text(), "twice.csv:4: tag id 9 is there twice");
+}
+
 // --- YAML ---
 
 TEST(MapYaml, RoundTripKeepsEveryBit) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <sstream>
 #include <vector>
@@ -162,6 +163,18 @@ TEST(Program, EndsWithTheThreeExitCodes) {
   EXPECT_EQ(run("map log --store /nowhere/at/all").code, 1);
   EXPECT_EQ(run("nonsense").code, 2);
   EXPECT_EQ(run("").code, 2);
+}
+
+TEST(Program, WhatItWritesIsNotForEverybody) {
+  namespace fs = std::filesystem;
+  const TemporaryFolder folder;
+  const std::string recording = folder.file("table");
+  ASSERT_EQ(run("simulate --room table --seconds 1 --out " + recording).code, 0);
+  const std::string store = folder.file("hall.map");
+  ASSERT_EQ(run("map import --store " + store + " " + recording + "/truth/tags.csv").code, 0);
+  for (const std::string& written : {store, recording + "/mav0/imu0/data.csv", recording})
+    EXPECT_EQ(fs::status(written).permissions() & fs::perms::others_all, fs::perms::none)
+        << written;
 }
 
 TEST(Program, HelpListsEveryVerb) {
