@@ -6,13 +6,13 @@
 #include <utility>
 
 #include "base/log.hpp"
+#include "daemon/operator_token.hpp"
 #include "daemon/system_clock.hpp"
 
 namespace fiducap {
 
 namespace {
 
-constexpr std::size_t kShortestToken = 8;
 constexpr double kUnit = 1e-3;  // further from 1 a quaternion is a mistake, not rounding
 
 std::string name_of_now() {
@@ -30,6 +30,8 @@ std::vector<ConfigError> OperatorConfig::check() const {
   return Checker{"operator."}
       .require(token.empty() || token.size() >= kShortestToken, "token", "(secret)",
                "must have at least 8 characters, or be empty: then nobody may change anything")
+      .require(token.empty() || token_file.empty(), "token_file", token_file,
+               "says the token a second time: keep one of token and token_file")
       .errors;
 }
 

@@ -10,7 +10,8 @@
 namespace fiducap {
 
 struct OperatorConfig {
-  std::string token;  ///< Whoever knows it may change things; empty: nobody may.
+  std::string token;       ///< Whoever knows it may change things; empty: nobody may.
+  std::string token_file;  ///< Holds the token instead, see operator_token.hpp.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };

@@ -7,10 +7,12 @@
 #include <cstdlib>
 #include <exception>
 #include <iostream>
+#include <utility>
 
 #include "base/log.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
+#include "daemon/operator_token.hpp"
 #include "daemon/server.hpp"
 #include "daemon/system_clock.hpp"
 
@@ -21,7 +23,13 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
   return faults.empty() ? 0 : 2;
 }
 
-int serve(const fiducap::ServerConfig& config, bool exit_at_end) {
+int serve(fiducap::ServerConfig config, bool exit_at_end) {
+  auto token = fiducap::operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
+  if (!token) {
+    std::cerr << token.error().text() << "\n";
+    return 2;
+  }
+  config.operators.token = std::move(*token);
   const fiducap::SystemClock clock;
   ::umask(::umask(0) | 0027);     // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
@@ -61,11 +69,11 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", FIDUCAP_VERSION);
   try {
     app.parse(argc, argv);
-    const auto config = fiducap::load_config(file, sets);
+    auto config = fiducap::load_config(file, sets);
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
     if (check) return complain(fiducap::check_files(*config));
-    return serve(*config, exit_at_end);
+    return serve(std::move(*config), exit_at_end);
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;
   } catch (const std::exception& failure) {

@@ -225,7 +225,7 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 void Server::Impl::build_workers(std::vector<Body> bodies) {
   const SharedParts shared{*map_, *scene_, clock_, recorder_, events_};
   ServerConfig recorded = config_;
-  recorded.operators.token.clear();
+  recorded.operators = {};
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
     const BodySensors& sensors = bodies[i].setup.sensors;
@@ -307,7 +307,7 @@ void Server::Impl::serve() {
     log::info("daemon",
               "no right to real-time scheduling: with all cores busy a frame may wait for a "
               "millisecond or two "
-              "(LimitRTPRIO=10 in deploy/fiducapd.service gives it)");
+              "(LimitRTPRIO=10 in the unit fiducapd.service gives it)");
   }
   while (!io_.stopped()) {
     net::guarded(

@@ -132,7 +132,7 @@ void add_control(CLI::App& app, CommandLine& line) {
   auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
   control->require_subcommand(1);
   control->footer(
-      "The server's configuration names the token: operator.token.\n"
+      "The server's configuration names the token: operator.token or operator.token_file.\n"
       "Example:\n  fiducap control disable rover --token SECRET\n  FIDUCAP_TOKEN=SECRET fiducap "
       "control record flight-3");
   auto& a = line.control;

@@ -136,6 +136,19 @@ TEST(Fiducapd, FindsTheShippedDemoUsable) {
   EXPECT_EQ(program.exit_code(), 0) << program.output();
 }
 
+TEST(Fiducapd, RefusesATokenThatOthersCanRead) {
+  const TemporaryFolder folder;
+  const std::string token = folder.file("token");
+  std::ofstream(token) << "correct horse\n";
+  std::filesystem::permissions(token, std::filesystem::perms(0644));
+  for (const char* how : {"--check-config", "--exit-at-end"}) {
+    Program program(with_demo({how, "--set", "operator.token_file=" + token}));
+    EXPECT_EQ(program.exit_code(), 2) << how;
+    EXPECT_THAT(program.output(), HasSubstr("chmod 600"));
+    EXPECT_THAT(program.output(), testing::Not(HasSubstr("correct horse")));
+  }
+}
+
 TEST(Fiducapd, PrintsAConfigurationThatItTakesBack) {
   Program program(with_demo({"--print-config"}));
   ASSERT_EQ(program.exit_code(), 0);

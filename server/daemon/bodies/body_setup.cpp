@@ -7,6 +7,7 @@
 #include "base/log.hpp"
 #include "capture/lens/camera_calibration_file.hpp"
 #include "capture/lens/kalibr_file.hpp"
+#include "daemon/operator_token.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {
@@ -148,6 +149,9 @@ std::vector<ConfigFault> check_files(const ServerConfig& config) {
   std::vector<ConfigFault> faults;
   if (config.bodies.empty())
     faults.push_back({{"bodies", "[]", "must have at least one body"}, ""});
+  if (const auto token = operator_token(config.operators, nullptr); !token)
+    faults.push_back(
+        {{"operator.token_file", config.operators.token_file, token.error().what}, ""});
   for (std::size_t i = 0; i < config.bodies.size(); ++i) {
     const BodyConfig& body = config.bodies[i];
     const auto setup = read_body_setup(body, config.simulation);

@@ -40,6 +40,7 @@ void describe(V& v, StreamingConfig& c) {
 template <class V>
 void describe(V& v, OperatorConfig& c) {
   v.secret("token", c.token);
+  v.path("token_file", c.token_file);
 }
 
 template <class V>

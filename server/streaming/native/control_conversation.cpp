@@ -85,7 +85,8 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
   if (desk_.token().empty()) {
     append(out, {request->sequence,
                  ControlResult::kForbidden,
-                 "this server takes no commands: set operator.token in its configuration",
+                 "this server takes no commands: set operator.token or operator.token_file in its "
+                 "configuration",
                  {},
                  {}});
     return false;

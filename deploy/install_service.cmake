@@ -1,0 +1,25 @@
+# Runs at `cmake --install`, when the prefix is known: the unit with the paths of that prefix, and a first
+# configuration, which is never written over.
+if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
+  set(etc /etc/fiducap)
+else()
+  set(etc ${CMAKE_INSTALL_PREFIX}/etc/fiducap)
+endif()
+
+file(READ ${source}/fiducapd.service unit)
+string(REPLACE "/usr/bin/" "${CMAKE_INSTALL_PREFIX}/bin/" unit "${unit}")
+string(REPLACE "/usr/share/" "${CMAKE_INSTALL_PREFIX}/share/" unit "${unit}")
+string(REPLACE "/etc/fiducap/" "${etc}/" unit "${unit}")
+set(to $ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/lib/systemd/system/fiducapd.service)
+message(STATUS "Installing: ${to}")
+file(WRITE ${to} "${unit}")
+
+set(to $ENV{DESTDIR}${etc}/fiducap.yaml)
+if(EXISTS ${to})
+  message(STATUS "Kept: ${to}")
+else()
+  message(STATUS "Installing: ${to}")
+  file(READ ${source}/fiducap.yaml configuration)
+  string(REPLACE "/usr/share/" "${CMAKE_INSTALL_PREFIX}/share/" configuration "${configuration}")
+  file(WRITE ${to} "${configuration}")
+endif()

@@ -1,0 +1,107 @@
+#include "daemon/operator_token.hpp"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "daemon/control_desk.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr std::size_t kLongestToken = 1024;
+constexpr mode_t kOfOthers = 0027;  // all for strangers, and writing for the group
+
+class TokenFile final {
+ public:
+  // Not blocking: a pipe in its place must not hold the start up.
+  explicit TokenFile(const std::string& path)
+      : number_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {}
+  ~TokenFile() {
+    if (number_ >= 0) ::close(number_);
+  }
+  TokenFile(const TokenFile&) = delete;
+  TokenFile& operator=(const TokenFile&) = delete;
+  [[nodiscard]] int number() const { return number_; }
+
+ private:
+  int number_;
+};
+
+Expected<void> check_owner(const struct stat& file, const std::string& path) {
+  if (!S_ISREG(file.st_mode)) return fail(ErrorCode::kInvalid, "must be a plain file", path);
+  if (file.st_uid != 0 && file.st_uid != ::geteuid())
+    return fail(ErrorCode::kInvalid,
+                "belongs to another user, who could change the token: `chown` it to root or to "
+                "whom the server runs as",
+                path);
+  if ((file.st_mode & kOfOthers) != 0)
+    return fail(ErrorCode::kInvalid,
+                "can be read or changed by others than its owner: `chmod 600` it, and choose a "
+                "new token",
+                path);
+  return {};
+}
+
+Expected<std::string> check_token(std::string_view text, const std::string& path) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.remove_suffix(1);
+  const bool one_line =
+      std::all_of(text.begin(), text.end(), [](unsigned char c) { return c >= 0x20 && c != 0x7f; });
+  if (!one_line) return fail(ErrorCode::kInvalid, "must be one line of printable characters", path);
+  if (!text.empty() && text.size() < kShortestToken)
+    return fail(ErrorCode::kInvalid,
+                "must have at least " + std::to_string(kShortestToken) + " characters, e.g. of " +
+                    "`openssl rand -hex 16`",
+                path);
+  return std::string(text);
+}
+
+}  // namespace
+
+Expected<std::string> read_token_file(const std::string& path) {
+  const TokenFile file(path);
+  struct stat about {};
+  if (file.number() < 0 || ::fstat(file.number(), &about) != 0)
+    return fail(ErrorCode::kNotFound,
+                std::string("the operator's token cannot be read: ") + std::strerror(errno), path);
+  if (const auto good = check_owner(about, path); !good) return tl::unexpected(good.error());
+  std::array<char, kLongestToken + 1> text{};
+  std::size_t size = 0;
+  while (size < text.size()) {
+    const ssize_t got = ::read(file.number(), text.data() + size, text.size() - size);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0)
+      return fail(ErrorCode::kUnavailable,
+                  std::string("the operator's token cannot be read: ") + std::strerror(errno),
+                  path);
+    if (got == 0) return check_token({text.data(), size}, path);
+    size += static_cast<std::size_t>(got);
+  }
+  return fail(ErrorCode::kInvalid, "is too long for a token", path);
+}
+
+Expected<std::string> operator_token(const OperatorConfig& config, const char* credentials) {
+  if (!config.token.empty()) return config.token;
+  if (!config.token_file.empty()) {
+    auto token = read_token_file(config.token_file);
+    if (token && token->empty())
+      return fail(ErrorCode::kInvalid,
+                  "is empty: write a token into it, or leave operator.token_file away",
+                  config.token_file);
+    return token;
+  }
+  if (credentials == nullptr) return std::string();
+  const std::filesystem::path handed = std::filesystem::path(credentials) / "token";
+  std::error_code error;
+  if (!std::filesystem::exists(handed, error)) return std::string();
+  return read_token_file(handed.string());
+}
+
+}  // namespace fiducap

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "base/expected.hpp"
+
+namespace fiducap {
+
+struct OperatorConfig;
+
+inline constexpr std::size_t kShortestToken = 8;
+
+/// The operator's token as a file: one line, printable characters, at least `kShortestToken`.
+/// The file must belong to root or to whom the server runs as, and be closed to all others; its
+/// group may read it. An empty file has an empty token: nobody is the operator.
+/// @return Error naming the file and what to do.
+[[nodiscard]] Expected<std::string> read_token_file(const std::string& path);
+
+/// The token to be used: `token`, else of `token_file`, else of the credential `token` that a
+/// service manager handed over.
+/// @param credentials  folder of such credentials ($CREDENTIALS_DIRECTORY); may be null
+[[nodiscard]] Expected<std::string> operator_token(const OperatorConfig& config,
+                                                   const char* credentials);
+
+}  // namespace fiducap
