@@ -98,8 +98,7 @@ void SampleMerger::push_image(SensorSample sample) {
   }
   newest = at;
   see(at);
-  if ((released_image_ && at < *released_image_) ||
-      (released_imu_before_ && at <= *released_imu_before_)) {
+  if (is_late(at)) {
     ++statistics_.late_dropped;
     return;
   }
@@ -121,7 +120,15 @@ void SampleMerger::set_clock_shift(int camera, Duration shift) {
   for (SensorSample& image : images_) {
     if (camera_of(image) == camera) apply_shift(image, shift);
   }
+  // One that now lies before what was given out came too late, seen from here.
+  statistics_.late_dropped +=
+      std::erase_if(images_, [this](const SensorSample& image) { return is_late(time_of(image)); });
   std::sort(images_.begin(), images_.end(), comes_before);
+}
+
+bool SampleMerger::is_late(Instant image) const {
+  return (released_image_ && image < *released_image_) ||
+         (released_imu_before_ && image <= *released_imu_before_);
 }
 
 void SampleMerger::finish() { finished_ = true; }

@@ -64,6 +64,7 @@ class SampleMerger final {
  private:
   bool push_imu(const ImuSample& sample);
   void push_image(SensorSample sample);
+  [[nodiscard]] bool is_late(Instant image) const;
   SensorSample take_imu();
   SensorSample take_image();
   void see(Instant at);

@@ -66,6 +66,20 @@ TEST_F(SampleMergerTest, AShiftOfTheClockMovesImagesAndIsNotedInThem) {
   EXPECT_EQ(names, (Names{"imu0", "imu5", "imu10", "imu15", "cam0@13"}));
 }
 
+TEST_F(SampleMergerTest, AShiftNeverMovesAWaitingImageBeforeWhatWasGivenOut) {
+  make(false);
+  push(image(0, 1));
+  push(image(10, 0));
+  push(image(12, 1));
+  EXPECT_EQ(drain(), (Names{"cam1@0", "cam0@10"})) << "cam1@12 waits for camera 0";
+  merger_->set_clock_shift(1, milliseconds(-5));
+  push(image(20, 0));
+  EXPECT_EQ(drain(), (Names{})) << "cam1@7 would be older than cam0@10";
+  EXPECT_EQ(merger_->statistics().late_dropped, 1u);
+  push(image(30, 1));
+  EXPECT_EQ(drain(), (Names{"cam0@20"}));
+}
+
 TEST_F(SampleMergerTest, AnImageWaitsForTheImuSampleThatClosesItsInterval) {
   push(imu(0));
   push(image(7));
