@@ -6,13 +6,13 @@
 #include <string_view>
 
 #include "base/byte_reader.hpp"
-#include "capture/ros/encoded_size.hpp"
+#include "capture/encoded_size.hpp"
 #include "capture/ros/ros_image.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;
   const auto bytes = std::as_bytes(std::span(data, size));
-  (void)dds::encoded_size(bytes);
+  (void)encoded_size(bytes);
 
   LittleEndianReader from(bytes);
   CameraModel camera;

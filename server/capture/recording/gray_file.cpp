@@ -1,14 +1,18 @@
 #include "capture/recording/gray_file.hpp"
 
 #include <fstream>
+#include <span>
 #include <string>
 
 #include <opencv2/imgcodecs.hpp>
+
+#include "capture/encoded_size.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr std::uintmax_t kMaxImageFile_bytes = 256 << 20;
+constexpr std::int64_t kMostPixels = 1 << 27;
 
 Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::uint8_t>& bytes) {
   std::error_code error;
@@ -25,9 +29,30 @@ Expected<void> read_bytes(const std::filesystem::path& path, std::vector<std::ui
   return fail(ErrorCode::kUnavailable, "cannot be read", path.string());
 }
 
+/// Nothing when the file may be decoded: an image of a few bytes may ask for gigabytes.
+Expected<void> check_size(const PixelSize& said, const GrayImage* wanted,
+                          const std::filesystem::path& file) {
+  const std::string is = "is " + std::to_string(said.width) + " x " + std::to_string(said.height);
+  if (wanted != nullptr && (said.width != wanted->width || said.height != wanted->height)) {
+    return fail(ErrorCode::kInvalid,
+                is + ", the calibration is for " + std::to_string(wanted->width) + " x " +
+                    std::to_string(wanted->height),
+                file.string());
+  }
+  if (std::int64_t{said.width} * said.height > kMostPixels)
+    return fail(ErrorCode::kInvalid, is + ": no camera has so many pixels", file.string());
+  return {};
+}
+
 /// A rotation tag of a JPEG would turn the image away from its calibration.
-Expected<cv::Mat> decode(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch) {
+/// @param wanted  the size it must have; nullptr: any
+Expected<cv::Mat> decode(const std::filesystem::path& file, std::vector<std::uint8_t>& scratch,
+                         const GrayImage* wanted) {
   if (const auto read = read_bytes(file, scratch); !read) return tl::unexpected(read.error());
+  if (const auto said = encoded_size(std::as_bytes(std::span(scratch)))) {
+    if (const auto fits = check_size(*said, wanted, file); !fits)
+      return tl::unexpected(fits.error());
+  }
   cv::Mat decoded;
   try {
     decoded = cv::imdecode(scratch, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
@@ -36,6 +61,8 @@ Expected<cv::Mat> decode(const std::filesystem::path& file, std::vector<std::uin
   }
   if (decoded.empty())
     return fail(ErrorCode::kInvalid, "is no image that can be read", file.string());
+  if (const auto fits = check_size({decoded.cols, decoded.rows}, wanted, file); !fits)
+    return tl::unexpected(fits.error());
   return decoded;
 }
 
@@ -45,22 +72,15 @@ Expected<void> read_gray_file(const std::filesystem::path& file, std::vector<std
                               GrayImage& out) {
   // Not decoded straight into `out`: OpenCV 4.6 leaves its target untouched, and says nothing, when
   // the bytes are no image.
-  const auto decoded = decode(file, scratch);
+  const auto decoded = decode(file, scratch, &out);
   if (!decoded) return tl::unexpected(decoded.error());
-  if (decoded->cols != out.width || decoded->rows != out.height) {
-    return fail(ErrorCode::kInvalid,
-                "is " + std::to_string(decoded->cols) + " x " + std::to_string(decoded->rows) +
-                    ", the calibration is for " + std::to_string(out.width) + " x " +
-                    std::to_string(out.height),
-                file.string());
-  }
   decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));
   return {};
 }
 
 Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
                                           std::vector<std::uint8_t>& scratch, GrayImage& out) {
-  const auto decoded = decode(file, scratch);
+  const auto decoded = decode(file, scratch, nullptr);
   if (!decoded) return tl::unexpected(decoded.error());
   out.resize(decoded->cols, decoded->rows);
   decoded->copyTo(cv::Mat(out.height, out.width, CV_8UC1, out.pixels.data()));

@@ -9,7 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "capture/ros/encoded_size.hpp"
+#include "capture/encoded_size.hpp"
 
 namespace fiducap::dds {
 

@@ -1,11 +1,11 @@
-#include "capture/ros/encoded_size.hpp"
+#include "capture/encoded_size.hpp"
 
 #include <algorithm>
 #include <array>
 
 #include "base/byte_reader.hpp"
 
-namespace fiducap::dds {
+namespace fiducap {
 
 namespace {
 
@@ -73,4 +73,4 @@ Expected<PixelSize> encoded_size(std::span<const std::byte> image) {
   return fail(ErrorCode::kUnsupported, "is neither JPEG nor PNG");
 }
 
-}  // namespace fiducap::dds
+}  // namespace fiducap

@@ -5,7 +5,7 @@
 
 #include "base/expected.hpp"
 
-namespace fiducap::dds {
+namespace fiducap {
 
 struct PixelSize {
   int width{};
@@ -17,4 +17,4 @@ struct PixelSize {
 /// few bytes may ask for gigabytes.
 [[nodiscard]] Expected<PixelSize> encoded_size(std::span<const std::byte> image);
 
-}  // namespace fiducap::dds
+}  // namespace fiducap

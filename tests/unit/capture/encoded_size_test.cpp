@@ -1,4 +1,4 @@
-#include "capture/ros/encoded_size.hpp"
+#include "capture/encoded_size.hpp"
 
 #include <gmock/gmock.h>
 
@@ -6,7 +6,7 @@
 
 #include "support/hex.hpp"
 
-namespace fiducap::dds {
+namespace fiducap {
 namespace {
 
 std::vector<std::uint8_t> encoded(const std::string& ending, int width, int height,
@@ -53,4 +53,4 @@ TEST(EncodedSize, TellsPicturesFromOtherThings) {
 }
 
 }  // namespace
-}  // namespace fiducap::dds
+}  // namespace fiducap
