@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include "src/clock_sync.hpp"
 #include "src/codec.hpp"
 #include "src/conversation.hpp"
 #include "src/frame_assembler.hpp"
@@ -16,6 +17,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   assembler.begin(9);
   Conversation conversation(kSecond, 5, "fuzz");
   conversation.start(0);
+  ClockSync clock(100);
+  clock.start(0);
   Nanoseconds now = 0;
   while (size >= 2) {
     const std::size_t length = std::size_t{data[0]} | std::size_t{data[1]} << 8;
@@ -41,9 +44,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case MessageKind::kNotice:
         conversation.on(decoder.notice(), now);
         break;
+      case MessageKind::kClockReply:
+        clock.on(decoder.clock_reply(), now);
+        break;
+      case MessageKind::kDiscoveryReply:
+        if (decoder.discovery_reply().body_count < 0) std::abort();
+        break;
       default:
         break;
     }
+    if (now >= clock.due_at()) (void)clock.ask(now);
+    (void)clock.at(now, false);
     conversation.tick(now);
     data += length;
     size -= length;

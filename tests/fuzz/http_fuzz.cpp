@@ -1,0 +1,105 @@
+// Bytes of a stranger to the page's port, through the session that serves it. The first byte
+// chooses: requests in one piece, in two, or frames of a live socket behind a sound upgrade.
+#include <sys/socket.h>
+
+#include <boost/asio/io_context.hpp>
+
+#include "fuzz/memory_file.hpp"
+#include "streaming/net/bind.hpp"
+#include "streaming/web/web_session.hpp"
+#include "support/fake_clock.hpp"
+#include "support/scene_builder.hpp"
+#include "unit/streaming/web/temporary_page.hpp"
+
+namespace {
+
+using namespace fiducap;
+using namespace fiducap::web;
+
+constexpr std::string_view kUpgrade =
+    "GET /api/v1/live HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+    "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+
+struct Page {
+  boost::asio::io_context io;
+  FakeClock clock{instant_from_ns(1'000'000'000)};
+  TemporaryPage files;
+  std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone"});
+  std::shared_ptr<WebDesk> desk =
+      std::make_shared<WebDesk>(config(), sources(), frame->model, clock);
+
+  [[nodiscard]] WebConfig config() const {
+    WebConfig config;
+    config.root = files.root().string();
+    return config;
+  }
+  [[nodiscard]] static WebSources sources() {
+    WebSources sources;
+    sources.clients = [] { return std::vector<ClientStatus>(); };
+    sources.map_mode = [] { return std::string("frozen"); };
+    return sources;
+  }
+};
+
+/// The other end of a session's connection, which is no network.
+class Stranger final {
+ public:
+  explicit Stranger(Page& page) : page_(page) {
+    fuzz::require(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends_) == 0);
+    net::Socket socket(new net::TcpSocket{boost::asio::ip::tcp::socket(page.io)});
+    socket->asio.assign(boost::asio::ip::tcp::v4(), ends_[1]);
+    session_ = make_session(std::move(socket), {0x7f000001, 4000}, page.desk);
+    session_->start();
+  }
+  ~Stranger() {
+    session_->close("left", log::Level::kDebug);
+    session_.reset();
+    ::close(ends_[0]);
+    run();
+    fuzz::require(page_.desk->feed().connections().empty());
+  }
+  Stranger(const Stranger&) = delete;
+  Stranger& operator=(const Stranger&) = delete;
+
+  void say(std::span<const std::byte> bytes) {
+    (void)!::send(ends_[0], bytes.data(), bytes.size(), MSG_NOSIGNAL);
+    run();
+  }
+  /// @return what came, as far as the socket took it
+  std::string_view hear() {
+    const ssize_t size = ::recv(ends_[0], heard_.data(), heard_.size(), 0);
+    return {heard_.data(), size > 0 ? static_cast<std::size_t>(size) : 0};
+  }
+  void tick() { session_->tick(page_.clock.now()), run(); }
+
+ private:
+  void run() {
+    page_.io.restart();
+    page_.io.poll();
+  }
+
+  Page& page_;
+  int ends_[2]{};
+  std::shared_ptr<WebSession> session_;
+  static inline std::array<char, 1 << 16> heard_{};
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static Page page;
+  const fuzz::Chosen input(data, size, 3);
+  Stranger stranger(page);
+  if (input.which == 2) {
+    stranger.say(std::as_bytes(std::span(kUpgrade)));
+    fuzz::require(stranger.hear().starts_with("HTTP/1.1 101 "));
+  }
+  const std::size_t cut = input.which == 1 ? input.bytes.size() / 2 : input.bytes.size();
+  stranger.say(input.bytes.first(cut));
+  page.desk->feed().publish(page.frame);
+  stranger.tick();
+  stranger.say(input.bytes.subspan(cut));
+  const auto answer = stranger.hear();
+  if (input.which != 2) fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  return 0;
+}

@@ -1,0 +1,69 @@
+#!/usr/bin/env bash
+# What ./dev fuzz does once the targets are built: run.sh PROGRAMS SECONDS KEEP PROCESSES TARGET…
+# Each target runs for SECONDS from the kept corpus and what earlier runs found; at the end a table, and exit code 1
+# when anything was found. KEEP=1: the corpora are chosen anew from all inputs, see choose.py.
+set -eu
+programs=$1 seconds=$2 keep=$3 processes=$4
+shift 4
+here=$(cd "$(dirname "$0")" && pwd)
+work=$programs/../corpus findings=$programs/../findings logs=$programs/../logs
+mkdir -p "$work" "$findings" "$logs"
+# What is slower than this is as good as hanging; what needs this much memory for so few bytes, a leak.
+limits="-timeout=20 -rss_limit_mb=2048 -malloc_limit_mb=512"
+export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=1:handle_abort=1 UBSAN_OPTIONS=print_stacktrace=1
+
+# The longest input that is tried: a datagram, a connection's first packets, a small file.
+longest() {
+  case $1 in
+    map_store_fuzz) echo 24576 ;;
+    *yaml_fuzz | config_fuzz | calibration_fuzz) echo 3072 ;;
+    *) echo 1500 ;;
+  esac
+}
+
+fuzz_one() {
+  local target=$1 dictionary=$here/dictionaries/$1.dict
+  local words=()
+  [ -f "$dictionary" ] && words=("-dict=$dictionary")
+  mkdir -p "$work/$target" "$findings/$target"
+  # shellcheck disable=SC2086
+  "$programs/$target" "$work/$target" "$here/corpus/$target" "${words[@]}" $limits -max_total_time="$seconds" \
+    -max_len="$(longest "$target")" -len_control=20 -print_final_stats=1 -artifact_prefix="$findings/$target/" \
+    >"$logs/$target.log" 2>&1 || true
+}
+
+row() {
+  local log=$logs/$1.log
+  local runs speed edges kept found
+  runs=$(awk '/^stat::number_of_executed_units/ {print $2}' "$log" | tail -1)
+  # A target that ended early has no statistics; its last status line has the count.
+  [ -n "$runs" ] || runs=$(grep -aoE '^#[0-9]+' "$log" | tail -1 | tr -d '#')
+  speed=$(grep -aoE 'exec/s: [0-9]+' "$log" | tail -1 | tr -dc 0-9)
+  edges=$(grep -aoE 'cov: [0-9]+' "$log" | tail -1 | tr -dc 0-9)
+  kept=$(find "$work/$1" -type f | wc -l)
+  found=$(find "$findings/$1" -type f | wc -l)
+  printf '%-22s %13s %9s %7s %7s %8s\n' "$1" "${runs:--}" "${speed:--}" "${edges:--}" "$kept" "$found"
+}
+
+running=0
+for target in "$@"; do
+  fuzz_one "$target" &
+  running=$((running + 1))
+  if [ "$running" -ge "$processes" ]; then
+    wait -n
+    running=$((running - 1))
+  fi
+done
+wait
+
+printf '%-22s %13s %9s %7s %7s %8s\n' target executions per_s edges corpus findings
+for target in "$@"; do row "$target"; done
+
+if [ "$keep" = 1 ]; then
+  for target in "$@"; do "$here/choose.py" "$programs/$target" "$here/corpus/$target" "$work/$target"; done
+fi
+unsound=$(find "${@/#/$findings/}" -type f)
+[ -z "$unsound" ] || {
+  printf 'findings; each becomes a corpus entry when it is mended:\n%s\n' "$unsound"
+  exit 1
+}
