@@ -329,6 +329,11 @@ void NativeServer::answer(const net::UdpServer::Datagram& request) {
     follow_profiles();
     send_model(reply.profile, from);
   }
+  if (reply.instead_of) {
+    log::warning("native", net::text_of(*reply.instead_of) +
+                               " udp is forgotten: its address has the most clients or profiles "
+                               "and others want one");
+  }
   if (reply.event == Registry::Event::kNone) return;
   log::info("native", net::text_of(from) + " udp" +
                           (reply.event == Registry::Event::kJoined ? " subscribed" : " left"));

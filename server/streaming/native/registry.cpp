@@ -1,6 +1,9 @@
 #include "streaming/native/registry.hpp"
 
 #include <algorithm>
+#include <iterator>
+#include <limits>
+#include <vector>
 
 namespace fiducap::native {
 
@@ -68,27 +71,27 @@ Registry::Reply Registry::receive(std::span<const std::byte> datagram, const Pee
 Registry::Reply Registry::on(const SubscribeRequest& request, const Peer& from,
                              std::uint64_t model_generation, std::size_t bytes_in, Instant now) {
   if (!mint_.accepts(request.token, from, now)) return challenge(request, from, bytes_in, now);
-  Subscriber* subscriber = find(from);
-  Event event = Event::kNone;
-  if (subscriber == nullptr) {
+  if (!request.profile) return refuse(request, NoticeReason::kProfileInvalid, bytes_in);
+  std::optional<Peer> instead_of;
+  const bool joins = find(from) == nullptr;
+  if (joins) {
     if (!limiter_.allow(mint_.address_hash(from), now)) {
       ++unanswered_.too_often;
       return {};
     }
     expire(now);
-    if (const auto reason = reason_to_refuse(from)) return refuse(request, *reason, bytes_in);
+    if (const auto reason = make_room(from, instead_of)) return refuse(request, *reason, bytes_in);
   }
-  if (!request.profile) return refuse(request, NoticeReason::kProfileInvalid, bytes_in);
-  const auto profile = profiles_.grant(*request.profile);
+  const auto profile = grant(*request.profile, from, instead_of);
   if (!profile) return refuse(request, NoticeReason::kProfilesFull, bytes_in);
-  if (subscriber == nullptr) {
-    subscriber = &subscribers_.emplace_back();
-    subscriber->peer = from;
-    subscriber->since = now;
-    event = Event::kJoined;
+  if (joins) {
+    Subscriber& newcomer = subscribers_.emplace_back();
+    newcomer.peer = from;
+    newcomer.since = now;
   }
-  Reply reply = renew(*subscriber, request, *profile, model_generation, now);
-  reply.event = event;
+  Reply reply = renew(*find(from), request, *profile, model_generation, now);
+  reply.event = joins ? Event::kJoined : Event::kNone;
+  reply.instead_of = instead_of;
   return reply;
 }
 
@@ -179,13 +182,68 @@ Registry::Reply Registry::challenge(const SubscribeRequest& request, const Peer&
   return {std::move(answer), false, 0, Event::kNone};
 }
 
-std::optional<NoticeReason> Registry::reason_to_refuse(const Peer& from) const {
-  if (subscribers_.size() >= static_cast<std::size_t>(limits_.max_clients))
-    return NoticeReason::kServerFull;
-  const auto same = std::count_if(subscribers_.begin(), subscribers_.end(),
-                                  [&](const Subscriber& s) { return s.peer.same_address(from); });
+std::optional<NoticeReason> Registry::make_room(const Peer& from, std::optional<Peer>& instead_of) {
+  std::vector<Peer> holders;
+  for (const Subscriber& s : subscribers_) holders.push_back(s.peer);
+  const auto same = std::count_if(holders.begin(), holders.end(),
+                                  [&](const Peer& other) { return other.same_address(from); });
   if (same >= limits_.max_clients_per_address) return NoticeReason::kAddressFull;
+  const auto place = net::place_for(from, holders, static_cast<std::size_t>(limits_.max_clients));
+  if (!place.is_there) return NoticeReason::kServerFull;
+  if (place.instead_of) {
+    instead_of =
+        forget_newest([&](const Subscriber& s) { return s.peer.same_address(*place.instead_of); });
+  }
   return std::nullopt;
+}
+
+/// Who asked for it first.
+std::optional<Peer> Registry::holder_of(std::uint32_t profile) const {
+  const auto first = std::find_if(subscribers_.begin(), subscribers_.end(),
+                                  [&](const Subscriber& s) { return s.profile == profile; });
+  return first == subscribers_.end() ? std::nullopt : std::optional(first->peer);
+}
+
+std::uint32_t Registry::spare_profile_of(const Peer& address) const {
+  std::uint32_t spare = 0;
+  auto fewest = std::numeric_limits<std::ptrdiff_t>::max();
+  for (const auto& granted : profiles_.profiles()) {
+    const auto holder = holder_of(granted.number);
+    if (!holder || !holder->same_address(address)) continue;
+    const auto others =
+        std::count_if(subscribers_.begin(), subscribers_.end(), [&](const Subscriber& s) {
+          return s.profile == granted.number && !s.peer.same_address(address);
+        });
+    if (others > fewest) continue;
+    fewest = others;
+    spare = granted.number;  // of equal ones the newest: numbers count up
+  }
+  return spare;
+}
+
+std::optional<std::uint32_t> Registry::grant(const Profile& profile, const Peer& from,
+                                             std::optional<Peer>& instead_of) {
+  if (const auto number = profiles_.grant(profile)) return number;
+  std::vector<Peer> holders;
+  for (const auto& granted : profiles_.profiles()) {
+    if (const auto holder = holder_of(granted.number)) holders.push_back(*holder);
+  }
+  const auto place = net::place_for(from, holders, holders.size());
+  if (!place.instead_of) return std::nullopt;
+  const std::uint32_t spare = spare_profile_of(*place.instead_of);
+  while (const auto gone = forget_newest([&](const Subscriber& s) { return s.profile == spare; }))
+    instead_of = gone;
+  return profiles_.grant(profile);
+}
+
+template <typename MayGo>
+std::optional<Peer> Registry::forget_newest(MayGo&& may_go) {
+  const auto newest = std::find_if(subscribers_.rbegin(), subscribers_.rend(), may_go);
+  if (newest == subscribers_.rend()) return std::nullopt;
+  const Peer gone = newest->peer;
+  subscribers_.erase(std::next(newest).base());
+  prune_profiles();
+  return gone;
 }
 
 Registry::Reply Registry::refuse(const SubscribeRequest& request, NoticeReason reason,

@@ -58,7 +58,8 @@ struct Unanswered {
 ///
 /// Nothing is remembered about an address before it returned a token, and it is answered at most
 /// once per question, never with more bytes than came. At most `max_clients` are remembered; the
-/// lease ends those that fall silent.
+/// lease ends those that fall silent. When places or profiles are short, the address with the most
+/// gives one up (`net::place_for`).
 class Registry final {
  public:
   /// @param key, session  random for each start of the server; session is not 0
@@ -75,6 +76,7 @@ class Registry final {
     bool send_model{};  ///< All Model datagrams of `profile` follow the answer.
     std::uint32_t profile{};
     Event event{Event::kNone};
+    std::optional<Peer> instead_of{};  ///< Forgotten, because its address has the most of all.
   };
   [[nodiscard]] Reply receive(std::span<const std::byte> datagram, const Peer& from,
                               std::uint64_t model_generation, Instant now);
@@ -101,7 +103,17 @@ class Registry final {
   void prune_profiles();
   [[nodiscard]] Reply challenge(const SubscribeRequest& request, const Peer& from,
                                 std::size_t bytes_in, Instant now);
-  [[nodiscard]] std::optional<NoticeReason> reason_to_refuse(const Peer& from) const;
+  /// A place for one more client of this address.
+  [[nodiscard]] std::optional<NoticeReason> make_room(const Peer& from,
+                                                      std::optional<Peer>& instead_of);
+  /// Its number, also when another address has to give up a profile for it.
+  [[nodiscard]] std::optional<std::uint32_t> grant(const Profile& profile, const Peer& from,
+                                                   std::optional<Peer>& instead_of);
+  [[nodiscard]] std::optional<Peer> holder_of(std::uint32_t profile) const;
+  /// The profile of this address that the fewest others use.
+  [[nodiscard]] std::uint32_t spare_profile_of(const Peer& address) const;
+  template <typename MayGo>
+  [[nodiscard]] std::optional<Peer> forget_newest(MayGo&& may_go);
   [[nodiscard]] Reply refuse(const SubscribeRequest& request, NoticeReason reason,
                              std::size_t bytes_in) const;
   [[nodiscard]] Subscriber* find(const Peer& peer);

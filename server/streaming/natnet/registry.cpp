@@ -86,17 +86,16 @@ bool Registry::make_place(const Peer& peer, Instant now) {
   }
   const auto here = std::count_if(clients.begin(), clients.end(),
                                   [&](const Peer& other) { return other.same_address(peer); });
-  const bool full = static_cast<std::ptrdiff_t>(clients.size()) >= limits_.max_clients;
+  const net::Place place =
+      net::place_for(peer, clients, static_cast<std::size_t>(limits_.max_clients));
   const bool full_here = !peer.is_loopback() && here >= limits_.max_clients_per_address;
-  if (!full && !full_here) return true;
+  if (place.is_there && !place.instead_of && !full_here) return true;
   const Subscriber* silent =
       quietest([&](const Subscriber& s) { return !full_here || s.peer.same_address(peer); });
   if (silent != nullptr && now - silent->heard_at > kReplaceableAfter) return remove(silent->peer);
-  if (full_here) return false;
-  const auto greediest = net::greediest_address(clients, here + 2);
-  if (!greediest) return false;
+  if (full_here || !place.instead_of) return false;
   return remove(
-      quietest([&](const Subscriber& s) { return s.peer.same_address(*greediest); })->peer);
+      quietest([&](const Subscriber& s) { return s.peer.same_address(*place.instead_of); })->peer);
 }
 
 template <typename MayGo>

@@ -134,13 +134,13 @@ TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
   const std::vector<Peer> all = holders();
   const auto same = std::count_if(all.begin(), all.end(),
                                   [&](const Peer& other) { return other.same_address(peer); });
-  const bool full = static_cast<std::ptrdiff_t>(all.size()) >= limits.max_clients;
   const bool full_here =
       limits.max_clients_per_address > 0 && same >= limits.max_clients_per_address;
-  if (!full && !full_here) return {true};
-  const auto greediest = full_here ? std::nullopt : greediest_address(all, same + 2);
-  if (greediest) {
-    if (auto spare = newest_of(*greediest)) return {true, std::move(spare)};
+  if (!full_here) {
+    const Place place = place_for(peer, all, static_cast<std::size_t>(limits.max_clients));
+    if (place.is_there && !place.instead_of) return {true};
+    auto spare = place.instead_of ? newest_of(*place.instead_of) : nullptr;
+    if (spare) return {true, std::move(spare)};
   }
   complain_about_room(peer, all.size(), same);
   return {false};

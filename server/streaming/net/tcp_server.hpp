@@ -30,7 +30,8 @@ struct TcpLimits {
 /// them. What a session throws ends that session; accepting and ticking go on.
 ///
 /// Nobody keeps others out by holding many places: when all are taken, the address with the most
-/// loses its newest session to an address that has at least two fewer.
+/// loses its newest session to an address that has at least two fewer, and to the operator at the
+/// machine itself (`place_for`).
 ///
 /// Nothing of it is called after `stop`, whatever still waits in the I/O queue.
 class TcpServer final {

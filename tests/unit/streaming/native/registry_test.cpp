@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 
 #include "base/log.hpp"
@@ -78,6 +79,22 @@ class RegistryTest : public testing::Test {
   std::uint64_t join(const Peer& from) {
     return parse(say(subscribe(challenge(from)), from).datagram).lease().token();
   }
+
+  /// One client with a profile that nobody else has. @return what it was told
+  v1::Envelope join_with_rate(const Peer& from, int rate_hz) {
+    v1::Profile profile;
+    profile.set_max_rate_hz(static_cast<float>(rate_hz));
+    return parse(say(subscribe_as(challenge(from), profile), from).datagram);
+  }
+  void give_room(int clients) {
+    registry_ = Registry{RegistryLimits{clients, clients, kLease}, {1, 2}, kSession};
+  }
+  [[nodiscard]] std::ptrdiff_t clients_of(const Peer& address) const {
+    const auto all = registry_.subscribers();
+    return std::count_if(all.begin(), all.end(),
+                         [&](const Subscriber& s) { return s.peer.same_address(address); });
+  }
+  static constexpr int kProfiles = static_cast<int>(ProfileTable::kMost);
 
   Instant now_ = instant_from_ns(50'000'000'000);
   Registry registry_{RegistryLimits{4, 2, kLease}, {1, 2}, kSession};
@@ -275,6 +292,54 @@ TEST_F(RegistryTest, GrantsProfilesAndForgetsThemWithTheirUsers) {
   now_ += kLease;
   EXPECT_EQ(registry_.expire(now_), 1u);
   EXPECT_TRUE(registry_.profiles().empty());
+}
+
+TEST_F(RegistryTest, OneAddressDoesNotKeepAllProfilesFromOthers) {
+  give_room(64);
+  for (int i = 0; i < kProfiles; ++i)
+    ASSERT_TRUE(join_with_rate(peer(static_cast<std::uint16_t>(1000 + i)), 1 + i).has_lease());
+  EXPECT_TRUE(join_with_rate(peer(1000, 2), 101).has_lease());
+  EXPECT_EQ(clients_of(peer(0)), kProfiles - 1) << "the greedy address gives one up";
+  EXPECT_EQ(registry_.profiles().size(), ProfileTable::kMost);
+  const auto back = join_with_rate(peer(1099), 102);
+  EXPECT_EQ(back.notice().reason(), v1::Notice::REASON_PROFILES_FULL) << "and gets none back";
+}
+
+TEST_F(RegistryTest, AProfileThatOthersUseIsNotTheOneThatIsGivenUp) {
+  give_room(64);
+  for (int i = 0; i < kProfiles; ++i)
+    ASSERT_TRUE(join_with_rate(peer(static_cast<std::uint16_t>(1000 + i)), 1 + i).has_lease());
+  ASSERT_TRUE(join_with_rate(peer(1000, 3), kProfiles).has_lease());  // shares the newest
+  ASSERT_TRUE(join_with_rate(peer(1000, 2), 101).has_lease());
+  EXPECT_EQ(clients_of(peer(0, 3)), 1);
+  EXPECT_EQ(clients_of(peer(0)), kProfiles - 1);
+}
+
+TEST_F(RegistryTest, EveryAddressWithOneProfileKeepsIt) {
+  give_room(64);
+  for (int i = 0; i < kProfiles; ++i)
+    ASSERT_TRUE(join_with_rate(peer(1000, static_cast<std::uint8_t>(1 + i)), 1 + i).has_lease());
+  const auto late = join_with_rate(peer(1000, 100), 101);
+  EXPECT_EQ(late.notice().reason(), v1::Notice::REASON_PROFILES_FULL);
+}
+
+TEST_F(RegistryTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
+  ASSERT_NE(join(peer(1000)), 0u);
+  ASSERT_NE(join(peer(1001)), 0u);
+  ASSERT_NE(join(peer(1000, 2)), 0u);
+  ASSERT_NE(join(peer(1001, 2)), 0u);
+  const auto token = challenge(peer(1000, 3));
+  const auto reply = say(subscribe(token), peer(1000, 3));
+  EXPECT_EQ(reply.event, Registry::Event::kJoined);
+  EXPECT_EQ(reply.instead_of, peer(1001));
+  EXPECT_EQ(registry_.subscribers().size(), 4u);
+}
+
+TEST_F(RegistryTest, TheOperatorAtTheMachineGetsAPlaceOfManyWhoHaveOne) {
+  for (std::uint8_t host = 1; host <= 4; ++host) ASSERT_NE(join(peer(1000, host)), 0u);
+  EXPECT_EQ(join(peer(1000, 5)), 0u);
+  EXPECT_NE(join(Peer{0x7f000001, 1000}), 0u);
+  EXPECT_EQ(registry_.subscribers().size(), 4u);
 }
 
 TEST_F(RegistryTest, RefusesProfilesItDoesNotKnow) {

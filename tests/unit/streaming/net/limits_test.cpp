@@ -1,0 +1,59 @@
+#include "streaming/net/limits.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+namespace fiducap::net {
+namespace {
+
+constexpr std::uint32_t kLoopback = 0x7f000001;
+
+Peer remote(std::uint32_t host, std::uint16_t port = 1) { return {0x0a000000 + host, port}; }
+
+TEST(PlaceFor, AFreePlaceIsEverybodys) {
+  const std::vector<Peer> holders(3, remote(1));
+  const Place place = place_for(remote(1), holders, 4);
+  EXPECT_TRUE(place.is_there);
+  EXPECT_FALSE(place.instead_of);
+}
+
+TEST(PlaceFor, TheGreediestAddressGivesOneToWhoHasTwoFewer) {
+  const std::vector<Peer> holders{remote(1), remote(1), remote(1), remote(2)};
+  EXPECT_TRUE(place_for(remote(2), holders, 4).instead_of->same_address(remote(1)));
+  EXPECT_TRUE(place_for(remote(3), holders, 4).instead_of->same_address(remote(1)));
+  EXPECT_FALSE(place_for(remote(1), holders, 4).is_there);
+}
+
+TEST(PlaceFor, WhoeverHasOneKeepsItButForTheOperatorAtTheMachine) {
+  const std::vector<Peer> holders{remote(1), remote(2), remote(3), remote(4)};
+  EXPECT_FALSE(place_for(remote(5), holders, 4).is_there);
+  EXPECT_TRUE(place_for({kLoopback, 1}, holders, 4).is_there);
+  EXPECT_FALSE(place_for({kLoopback, 1}, holders, 4).instead_of->is_loopback());
+}
+
+TEST(PlaceFor, TheOperatorsPlacesAreAtMostAHalf) {
+  const std::vector<Peer> holders{remote(1), remote(2), {kLoopback, 1}, {kLoopback, 2}};
+  EXPECT_FALSE(place_for({kLoopback, 3}, holders, 4).is_there);
+}
+
+TEST(PlaceFor, TheOperatorsPlacesAreFewWhereThereAreMany) {
+  std::vector<Peer> holders;
+  for (std::uint32_t i = 1; i <= 20; ++i) holders.push_back(remote(i));
+  for (std::ptrdiff_t i = 0; i < kOperatorPlaces; ++i) {
+    const Place place = place_for({kLoopback, 1}, holders, 20);
+    ASSERT_TRUE(place.instead_of);
+    std::erase(holders, *place.instead_of);
+    holders.push_back({kLoopback, 1});
+  }
+  EXPECT_FALSE(place_for({kLoopback, 1}, holders, 20).is_there);
+}
+
+TEST(PlaceFor, LocalClientsDoNotKeepEachOtherOut) {
+  const std::vector<Peer> holders(4, Peer{kLoopback, 1});
+  EXPECT_FALSE(place_for({kLoopback, 9}, holders, 4).is_there);
+  EXPECT_TRUE(place_for(remote(1), holders, 4).is_there);
+}
+
+}  // namespace
+}  // namespace fiducap::net
