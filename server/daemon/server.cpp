@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -56,6 +57,7 @@ class Server::Impl final {
       : config_(config),
         options_(options),
         clock_(clock),
+        work_(io_.get_executor()),
         goodbye_(io_),
         signals_(io_),
         bodies_(clock),
@@ -95,6 +97,7 @@ class Server::Impl final {
   Instant simulation_start_{};
   EventBoard events_{utc_now_ns};
   boost::asio::io_context io_{1};
+  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
   boost::asio::steady_timer goodbye_;
   boost::asio::signal_set signals_;
   std::mutex joining_;

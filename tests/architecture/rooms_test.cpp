@@ -53,6 +53,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"streaming/web", {"conventions", "net"}},
     {"daemon/config", {}},
     {"daemon/bodies", {"config"}},
+    {"daemon/watch", {"bodies"}},
     {"tools/tags", {}},
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},

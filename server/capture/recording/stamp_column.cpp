@@ -38,8 +38,8 @@ std::vector<std::uint32_t> longest_in_order(const std::vector<Stamp>& stamps) {
   return chain;
 }
 
-/// From and to of the largest group of stamps without a gap of more than an hour; the earlier one of
-/// two.
+/// From and to of the largest group of stamps without a gap of more than an hour; of two the
+/// earlier one.
 std::pair<std::int64_t, std::int64_t> largest_group(std::vector<std::int64_t> ns) {
   std::sort(ns.begin(), ns.end());
   std::pair<std::size_t, std::size_t> best{0, 0};

@@ -15,7 +15,8 @@ namespace fiducap {
 /// stamp may not cost the lines around it.
 ///
 /// Left out are groups of stamps that lie more than an hour from the largest group, and then the
-/// fewest lines without which time never goes back. Reading needs no memory while time goes forward.
+/// fewest lines without which time never goes back. Reading needs no memory while time goes
+/// forward.
 class StampColumn final {
  public:
   [[nodiscard]] static Expected<StampColumn> read(const std::filesystem::path& path);

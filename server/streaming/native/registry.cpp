@@ -5,6 +5,8 @@
 #include <limits>
 #include <vector>
 
+#include "streaming/net/places.hpp"
+
 namespace fiducap::native {
 
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "streaming/net/limits.hpp"
+#include "streaming/net/places.hpp"
 
 namespace fiducap::natnet {
 

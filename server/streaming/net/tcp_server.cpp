@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "streaming/net/bind.hpp"
-#include "streaming/net/limits.hpp"
+#include "streaming/net/places.hpp"
 #include "streaming/net/standing_wait.hpp"
 
 namespace fiducap::net {

@@ -74,7 +74,8 @@ TEST_F(RecordingTest, AWrongStampOfACornerCostsItsOwnLineOnly) {
       "1000000000000,5,0,1,2,3,4,5,6,7,8\n1000100000000,5,0,1,2,3,4,5,6,7,8\n"
       "5,5,0,1,2,3,4,5,6,7,8\n1000300000000,5,0,1,2,3,4,5,6,7,8\n");
   std::vector<std::size_t> tags;
-  for (const SensorSample& sample : play()) tags.push_back(std::get<CornerFrame>(sample).tags.size());
+  for (const SensorSample& sample : play())
+    tags.push_back(std::get<CornerFrame>(sample).tags.size());
   EXPECT_THAT(tags, ElementsAre(1, 1, 0, 1));
 }
 

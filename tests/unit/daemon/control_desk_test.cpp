@@ -26,7 +26,7 @@ class ControlDeskTest : public testing::Test {
   MapBuilder map_;
   SessionRecorder recorder_;
   int commits_{0};
-  ControlDesk desk_{{"correct horse"}, scene_, map_, recorder_, [this] { ++commits_; }};
+  ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, [this] { ++commits_; }};
 };
 
 TEST_F(ControlDeskTest, KnowsTheOperatorByTheTokenAlone) {

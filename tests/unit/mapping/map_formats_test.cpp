@@ -38,7 +38,7 @@ TagMap random_map(unsigned seed) {
   return map;
 }
 
-// Placed one by one where they belong, so many tags took minutes: the test's time limit would end it.
+// Placed one by one where they belong, so many tags took minutes: the time limit would end it.
 TEST(MapCsv, TagsInDescendingOrderAreSortedAtOnce) {
   constexpr int kTags = 150'000;
   std::string text = "id,size,px,py,pz,qw,qx,qy,qz\n";

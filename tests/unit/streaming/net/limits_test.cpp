@@ -1,4 +1,5 @@
 #include "streaming/net/limits.hpp"
+#include "streaming/net/places.hpp"
 
 #include <gtest/gtest.h>
 
