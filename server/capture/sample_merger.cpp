@@ -47,7 +47,7 @@ bool comes_before(const SensorSample& a, const SensorSample& b) {
 
 }  // namespace
 
-SampleMerger::SampleMerger(const MergerConfig& config) : config_(config) {
+SampleMerger::SampleMerger(const MergerConfig& config) : config_(config), gate_(config.jump) {
   FIDUCAP_ASSERT(config.cameras >= 0 && config.cameras <= kMostCameras);
   FIDUCAP_ASSERT(config.max_images > 0 && config.max_imu > 0 && config.window > Duration{0});
   if (config_.has_imu) imu_.resize(config_.max_imu);
@@ -56,16 +56,31 @@ SampleMerger::SampleMerger(const MergerConfig& config) : config_(config) {
 
 bool SampleMerger::push(SensorSample sample) {
   FIDUCAP_ASSERT(!finished_);
-  if (const auto* imu = std::get_if<ImuSample>(&sample)) return !config_.has_imu || push_imu(*imu);
-  push_image(std::move(sample));
-  return true;
-}
-
-bool SampleMerger::push_imu(const ImuSample& sample) {
-  if (!sample.w_WB_B.allFinite() || !sample.f_B.allFinite()) {
+  if (!config_.has_imu && std::holds_alternative<ImuSample>(sample)) return true;
+  if (!is_good(sample)) {
     ++statistics_.bad_dropped;
     return true;
   }
+  bool has_room = true;
+  for (SensorSample& admitted : gate_.take(std::move(sample)))
+    has_room = admit(std::move(admitted)) && has_room;
+  return has_room;
+}
+
+bool SampleMerger::is_good(const SensorSample& sample) const {
+  if (const auto* imu = std::get_if<ImuSample>(&sample))
+    return imu->w_WB_B.allFinite() && imu->f_B.allFinite();
+  const int camera = camera_of(sample);
+  return camera >= 0 && camera < config_.cameras && is_sound(sample);
+}
+
+bool SampleMerger::admit(SensorSample sample) {
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) return admit_imu(*imu);
+  admit_image(std::move(sample));
+  return true;
+}
+
+bool SampleMerger::admit_imu(const ImuSample& sample) {
   if (newest_imu_ && sample.sampled_at <= *newest_imu_) {
     ++statistics_.backwards_dropped;
     return true;
@@ -83,12 +98,8 @@ bool SampleMerger::push_imu(const ImuSample& sample) {
   return true;
 }
 
-void SampleMerger::push_image(SensorSample sample) {
+void SampleMerger::admit_image(SensorSample sample) {
   const int camera = camera_of(sample);
-  if (camera < 0 || camera >= config_.cameras || !is_sound(sample)) {
-    ++statistics_.bad_dropped;
-    return;
-  }
   apply_shift(sample, clock_shift_[static_cast<std::size_t>(camera)]);
   const Instant at = time_of(sample);
   std::optional<Instant>& newest = newest_image_[static_cast<std::size_t>(camera)];
@@ -131,7 +142,16 @@ bool SampleMerger::is_late(Instant image) const {
          (released_imu_before_ && image <= *released_imu_before_);
 }
 
-void SampleMerger::finish() { finished_ = true; }
+void SampleMerger::finish() {
+  for (SensorSample& admitted : gate_.finish()) (void)admit(std::move(admitted));
+  finished_ = true;
+}
+
+MergerStatistics SampleMerger::statistics() const {
+  MergerStatistics all = statistics_;
+  all.far_dropped = gate_.dropped();
+  return all;
+}
 
 std::optional<SensorSample> SampleMerger::pop() {
   if (image_is_due()) return take_image();

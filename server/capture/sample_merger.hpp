@@ -7,17 +7,18 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "capture/jump_gate.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {
-
-constexpr int kMostCameras = 16;  ///< Of one body.
 
 struct MergerConfig {
   bool has_imu{true};
   int cameras{kMostCameras};  ///< So many the body has; images of others are bad.
   Duration window{std::chrono::milliseconds(
       250)};  ///< An image waits at most this long (in sample time) for its IMU samples.
+  Duration jump{std::chrono::seconds(
+      1)};  ///< A sample further ahead of all others waits for confirmation, see JumpGate.
   std::size_t max_images{8};  ///< More images than this waiting: the oldest goes.
   std::size_t max_imu{4096};  ///< More IMU samples than this waiting: the body is lost.
 };
@@ -27,6 +28,7 @@ struct MergerStatistics {
   std::uint64_t images_dropped{};     ///< Queue full, the oldest went.
   std::uint64_t late_dropped{};       ///< Older than what was already released.
   std::uint64_t backwards_dropped{};  ///< Time of one sensor did not increase.
+  std::uint64_t far_dropped{};        ///< Far ahead, and its sensor's next sample was not.
   std::uint64_t bad_dropped{};        ///< NaN or infinite numbers, or no such camera.
   std::uint64_t
       imu_waits_expired{};  ///< Image released without the IMU sample that closes its interval.
@@ -59,11 +61,13 @@ class SampleMerger final {
   void finish();
   /// @return nullopt when the next sample must still wait.
   [[nodiscard]] std::optional<SensorSample> pop();
-  [[nodiscard]] const MergerStatistics& statistics() const { return statistics_; }
+  [[nodiscard]] MergerStatistics statistics() const;
 
  private:
-  bool push_imu(const ImuSample& sample);
-  void push_image(SensorSample sample);
+  [[nodiscard]] bool is_good(const SensorSample& sample) const;
+  bool admit(SensorSample sample);
+  bool admit_imu(const ImuSample& sample);
+  void admit_image(SensorSample sample);
   [[nodiscard]] bool is_late(Instant image) const;
   SensorSample take_imu();
   SensorSample take_image();
@@ -77,6 +81,7 @@ class SampleMerger final {
 
   MergerConfig config_;
   MergerStatistics statistics_;
+  JumpGate gate_;
   std::vector<ImuSample> imu_;  ///< Ring of max_imu.
   std::size_t imu_begin_{0};
   std::size_t imu_waiting_{0};

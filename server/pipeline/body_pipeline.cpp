@@ -17,6 +17,7 @@ namespace {
 constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
 // A tag unseen for so long has left the view.
 constexpr Duration kOutOfView = std::chrono::seconds(2);
+constexpr Duration kPauseOfImages = std::chrono::seconds(10);
 // A body that should have an IMU is told about after so long without a reading.
 constexpr Duration kSilent = std::chrono::milliseconds(500);
 
@@ -44,6 +45,8 @@ MergerConfig merger_of(const PipelineSetup& setup) {
   config.has_imu = setup.sensors.imu.has_value();
   config.cameras = static_cast<int>(setup.sensors.cameras.size());
   config.max_images = images_within_window(setup);
+  // An IMU tells the time without pauses; images alone may have pauses.
+  if (!config.has_imu) config.jump = std::max(config.jump, kPauseOfImages);
   return config;
 }
 

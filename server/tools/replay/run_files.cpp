@@ -181,6 +181,7 @@ nlohmann::ordered_json body_report(const RunBody& body) {
            {{"images_queue_full", s.merger.images_dropped},
             {"late", s.merger.late_dropped},
             {"backwards", s.merger.backwards_dropped},
+            {"far_ahead", s.merger.far_dropped},
             {"bad_numbers", s.merger.bad_dropped},
             {"images_without_closing_imu", s.merger.imu_waits_expired}}}};
 }

@@ -206,13 +206,28 @@ TEST_F(SampleMergerTest, NumbersThatAreNoNumbersAreDroppedAndCounted) {
   EXPECT_EQ(merger_->statistics().bad_dropped, 7u);
 }
 
-TEST_F(SampleMergerTest, WithoutImuASingleCameraNeverWaits) {
+TEST_F(SampleMergerTest, WithoutImuASingleCameraWaitsForItsSecondImageOnly) {
   make(false);
   push(imu(1));  // unused
   push(image(5));
-  EXPECT_EQ(drain(), (Names{"cam0@5"}));
   push(image(55));
-  EXPECT_EQ(drain(), (Names{"cam0@55"}));
+  EXPECT_EQ(drain(), (Names{"cam0@5", "cam0@55"}));
+  push(image(105));
+  EXPECT_EQ(drain(), (Names{"cam0@105"}));
+}
+
+TEST_F(SampleMergerTest, AStampFromTheFutureDoesNotSilenceTheRest) {
+  std::size_t out = 0;
+  push(imu(1e9));
+  for (double t = 0; t <= 400; t += 10) {
+    push(imu(t == 200 ? 2e9 : t));
+    push(image(t == 100 ? 3e9 : t));
+    out += drain().size();
+  }
+  merger_->finish();
+  EXPECT_EQ(out + drain().size(), 40u + 40u);
+  EXPECT_EQ(merger_->statistics().far_dropped, 3u);
+  EXPECT_EQ(merger_->statistics().backwards_dropped + merger_->statistics().late_dropped, 0u);
 }
 
 TEST_F(SampleMergerTest, WithoutImuImagesOfSeveralCamerasComeByTime) {
