@@ -115,6 +115,7 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
   filter_->propagate(imu);
   if (search_) search_->add_imu(imu);
   doubts_.add(imu);
+  plausibility_.add(imu);
   imu_at_ = imu.sampled_at;
   ++statistics_.imu_samples;
 }
@@ -127,6 +128,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   update_.events.clear();
   observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
           update_.seen);
+  plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
   update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
@@ -224,6 +226,7 @@ void BodyPipeline::note_events() {
   if (report.tags_rejected > 0 && report.tags_used == 0) note(BodyEvent::Kind::kImageRejected);
   for (const int tag_id : report.named_dropped()) note(BodyEvent::Kind::kTagDropped, tag_id);
   note_imu();
+  note_imu_faults();
   std::string doubt =
       doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known);
   if (doubt.empty()) return;
@@ -244,6 +247,13 @@ void BodyPipeline::note_imu() {
           ? "the IMU is silent: images are used without it, poses between them are guesses. Look "
             "at its cable, driver and clock"
           : "the IMU is back";
+}
+
+void BodyPipeline::note_imu_faults() {
+  while (const auto fault = plausibility_.take_news()) {
+    note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful);
+    update_.events.back().text = text_of(*fault);
+  }
 }
 
 /// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a

@@ -12,6 +12,7 @@
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
+#include "pipeline/imu_plausibility.hpp"
 #include "pipeline/tag_doubts.hpp"
 
 namespace fiducap {
@@ -97,6 +98,7 @@ class BodyPipeline final {
   void note_carried();
   void note_events();
   void note_imu();
+  void note_imu_faults();
   void note(BodyEvent::Kind kind, int tag_id = -1);
 
   PipelineSetup setup_;
@@ -105,6 +107,7 @@ class BodyPipeline final {
   std::optional<GuidedSearch>
       search_;  // built with the first image: recordings of corners need none
   TagDoubts doubts_;
+  ImuPlausibility plausibility_;
   std::optional<SensorSample> next_;
   BodyUpdate update_;
   PipelineStatistics statistics_;

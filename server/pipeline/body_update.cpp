@@ -20,6 +20,10 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "imu_silent";
     case BodyEvent::Kind::kImuBack:
       return "imu_back";
+    case BodyEvent::Kind::kImuUnusable:
+      return "imu_unusable";
+    case BodyEvent::Kind::kImuDoubtful:
+      return "imu_doubtful";
     case BodyEvent::Kind::kDoubt:
       return "doubt";
   }

@@ -22,12 +22,14 @@ struct BodyEvent {
     kTagDropped,     ///< `tag_id` kept contradicting the others.
     kImuSilent,      ///< Images come, IMU readings do not: `text` says what follows.
     kImuBack,        ///< … and they come again.
+    kImuUnusable,    ///< Its readings cannot be in the right unit: `text` says what they look like.
+    kImuDoubtful,    ///< They look odd: `text` says how.
     kDoubt,          ///< Tags do not fit together: `text` says how.
   } kind{Kind::kDoubt};
   Instant at{};
   int tag_id{-1};
   Pose shift;        ///< Of kGaugeShift.
-  std::string text;  ///< Of kDoubt and the two about the IMU.
+  std::string text;  ///< Of kDoubt and those about the IMU.
 };
 
 /// `anchored`, `gauge_shift`, …

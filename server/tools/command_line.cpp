@@ -9,6 +9,7 @@
 #include "tools/live/doctor_command.hpp"
 #include "tools/live/watch_command.hpp"
 #include "tools/positive_number.hpp"
+#include "tools/replay/check_command.hpp"
 #include "tools/replay/evaluate_command.hpp"
 #include "tools/replay/replay_command.hpp"
 #include "tools/replay/simulate_command.hpp"
@@ -21,6 +22,7 @@ namespace {
 /// The arguments of all verbs and what is to be run.
 struct CommandLine {
   ReplayArguments replay;
+  CheckArguments check;
   EvaluateArguments evaluate;
   WatchArguments watch;
   DoctorArguments doctor;
@@ -55,6 +57,7 @@ void add_replay(CLI::App& app, CommandLine& line) {
   verb->add_option("--set", a.sets,
                    "Override one key of the configuration; may be given several times")
       ->allow_extra_args(false);
+  verb->add_flag("--anyway", a.anyway, "Run also what `fiducap check` calls unusable");
   verb->add_flag("--json", a.json, "Print report.json instead of words");
   verb->footer(
       "Example:\n"
@@ -62,6 +65,16 @@ void add_replay(CLI::App& app, CommandLine& line) {
       "  fiducap evaluate results/hall.tum recordings/hall\n"
       "  fiducap replay drone rover arm --together --out results");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_replay(a, t); }; });
+}
+
+void add_check(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand(
+      "check", "Can this recording be used? Stamps, clocks, units of the IMU, order of corners");
+  verb->add_option("RECORDING", line.check.recordings, "Folders in the EuRoC/ASL layout")
+      ->required();
+  verb->footer("Fails when a recording is unusable.\nExample:\n  fiducap check recordings/hall");
+  verb->callback(
+      [&line] { line.chosen = [&line](const Terminal& t) { return run_check(line.check, t); }; });
 }
 
 void add_evaluate(CLI::App& app, CommandLine& line) {
@@ -272,6 +285,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_watch(app, line);
   add_doctor(app, line);
   add_control(app, line);
+  add_check(app, line);
   add_replay(app, line);
   add_evaluate(app, line);
   add_map(app, line);

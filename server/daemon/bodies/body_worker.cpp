@@ -209,11 +209,26 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
     shared_.events.end(name_, "failed", "is tracked again");
   }
   for (const BodyEvent& event : update.events) {
-    if (event.text.empty()) continue;
-    const bool good = event.kind == BodyEvent::Kind::kImuBack;
-    log::write(good ? log::Level::kInfo : log::Level::kWarning, "estimation",
-               name_ + ": " + event.text);
+    if (event.text.empty() || tell_of_imu(event)) continue;
+    log::warning("estimation", name_ + ": " + event.text);
   }
+}
+
+bool BodyWorker::tell_of_imu(const BodyEvent& event) {
+  using Kind = BodyEvent::Kind;
+  const bool silent = event.kind == Kind::kImuSilent;
+  const bool unusable = event.kind == Kind::kImuUnusable;
+  if (event.kind == Kind::kImuBack) {
+    shared_.events.end(name_, "imu_silent", event.text);
+  } else if (silent || unusable || event.kind == Kind::kImuDoubtful) {
+    shared_.events.begin({.severity = unusable ? Severity::kError : Severity::kWarning,
+                          .subject = name_,
+                          .kind = silent ? "imu_silent" : "imu_readings",
+                          .text = event.text});
+  } else {
+    return false;
+  }
+  return true;
 }
 
 std::uint64_t BodyWorker::images_left_out() const {

@@ -10,6 +10,7 @@
 
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_streams.hpp"
+#include "pipeline/imu_plausibility.hpp"
 #include "tools/calibrate/svg_chart.hpp"
 #include "tools/whole_file.hpp"
 
@@ -33,13 +34,17 @@ Expected<std::vector<ImuSample>> read_imu(const std::string& folder, const Termi
   auto stream = ImuStream::open(*layout, RecordingInfo{});
   if (!stream) return tl::unexpected(stream.error());
   std::vector<ImuSample> samples;
+  ImuPlausibility plausibility;
   ProgressLine line(terminal);
   while (const auto sample = stream->next()) {
     samples.push_back(std::get<ImuSample>(*sample));
+    plausibility.add(samples.back());
     if (samples.size() % 10000 == 0)
       line.show("reading " + folder + ": " + std::to_string(samples.size()) + " samples");
   }
   stream->log_damage();
+  if (const auto fault = plausibility.take_news(); fault && is_fatal(*fault))
+    return fail(ErrorCode::kInvalid, std::string(text_of(*fault)), layout->imu_csv().string());
   return samples;
 }
 

@@ -118,6 +118,8 @@ int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
                              "the run of another recording?",
                              arguments.tum});
   terminal.out << (arguments.json ? evaluation_json(*evaluation) : evaluation_text(*evaluation));
+  if (const auto mismatch = mismatch_of(*evaluation))
+    return report(terminal, {ErrorCode::kInvalid, *mismatch, arguments.recording});
   return kExitOk;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "base/text.hpp"
 #include "daemon/system_clock.hpp"
 #include "detection/tag_detector.hpp"
 #include "tools/replay/run_files.hpp"
@@ -118,21 +119,42 @@ class UsableCorners final {
   std::optional<TagDetector> detector_;
 };
 
-Expected<ReprojectionSummary> reproject(RecordingInfo info, const RunResults& run) {
+std::vector<StampedPose> poses_of(const Reference& reference) {
+  std::vector<StampedPose> poses;
+  for (const TruthSample& sample : reference.poses) poses.push_back({sample.at, sample.X_WB});
+  return poses;
+}
+
+/// Run and truth against the corners that were seen.
+Expected<void> reproject(RecordingInfo info, const RunResults& run, const Reference& reference,
+                         Evaluation& evaluation) {
   info.imu.reset();
   const SystemClock clock;
   const auto source = open_recording(info, {}, clock);
   if (!source) return tl::unexpected(source.error());
   std::vector<CameraMount> cameras = info.cameras;
-  for (std::size_t k = 0; k < cameras.size(); ++k) cameras[k].X_BV = run.X_BV[k];
+  std::vector<CameraMount> true_cameras = info.cameras;
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    cameras[k].X_BV = run.X_BV[k];
+    if (k < reference.X_BV.size()) true_cameras[k].X_BV = reference.X_BV[k];
+    evaluation.image_width_px = std::max(evaluation.image_width_px, cameras[k].model.width);
+  }
   ReprojectionMeter meter(std::move(cameras), run.trajectory, run.map);
+  const std::vector<StampedPose> true_poses = poses_of(reference);
+  ReprojectionMeter truth(std::move(true_cameras), true_poses, reference.map);
   UsableCorners corners(info);
   for (;;) {
     auto sample = (*source)->next({});
     if (!sample) return tl::unexpected(sample.error());
-    if (!*sample) return meter.summary();
-    if (!std::holds_alternative<ImuSample>(**sample)) meter.add(corners.of(std::move(**sample)));
+    if (!*sample) break;
+    if (std::holds_alternative<ImuSample>(**sample)) continue;
+    const CornerFrame frame = corners.of(std::move(**sample));
+    meter.add(frame);
+    truth.add(frame);
   }
+  evaluation.reprojection = meter.summary();
+  if (truth.summary().scored > 0) evaluation.truth_reprojection = truth.summary();
+  return {};
 }
 
 }  // namespace
@@ -167,10 +189,25 @@ Expected<Evaluation> evaluate(const RunResults& run, const std::string& recordin
   if (!reference) return tl::unexpected(reference.error());
   Evaluation evaluation;
   compare(*info, run, *reference, evaluation);
-  const auto reprojection = reproject(*info, run);
-  if (!reprojection) return tl::unexpected(reprojection.error());
-  evaluation.reprojection = *reprojection;
+  if (auto done = reproject(*info, run, *reference, evaluation); !done)
+    return tl::unexpected(done.error());
   return evaluation;
+}
+
+std::optional<std::string> mismatch_of(const Evaluation& evaluation) {
+  // Even a poor calibration is ten times better.
+  constexpr double kNotTheseImages = 0.03;
+  const double limit_px = kNotTheseImages * evaluation.image_width_px;
+  const auto off = [](double px) { return "the tags are seen " + fixed(px, 0) + " px (median) "; };
+  const auto& truth = evaluation.truth_reprojection;
+  if (truth && truth->median_px > limit_px)
+    return off(truth->median_px) +
+           "from where the truth has them: the truth is that of another recording, or of another "
+           "clock";
+  if (evaluation.reprojection.scored > 0 && evaluation.reprojection.median_px > limit_px)
+    return off(evaluation.reprojection.median_px) +
+           "from where the run has them: it is the run of another recording, or it went wrong";
+  return std::nullopt;
 }
 
 }  // namespace fiducap

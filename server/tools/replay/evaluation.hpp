@@ -38,10 +38,17 @@ struct Evaluation {
   std::optional<PoseErrors> fitted_map;  ///< After a rigid fit over all tags: the shape alone.
   std::optional<PoseErrors> extrinsics;  ///< All cameras, against truth/extrinsics.yaml.
   ReprojectionSummary reprojection;
+  /// Of the truth's own poses, tags and extrinsics, where the recording has them all.
+  std::optional<ReprojectionSummary> truth_reprojection;
+  int image_width_px{};  ///< Of the widest camera.
 };
 
 /// The part before this is left out of pose errors: a filter may need a moment to find its biases.
 inline constexpr Duration kSettling = std::chrono::seconds(5);
+
+/// @return why the numbers mean nothing: the run, or the truth, is not of these images; nullopt:
+/// they do
+[[nodiscard]] std::optional<std::string> mismatch_of(const Evaluation& evaluation);
 
 /// @return Error when the recording cannot be read
 [[nodiscard]] Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording);

@@ -1,5 +1,6 @@
 #include "tools/replay/replay_command.hpp"
 
+#include <algorithm>
 #include <filesystem>
 
 #include <yaml-cpp/yaml.h>
@@ -7,6 +8,7 @@
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/system_clock.hpp"
+#include "tools/replay/check_command.hpp"
 #include "tools/replay/run_files.hpp"
 #include "tools/replay/session_folder.hpp"
 #include "tools/tags/map_file.hpp"
@@ -203,12 +205,43 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments, c
                << " " << first.info.folder << "\n";
 }
 
-/// A replay that gives no pose is not done.
-int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& session) {
+/// What is recorded of a session is repeated as it was, good or bad.
+Expected<void> check_inputs(const ReplayArguments& arguments, const Inputs& inputs,
+                            const Terminal& terminal) {
+  for (const Input& input : inputs.bodies) {
+    const auto usable = require_usable(input.info, terminal);
+    if (usable) continue;
+    if (!arguments.anyway && !inputs.is_session)
+      return fail(usable.error().code, usable.error().what + " (--anyway runs it all the same)",
+                  usable.error().context);
+    terminal.err << "fiducap: warning: " << usable.error().text() << "\n";
+  }
+  return {};
+}
+
+void print_imu_events(const Terminal& terminal, const std::string& name,
+                      const OfflineResult& result) {
+  for (const BodyEvent& event : result.events)
+    if (event.kind == BodyEvent::Kind::kImuUnusable || event.kind == BodyEvent::Kind::kImuDoubtful)
+      terminal.err << "fiducap: warning: " << name << ": " << event.text << "\n";
+}
+
+bool imu_is_unusable(const OfflineResult& result) {
+  return std::any_of(result.events.begin(), result.events.end(), [](const BodyEvent& event) {
+    return event.kind == BodyEvent::Kind::kImuUnusable;
+  });
+}
+
+/// A replay that gives no pose, or poses of nonsense, is not done.
+int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& session,
+          bool anyway) {
   int exit_code = kExitOk;
   for (std::size_t i = 0; i < inputs.bodies.size(); ++i) {
     const OfflineStatistics& s = session.bodies[i].statistics;
     const std::string& folder = inputs.bodies[i].info.folder;
+    print_imu_events(terminal, inputs.bodies[i].info.name, session.bodies[i]);
+    if (imu_is_unusable(session.bodies[i]) && !inputs.is_session && !anyway)
+      exit_code = kExitFailed;
     if (s.frames == 0)
       exit_code =
           report(terminal, {ErrorCode::kNotFound, "has neither images nor detections", folder});
@@ -239,6 +272,8 @@ int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
                              ""});
   const auto inputs = read_inputs(arguments);
   if (!inputs) return report(terminal, inputs.error());
+  if (auto usable = check_inputs(arguments, *inputs, terminal); !usable)
+    return report(terminal, usable.error());
   if (auto free = check_run_folder(arguments.out); !free) return report(terminal, free.error());
   std::vector<OfflineBody> bodies;
   std::vector<RunBody> written;
@@ -266,7 +301,7 @@ int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
   } else {
     print_summary(terminal, arguments, *inputs, *session);
   }
-  return judge(terminal, *inputs, *session);
+  return judge(terminal, *inputs, *session, arguments.anyway);
 }
 
 }  // namespace fiducap

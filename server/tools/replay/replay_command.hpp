@@ -17,6 +17,7 @@ struct ReplayArguments {
   std::string filter;  ///< Empty: the default of OfflineSetup.
   std::vector<std::string> sets;
   bool together{false};  ///< Several robots over one live map.
+  bool anyway{false};    ///< Also what the check calls unusable.
   bool json{false};
 };
 

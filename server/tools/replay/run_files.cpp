@@ -237,6 +237,9 @@ TagMap run_map(std::span<const RunBody> bodies) {
 std::string no_pose_text(const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
   const std::string so_many = std::to_string(s.frames) + " images, no pose: ";
+  for (const BodyEvent& event : result.events)
+    if (event.kind == BodyEvent::Kind::kImuUnusable || event.kind == BodyEvent::Kind::kImuSilent)
+      return so_many + event.text;
   if (s.frames_with_tags == 0)
     return so_many + "no tag was found in any of them. Look at tags.family and at the images";
   if (s.tags_used == 0 && result.tags.empty())

@@ -101,6 +101,36 @@ TEST_F(BodyWorkerTest, GivesTheFilterImuReadingsAndImagesInItsOrder) {
   EXPECT_EQ(log_.updated[0].tags[0].tag_id, 4);
 }
 
+TEST_F(BodyWorkerTest, AnImuInAnotherUnitIsAConditionOfTheBody) {
+  std::vector<SensorSample> samples;
+  for (int t = 1000; t < 6000; t += 10) {
+    samples.emplace_back(ImuSample{ms(t), Eigen::Vector3d::Zero(), {0, 0, 1}});
+    if (t % 100 == 0) samples.emplace_back(frame_at(ms(t)));
+  }
+  build(std::move(samples));
+  run();
+  const auto standing = events_.standing();
+  ASSERT_EQ(standing.size(), 1u);
+  EXPECT_EQ(standing[0].kind, "imu_readings");
+  EXPECT_EQ(standing[0].severity, Severity::kError);
+  EXPECT_THAT(standing[0].text, testing::HasSubstr("9.80665"));
+}
+
+TEST_F(BodyWorkerTest, ASilentImuIsAConditionUntilItIsBack) {
+  std::vector<SensorSample> samples;
+  for (int t = 1000; t < 9000; t += 10) {
+    if (t < 2000 || t > 7000) samples.emplace_back(imu_at(ms(t)));
+    if (t % 100 == 0) samples.emplace_back(frame_at(ms(t)));
+  }
+  build(std::move(samples));
+  run();
+  std::vector<std::string> told;
+  for (const Event& event : events_.after(0))
+    if (event.kind == "imu_silent") told.push_back(event.over ? "back" : "silent");
+  EXPECT_THAT(told, ElementsAre("silent", "back"));
+  EXPECT_THAT(events_.standing(), testing::IsEmpty());
+}
+
 TEST_F(BodyWorkerTest, TellsTheFilterWhereSeenTagsAreThatTheMapKnows) {
   start_.tags = {{known_tag(4), TagState::kCalibrated, 0, 0, 0, 0},
                  {known_tag(9), TagState::kCalibrated, 0, 0, 0, 0}};

@@ -95,6 +95,15 @@ TEST_F(BodyPipelineTest, ImagesGoOnWithoutAnImuThatFellSilentAndThatIsSaid) {
   }
 }
 
+TEST_F(BodyPipelineTest, AnImuInAnotherUnitIsSaidOnce) {
+  BodyPipeline pipeline(setup_);
+  for (int t = 0; t < 10'000; t += 5) {
+    push(pipeline, ImuSample{ms(t), Eigen::Vector3d::Zero(), {0, 0, 1}});
+    if (t % 50 == 0) push(pipeline, frame_at(t));
+  }
+  EXPECT_EQ(count(BodyEvent::Kind::kImuUnusable), 1);
+}
+
 TEST_F(BodyPipelineTest, SaysThatTheMotionIsLostOnce) {
   BodyPipeline pipeline(setup_);
   for (int t = 0; t < 12'000; t += 5) {

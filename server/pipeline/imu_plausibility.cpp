@@ -1,0 +1,131 @@
+#include "pipeline/imu_plausibility.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "base/so3.hpp"
+#include "detection/tag_pose.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+// 400 forces then take four seconds at least: longer than a jump or a shake.
+constexpr Duration kForceStep = std::chrono::milliseconds(10);
+// Between two looks: long enough for a turn, short enough for a gyro with a bias.
+constexpr Duration kShortestTurn = std::chrono::milliseconds(240);
+constexpr Duration kLongestTurn = std::chrono::milliseconds(1000);
+// The gyro is not known over a pause.
+constexpr Duration kLongestStep = std::chrono::milliseconds(100);
+// One tag's attitude is good to a degree or two.
+constexpr double kSmallestTurn_rad = 3 * kDegree;
+constexpr double kTolerance_rad = 1.5 * kDegree;
+constexpr double kTolerance = 0.25;
+constexpr int kVotes = 8;
+constexpr int kMostLooks = 400;
+
+bool explains(double turned_rad, double seen_rad) {
+  return std::abs(turned_rad - seen_rad) < kTolerance_rad + kTolerance * seen_rad;
+}
+
+std::optional<ImuFault> fault_of_force(double median_m_s2) {
+  if (median_m_s2 < 0.4) return ImuFault::kForceWithoutGravity;
+  if (median_m_s2 > 0.7 && median_m_s2 < 1.5) return ImuFault::kForceInG;
+  if (median_m_s2 > 700 && median_m_s2 < 1500) return ImuFault::kForceInMilliG;
+  if (median_m_s2 < 6.5 || median_m_s2 > 16) return ImuFault::kForceUnlikely;
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string_view text_of(ImuFault fault) {
+  switch (fault) {
+    case ImuFault::kForceInG:
+      return "the accelerometer seems to give g: its median is about 1, expected are m/s² (9.81 at "
+             "rest). Multiply its readings by 9.80665";
+    case ImuFault::kForceInMilliG:
+      return "the accelerometer seems to give thousandths of g: its median is about 1000, expected "
+             "are m/s² (9.81 at rest). Multiply its readings by 0.00980665";
+    case ImuFault::kForceWithoutGravity:
+      return "the accelerometer shows no gravity: its median is about 0, expected is 9.81 m/s² at "
+             "rest. Take its raw readings, not the linear acceleration of an attitude filter, or "
+             "look at the sensor";
+    case ImuFault::kForceUnlikely:
+      return "the accelerometer's median is far from gravity (9.81 m/s²). Look at its unit, its "
+             "range and its scale";
+    case ImuFault::kRateInDegreesPerSecond:
+      return "the gyro seems to give degrees per second: its turns are 57 times those that the "
+             "tags show; expected are rad/s. Multiply its readings by 0.0174533";
+  }
+  return {};
+}
+
+bool is_fatal(ImuFault fault) { return fault != ImuFault::kForceUnlikely; }
+
+void ImuPlausibility::add(const ImuSample& imu) {
+  if (forces_ < kForces && (!last_force_at_ || imu.sampled_at - *last_force_at_ >= kForceStep)) {
+    last_force_at_ = imu.sampled_at;
+    forces_m_s2_[forces_++] = imu.f_B.norm();
+    if (forces_ == kForces) judge_forces();
+  }
+  if (rates_are_judged()) return;
+  const std::optional<ImuSample> before = std::exchange(last_, imu);
+  if (!before) return;
+  const Duration step = imu.sampled_at - before->sampled_at;
+  if (step > kLongestStep || step <= Duration{0}) return look_.reset();
+  const Eigen::Vector3d turn = 0.5 * to_seconds(step) * (before->w_WB_B + imu.w_WB_B);
+  turned_ = (turned_ * exp_so3(turn)).normalized();
+  turned_by_degrees_ = (turned_by_degrees_ * exp_so3(kDegree * turn)).normalized();
+}
+
+void ImuPlausibility::judge_forces() {
+  const auto middle = forces_m_s2_.begin() + kForces / 2;
+  std::nth_element(forces_m_s2_.begin(), middle, forces_m_s2_.end());
+  force_news_ = fault_of_force(*middle);
+}
+
+bool ImuPlausibility::rates_are_judged() const {
+  return for_radians_ >= kVotes || for_degrees_ >= kVotes || looks_ >= kMostLooks;
+}
+
+void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera) {
+  if (rates_are_judged() || !last_ || seen.tags.empty()) return;
+  if (look_ && seen.exposed_at - look_->at < kShortestTurn) return;
+  if (look_ && seen.exposed_at - look_->at > kLongestTurn) look_.reset();
+  if (look_ && look_->camera != seen.camera) return;
+  const auto same =
+      std::find_if(seen.tags.begin(), seen.tags.end(),
+                   [&](const TagObservation& tag) { return look_ && tag.tag_id == look_->tag_id; });
+  const bool again = same != seen.tags.end();
+  const TagObservation& tag = again ? *same : seen.tags.front();
+  ++looks_;
+  const Look now{seen.camera,
+                 tag.tag_id,
+                 seen.exposed_at,
+                 solve_tag_pose(tag, camera)[0].X_VT.q,
+                 turned_,
+                 turned_by_degrees_};
+  if (again) compare(*look_, now);
+  look_ = now;
+}
+
+void ImuPlausibility::compare(const Look& before, const Look& now) {
+  const double seen_rad = angle_between(before.q_VT.conjugate(), now.q_VT.conjugate());
+  if (seen_rad < kSmallestTurn_rad) return;
+  const double turned_rad = angle_between(before.turned, now.turned);
+  const double by_degrees_rad = angle_between(before.turned_by_degrees, now.turned_by_degrees);
+  const bool radians = explains(turned_rad, seen_rad);
+  const bool degrees = explains(by_degrees_rad, seen_rad);
+  if (radians == degrees) return;
+  ++(radians ? for_radians_ : for_degrees_);
+  if (for_degrees_ == kVotes) rate_news_ = ImuFault::kRateInDegreesPerSecond;
+}
+
+std::optional<ImuFault> ImuPlausibility::take_news() {
+  if (force_news_) return std::exchange(force_news_, std::nullopt);
+  return std::exchange(rate_news_, std::nullopt);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string_view>
+
+#include <Eigen/Geometry>
+
+#include "capture/imu_sample.hpp"
+#include "capture/lens/camera_model.hpp"
+#include "detection/tag_observation.hpp"
+
+namespace fiducap {
+
+/// What an IMU's readings say about their units.
+enum class ImuFault {
+  kForceInG,              ///< Specific force around 1: in g.
+  kForceInMilliG,         ///< … around 1000: in thousandths of g.
+  kForceWithoutGravity,   ///< … around 0: gravity was taken out, or the sensor is dead.
+  kForceUnlikely,         ///< … far from gravity in another way.
+  kRateInDegreesPerSecond,///< Turns are 57 times those that the tags show.
+};
+
+/// With the fault what is probably wrong and what to do, as one sentence.
+[[nodiscard]] std::string_view text_of(ImuFault fault);
+/// Nothing sensible comes of such readings.
+[[nodiscard]] bool is_fatal(ImuFault fault);
+
+/// Physics against units: looks at an IMU's first seconds.
+///
+/// The specific force of what moves by hand, on wheels or in the air has its median near gravity.
+/// The turn between two images is known from a tag that both show, whatever its size and place; the
+/// gyro is compared with it as it is and as if it gave degrees. Turns below three degrees say
+/// nothing. Looks at a tag four times a second at most, and no more once it knows: no allocation
+/// from then on.
+class ImuPlausibility final {
+ public:
+  void add(const ImuSample& imu);
+  /// An image, in the order of SampleMerger: after the IMU samples before it.
+  void add(const TagObservations& seen, const CameraModel& camera);
+
+  /// What was found since the last call; each fault once.
+  [[nodiscard]] std::optional<ImuFault> take_news();
+
+ private:
+  static constexpr std::size_t kForces = 400;
+
+  /// The attitude of one camera against one tag.
+  struct Look {
+    int camera{};
+    int tag_id{};
+    Instant at{};
+    Eigen::Quaterniond q_VT{};
+    /// The gyro's turn since the first sample, as it is and read as degrees.
+    Eigen::Quaterniond turned{};
+    Eigen::Quaterniond turned_by_degrees{};
+  };
+  void judge_forces();
+  void compare(const Look& before, const Look& now);
+  [[nodiscard]] bool rates_are_judged() const;
+
+  std::array<double, kForces> forces_m_s2_{};
+  std::size_t forces_{0};
+  std::optional<ImuFault> force_news_;
+
+  std::optional<ImuSample> last_;
+  std::optional<Instant> last_force_at_;
+  Eigen::Quaterniond turned_{Eigen::Quaterniond::Identity()};
+  Eigen::Quaterniond turned_by_degrees_{Eigen::Quaterniond::Identity()};
+  std::optional<Look> look_;
+  int looks_{0};
+  int for_radians_{0};
+  int for_degrees_{0};
+  std::optional<ImuFault> rate_news_;
+};
+
+}  // namespace fiducap
