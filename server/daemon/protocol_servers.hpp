@@ -6,23 +6,20 @@
 
 #include "base/clock.hpp"
 #include "daemon/config/config_file.hpp"
+#include "daemon/stream_loop.hpp"
 #include "middleware/participant.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/operator_desk.hpp"
-#include "streaming/stream_hub.hpp"
-
-namespace boost::asio {
-class io_context;
-}
 
 namespace fiducap {
 
 /// Where the protocols really listen (a configured 0 is any free port); 0: not served.
 using ServerPorts = ProtocolPorts;
 
-/// What the protocol servers live on; everything outlives the hub.
+/// What the protocol servers live on; everything outlives the two loops.
 struct ProtocolParts {
-  boost::asio::io_context& io;
+  StreamLoop& frames;
+  StreamLoop& pages;  ///< For those whose configuration says `kCanWait`.
   const ServerConfig& config;
   std::shared_ptr<const SceneModel> model;
   OperatorDesk& desk;
@@ -31,9 +28,9 @@ struct ProtocolParts {
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
 };
 
-/// Starts every enabled protocol and gives it to the hub. One of `streaming.optional` that cannot
+/// Starts every enabled protocol in its loop. One of `streaming.optional` that cannot
 /// start is a warning with the remedy, any other an error.
-[[nodiscard]] Expected<ServerPorts> start_protocols(const ProtocolParts& parts, StreamHub& hub);
+[[nodiscard]] Expected<ServerPorts> start_protocols(const ProtocolParts& parts);
 
 /// Where each protocol of a configuration that has a port listens, and what its clients receive.
 [[nodiscard]] std::vector<ServedProtocol> served_protocols(const StreamingConfig& streaming);

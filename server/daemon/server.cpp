@@ -1,12 +1,7 @@
 #include "daemon/server.hpp"
 
 #include <algorithm>
-#include <atomic>
-#include <boost/asio/executor_work_guard.hpp>
-#include <boost/asio/io_context.hpp>
-#include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
-#include <boost/asio/steady_timer.hpp>
 #include <csignal>
 #include <exception>
 #include <mutex>
@@ -20,18 +15,15 @@
 #include "daemon/bodies/body_threads.hpp"
 #include "daemon/bodies/reopening_source.hpp"
 #include "daemon/control_desk.hpp"
-#include "daemon/frame_mailbox.hpp"
 #include "daemon/map_start.hpp"
 #include "daemon/protocol_servers.hpp"
 #include "daemon/publisher.hpp"
 #include "daemon/session_recorder.hpp"
+#include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
 #include "daemon/watch/health_watch.hpp"
 #include "scene/scene.hpp"
-#include "streaming/net/guard.hpp"
-#include "streaming/net/standing_wait.hpp"
-#include "streaming/stream_hub.hpp"
 
 namespace fiducap {
 
@@ -39,8 +31,6 @@ namespace {
 
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
 constexpr std::chrono::seconds kLastCommit{1};
-constexpr std::chrono::milliseconds kBreath{10};    // before a lost wait is tried again
-constexpr std::chrono::milliseconds kGoodbye{100};  // for what the protocols still want to say
 
 /// Without them there is no filter, so no body either.
 bool knows_lenses(const BodySetup& setup) {
@@ -57,9 +47,6 @@ class Server::Impl final {
       : config_(config),
         options_(options),
         clock_(clock),
-        work_(io_.get_executor()),
-        goodbye_(io_),
-        signals_(io_),
         bodies_(clock),
         recorder_(config.recorder) {}
 
@@ -87,7 +74,6 @@ class Server::Impl final {
   Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
-  void say_goodbye();
   void give_up();
   bool shut_down();
 
@@ -96,10 +82,6 @@ class Server::Impl final {
   const Clock& clock_;
   Instant simulation_start_{};
   EventBoard events_{utc_now_ns};
-  boost::asio::io_context io_{1};
-  boost::asio::executor_work_guard<boost::asio::io_context::executor_type> work_;
-  boost::asio::steady_timer goodbye_;
-  boost::asio::signal_set signals_;
   std::mutex joining_;
   std::shared_ptr<dds::Participant> participant_;
   std::optional<MapBuilder> map_;
@@ -108,13 +90,13 @@ class Server::Impl final {
   std::optional<MapKeeper> keeper_;
   SessionRecorder recorder_;
   std::optional<ControlDesk> desk_;
-  StreamHub hub_;
+  StreamLoop frames_{"streaming"};
+  StreamLoop pages_{"pages"};
+  boost::asio::signal_set signals_{frames_.io()};
   ServerPorts ports_;
-  std::optional<FrameMailbox> mailbox_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
-  std::atomic<bool> stopping_{false};
-  bool said_goodbye_{false};
+  std::jthread paging_;
   std::jthread keeping_;
   std::jthread recording_;
   std::jthread publishing_;
@@ -248,18 +230,17 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports = start_protocols(
-      {io_, config_, scene_->model(), *desk_, events_, clock_, [this] { return join_dds(); }},
-      hub_);
+  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
+                                [this] { return join_dds(); }});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
-  mailbox_.emplace(io_, [this](const std::shared_ptr<const SceneFrame>& frame) {
-    hub_.publish(frame);
-    watch_->delivered(frame);
-  });
-  publisher_.emplace(
-      config_.streaming.rate_hz, *scene_, *map_, clock_,
-      [this](std::shared_ptr<const SceneFrame> frame) { mailbox_->put(std::move(frame)); });
+  frames_.on_delivered(
+      [this](const std::shared_ptr<const SceneFrame>& frame) { watch_->delivered(frame); });
+  publisher_.emplace(config_.streaming.rate_hz, *scene_, *map_, clock_,
+                     [this](const std::shared_ptr<const SceneFrame>& frame) {
+                       frames_.put(frame);
+                       if (!pages_.hub().empty()) pages_.put(frame);
+                     });
   watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
     watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->pulse());
@@ -280,6 +261,12 @@ void Server::Impl::start_threads() {
     log::info("daemon", "every source has ended");
     if (options_.exit_at_end) stop();
   });
+  if (!pages_.hub().empty()) {
+    paging_ = std::jthread([this](std::stop_token stop) {
+      const std::stop_callback ended(stop, [this] { pages_.stop(); });
+      pages_.run();
+    });
+  }
   if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
   recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
@@ -291,9 +278,7 @@ bool Server::Impl::run() {
     signals_.add(SIGINT);
     signals_.add(SIGTERM);
     signals_.async_wait([this](const boost::system::error_code& failure, int) {
-      if (failure) return;
-      stopping_ = true;
-      say_goodbye();
+      if (!failure) stop();
     });
   }
   start_threads();
@@ -312,18 +297,12 @@ void Server::Impl::serve() {
               "millisecond or two "
               "(LimitRTPRIO=10 in the unit fiducapd.service gives it)");
   }
-  while (!io_.stopped()) {
-    net::guarded(
-        "streaming", [] { return "a handler"; }, [this] { io_.run(); });
-    // Here after an exception, too. It cost one handler; the others go on.
-    while (!net::resume_waits(io_)) std::this_thread::sleep_for(kBreath);
-    if (stopping_) say_goodbye();
-  }
+  frames_.run();
 }
 
 void Server::Impl::stop() {
-  stopping_ = true;
-  boost::asio::post(io_, [this] { say_goodbye(); });
+  pages_.stop();
+  frames_.stop();
 }
 
 /// On the watch's thread: the one that does I/O does not answer.
@@ -334,22 +313,16 @@ void Server::Impl::give_up() {
   options_.give_up();
 }
 
-void Server::Impl::say_goodbye() {
-  if (std::exchange(said_goodbye_, true)) return io_.stop();
-  mailbox_->close();
-  hub_.stop();
-  boost::system::error_code ignored;
-  signals_.cancel(ignored);
-  goodbye_.expires_after(kGoodbye);
-  goodbye_.async_wait([this](const boost::system::error_code&) { io_.stop(); });
-}
-
 bool Server::Impl::shut_down() {
   watching_.request_stop();
   watching_.join();
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourcePatience);
   publishing_.join();
+  if (paging_.joinable()) {
+    paging_.request_stop();
+    paging_.join();
+  }
   recording_.request_stop();
   recording_.join();
   if (keeping_.joinable()) {

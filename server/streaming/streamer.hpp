@@ -41,7 +41,8 @@ struct ClientStatus {
   std::optional<ClockOffset> clock{};  ///< Nothing: not measured in this protocol, or not yet.
 };
 
-/// One protocol server. All of them live on the one I/O thread; nothing here blocks.
+/// One protocol server. It lives on one I/O thread, that of the frames or, where its configuration
+/// says `kCanWait`, that of the pages; nothing here blocks.
 class Streamer {
  public:
   virtual ~Streamer() = default;
@@ -59,7 +60,7 @@ class Streamer {
 
 /// What protocol servers are made from; everything outlives them.
 struct ProtocolContext {
-  boost::asio::io_context& io;
+  boost::asio::io_context& io;  ///< Of the thread that it lives on.
   std::shared_ptr<const SceneModel> model;
   OperatorDesk& desk;
   const EventBoard& events;
@@ -67,7 +68,8 @@ struct ProtocolContext {
   double rate_hz{};  ///< Of the frames.
   std::string_view version{};
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
-  std::function<std::vector<ClientStatus>()> clients{};  ///< Of all protocols.
+  /// Of all protocols; of those on the other thread as they were a moment ago.
+  std::function<std::vector<ClientStatus>()> clients{};
 };
 
 }  // namespace fiducap

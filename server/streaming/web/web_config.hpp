@@ -9,6 +9,9 @@
 namespace fiducap::web {
 
 struct WebConfig {
+  /// Pages are served on a thread of their own, which may be late: frames of others are not.
+  static constexpr bool kCanWait = true;
+
   bool enabled{true};
   std::string address{"127.0.0.1"};
   std::uint16_t port{8080};  ///< 0: any free port, see Streamer::port.

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
+#include <thread>
 #include <vector>
 
 #include "support/allocation_counter.hpp"
@@ -61,6 +63,17 @@ TEST_F(FrameMailboxTest, AllocatesNothingPerFrameAfterWarmUp) {
   }
   EXPECT_EQ(allocations.count(), 0u);
   EXPECT_EQ(received_.size(), 110u);
+}
+
+TEST_F(FrameMailboxTest, BetweenTwoThreadsFramesComeInOrderAndTheLastOneComes) {
+  constexpr std::uint64_t kFrames = 20'000;
+  const std::jthread publisher([&] {
+    for (std::uint64_t number = 1; number <= kFrames; ++number)
+      mailbox_.put(make_scene_frame({"robot"}, number));
+  });
+  while (received_.empty() || received_.back() != kFrames) io_.run_one();
+  EXPECT_TRUE(std::is_sorted(received_.begin(), received_.end()));
+  EXPECT_EQ(std::adjacent_find(received_.begin(), received_.end()), received_.end());
 }
 
 }  // namespace

@@ -36,5 +36,33 @@ TEST(StreamHub, AProtocolThatThrowsSilencesNoOther) {
   EXPECT_EQ(after, 3);
 }
 
+class OneClient final : public Streamer {
+ public:
+  explicit OneClient(int& asked) : asked_(asked) {}
+  [[nodiscard]] std::string_view protocol() const override { return "test"; }
+  void publish(const std::shared_ptr<const SceneFrame>&) override {}
+  void append_clients(std::vector<ClientStatus>& out) const override {
+    ++asked_;
+    out.push_back({"test", "peer", "", 0, 0, 0});
+  }
+  void stop() override {}
+
+ private:
+  int& asked_;
+};
+
+TEST(StreamHub, ShowsItsClientsToAnotherThreadWithTheNextFrame) {
+  int asked = 0;
+  StreamHub hub;
+  hub.add(std::make_unique<OneClient>(asked));
+  hub.publish(nullptr);
+  EXPECT_EQ(asked, 0) << "nobody wants to know";
+  EXPECT_TRUE(hub.shown_clients()->empty());
+  hub.publish(nullptr);
+  hub.publish(nullptr);
+  EXPECT_EQ(asked, 1) << "once per question";
+  EXPECT_EQ(hub.shown_clients()->size(), 1u);
+}
+
 }  // namespace
 }  // namespace fiducap
