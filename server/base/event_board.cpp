@@ -75,6 +75,7 @@ void EventBoard::keep(Event& event) {
   event.number = ++newest_;
   event.utc_ms = utc_ns_() / kNsPerMs;
   ++revision_;
+  ++told_.at(static_cast<std::size_t>(event.severity));
   log::write(level_of(event.severity), "event", event.sentence());
   if (events_.size() == kKept) events_.pop_front();
   events_.push_back(event);
@@ -92,6 +93,11 @@ std::vector<Event> EventBoard::after(std::uint64_t number) const {
   const auto first = std::find_if(events_.begin(), events_.end(),
                                   [&](const Event& event) { return event.number > number; });
   return {first, events_.end()};
+}
+
+std::array<std::uint64_t, 3> EventBoard::told() const {
+  const std::lock_guard lock(mutex_);
+  return told_;
 }
 
 std::uint64_t EventBoard::revision() const {

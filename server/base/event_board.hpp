@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -58,6 +59,8 @@ class EventBoard final {
   [[nodiscard]] std::vector<Event> standing() const;
   /// The newest events after `number`, oldest first.
   [[nodiscard]] std::vector<Event> after(std::uint64_t number) const;
+  /// How many events there were since the start, by severity.
+  [[nodiscard]] std::array<std::uint64_t, 3> told() const;
   /// Counts every change of what `standing` or `after` would say.
   [[nodiscard]] std::uint64_t revision() const;
 
@@ -76,6 +79,7 @@ class EventBoard final {
   std::map<Key, Event, Order> standing_;
   std::uint64_t newest_{0};
   std::uint64_t revision_{0};
+  std::array<std::uint64_t, 3> told_{};
 };
 
 }  // namespace fiducap

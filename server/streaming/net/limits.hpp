@@ -40,19 +40,46 @@ class TokenBucket final {
   double spent_{0};
 };
 
+/// A budget for each address: so much at once, then so much per second.
+class AddressLimiter {
+ public:
+  [[nodiscard]] bool allow(std::uint64_t address_hash, Instant now, double cost = 1) {
+    return bucket(address_hash).take(cost, burst_, per_second_, now);
+  }
+  /// Would `allow` say yes?
+  [[nodiscard]] bool has(std::uint64_t address_hash, Instant now) {
+    return bucket(address_hash).has(1, burst_, per_second_, now);
+  }
+
+ protected:
+  AddressLimiter(double burst, double per_second) : burst_(burst), per_second_(per_second) {}
+
+ private:
+  [[nodiscard]] TokenBucket& bucket(std::uint64_t address_hash) {
+    return buckets_[address_hash % buckets_.size()];
+  }
+
+  double burst_;
+  double per_second_;
+  std::array<TokenBucket, 1024> buckets_{};
+};
+
 /// How often an address that has not proven itself is answered: `kBurst` at once, then
 /// `kPerSecond`.
-class AnswerLimiter final {
+class AnswerLimiter final : public AddressLimiter {
  public:
   static constexpr double kBurst = 64;  // all clients of a lab computer at once, after a restart
   static constexpr double kPerSecond = 32;
+  AnswerLimiter() : AddressLimiter(kBurst, kPerSecond) {}
+};
 
-  [[nodiscard]] bool allow(std::uint64_t address_hash, Instant now) {
-    return buckets_[address_hash % buckets_.size()].take(1, kBurst, kPerSecond, now);
-  }
-
- private:
-  std::array<TokenBucket, 1024> buckets_{};
+/// How many requests of HTTP an address has answered: a page is a dozen, a program may ask ten
+/// times a second, and behind one address there may be several of both.
+class RequestLimiter final : public AddressLimiter {
+ public:
+  static constexpr double kBurst = 120;
+  static constexpr double kPerSecond = 30;
+  RequestLimiter() : AddressLimiter(kBurst, kPerSecond) {}
 };
 
 /// What may be answered to an address that anybody can forge: at most `kRatio` times the bytes that

@@ -98,6 +98,17 @@ Json tag_json(const MapTag& entry) {
   return out;
 }
 
+Json event_json(const Event& event) {
+  return {{"n", event.number},
+          {"utc_ms", event.utc_ms},
+          {"severity", name_of(event.severity)},
+          {"subject", event.subject},
+          {"kind", event.kind},
+          {"text", event.text.substr(0, kLongestText)},
+          {"remedy", event.remedy.substr(0, kLongestText)},
+          {"over", event.over}};
+}
+
 }  // namespace
 
 std::string encode_hello(const Hello& hello, const SceneModel& model) {
@@ -164,6 +175,13 @@ std::string encode_log(std::span<const log::Line> lines) {
   return text_of(out);
 }
 
+std::string encode_events(std::span<const Event> standing, std::span<const Event> newest) {
+  Json out{{"type", "events"}, {"standing", Json::array()}, {"events", Json::array()}};
+  for (const auto& event : standing) out["standing"].push_back(event_json(event));
+  for (const auto& event : newest) out["events"].push_back(event_json(event));
+  return text_of(out);
+}
+
 std::string encode_state(const StateParts& parts) {
   std::string out = "{";
   const auto add = [&out](std::string_view name, std::string_view json) {
@@ -175,6 +193,7 @@ std::string encode_state(const StateParts& parts) {
   add("frame", parts.frame);
   add("clients", parts.clients);
   add("log", parts.log);
+  add("events", parts.events);
   return out += '}';
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <string_view>
 
+#include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/streamer.hpp"
@@ -42,9 +43,15 @@ struct Hello {
 /// cut.
 [[nodiscard]] std::string encode_log(std::span<const log::Line> lines);
 
+/// `events`: standing and events, each [{n, utc_ms, severity, subject, kind, text, remedy, over}]:
+/// conditions that hold, in order of subject and kind, and the newest events, oldest first. A text
+/// longer than 1000 bytes is cut.
+[[nodiscard]] std::string encode_events(std::span<const Event> standing,
+                                        std::span<const Event> newest);
+
 /// The answer of `/api/v1/state`: every message above under its type's name.
 struct StateParts {
-  std::string_view hello, map, frame, clients, log;  ///< JSON texts; empty: null.
+  std::string_view hello, map, frame, clients, log, events;  ///< JSON texts; empty: null.
 };
 [[nodiscard]] std::string encode_state(const StateParts& parts);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <utility>
 
 #include "streaming/net/peer.hpp"
 
@@ -19,34 +20,61 @@ cmake --build --preset release</pre>
 <p>and start the server again; or let <code>streaming.web.root</code> name the folder of a bundle
 built elsewhere.</p>
 <p>Everything else works: <a href="/api/v1/state">/api/v1/state</a> is the present state as JSON,
-<a href="/healthz">/healthz</a> tells whether frames flow, and <code>/api/v1/live</code> is the
+<a href="/healthz">/healthz</a> tells whether frames flow, <a href="/metrics">/metrics</a> is for
+Prometheus, and <code>/api/v1/live</code> is the
 live WebSocket.</p>
 </html>
 )";
 
-HttpResponse file_response(const PageFile& file, std::string_view if_none_match) {
+// Both forms are the same to whoever keeps one: it says so with the tag of its own form.
+std::string gzip_tag(const std::string& etag) {
+  return etag.substr(0, etag.size() - 1) + "-gzip\"";
+}
+
+void send(HttpResponse& response, Content content, const HttpRequest& request) {
+  response.content = std::move(content);
+  response.gzip = response.content.gzip != nullptr && accepts_gzip(request.accept_encoding);
+}
+
+HttpResponse file_response(const PageFile& file, const HttpRequest& request) {
   HttpResponse response;
   response.content_type = file.content_type;
-  response.etag = file.etag;
   response.cache_control = file.never_changes ? "public, max-age=31536000, immutable" : "no-cache";
-  if (if_none_match.find(file.etag) != std::string_view::npos) {
-    response.status = 304;
-    response.body = std::make_shared<const std::string>();
-  } else {
-    response.body = file.body;
-  }
+  send(response, file.content, request);
+  response.etag = response.gzip ? gzip_tag(file.etag) : file.etag;
+  if (request.if_none_match.find(response.etag) == std::string_view::npos) return response;
+  response.status = 304;
+  response.gzip = false;
+  response.content = plain_content("");
   return response;
 }
 
-HttpResponse json_response(int status, std::string json) {
-  HttpResponse response = plain_response(status, std::move(json));
+HttpResponse json_response(int status, Content json, const HttpRequest& request) {
+  HttpResponse response;
+  response.status = status;
   response.content_type = "application/json";
+  send(response, std::move(json), request);
   return response;
 }
 
-HttpResponse health_response(const std::string& trouble) {
-  if (trouble.empty()) return json_response(200, "{\"status\":\"ok\"}\n");
-  return json_response(503, "{\"status\":\"" + trouble + "\"}\n");
+HttpResponse health_response(const Health& health, const HttpRequest& request) {
+  std::string alarms;
+  for (const Severity severity : {Severity::kError, Severity::kWarning, Severity::kInfo}) {
+    alarms += (alarms.empty() ? "\"" : ",\"") + std::string(name_of(severity)) +
+              "\":" + std::to_string(health.alarms[static_cast<std::size_t>(severity)]);
+  }
+  const std::string status = health.trouble.empty() ? "ok" : health.trouble;
+  return json_response(
+      health.trouble.empty() ? 200 : 503,
+      plain_content("{\"status\":\"" + status + "\",\"alarms\":{" + alarms + "}}\n"), request);
+}
+
+HttpResponse metrics_response(const RouteSources& sources, const HttpRequest& request) {
+  const MetricsFormat format = metrics_format(request.accept);
+  HttpResponse response;
+  response.content_type = content_type_of(format);
+  send(response, sources.metrics(format), request);
+  return response;
 }
 
 std::string lower(std::string_view text) {
@@ -70,7 +98,13 @@ std::string with_port(std::string host, std::string_view port) {
 HttpResponse plain_response(int status, std::string text) {
   HttpResponse response;
   response.status = status;
-  response.body = std::make_shared<const std::string>(std::move(text));
+  response.content = plain_content(std::move(text));
+  return response;
+}
+
+HttpResponse later_response(int status, std::string text) {
+  HttpResponse response = plain_response(status, std::move(text));
+  response.retry_after_s = 1;
   return response;
 }
 
@@ -84,10 +118,11 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
     return plain_response(405, "expected GET or HEAD\n");
   }
   const std::string_view path = path_of(request.target);
-  if (path == "/api/v1/state") return json_response(200, sources.state());
-  if (path == "/healthz") return health_response(sources.health());
+  if (path == "/api/v1/state") return json_response(200, sources.state(), request);
+  if (path == "/healthz") return health_response(sources.health(), request);
+  if (path == "/metrics") return metrics_response(sources, request);
   if (path == kLivePath) return plain_response(426, "expected a WebSocket upgrade\n");
-  if (const PageFile* file = page.find(path)) return file_response(*file, request.if_none_match);
+  if (const PageFile* file = page.find(path)) return file_response(*file, request);
   if (page.empty() && (path == "/" || path == "/index.html")) {
     HttpResponse response = plain_response(503, std::string(kNoPage));
     response.content_type = "text/html; charset=utf-8";

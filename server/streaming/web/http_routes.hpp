@@ -1,11 +1,15 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "streaming/web/content.hpp"
+#include "streaming/web/metrics.hpp"
 #include "streaming/web/page_files.hpp"
 
 namespace fiducap::web {
@@ -16,27 +20,46 @@ inline constexpr std::string_view kLivePath = "/api/v1/live";
 struct HttpRequest {
   std::string_view method;
   std::string_view target;
-  std::string_view if_none_match;
+  std::string_view if_none_match{};
+  std::string_view accept_encoding{};
+  std::string_view accept{};
 };
 
 struct HttpResponse {
   int status{200};
   std::string content_type{"text/plain; charset=utf-8"};
-  std::shared_ptr<const std::string> body;
+  Content content;
+  bool gzip{};       ///< The compressed one is sent.
   std::string etag;  ///< Empty: none.
   std::string cache_control{"no-store"};
+  int retry_after_s{0};  ///< 0: nothing is said.
+
+  /// What is sent.
+  [[nodiscard]] const std::shared_ptr<const std::string>& body() const {
+    return gzip ? content.gzip : content.plain;
+  }
+};
+
+/// What `/healthz` says.
+struct Health {
+  std::string trouble;                  ///< Empty: well; else one sentence.
+  std::array<std::size_t, 3> alarms{};  ///< Standing conditions, by Severity.
 };
 
 /// Where the changing answers come from.
 struct RouteSources {
-  std::function<std::string()> state;   ///< JSON of `/api/v1/state`
-  std::function<std::string()> health;  ///< Empty: well; else what is wrong.
+  std::function<Content()> state;  ///< JSON of `/api/v1/state`
+  std::function<Health()> health;
+  std::function<Content(MetricsFormat)> metrics;
 };
 
 [[nodiscard]] HttpResponse plain_response(int status, std::string text);
 
-/// GET and HEAD of the page, `/api/v1/state` and `/healthz`; everything else is an error status
-/// with one plain line.
+/// For who asks too much, or too many: come again in a second.
+[[nodiscard]] HttpResponse later_response(int status, std::string text);
+
+/// GET and HEAD of the page, `/api/v1/state`, `/metrics` and `/healthz`; everything else is an
+/// error status with one plain line.
 [[nodiscard]] HttpResponse answer(const HttpRequest& request, const PageFiles& page,
                                   const RouteSources& sources);
 

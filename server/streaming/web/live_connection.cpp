@@ -44,8 +44,8 @@ bool LiveConnection::stuck(Instant now, Duration patience) const {
 }
 
 ClientStatus LiveConnection::status(Instant now) const {
-  return {"web",        peer_,           "live page",
-          frames_sent_, frames_dropped_, to_seconds(now - connected_at_)};
+  return {"web",           net::text_of(peer_) + " tcp",   "live page", frames_sent_,
+          frames_dropped_, to_seconds(now - connected_at_)};
 }
 
 }  // namespace fiducap::web

@@ -1,6 +1,8 @@
 #include "streaming/web/live_feed.hpp"
 
 #include <algorithm>
+#include <iterator>
+#include <span>
 #include <utility>
 
 #include "streaming/web/codec.hpp"
@@ -14,6 +16,8 @@ using namespace std::chrono_literals;
 constexpr Duration kTickPeriod = 1s;
 // While mapping, a map may change with every image; a page is served well by two a second.
 constexpr Duration kMapPeriod = 500ms;
+constexpr Duration kEventsPeriod = 500ms;
+constexpr std::size_t kNewestEvents = 64;  // of those that the board keeps
 // A frame this much early is taken: waiting for the next one would halve the rate of a jittering
 // publisher.
 constexpr Duration kJitter = 2ms;
@@ -30,11 +34,12 @@ LiveFeed::LiveFeed(const WebConfig& config, WebSources sources,
       model_(std::move(model)),
       told_mode_(sources_.map_mode ? sources_.map_mode() : std::string()) {}
 
-std::shared_ptr<LiveConnection> LiveFeed::join(std::string peer, Instant now) {
-  auto connection = std::make_shared<LiveConnection>(std::move(peer), now);
+std::shared_ptr<LiveConnection> LiveFeed::join(const net::Peer& peer, Instant now) {
+  auto connection = std::make_shared<LiveConnection>(peer, now);
   connections_.push_back(connection);
   connection->offer(Topic::kHello, hello());
-  if (sent_map_) connection->offer(Topic::kMap, shared(encode_map(*sent_map_)));
+  if (sources_.events != nullptr) connection->offer(Topic::kEvents, events());
+  if (sent_map_) connection->offer(Topic::kMap, map(sent_map_));
   if (newest_) connection->offer(Topic::kFrame, shared(encode_frame(*newest_)));
   connection->offer(Topic::kClients, clients());
   offer_log(*connection);
@@ -43,6 +48,15 @@ std::shared_ptr<LiveConnection> LiveFeed::join(std::string peer, Instant now) {
 
 void LiveFeed::leave(const LiveConnection& connection) {
   std::erase_if(connections_, [&](const auto& held) { return held.get() == &connection; });
+}
+
+void LiveFeed::dismiss_newest_of(const net::Peer& address) {
+  const auto newest =
+      std::find_if(connections_.rbegin(), connections_.rend(),
+                   [&](const auto& held) { return held->peer().same_address(address); });
+  if (newest == connections_.rend()) return;
+  (*newest)->dismiss();
+  connections_.erase(std::next(newest).base());
 }
 
 void LiveFeed::publish(const std::shared_ptr<const SceneFrame>& frame) {
@@ -62,7 +76,15 @@ void LiveFeed::publish_map(const SceneFrame& frame) {
   if (map_sent_at_ && frame.published_at - *map_sent_at_ < kMapPeriod) return;
   sent_map_ = frame.map;
   map_sent_at_ = frame.published_at;
-  if (!connections_.empty()) offer_all(Topic::kMap, shared(encode_map(*sent_map_)));
+  if (!connections_.empty()) offer_all(Topic::kMap, map(sent_map_));
+}
+
+Message LiveFeed::map(const std::shared_ptr<const TagMap>& wanted) {
+  if (wanted != encoded_map_) {
+    map_message_ = shared(encode_map(*wanted));
+    encoded_map_ = wanted;
+  }
+  return map_message_;
 }
 
 bool LiveFeed::frame_due(Instant at) {
@@ -74,14 +96,17 @@ bool LiveFeed::frame_due(Instant at) {
 }
 
 void LiveFeed::tick(Instant now) {
+  offer_events(now);
   if (ticked_at_ && now - *ticked_at_ < kTickPeriod) return;
   ticked_at_ = now;
   const std::string mode = sources_.map_mode ? sources_.map_mode() : std::string();
   const bool is_news = mode != told_mode_;
   told_mode_ = mode;
+  const std::vector<ClientStatus> all = all_clients();
+  tally_.note(all);
   if (connections_.empty()) return;
   if (is_news) offer_all(Topic::kHello, hello());
-  offer_all(Topic::kClients, clients());
+  offer_all(Topic::kClients, shared(encode_clients(all)));
   for (const auto& connection : connections_) offer_log(*connection);
 }
 
@@ -102,20 +127,72 @@ Message LiveFeed::hello() const {
       *model_));
 }
 
-Message LiveFeed::clients() const {
+Message LiveFeed::clients() const { return shared(encode_clients(all_clients())); }
+
+std::vector<ClientStatus> LiveFeed::all_clients() const {
+  return sources_.clients ? sources_.clients() : std::vector<ClientStatus>{};
+}
+
+void LiveFeed::offer_events(Instant now) {
+  if (sources_.events == nullptr) return;
+  if (events_looked_at_ && now - *events_looked_at_ < kEventsPeriod) return;
+  events_looked_at_ = now;
+  const std::uint64_t revision = sources_.events->revision();
+  if (std::exchange(told_revision_, revision) == revision || connections_.empty()) return;
+  offer_all(Topic::kEvents, events());
+}
+
+Message LiveFeed::events() const {
+  const auto kept = sources_.events->after(0);
+  const std::span<const Event> all(kept);
   return shared(
-      encode_clients(sources_.clients ? sources_.clients() : std::vector<ClientStatus>{}));
+      encode_events(sources_.events->standing(), all.last(std::min(all.size(), kNewestEvents))));
 }
 
-std::string LiveFeed::state() const {
-  const std::string map = newest_ && newest_->map ? encode_map(*newest_->map) : std::string();
-  const std::string frame = newest_ ? encode_frame(*newest_) : std::string();
-  return encode_state({*hello(), map, frame, *clients(), encode_log(log::lines_after(0))});
+const Content& LiveFeed::state(Instant now) {
+  return state_.at(now, [this] { return encode_state_now(); });
 }
 
-std::string LiveFeed::trouble(Instant now) const {
-  if (!newest_) return "no frame was published yet";
-  return now - newest_->published_at > kFrozenAfter ? "frames stopped" : "";
+std::string LiveFeed::encode_state_now() {
+  const Message frame = newest_ ? shared(encode_frame(*newest_)) : shared({});
+  const Message at_map = newest_ && newest_->map ? map(newest_->map) : shared({});
+  const Message told = sources_.events != nullptr ? events() : shared({});
+  return encode_state(
+      {*hello(), *at_map, *frame, *clients(), encode_log(log::lines_after(0)), *told});
+}
+
+const Content& LiveFeed::metrics(MetricsFormat format, Instant now) {
+  return metrics_.at(static_cast<std::size_t>(format)).at(now, [&] {
+    return encode_metrics_now(format, now);
+  });
+}
+
+std::string LiveFeed::encode_metrics_now(MetricsFormat format, Instant now) const {
+  const EventBoard* board = sources_.events;
+  const std::vector<Event> alarms = board != nullptr ? board->standing() : std::vector<Event>{};
+  return encode_metrics(
+      {.version = sources_.version,
+       .healthy = health(now).trouble.empty(),
+       .frame = newest_.get(),
+       .model = model_.get(),
+       .protocols = tally_.traffic(),
+       .alarms = alarms,
+       .events = board != nullptr ? board->told() : std::array<std::uint64_t, 3>{},
+       .process = process_use()},
+      format);
+}
+
+Health LiveFeed::health(Instant now) const {
+  Health health;
+  if (!newest_) {
+    health.trouble = "no frame was published yet";
+  } else if (now - newest_->published_at > kFrozenAfter) {
+    health.trouble = "frames stopped";
+  }
+  if (sources_.events == nullptr) return health;
+  for (const Event& alarm : sources_.events->standing())
+    ++health.alarms.at(static_cast<std::size_t>(alarm.severity));
+  return health;
 }
 
 }  // namespace fiducap::web

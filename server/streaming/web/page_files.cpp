@@ -79,7 +79,7 @@ PageFiles PageFiles::load(const fs::path& root) {
     PageFile file;
     file.content_type = *type;
     file.etag = etag_of(*content);
-    file.body = std::make_shared<const std::string>(std::move(*content));
+    file.content = make_content(std::move(*content), Effort::kBest);
     const std::string name = "/" + at->path().lexically_relative(root).generic_string();
     file.never_changes = name.rfind("/assets/", 0) == 0;
     page.files_.emplace(name, std::move(file));

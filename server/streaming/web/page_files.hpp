@@ -2,22 +2,23 @@
 
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <string>
 #include <string_view>
+
+#include "streaming/web/content.hpp"
 
 namespace fiducap::web {
 
 /// One file of the bundled page, as it goes over the wire.
 struct PageFile {
-  std::shared_ptr<const std::string> body;
+  Content content;
   std::string content_type;
   std::string etag;      ///< Of the content, with its quotes.
   bool never_changes{};  ///< Its name carries its content's hash.
 };
 
-/// The bundled page, read once at start. Serving is a look-up by exact name, so no request can
-/// reach another file.
+/// The bundled page, read and compressed once at start. Serving is a look-up by exact name, so no
+/// request can reach another file.
 class PageFiles final {
  public:
   /// Regular files of known types under `root`, bounded in number and size; links are not followed.

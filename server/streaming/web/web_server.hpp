@@ -20,16 +20,18 @@ namespace fiducap::web {
 
 /// What the page shows besides frames.
 struct WebSources {
-  std::function<std::vector<ClientStatus>()>
-      clients;  ///< Of all protocols; called on the I/O thread, once a second.
+  /// Of all protocols; called on the server's thread, once a second and for each new page.
+  std::function<std::vector<ClientStatus>()> clients;
   std::string server_name{"fiducapd"};
   std::string version;
   std::function<std::string()> map_mode;  ///< `mapping` or `frozen`, as it is now.
+  const EventBoard* events{};             ///< nullptr: nothing is told.
 };
 
 using WebServer = Streamer;
 
-/// HTTP (page, `/api/v1/state` JSON, `/healthz`) and WebSocket (`/api/v1/live`), same origin.
+/// HTTP (page, `/api/v1/state` JSON, `/healthz`, `/metrics`) and WebSocket (`/api/v1/live`), same
+/// origin.
 /// @return Error with a remedy when the address cannot be bound.
 [[nodiscard]] Expected<std::unique_ptr<WebServer>> start_web_server(
     boost::asio::io_context& io, const WebConfig& config, WebSources sources,
@@ -41,6 +43,7 @@ using WebServer = Streamer;
   WebSources sources;
   sources.clients = context.clients;
   sources.version = context.version;
+  sources.events = &context.events;
   sources.map_mode = [&desk = context.desk] {
     return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
   };

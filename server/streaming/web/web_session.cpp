@@ -32,9 +32,12 @@ constexpr std::uint32_t kHeaderLimit = 8192;
 constexpr std::size_t kReadLimit = 2 * kHeaderLimit;
 constexpr std::size_t kLingerLimit = 1u << 20;
 constexpr auto kRequestTimeout = 15s;
-constexpr auto kResponseTimeout = 30s;
+constexpr auto kResponseTimeout = 10s;
 constexpr auto kLingerTimeout = 2s;
 constexpr Duration kReaderPatience = 5s;
+// Who asks too much is read no further for a while: its refusals cost next to nothing, too.
+constexpr Duration kPause = 1s;
+constexpr double kUpgradeCost = 4;  // a new page is sent everything at once
 // Small, so that a page that stopped reading shows after a few frames instead of after megabytes in
 // the kernel.
 constexpr int kSendBuffer = 256 * 1024;
@@ -50,8 +53,8 @@ class BeastSession final : public WebSession {
     if (live_) desk_->feed().leave(*live_);
   }
 
-  void start() override { read_request(); }
-  void tick(Instant) override { pump(); }
+  void start() override { desk_->may_ask(peer()) ? read_request() : pause(); }
+  void tick(Instant now) override;
   void close(std::string_view why, log::Level level) override;
   void pump() override;
 
@@ -70,6 +73,7 @@ class BeastSession final : public WebSession {
   }
 
   void read_request();
+  void pause() { paused_until_ = desk_->now() + kPause; }
   void end() { close("left", log::Level::kDebug); }
 
   void on_request(ErrorCodeOf error, std::size_t bytes);
@@ -92,7 +96,16 @@ class BeastSession final : public WebSession {
   std::shared_ptr<LiveConnection> live_;
   Message writing_;
   std::size_t lingered_{0};
+  std::optional<Instant> paused_until_;
 };
+
+void BeastSession::tick(Instant now) {
+  if (paused_until_ && now >= *paused_until_) {
+    paused_until_.reset();
+    read_request();
+  }
+  pump();
+}
 
 void BeastSession::read_request() {
   parser_.emplace();
@@ -104,20 +117,28 @@ void BeastSession::read_request() {
 void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   if (error) return refuse(error);
   const auto& request = parser_->get();
+  const bool wants_live =
+      websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath;
+  if (!desk_->take_request(peer(), wants_live ? kUpgradeCost : 1)) {
+    return send(later_response(429, "too many requests of this address; come again later\n"),
+                request.keep_alive());
+  }
   if (!desk_->knows(view(request[http::field::host]))) {
     return send(plain_response(421,
                                "this server has another name: use its address, or add this name to "
                                "streaming.web.hosts\n"),
                 false);
   }
-  if (websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath)
-    return upgrade();
+  if (wants_live) return upgrade();
   send(desk_->answer({view(request.method_string()), view(request.target()),
-                      view(request[http::field::if_none_match])}),
+                      view(request[http::field::if_none_match]),
+                      view(request[http::field::accept_encoding]),
+                      view(request[http::field::accept])}),
        request.keep_alive());
 }
 
 void BeastSession::refuse(ErrorCodeOf error) {
+  (void)desk_->take_request(peer(), 1);  // it cost us as much as a good one
   if (error == http::error::header_limit || error == http::error::buffer_overflow) {
     return send(plain_response(431, "request header larger than 8 KiB\n"), false);
   }
@@ -133,11 +154,15 @@ void BeastSession::refuse(ErrorCodeOf error) {
 }
 
 void BeastSession::send(HttpResponse response, bool keep_alive) {
-  body_ = std::move(response.body);
+  body_ = response.body();
   const bool without_body = parser_->get().method() == http::verb::head || response.status == 304;
   response_.emplace(static_cast<http::status>(response.status), 11);
   response_->set(http::field::content_type, response.content_type);
   response_->set(http::field::cache_control, response.cache_control);
+  if (response.content.gzip) response_->set(http::field::vary, "Accept-Encoding");
+  if (response.gzip) response_->set(http::field::content_encoding, "gzip");
+  if (response.retry_after_s > 0)
+    response_->set(http::field::retry_after, std::to_string(response.retry_after_s));
   if (!response.etag.empty()) response_->set(http::field::etag, response.etag);
   if (response.status == 405) response_->set(http::field::allow, "GET, HEAD");
   response_->set("Content-Security-Policy",
@@ -153,7 +178,10 @@ void BeastSession::send(HttpResponse response, bool keep_alive) {
 
 void BeastSession::on_sent(ErrorCodeOf error, std::size_t) {
   if (error) return end();
-  if (response_->keep_alive()) return read_request();
+  if (response_->keep_alive()) {
+    const bool too_many = response_->result() == http::status::too_many_requests;
+    return too_many ? pause() : read_request();
+  }
   tcp().socket().shutdown(asio::ip::tcp::socket::shutdown_send, error);
   tcp().expires_after(kLingerTimeout);
   linger();
@@ -177,8 +205,8 @@ void BeastSession::upgrade() {
   if (!same_origin(view(request[http::field::origin]), view(request[http::field::host]))) {
     return send(plain_response(403, "the live socket serves its own page only\n"), false);
   }
-  if (!desk_->has_room())
-    return send(plain_response(503, "too many live pages; try again later\n"), false);
+  if (!desk_->has_room(peer()))
+    return send(later_response(503, "too many live pages; try again later\n"), false);
   if (buffer_.size() != 0)
     return send(plain_response(400, "expected nothing before the upgrade's answer\n"), false);
   tcp().expires_never();
@@ -192,13 +220,13 @@ void BeastSession::upgrade() {
 }
 
 void BeastSession::on_upgraded(ErrorCodeOf error) {
-  // Looked at again: another page may have taken the last place during the handshake.
-  if (error || !desk_->has_room()) return end();
+  // Another page may have taken the last place during the handshake.
+  if (!error) live_ = desk_->join(peer());
+  if (!live_) return end();
   tcp().socket().set_option(asio::socket_base::send_buffer_size(kSendBuffer), error);
   tcp().socket().set_option(asio::ip::tcp::no_delay(true), error);
   stream_.text(true);
   stream_.auto_fragment(false);
-  live_ = desk_->feed().join(net::text_of(peer()) + " tcp", desk_->now());
   stream_.async_read(buffer_, on(&BeastSession::on_live_read));
   pump();
 }
@@ -209,6 +237,9 @@ void BeastSession::on_live_read(ErrorCodeOf, std::size_t) { end(); }
 void BeastSession::pump() {
   if (!live_) return;
   const Instant now = desk_->now();
+  if (live_->dismissed())
+    return close("is closed: its address has the most pages and others want one",
+                 log::Level::kWarning);
   if (live_->stuck(now, kReaderPatience)) {
     return close("stopped reading and was closed", log::Level::kWarning);
   }

@@ -1,11 +1,14 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "base/clock.hpp"
+#include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/web/http_routes.hpp"
 #include "streaming/web/live_feed.hpp"
@@ -28,23 +31,49 @@ class WebDesk final {
         names_(own_names(config)),
         clock_(clock) {}
 
-  [[nodiscard]] HttpResponse answer(const HttpRequest& request) const {
-    return web::answer(request, page_,
-                       {[this] { return feed_.state(); }, [this] { return feed_.trouble(now()); }});
+  [[nodiscard]] HttpResponse answer(const HttpRequest& request) {
+    return web::answer(
+        request, page_,
+        {[this] { return feed_.state(now()); }, [this] { return feed_.health(now()); },
+         [this](MetricsFormat format) { return feed_.metrics(format, now()); }});
   }
   [[nodiscard]] bool knows(std::string_view host) const { return is_our_name(host, names_); }
-  [[nodiscard]] bool has_room() const { return feed_.connections().size() < most_pages_; }
+  /// Does this address have a request left? One that is taken costs `cost` of them.
+  [[nodiscard]] bool may_ask(const net::Peer& peer) { return requests_.has(hash(peer), now()); }
+  [[nodiscard]] bool take_request(const net::Peer& peer, double cost) {
+    return requests_.allow(hash(peer), now(), cost);
+  }
+  /// Is there a place for one more live page?
+  [[nodiscard]] bool has_room(const net::Peer& peer) const { return place_for(peer).is_there; }
+  /// Takes it, also from the address with the most pages. @return nullptr: there is none
+  [[nodiscard]] std::shared_ptr<LiveConnection> join(const net::Peer& peer) {
+    const net::Place place = place_for(peer);
+    if (!place.is_there) return nullptr;
+    if (place.instead_of) feed_.dismiss_newest_of(*place.instead_of);
+    return feed_.join(peer, now());
+  }
   [[nodiscard]] bool has_page() const { return !page_.empty(); }
   [[nodiscard]] LiveFeed& feed() { return feed_; }
   [[nodiscard]] const LiveFeed& feed() const { return feed_; }
   [[nodiscard]] Instant now() const { return clock_.now(); }
 
  private:
+  [[nodiscard]] net::Place place_for(const net::Peer& peer) const {
+    std::vector<net::Peer> holders;
+    for (const auto& page : feed_.connections()) holders.push_back(page->peer());
+    return net::place_for(peer, holders, most_pages_);
+  }
+  [[nodiscard]] std::uint64_t hash(const net::Peer& peer) const {
+    return net::address_hash(hash_key_, peer);
+  }
+
   PageFiles page_;
   LiveFeed feed_;
   std::size_t most_pages_;
   std::vector<std::string> names_;
   const Clock& clock_;
+  std::array<std::uint64_t, 2> hash_key_{net::random_key()};
+  net::RequestLimiter requests_;
 };
 
 /// One TCP connection: HTTP requests until it ends or becomes a live socket. Beast stays in the

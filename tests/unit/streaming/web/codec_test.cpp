@@ -154,11 +154,38 @@ TEST(WebCodec, LongLogTextIsCut) {
 
 TEST(WebCodec, StateJoinsTheMessagesAndSaysNullForWhatIsMissing) {
   const auto state =
-      Json::parse(encode_state({R"({"type":"hello"})", "", "", R"({"clients":[]})", ""}));
+      Json::parse(encode_state({R"({"type":"hello"})", "", "", R"({"clients":[]})", "", ""}));
   EXPECT_EQ(state["hello"]["type"], "hello");
   EXPECT_TRUE(state["map"].is_null());
   EXPECT_TRUE(state["frame"].is_null());
   EXPECT_TRUE(state["clients"]["clients"].empty());
+}
+
+TEST(WebCodec, EventsAreWhatHoldsAndWhatHappened) {
+  const std::vector<Event> standing{{.number = 4,
+                                     .utc_ms = 1000,
+                                     .severity = Severity::kWarning,
+                                     .subject = "drone",
+                                     .kind = "coasting",
+                                     .text = "sees no tag",
+                                     .remedy = "Look at the camera"}};
+  const std::vector<Event> newest{
+      {.number = 5, .subject = "map", .kind = "x", .text = "saved", .over = true}};
+  const auto events = Json::parse(encode_events(standing, newest));
+  EXPECT_EQ(events["type"], "events");
+  EXPECT_EQ(events["standing"][0],
+            Json::parse(R"({"n":4,"utc_ms":1000,"severity":"warning","subject":"drone",
+                            "kind":"coasting","text":"sees no tag",
+                            "remedy":"Look at the camera","over":false})"));
+  EXPECT_EQ(events["events"][0]["severity"], "info");
+  EXPECT_EQ(events["events"][0]["over"], true);
+}
+
+TEST(WebCodec, AnEventThatIsNoTextIsSentAllTheSame) {
+  const std::vector<Event> hostile{
+      {.subject = "drone", .kind = "x", .text = "\xff\"\n" + std::string(5000, 'x')}};
+  const auto events = Json::parse(encode_events(hostile, {}));
+  EXPECT_LE(events["standing"][0]["text"].get<std::string>().size(), 1002u);
 }
 
 }  // namespace

@@ -11,20 +11,25 @@ class HttpRoutesTest : public testing::Test {
  protected:
   HttpResponse get(std::string_view target, std::string_view method = "GET",
                    std::string_view etag = {}) {
-    return answer({method, target, etag}, page_,
-                  {[] { return "{}"; }, [this] { return trouble_; }});
+    return ask({method, target, etag});
+  }
+  HttpResponse ask(const HttpRequest& request) {
+    return answer(
+        request, page_,
+        {[] { return make_content("[" + std::string(5000, ' ') + "]", Effort::kQuick); },
+         [this] { return health_; }, [](MetricsFormat) { return plain_content("metrics"); }});
   }
 
   TemporaryPage files_;
   PageFiles page_ = PageFiles::load(files_.root());
-  std::string trouble_;
+  Health health_;
 };
 
 TEST_F(HttpRoutesTest, RootIsTheIndex) {
   const auto response = get("/?lab=1");
   EXPECT_EQ(response.status, 200);
   EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
-  EXPECT_EQ(*response.body, "<!doctype html><title>page</title>");
+  EXPECT_EQ(*response.body(), "<!doctype html><title>page</title>");
   EXPECT_EQ(response.cache_control, "no-cache");
 }
 
@@ -38,7 +43,7 @@ TEST_F(HttpRoutesTest, KnownEtagIsAnsweredWithoutTheContent) {
   const auto first = get("/");
   const auto again = get("/", "GET", "\"older\", " + first.etag);
   EXPECT_EQ(again.status, 304);
-  EXPECT_TRUE(again.body->empty());
+  EXPECT_TRUE(again.body()->empty());
   EXPECT_EQ(get("/", "GET", "\"older\"").status, 200);
 }
 
@@ -66,9 +71,51 @@ TEST_F(HttpRoutesTest, StateIsJsonThatNobodyKeeps) {
 
 TEST_F(HttpRoutesTest, HealthFollowsTheFrames) {
   EXPECT_EQ(get("/healthz").status, 200);
-  trouble_ = "frames stopped";
+  health_.trouble = "frames stopped";
   EXPECT_EQ(get("/healthz").status, 503);
-  EXPECT_NE(get("/healthz").body->find("frames stopped"), std::string::npos);
+  EXPECT_NE(get("/healthz").body()->find("frames stopped"), std::string::npos);
+}
+
+TEST_F(HttpRoutesTest, HealthCountsAlarmsAndStaysWell) {
+  health_.alarms = {1, 2, 3};
+  const auto response = get("/healthz");
+  EXPECT_EQ(response.status, 200);
+  EXPECT_EQ(*response.body(),
+            "{\"status\":\"ok\",\"alarms\":{\"error\":3,\"warning\":2,\"info\":1}}\n");
+}
+
+TEST_F(HttpRoutesTest, MetricsComeInTheFormatThatIsAskedFor) {
+  EXPECT_EQ(get("/metrics").content_type, "text/plain; version=0.0.4; charset=utf-8");
+  const auto open = ask({.method = "GET",
+                         .target = "/metrics",
+                         .accept = "application/openmetrics-text;version=1.0.0,text/plain;q=0.5"});
+  EXPECT_EQ(open.content_type, "application/openmetrics-text; version=1.0.0; charset=utf-8");
+}
+
+TEST_F(HttpRoutesTest, WhoTakesGzipGetsTheCompressedForm) {
+  files_.write("page/index.html", std::string(5000, 'x'));
+  page_ = PageFiles::load(files_.root());
+  for (const char* target : {"/", "/api/v1/state"}) {
+    const auto plain = get(target);
+    EXPECT_FALSE(plain.gzip);
+    EXPECT_GE(plain.body()->size(), 5000u);
+    const auto small =
+        ask({.method = "GET", .target = target, .accept_encoding = "gzip, deflate, br"});
+    EXPECT_TRUE(small.gzip) << target;
+    EXPECT_LT(small.body()->size(), 200u);
+  }
+}
+
+TEST_F(HttpRoutesTest, TheCompressedFormHasATagOfItsOwn) {
+  files_.write("page/index.html", std::string(5000, 'x'));
+  page_ = PageFiles::load(files_.root());
+  const HttpRequest wanted{.method = "GET", .target = "/", .accept_encoding = "gzip"};
+  const std::string tag = ask(wanted).etag;
+  EXPECT_NE(tag, get("/").etag);
+  HttpRequest again = wanted;
+  again.if_none_match = tag;
+  EXPECT_EQ(ask(again).status, 304);
+  EXPECT_EQ(get("/", "GET", tag).status, 200) << "the plain form was not kept";
 }
 
 TEST_F(HttpRoutesTest, LivePathWithoutUpgradeSaysWhatItWants) {
@@ -80,7 +127,7 @@ TEST_F(HttpRoutesTest, MissingBundleGivesAPageThatSaysHowToBuildIt) {
   const auto response = get("/");
   EXPECT_EQ(response.status, 503);
   EXPECT_EQ(response.content_type, "text/html; charset=utf-8");
-  EXPECT_NE(response.body->find("FIDUCAP_WEB=ON"), std::string::npos);
+  EXPECT_NE(response.body()->find("FIDUCAP_WEB=ON"), std::string::npos);
   EXPECT_EQ(get("/api/v1/state").status, 200);
 }
 

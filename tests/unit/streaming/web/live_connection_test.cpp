@@ -19,7 +19,7 @@ class LiveConnectionTest : public testing::Test {
   }
 
   Instant now_ = instant_from_ns(1'000);
-  LiveConnection connection_{"127.0.0.1:5 tcp", now_};
+  LiveConnection connection_{net::Peer{0x7f000001, 5}, now_};
 };
 
 TEST_F(LiveConnectionTest, HelloLeavesFirstWhateverCameFirst) {

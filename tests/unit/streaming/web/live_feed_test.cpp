@@ -13,6 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 using Json = nlohmann::json;
 
+constexpr net::Peer kPeer{0x0a000001, 5};
+
 class LiveFeedTest : public testing::Test {
  protected:
   static WebConfig config() {
@@ -23,6 +25,7 @@ class LiveFeedTest : public testing::Test {
   WebSources sources() {
     WebSources made;
     made.map_mode = [this] { return map_mode_; };
+    made.events = &events_;
     made.server_name = "hall";
     made.clients = [] { return std::vector<ClientStatus>{{"vrpn", "peer", "", 5, 0, 1}}; };
     return made;
@@ -49,6 +52,7 @@ class LiveFeedTest : public testing::Test {
   Instant start_ = instant_from_ns(1'000'000'000);
   std::uint64_t number_{0};
   std::string map_mode_{"mapping"};
+  EventBoard events_{[] { return std::int64_t{5'000'000}; }};
   std::shared_ptr<TagMap> map_ = std::make_shared<TagMap>();
   std::shared_ptr<SceneModel> model_ = std::make_shared<SceneModel>();
   LiveFeed feed_{config(), sources(), model_};
@@ -56,7 +60,7 @@ class LiveFeedTest : public testing::Test {
 
 TEST_F(LiveFeedTest, PagesHearThatTheMapWasFrozen) {
   feed_.publish(frame_at(0ms));
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   drain(*page);
   map_mode_ = "frozen";
   feed_.tick(start_ + 1s);
@@ -68,17 +72,18 @@ TEST_F(LiveFeedTest, PagesHearThatTheMapWasFrozen) {
 TEST_F(LiveFeedTest, NewPageGetsEverythingAtOnce) {
   log::info("test", "a line for the page");
   feed_.publish(frame_at(0ms));
-  const auto page = feed_.join("peer", start_);
-  EXPECT_EQ(types(*page), (std::vector<std::string>{"hello", "map", "frame", "clients", "log"}));
+  const auto page = feed_.join(kPeer, start_);
+  EXPECT_EQ(types(*page),
+            (std::vector<std::string>{"hello", "events", "map", "frame", "clients", "log"}));
 }
 
 TEST_F(LiveFeedTest, PageOfAFreshServerGetsHelloBeforeAnyFrame) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   EXPECT_EQ(types(*page).front(), "hello");
 }
 
 TEST_F(LiveFeedTest, HundredFramesASecondBecomeTwenty) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   for (int i = 0; i < 100; ++i) {
     feed_.publish(frame_at(i * 10ms));
     drain(*page);
@@ -88,7 +93,7 @@ TEST_F(LiveFeedTest, HundredFramesASecondBecomeTwenty) {
 }
 
 TEST_F(LiveFeedTest, JitterOfThePublisherDoesNotHalveTheRate) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   for (int i = 0; i < 20; ++i) {
     feed_.publish(frame_at(i * 50ms + (i % 2 == 0 ? 1ms : -1ms)));
     drain(*page);
@@ -97,7 +102,7 @@ TEST_F(LiveFeedTest, JitterOfThePublisherDoesNotHalveTheRate) {
 }
 
 TEST_F(LiveFeedTest, AfterAPauseFramesDoNotComeInABurst) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   feed_.publish(frame_at(0ms));
   drain(*page);
   for (int i = 0; i < 10; ++i) {
@@ -109,7 +114,7 @@ TEST_F(LiveFeedTest, AfterAPauseFramesDoNotComeInABurst) {
 
 TEST_F(LiveFeedTest, MapGoesOutWhenItChangesAndNotOtherwise) {
   feed_.publish(frame_at(0ms));
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   drain(*page);
   feed_.publish(frame_at(1s));
   EXPECT_EQ(types(*page), std::vector<std::string>{"frame"});
@@ -119,7 +124,7 @@ TEST_F(LiveFeedTest, MapGoesOutWhenItChangesAndNotOtherwise) {
 }
 
 TEST_F(LiveFeedTest, MapThatChangesWithEveryFrameGoesOutTwiceASecondAndEndsUpNewest) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   drain(*page);
   int maps = 0;
   std::int64_t newest = 0;
@@ -144,7 +149,7 @@ TEST_F(LiveFeedTest, MapThatChangesWithEveryFrameGoesOutTwiceASecondAndEndsUpNew
 }
 
 TEST_F(LiveFeedTest, NewListOfBodiesIsAnnounced) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   drain(*page);
   const auto frame = frame_at(0ms);
   frame->model = std::make_shared<SceneModel>(SceneModel{2, {{4, "newcomer"}}});
@@ -155,7 +160,7 @@ TEST_F(LiveFeedTest, NewListOfBodiesIsAnnounced) {
 }
 
 TEST_F(LiveFeedTest, ClientsAndNewLogLinesComeOnceASecond) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   feed_.tick(start_);
   drain(*page);
   log::info("test", "news");
@@ -167,24 +172,91 @@ TEST_F(LiveFeedTest, ClientsAndNewLogLinesComeOnceASecond) {
   EXPECT_EQ(types(*page), std::vector<std::string>{"clients"});
 }
 
+TEST_F(LiveFeedTest, EventsComeWhenTheyChangeAtMostTwiceASecond) {
+  feed_.tick(start_);
+  const auto page = feed_.join(kPeer, start_);
+  drain(*page);
+  events_.begin({.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"});
+  feed_.tick(start_ + 400ms);
+  EXPECT_TRUE(types(*page).empty());
+  feed_.tick(start_ + 500ms);
+  const auto told = Json::parse(*page->next(start_));
+  page->written();
+  EXPECT_EQ(told["type"], "events");
+  EXPECT_EQ(told["standing"][0]["subject"], "drone");
+  events_.end("drone", "lost", "it is back");
+  feed_.tick(start_ + 990ms);
+  EXPECT_TRUE(types(*page).empty());
+  feed_.tick(start_ + 1000ms);
+  const auto over = Json::parse(*page->next(start_));
+  page->written();
+  EXPECT_TRUE(over["standing"].empty());
+  EXPECT_EQ(over["events"].size(), 2);
+  drain(*page);
+  feed_.tick(start_ + 1900ms);
+  EXPECT_TRUE(types(*page).empty()) << "nothing has changed";
+}
+
 TEST_F(LiveFeedTest, StateIsOneJsonObjectWithAndWithoutFrames) {
-  EXPECT_TRUE(Json::parse(feed_.state())["frame"].is_null());
+  EXPECT_TRUE(Json::parse(*feed_.state(start_).plain)["frame"].is_null());
   feed_.publish(frame_at(0ms));
-  const auto state = Json::parse(feed_.state());
+  events_.tell({.subject = "map", .kind = "saved", .text = "version 2"});
+  const auto state = Json::parse(*feed_.state(start_ + Prepared::kPeriod).plain);
   EXPECT_EQ(state["frame"]["number"], 1);
   EXPECT_EQ(state["hello"]["server"], "hall");
   EXPECT_EQ(state["clients"]["clients"][0]["protocol"], "vrpn");
+  EXPECT_EQ(state["events"]["events"][0]["text"], "version 2");
+}
+
+TEST_F(LiveFeedTest, StateIsMadeOncePerPeriodHoweverManyAsk) {
+  feed_.publish(frame_at(0ms));
+  const auto first = feed_.state(start_).plain;
+  feed_.publish(frame_at(10ms));
+  EXPECT_EQ(feed_.state(start_ + Prepared::kPeriod - 1ms).plain, first);
+  const auto later = Json::parse(*feed_.state(start_ + Prepared::kPeriod).plain);
+  EXPECT_EQ(later["frame"]["number"], 2);
+}
+
+TEST_F(LiveFeedTest, MetricsAreMadeOncePerPeriodInEachFormat) {
+  const auto first = feed_.metrics(MetricsFormat::kPrometheus, start_).plain;
+  EXPECT_EQ(feed_.metrics(MetricsFormat::kPrometheus, start_).plain, first);
+  EXPECT_NE(feed_.metrics(MetricsFormat::kOpenMetrics, start_).plain, first);
+  EXPECT_NE(first->find("fiducap_healthy 0\n"), std::string::npos);
+  feed_.publish(frame_at(0ms));
+  const auto later = feed_.metrics(MetricsFormat::kPrometheus, start_ + Prepared::kPeriod).plain;
+  EXPECT_NE(later->find("fiducap_healthy 1\n"), std::string::npos);
 }
 
 TEST_F(LiveFeedTest, TroubleIsNamedWhenFramesStop) {
-  EXPECT_EQ(feed_.trouble(start_), "no frame was published yet");
+  EXPECT_EQ(feed_.health(start_).trouble, "no frame was published yet");
   feed_.publish(frame_at(0ms));
-  EXPECT_EQ(feed_.trouble(start_ + 1s), "");
-  EXPECT_EQ(feed_.trouble(start_ + 3s), "frames stopped");
+  EXPECT_EQ(feed_.health(start_ + 1s).trouble, "");
+  EXPECT_EQ(feed_.health(start_ + 3s).trouble, "frames stopped");
+}
+
+TEST_F(LiveFeedTest, HealthCountsStandingAlarms) {
+  events_.begin({.severity = Severity::kWarning,
+                 .subject = "clock",
+                 .kind = "unsynchronised",
+                 .text = "why"});
+  events_.begin({.severity = Severity::kError, .subject = "drone", .kind = "lost", .text = "why"});
+  events_.tell({.severity = Severity::kError, .subject = "map", .kind = "refused", .text = "why"});
+  EXPECT_EQ(feed_.health(start_).alarms, (std::array<std::size_t, 3>{0, 1, 1}));
+}
+
+TEST_F(LiveFeedTest, TheNewestPageOfAnAddressIsTheOneThatGoes) {
+  const auto first = feed_.join(kPeer, start_);
+  const auto second = feed_.join(kPeer.with_port(6), start_);
+  const auto other = feed_.join({0x0a000002, 5}, start_);
+  feed_.dismiss_newest_of(kPeer);
+  EXPECT_TRUE(second->dismissed());
+  EXPECT_FALSE(first->dismissed());
+  EXPECT_FALSE(other->dismissed());
+  EXPECT_EQ(feed_.connections().size(), 2u);
 }
 
 TEST_F(LiveFeedTest, PageThatLeftIsForgotten) {
-  const auto page = feed_.join("peer", start_);
+  const auto page = feed_.join(kPeer, start_);
   feed_.leave(*page);
   EXPECT_TRUE(feed_.connections().empty());
 }

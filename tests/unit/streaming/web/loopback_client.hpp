@@ -27,12 +27,15 @@ inline bool run_until(boost::asio::io_context& io, const std::function<bool()>& 
 /// A peer of the server under test, byte by byte: it can also do what a browser never would.
 class LoopbackClient final {
  public:
-  LoopbackClient(boost::asio::io_context& io, std::uint16_t port, int receive_buffer = 0)
+  /// @param from  of 127.0.0.0/8: each is an address of its own
+  LoopbackClient(boost::asio::io_context& io, std::uint16_t port, int receive_buffer = 0,
+                 const char* from = "127.0.0.1")
       : io_(io), socket_(io) {
     const boost::asio::ip::tcp::endpoint at(boost::asio::ip::address_v4::loopback(), port);
     socket_.open(at.protocol());
     if (receive_buffer > 0)
       socket_.set_option(boost::asio::socket_base::receive_buffer_size(receive_buffer));
+    socket_.bind({boost::asio::ip::make_address_v4(from), 0});
     socket_.connect(at);
     socket_.non_blocking(true);
   }

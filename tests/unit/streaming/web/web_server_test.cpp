@@ -7,6 +7,7 @@
 #include <random>
 
 #include "loopback_client.hpp"
+#include "streaming/net/limits.hpp"
 #include "support/fake_clock.hpp"
 #include "support/scene_builder.hpp"
 #include "temporary_page.hpp"
@@ -151,6 +152,77 @@ TEST_F(WebServerTest, StateIsJson) {
   const auto state = Json::parse(answer.substr(answer.find("\r\n\r\n") + 4));
   EXPECT_EQ(state["hello"]["version"], "0.1.0");
   EXPECT_EQ(state["frame"]["bodies"].size(), 3);
+}
+
+TEST_F(WebServerTest, StateIsCompressedForWhoTakesThat) {
+  publish(30);
+  auto peer = client();
+  peer.get("/api/v1/state", "Accept-Encoding: gzip\r\nConnection: close\r\n");
+  ASSERT_TRUE(peer.wait_for_close());
+  const std::string& answer = peer.received();
+  EXPECT_NE(answer.find("Content-Encoding: gzip\r\n"), std::string::npos) << answer.substr(0, 500);
+  EXPECT_NE(answer.find("Vary: Accept-Encoding\r\n"), std::string::npos);
+  EXPECT_EQ(answer.substr(answer.find("\r\n\r\n") + 4, 2), "\x1f\x8b");
+  EXPECT_LT(answer.size() * 3, get("/api/v1/state").size());
+}
+
+TEST_F(WebServerTest, MetricsAreServed) {
+  publish();
+  EXPECT_NE(get("/metrics").find("\nfiducap_frames_published_total 1\n"), std::string::npos);
+}
+
+TEST_F(WebServerTest, WhoAsksTooOftenIsToldToComeLaterAndReadNoFurther) {
+  publish();
+  auto flood = client();
+  const std::string request = "GET /healthz HTTP/1.1\r\nHost: hall\r\n\r\n";
+  std::string all;
+  for (int i = 0; i < 1000; ++i) all += request;
+  flood.send(all);
+  ASSERT_TRUE(flood.wait_for("HTTP/1.1 429"));
+  EXPECT_NE(flood.received().find("Retry-After: 1\r\n"), std::string::npos);
+  const auto count = [&](const std::string& word) {
+    int found = 0;
+    for (auto at = flood.received().find(word); at != std::string::npos;
+         at = flood.received().find(word, at + 1))
+      ++found;
+    return found;
+  };
+  EXPECT_EQ(count("HTTP/1.1 200"), static_cast<int>(net::RequestLimiter::kBurst));
+  io_.restart();
+  io_.run_for(1ms);
+  EXPECT_EQ(count("HTTP/1.1 429"), 1);
+  auto late = client();
+  late.send(request);
+  clock_.advance(2s);
+  ASSERT_TRUE(late.wait_for("HTTP/1.1 200")) << "a connection of the same address waits its turn";
+}
+
+TEST_F(WebServerTest, AFloodOfOneAddressLeavesTheOthersTheirRequests) {
+  auto flood = client();
+  for (int i = 0; i < 200; ++i) flood.send("GET / HTTP/1.1\r\nHost: hall\r\n\r\n");
+  ASSERT_TRUE(flood.wait_for("HTTP/1.1 429"));
+  LoopbackClient other(io_, server_->port(), 0, "127.0.0.2");
+  other.get("/", "Connection: close\r\n");
+  ASSERT_TRUE(other.wait_for_close());
+  EXPECT_EQ(other.received().rfind("HTTP/1.1 200", 0), 0);
+}
+
+TEST_F(WebServerTest, OneAddressDoesNotKeepAllLivePagesFromOthers) {
+  config_.max_clients = 3;
+  start();
+  std::vector<std::unique_ptr<LoopbackClient>> greedy;
+  for (std::size_t i = 0; i < 3; ++i) {
+    greedy.push_back(std::make_unique<LoopbackClient>(io_, server_->port()));
+    greedy.back()->upgrade();
+    ASSERT_TRUE(greedy.back()->wait_for_upgrade());
+    ASSERT_TRUE(run_until(io_, [&] { return clients().size() == i + 1; }));
+  }
+  LoopbackClient other(io_, server_->port(), 0, "127.0.0.2");
+  other.upgrade();
+  ASSERT_TRUE(other.wait_for_upgrade()) << other.received();
+  EXPECT_TRUE(greedy.back()->wait_for_close());
+  EXPECT_FALSE(greedy.front()->closed());
+  EXPECT_EQ(clients().size(), 3u);
 }
 
 TEST_F(WebServerTest, HealthIsBadUntilFramesFlow) {
