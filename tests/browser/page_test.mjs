@@ -22,7 +22,8 @@ async function startServer(...options) {
     await ended;
     clearTimeout(late);
   };
-  return { port, stop };
+  const tell = (line) => child.stdin.write(`${line}\n`);
+  return { port, stop, tell };
 }
 
 async function openPage(browser, port, options) {
@@ -110,6 +111,47 @@ step('clients and log are listed', async () => {
   await world.page.waitForFunction(() => document.querySelectorAll('#clients tbody tr').length === 4);
   assert.match(await world.page.textContent('#clients-summary'), /native 1 · vrpn 2 · web 1 · 214 frames dropped/);
   assert.match(await world.page.textContent('#log'), /page at http/);
+});
+
+step('a condition that begins stands over everything, with its remedy', async () => {
+  const { page, server } = world;
+  assert.ok(await page.isHidden('#alarms-banner'));
+  server.tell('begin drone lost sees no tag since 14 s');
+  const alarm = '.alarm.error[data-subject=drone][data-kind=lost]';
+  await page.waitForSelector(alarm);
+  assert.ok(await page.isVisible('#alarms-banner'));
+  assert.equal(await page.textContent(`${alarm} .text`), 'sees no tag since 14 s');
+  assert.equal(await page.textContent(`${alarm} .remedy`), 'Do something about it');
+  assert.equal(await page.textContent(`${alarm} .severity`), 'Error');
+  assert.match(await page.textContent(`${alarm} time`), /^since \d\d:\d\d:\d\d/);
+  assert.match(await page.textContent('#alarms-summary'), /1 alarm/);
+  if (shots) await page.screenshot({ path: join(shots, 'page-alarm.png') });
+});
+
+step('what a device says is text, not markup', async () => {
+  const { page, server } = world;
+  const hostile = '<img src=x onerror="document.title=1"><script>document.title=2</script>&lt;b&gt;';
+  server.tell(`begin <i>x</i> bad ${hostile}`);
+  await page.waitForFunction(() => document.querySelectorAll('.alarm').length === 2);
+  const texts = await page.$$eval('.alarm', (alarms) => alarms.map((alarm) => alarm.querySelector('.text').textContent));
+  assert.ok(texts.includes(hostile));
+  assert.equal(await page.$$eval('.alarms :is(img, script, i, b)', (found) => found.length), 0);
+  assert.match(await page.title(), /Fiducap/);
+  server.tell('end <i>x</i> bad');
+  await page.waitForFunction(() => document.querySelectorAll('.alarm').length === 1);
+});
+
+step('a condition that ends is gone from above and stays in the list', async () => {
+  const { page, server } = world;
+  server.tell('end drone lost');
+  await page.waitForSelector('#alarms-banner', { state: 'hidden' });
+  await page.click('[data-list=events]');
+  assert.ok(await page.isHidden('#log'));
+  const lines = await page.$$eval('#events .line', (all) => all.map((line) => `${line.className}: ${line.textContent}`));
+  assert.match(lines[0], /over: .*drone.*it is over/);
+  assert.match(lines[3], /error: .*drone.*sees no tag since 14 s\. Do something about it/);
+  await page.click('[data-list=log]');
+  assert.ok(await page.isVisible('#log'));
 });
 
 step('the chart draws three lines', async () => {

@@ -1,7 +1,8 @@
 // The web room with three fake robots in a fake hall of 24 tags, for the browser test and for
 // working on the page:
 //   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
-// Prints the port, serves until its input ends.
+// Prints the port, serves until its input ends. Lines of the input change what it tells:
+//   begin SUBJECT KIND TEXT…  begins a condition, with a remedy; `end SUBJECT KIND` ends it.
 #include <unistd.h>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -11,9 +12,15 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <istream>
 #include <numbers>
+#include <string>
 #include <string_view>
 
+#include <boost/asio/read_until.hpp>
+#include <boost/asio/streambuf.hpp>
+
+#include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/so3.hpp"
 #include "streaming/web/web_server.hpp"
@@ -195,6 +202,24 @@ std::shared_ptr<const SceneModel> robots(int count) {
   return model;
 }
 
+std::int64_t utc_now_ns() {
+  return std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
+}
+
+void obey(std::istream& line, EventBoard& events) {
+  std::string command, subject, kind, text;
+  line >> command >> subject >> kind >> std::ws;
+  std::getline(line, text);
+  if (command == "begin") {
+    events.begin({.severity = Severity::kError,
+                  .subject = subject,
+                  .kind = kind,
+                  .text = text,
+                  .remedy = "Do something about it"});
+  }
+  if (command == "end") events.end(subject, kind, "it is over");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -214,6 +239,8 @@ int main(int argc, char** argv) {
   const auto model = robots(bodies);
   std::unique_ptr<web::WebServer> server;
   web::WebSources sources;
+  EventBoard events(utc_now_ns);
+  sources.events = &events;
   sources.version = "0.1.0";
   sources.map_mode = [] { return std::string("mapping"); };
   sources.clients = [&] {
@@ -238,14 +265,18 @@ int main(int argc, char** argv) {
   Hall hall(io, *server, model, troubled);
   hall.run();
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
-  char ignored[64];
+  boost::asio::streambuf heard;
   std::function<void()> read = [&] {
-    input.async_read_some(boost::asio::buffer(ignored),
-                          [&](boost::system::error_code error, std::size_t) {
-                            if (!error) return read();
-                            hall.stop();
-                            server->stop();
-                          });
+    boost::asio::async_read_until(input, heard, '\n',
+                                  [&](boost::system::error_code error, std::size_t) {
+                                    if (!error) {
+                                      std::istream line(&heard);
+                                      obey(line, events);
+                                      return read();
+                                    }
+                                    hall.stop();
+                                    server->stop();
+                                  });
   };
   read();
   io.run();

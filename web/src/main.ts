@@ -3,6 +3,7 @@ import { StripChart, type ChartQuantity } from './chart';
 import { ClientsPanel } from './clients_panel';
 import { Connection, liveUrl, type LinkState } from './connection';
 import { byId, element, setText } from './dom';
+import { EventsPanel } from './events_panel';
 import { duration, fixed, timeOfDay } from './format';
 import { LogPanel } from './log_panel';
 import { mapLine } from './map_line';
@@ -19,6 +20,7 @@ class Page {
   private readonly bodies = new BodiesTable(byId('bodies'), (id) => this.choose(id));
   private readonly clients = new ClientsPanel(byId('clients'), byId('clients-summary'));
   private readonly log = new LogPanel(byId('log'));
+  private readonly events = new EventsPanel(byId('alarms-banner'), byId('alarms'), byId('events'), byId('alarms-summary'));
   private readonly chart = new StripChart(byId('chart'));
   private hello: Hello | null = null;
   private map: TagMap | null = null;
@@ -36,6 +38,8 @@ class Page {
     switch (message.type) {
       case 'hello':
         return this.onHello(message);
+      case 'events':
+        return this.events.update(message);
       case 'map':
         return this.onMap(message);
       case 'frame':
@@ -117,6 +121,9 @@ class Page {
     for (const button of document.querySelectorAll<HTMLButtonElement>('[data-chart]')) {
       button.addEventListener('click', () => this.showChart(button.dataset.chart as ChartQuantity));
     }
+    for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
+      button.addEventListener('click', () => showList(button.dataset.list ?? 'log'));
+    }
   }
 
   private showRoom(from: 'oblique' | 'top'): void {
@@ -130,6 +137,16 @@ class Page {
     for (const button of document.querySelectorAll<HTMLButtonElement>('[data-chart]')) {
       button.setAttribute('aria-pressed', String(button.dataset.chart === quantity));
     }
+  }
+}
+
+/** Log and events share a place. */
+function showList(chosen: string): void {
+  for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
+    const shown = button.dataset.list === chosen;
+    button.setAttribute('aria-pressed', String(shown));
+    byId(button.dataset.list ?? 'log').hidden = !shown;
+    if (shown) setText(byId('log-title'), button.textContent ?? '');
   }
 }
 

@@ -104,7 +104,31 @@ export interface Log {
   lines: LogLine[];
 }
 
-export type Message = Hello | TagMap | Frame | Clients | Log;
+export type Severity = 'info' | 'warning' | 'error';
+
+/** Something that a person should know. */
+export interface ServerEvent {
+  n: number;
+  utcMs: number;
+  severity: Severity;
+  subject: string;
+  kind: string;
+  text: string;
+  /** What to do about it; empty: nothing. */
+  remedy: string;
+  /** A condition ended here. */
+  over: boolean;
+}
+
+export interface Events {
+  type: 'events';
+  /** Conditions that hold. */
+  standing: ServerEvent[];
+  /** What happened, newest last. */
+  events: ServerEvent[];
+}
+
+export type Message = Hello | Events | TagMap | Frame | Clients | Log;
 
 type Fields = Record<string, unknown>;
 
@@ -224,6 +248,20 @@ function parseLine(value: unknown): LogLine {
   };
 }
 
+function parseEvent(value: unknown): ServerEvent {
+  const event = fields(value, 'event');
+  return {
+    n: number(event.n, 'event.n'),
+    utcMs: number(event.utc_ms, 'event.utc_ms'),
+    severity: oneOf(event.severity, ['info', 'warning', 'error'] as const, 'event.severity'),
+    subject: text(event.subject, 'event.subject'),
+    kind: text(event.kind, 'event.kind'),
+    text: text(event.text, 'event.text'),
+    remedy: text(event.remedy, 'event.remedy'),
+    over: event.over === true,
+  };
+}
+
 /** @returns the message; null for a type this page does not know (a newer server). Throws when a known one is malformed. */
 export function parseMessage(json: string): Message | null {
   const message = fields(JSON.parse(json), 'message');
@@ -239,6 +277,12 @@ export function parseMessage(json: string): Message | null {
           const body = fields(item, 'body');
           return { id: number(body.id, 'body.id'), name: text(body.name, 'body.name') };
         }),
+      };
+    case 'events':
+      return {
+        type: 'events',
+        standing: list(message.standing, 'events.standing', parseEvent),
+        events: list(message.events, 'events.events', parseEvent),
       };
     case 'map':
       return {

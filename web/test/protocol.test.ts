@@ -14,6 +14,21 @@ const parseFrame = (change: object) => {
 };
 
 describe('parseMessage', () => {
+  const event = { n: 3, utc_ms: 5, severity: 'error', subject: 'drone', kind: 'lost', text: 'why', remedy: 'what', over: false };
+
+  it('reads what holds and what happened', () => {
+    const message = { type: 'events', standing: [event], events: [event, { ...event, n: 4, over: true }] };
+    const read = { n: 3, utcMs: 5, severity: 'error', subject: 'drone', kind: 'lost', text: 'why', remedy: 'what', over: false };
+    expect(parseMessage(JSON.stringify(message))).toEqual({
+      type: 'events', standing: [read], events: [read, { ...read, n: 4, over: true }],
+    });
+  });
+
+  it('refuses an event of an unknown severity', () => {
+    const message = { type: 'events', standing: [{ ...event, severity: '<b>' }], events: [] };
+    expect(() => parseMessage(JSON.stringify(message))).toThrow(/severity/);
+  });
+
   it('reads hello with its bodies', () => {
     const hello = { type: 'hello', server: 'hall', version: '0.1.0', map_mode: 'frozen', page_rate_hz: 20, bodies: [{ id: 4, name: 'cart' }] };
     expect(parseMessage(JSON.stringify(hello))).toEqual({

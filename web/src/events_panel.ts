@@ -1,0 +1,61 @@
+import { element, setText } from './dom';
+import { plural, timeOfDay } from './format';
+import type { Events, ServerEvent, Severity } from './protocol';
+
+const RANK: Record<Severity, number> = { error: 0, warning: 1, info: 2 };
+const WORD: Record<Severity, string> = { error: 'Error', warning: 'Warning', info: 'Note' };
+
+/** What holds now, as a banner over everything, and what happened, as a list. */
+export class EventsPanel {
+  constructor(
+    private readonly banner: HTMLElement,
+    private readonly alarms: HTMLElement,
+    private readonly history: HTMLElement,
+    private readonly summary: HTMLElement,
+  ) {}
+
+  update(events: Events): void {
+    this.alarms.replaceChildren(...byUrgency(events.standing).map(alarmElement));
+    this.banner.hidden = events.standing.length === 0;
+    this.banner.dataset.severity = byUrgency(events.standing)[0]?.severity ?? '';
+    this.history.replaceChildren(...[...events.events].reverse().map(eventElement));
+    setText(this.summary, events.standing.length === 0 ? '' : plural(events.standing.length, 'alarm', 'alarms'));
+  }
+}
+
+/** The worst first, of equal ones the newest. */
+export function byUrgency(standing: ServerEvent[]): ServerEvent[] {
+  return [...standing].sort((a, b) => RANK[a.severity] - RANK[b.severity] || b.n - a.n);
+}
+
+/** `since 14:03:05`, with the date when that was another day. */
+export function since(utcMs: number, nowMs: number): string {
+  const begun = new Date(utcMs);
+  const sameDay = begun.toDateString() === new Date(nowMs).toDateString();
+  return `since ${sameDay ? '' : `${begun.toLocaleDateString('en-CA')} `}${timeOfDay(utcMs)}`;
+}
+
+function timeElement(utcMs: number, words: string): HTMLTimeElement {
+  const time = element('time', '', words);
+  time.dateTime = new Date(utcMs).toISOString();
+  return time;
+}
+
+// Texts come from devices, files and clients: they are set as text, never as markup.
+function alarmElement(alarm: ServerEvent): HTMLLIElement {
+  const item = element('li', `alarm ${alarm.severity}`);
+  item.dataset.subject = alarm.subject;
+  item.dataset.kind = alarm.kind;
+  const what = element('span', 'what');
+  what.append(element('strong', 'subject', alarm.subject), element('span', 'text', alarm.text));
+  item.append(element('span', 'severity', WORD[alarm.severity]), what, timeElement(alarm.utcMs, since(alarm.utcMs, Date.now())));
+  if (alarm.remedy !== '') item.append(element('span', 'remedy', alarm.remedy));
+  return item;
+}
+
+function eventElement(event: ServerEvent): HTMLLIElement {
+  const item = element('li', `line ${event.over ? 'over' : event.severity}`);
+  const text = event.remedy === '' ? event.text : `${event.text}. ${event.remedy}`;
+  item.append(timeElement(event.utcMs, timeOfDay(event.utcMs)), element('span', 'from', event.subject), element('span', 'text', text));
+  return item;
+}
