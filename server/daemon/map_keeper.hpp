@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "base/clock.hpp"
+#include "base/event_board.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "estimation/body_filter.hpp"
 #include "mapping/map_builder.hpp"
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 
 namespace fiducap {
 
@@ -20,16 +21,16 @@ struct LearnedBody {
   std::vector<ExtrinsicsEstimate> cameras;
 };
 
-/// Writes the map to its store: every `commit_period_s` when it has changed, and at the end. A
-/// store that cannot be written is said once, then tried again each period; what is stored stays as
-/// it was.
+/// Writes the map to its store: every `commit_period_s` when it has changed, on request and at the
+/// end; takes away what has grown old. A store that cannot be written is a standing event
+/// (`not_stored`), and tried again each period; what is stored stays as it was.
 class MapKeeper final {
  public:
   using Learned = std::function<std::vector<LearnedBody>()>;
 
   /// @param learned  called on the keeper's thread before each commit
   MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, const Clock& clock,
-            Learned learned);
+            EventBoard& events, Learned learned);
 
   /// Commits until stopped, and once more then.
   void run(std::stop_token stop);
@@ -39,16 +40,19 @@ class MapKeeper final {
   void commit();
 
  private:
-  [[nodiscard]] Expected<void> store_all();
+  void commit_by_request();
+  void store(const std::string& comment);
+  [[nodiscard]] Expected<void> store_all(const std::string& comment);
+  void thin();
   [[nodiscard]] Expected<void> store_learned();
 
   MapStore store_;
   MapBuilder& map_;
   Duration period_;
   const Clock& clock_;
+  EventBoard& events_;
   Learned learned_;
   std::atomic<bool> requested_{false};
-  bool failing_{false};
 };
 
 }  // namespace fiducap

@@ -10,6 +10,7 @@
 #include "base/so3.hpp"
 #include "daemon/system_clock.hpp"
 #include "mapping/formats/map_yaml.hpp"
+#include "mapping/store/map_repair.hpp"
 
 namespace fiducap {
 
@@ -17,6 +18,7 @@ namespace {
 
 // Beyond this the stored extrinsics and the configured ones are not about the same mounting.
 constexpr double kContradiction_sigma = 6.0;
+constexpr double kUnitTolerance = 1e-6;
 
 Expected<TagMap> import_map(const std::string& file, double wpilib_edge_m) {
   std::ifstream stream(file);
@@ -72,24 +74,70 @@ void use_learned_clock(const StoredClock& learned, CameraMount& mount, double& s
     mount.readout_s = learned.readout_s;
 }
 
+void tell_rolled_back(EventBoard& events, std::string text, std::string remedy) {
+  events.tell({.severity = Severity::kWarning,
+               .subject = "map",
+               .kind = "rolled_back",
+               .text = std::move(text),
+               .remedy = std::move(remedy)});
+}
+
+/// A file that SQLite cannot read whole is repaired once.
+Expected<MapStore> open_or_repair(const std::string& path, EventBoard& events) {
+  auto store = MapStore::open(path);
+  if (store || store.error().code != ErrorCode::kInvalid) return store;
+  const auto repaired = repair_map_store(path);
+  if (!repaired) {
+    // Nothing to be saved: what is wrong with the file says more. In use: that does.
+    const bool lost = repaired.error().code == ErrorCode::kInvalid;
+    return tl::unexpected(lost ? store.error() : repaired.error());
+  }
+  const auto lost = repaired->found.sentences();
+  std::string text = "the store " + path + " was damaged and has been repaired";
+  for (const std::string& one : lost) text += "; " + one;
+  tell_rolled_back(events, text,
+                   repaired->kept_as.empty()
+                       ? "look at the disk"
+                       : "the damaged file is kept as " + repaired->kept_as + "; look at the disk");
+  return MapStore::open(path);
+}
+
+void tell_damaged(const SoundVersion& sound, const std::string& path, EventBoard& events) {
+  if (sound.damaged.empty()) return;
+  std::string text = "went back to version " + std::to_string(sound.map.version) + " of " + path;
+  for (const DamagedVersion& one : sound.damaged)
+    text += "; version " + std::to_string(one.version) + " " + one.fault;
+  tell_rolled_back(events, text,
+                   "damaged versions stay in the store; `fiducap map repair` makes one without "
+                   "them and keeps this one aside");
+}
+
+/// The newest sound map of the store and what was learned with it.
+Expected<void> read_store(StartMap& start, const std::string& path, EventBoard& events) {
+  auto store = open_or_repair(path, events);
+  if (!store) return tl::unexpected(store.error());
+  if (auto claimed = store->claim(); !claimed) return claimed;
+  auto sound = store->newest_sound();
+  if (!sound) return tl::unexpected(sound.error());
+  tell_damaged(*sound, path, events);
+  auto learned = store->extrinsics();
+  if (!learned) return tl::unexpected(learned.error());
+  start.learned = std::move(*learned);
+  start.map = std::move(sound->map);
+  start.store.emplace(std::move(*store));
+  return {};
+}
+
 }  // namespace
 
-Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfig& tags) {
+Expected<StartMap> open_start_map(const MapSettings& settings, const TagSetConfig& tags,
+                                  EventBoard& events) {
   StartMap start;
-  bool is_new = true;
   if (!settings.store.empty()) {
-    auto store = MapStore::open(settings.store);
-    if (!store) return tl::unexpected(store.error());
-    if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
-    start.store.emplace(std::move(*store));
-    auto newest = start.store->newest();
-    if (!newest) return tl::unexpected(newest.error());
-    auto learned = start.store->extrinsics();
-    if (!learned) return tl::unexpected(learned.error());
-    start.learned = std::move(*learned);
-    is_new = newest->version == 0;
-    start.map = std::move(*newest);
+    if (auto read = read_store(start, settings.store, events); !read)
+      return tl::unexpected(read.error());
   }
+  const bool is_new = start.map.version == 0;
   if (is_new) {
     auto first = first_map(settings, tags);
     if (!first) return tl::unexpected(first.error());
@@ -118,8 +166,11 @@ void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string
     if (stored.clock) use_learned_clock(*stored.clock, mount, sensors.start_shifts_s[k]);
     const double distance_m = (stored.X_BV.p - mount.X_BV.p).norm();
     const double angle_rad = angle_between(stored.X_BV.q, mount.X_BV.q);
-    if (distance_m > kContradiction_sigma * mount.position_sigma_m ||
-        angle_rad > kContradiction_sigma * mount.rotation_sigma_rad) {
+    // What a disk made of it may be no number at all.
+    const bool close = distance_m <= kContradiction_sigma * mount.position_sigma_m &&
+                       angle_rad <= kContradiction_sigma * mount.rotation_sigma_rad &&
+                       std::abs(stored.X_BV.q.norm() - 1.0) < kUnitTolerance;
+    if (!close) {
       log::warning("mapping", body + ": what was learned about camera " +
                                   std::to_string(stored.camera) +
                                   " contradicts the configuration; the configuration holds");

@@ -3,10 +3,11 @@
 #include <optional>
 #include <vector>
 
+#include "base/event_board.hpp"
 #include "base/expected.hpp"
 #include "daemon/config/config_file.hpp"
 #include "estimation/body_filter.hpp"
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
@@ -18,11 +19,12 @@ struct StartMap {
   std::vector<StoredExtrinsics> learned;  ///< Of earlier sessions.
 };
 
-/// Opens the store and takes its newest map; an empty store (or none) starts from `map.file`, which
-/// is committed then.
-/// @return Error naming the file: damaged, of another tag family, not writable
+/// Opens the store and takes its newest sound map; an empty store (or none) starts from `map.file`,
+/// which is committed then. A damaged file is repaired and kept aside, damaged versions are passed
+/// over and kept; both are told (`rolled_back`).
+/// @return Error naming the file: nothing in it is sound, of another tag family, not writable
 [[nodiscard]] Expected<StartMap> open_start_map(const MapSettings& settings,
-                                                const TagSetConfig& tags);
+                                                const TagSetConfig& tags, EventBoard& events);
 
 /// Puts what was learned about the body's cameras in place of the configured X_BV, where it does
 /// not contradict the configuration: a camera that has been moved and measured again starts from

@@ -106,7 +106,7 @@ class Server::Impl final {
 Expected<void> Server::Impl::build() {
   if (config_.bodies.empty())
     return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
-  auto start = open_start_map(config_.map, config_.tags);
+  auto start = open_start_map(config_.map, config_.tags, events_);
   if (!start) return tl::unexpected(start.error());
   auto bodies = open_bodies(*start);
   if (!bodies) return tl::unexpected(bodies.error());
@@ -115,7 +115,7 @@ Expected<void> Server::Impl::build() {
   map_.emplace(config_.map.builder, std::move(start->map));
   if (start->store) {
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
-                    [this] { return bodies_.learned(); });
+                    events_, [this] { return bodies_.learned(); });
   }
   build_scene(*bodies);
   build_workers(std::move(*bodies));

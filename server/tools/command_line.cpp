@@ -5,8 +5,8 @@
 #include <CLI/CLI.hpp>
 
 #include "tools/calibrate/calibrate_verbs.hpp"
-#include "tools/live/control_command.hpp"
 #include "tools/live/doctor_command.hpp"
+#include "tools/live/control_command.hpp"
 #include "tools/live/watch_command.hpp"
 #include "tools/positive_number.hpp"
 #include "tools/replay/check_command.hpp"
@@ -217,6 +217,11 @@ void add_map(CLI::App& app, CommandLine& line) {
                             "show --store hall.map --version 3", run_map_show);
   show->add_option("--version", a.version, "Which version; the newest when not given");
   show->add_flag("--json", a.json, "For scripts");
+  add_map_verb(*map, line, "check", "Is every version as it was stored? Changes nothing",
+               "check --store hall.map", run_map_check);
+  add_map_verb(*map, line, "repair",
+               "Make a store of what is sound in a damaged one, which is kept beside it",
+               "repair --store hall.map", run_map_repair);
 }
 
 void add_tags(CLI::App& app, CommandLine& line) {

@@ -16,7 +16,7 @@
 #include <thread>
 
 #include "capture/recording/recording.hpp"
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "simulation/simulation.hpp"
 #include "support/running_server.hpp"
 #include "support/temporary_folder.hpp"

@@ -10,7 +10,8 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/system_clock.hpp"
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_repair.hpp"
+#include "mapping/store/map_store.hpp"
 #include "tools/tags/map_file.hpp"
 
 namespace fiducap {
@@ -25,11 +26,21 @@ Expected<MapStore> open_existing(const std::string& path) {
                 "no such map store; fiducapd makes it where map.store says, or fill one with "
                 "fiducap map import",
                 path);
-  return MapStore::open(path);
+  return MapStore::open_to_read(path);
 }
 
-Expected<TagMap> version_of(const MapStore& store, std::optional<std::int64_t> version) {
-  return version ? store.load(*version) : store.newest();
+/// The newest that is as it was stored; says what it passed over.
+Expected<TagMap> newest_of(const MapStore& store, const Terminal& terminal) {
+  auto sound = store.newest_sound();
+  if (!sound) return tl::unexpected(sound.error());
+  for (const DamagedVersion& one : sound->damaged)
+    terminal.err << "fiducap: passed over version " << one.version << ", it " << one.fault << "\n";
+  return std::move(sound->map);
+}
+
+Expected<TagMap> version_of(const MapStore& store, std::optional<std::int64_t> version,
+                            const Terminal& terminal) {
+  return version ? store.load(*version) : newest_of(store, terminal);
 }
 
 std::string utc_text(std::int64_t utc_ns) {
@@ -97,8 +108,9 @@ void print_map(std::ostream& out, const TagMap& map) {
 }
 
 Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
-                                                 const MapArguments& arguments) {
-  auto after = version_of(store, arguments.after);
+                                                 const MapArguments& arguments,
+                                                 const Terminal& terminal) {
+  auto after = version_of(store, arguments.after, terminal);
   if (!after) return tl::unexpected(after.error());
   const std::int64_t before_version = arguments.before.value_or(after->parent);
   auto before = before_version == 0 ? Expected<TagMap>(TagMap{}) : store.load(before_version);
@@ -111,7 +123,7 @@ Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
 int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   const auto store = open_existing(arguments.store);
   if (!store) return report(terminal, store.error());
-  const auto map = version_of(*store, arguments.version);
+  const auto map = version_of(*store, arguments.version, terminal);
   if (!map) return report(terminal, map.error());
   if (auto written = write_map_file(arguments.file, *map); !written)
     return report(terminal, written.error());
@@ -126,7 +138,7 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   auto store = MapStore::open(arguments.store);
   if (!store) return report(terminal, store.error());
   if (auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
-  const auto newest = store->newest();
+  const auto newest = newest_of(*store, terminal);
   if (!newest) return report(terminal, newest.error());
   map->version = newest->version;  // whatever the file was once: here it follows the newest
   if (map->created_utc_ns == 0) map->created_utc_ns = utc_now_ns();
@@ -172,7 +184,7 @@ int run_map_log(const MapArguments& arguments, const Terminal& terminal) {
 int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
   const auto store = open_existing(arguments.store);
   if (!store) return report(terminal, store.error());
-  const auto versions = two_versions(*store, arguments);
+  const auto versions = two_versions(*store, arguments, terminal);
   if (!versions) return report(terminal, versions.error());
   const auto changes = diff(versions->first, versions->second);
   if (arguments.json) {
@@ -207,12 +219,42 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
 int run_map_show(const MapArguments& arguments, const Terminal& terminal) {
   const auto store = open_existing(arguments.store);
   if (!store) return report(terminal, store.error());
-  const auto map = version_of(*store, arguments.version);
+  const auto map = version_of(*store, arguments.version, terminal);
   if (!map) return report(terminal, map.error());
   if (arguments.json)
     terminal.out << map_json(*map);
   else
     print_map(terminal.out, *map);
+  return kExitOk;
+}
+
+int run_map_check(const MapArguments& arguments, const Terminal& terminal) {
+  const auto health = check_map_store(arguments.store);
+  if (!health) return report(terminal, health.error());
+  terminal.out << arguments.store << ": " << health->sound.size()
+               << " versions are as they were stored"
+               << (health->sound.empty() ? "" : ", the newest is ")
+               << (health->sound.empty() ? "" : std::to_string(health->sound.back())) << "\n";
+  for (const std::string& one : health->sentences()) terminal.out << "  !!  " << one << "\n";
+  if (health->is_sound()) return kExitOk;
+  terminal.out << "`fiducap map repair --store " << arguments.store
+               << "` makes a store of what is sound and keeps this one aside\n";
+  return kExitFailed;
+}
+
+int run_map_repair(const MapArguments& arguments, const Terminal& terminal) {
+  const auto repair = repair_map_store(arguments.store);
+  if (!repair) return report(terminal, repair.error());
+  if (repair->kept_as.empty() && repair->found.is_sound()) {
+    terminal.out << arguments.store << ": is sound, nothing was changed\n";
+    return kExitOk;
+  }
+  terminal.out << arguments.store << ": repaired, " << repair->found.sound.size()
+               << " versions are there\n";
+  for (const std::string& one : repair->found.sentences())
+    terminal.out << "  !!  lost: " << one << "\n";
+  if (!repair->kept_as.empty())
+    terminal.out << "the damaged store is kept as " << repair->kept_as << "\n";
   return kExitOk;
 }
 

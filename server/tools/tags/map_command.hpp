@@ -19,11 +19,14 @@ struct MapArguments {
   bool json{false};
 };
 
-/// `fiducap map export | import | log | diff | show`. @return exit code
+/// `fiducap map export | import | log | diff | show | check | repair`. @return exit code; `check`
+/// fails when something is damaged
 [[nodiscard]] int run_map_export(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_import(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_log(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_diff(const MapArguments& arguments, const Terminal& terminal);
 [[nodiscard]] int run_map_show(const MapArguments& arguments, const Terminal& terminal);
+[[nodiscard]] int run_map_check(const MapArguments& arguments, const Terminal& terminal);
+[[nodiscard]] int run_map_repair(const MapArguments& arguments, const Terminal& terminal);
 
 }  // namespace fiducap

@@ -4,10 +4,17 @@
 
 #include <sys/resource.h>
 
+#include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <future>
+#include <mutex>
+#include <thread>
 
 #include "daemon/map_start.hpp"
+#include "mapping/store/sqlite_file.hpp"
 #include "support/fake_clock.hpp"
+#include "support/fault_disk.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -29,7 +36,7 @@ class MapKeeperTest : public testing::Test {
     map_ = std::make_unique<MapBuilder>(config, TagMap{});
     auto store = MapStore::open(file_);
     ASSERT_TRUE(store) << store.error().text();
-    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_,
+    keeper_ = std::make_unique<MapKeeper>(std::move(*store), *map_, 10.0, clock_, events_,
                                           [this] { return learned_; });
   }
   void see(int id, double x = 1.0) {
@@ -44,6 +51,7 @@ class MapKeeperTest : public testing::Test {
   TemporaryFolder folder_;
   std::string file_{folder_.file("map.sqlite")};
   FakeClock clock_;
+  EventBoard events_{[] { return std::int64_t{0}; }};
   std::vector<LearnedBody> learned_;
   std::unique_ptr<MapBuilder> map_;
   std::unique_ptr<MapKeeper> keeper_;
@@ -153,24 +161,87 @@ TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
     const FullDisk full;
     EXPECT_NO_THROW(keeper_->commit());
     EXPECT_NO_THROW(keeper_->commit());
+    ASSERT_EQ(events_.standing().size(), 1u);
+    EXPECT_EQ(events_.standing().front().subject, "map");
+    EXPECT_EQ(events_.standing().front().kind, "not_stored");
+    EXPECT_FALSE(events_.standing().front().remedy.empty());
+    EXPECT_EQ(events_.after(0).size(), 1u) << "said once";
   }
   ASSERT_EQ(stored().size(), 1u) << "the stored map must stay as it was";
   EXPECT_EQ(stored().front().tags, 1);
   keeper_->commit();
   ASSERT_EQ(stored().size(), 2u);
   EXPECT_EQ(stored().front().tags, 2);
+  EXPECT_TRUE(events_.standing().empty());
+}
+
+TEST_F(MapKeeperTest, WhatAnOperatorAsksForIsKeptUnderItsOwnName) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  keeper_->request_commit();
+  std::stop_source stop;
+  stop.request_stop();
+  keeper_->run(stop.get_token());
+  ASSERT_EQ(stored().size(), 2u) << "although nothing has changed since the last";
+  EXPECT_EQ(stored().front().comment, "stored by an operator");
+  EXPECT_EQ(stored().back().comment, kAutomaticComment);
+}
+
+/// A disk that takes its time holds up the keeper, nobody else.
+TEST_F(MapKeeperTest, AMapGrowsWhileTheDiskIsBusy) {
+  test::FaultDisk disk;
+  file_ = "map.sqlite";
+  build(MapMode::kMapping);
+  see(4);
+  std::promise<void> busy;
+  std::promise<void> free;
+  std::once_flag first;
+  disk.on_sync([&] {
+    std::call_once(first, [&] {
+      busy.set_value();
+      free.get_future().wait();
+    });
+  });
+  std::jthread keeping([&] { keeper_->commit(); });
+  busy.get_future().wait();
+  see(5);
+  EXPECT_EQ(map_->snapshot()->tags.size(), 2u);
+  free.set_value();
+  keeping.join();
+  EXPECT_TRUE(map_->changed()) << "what came meanwhile is in no version yet";
+  keeper_.reset();
 }
 
 class MapStartTest : public testing::Test {
  protected:
   TemporaryFolder folder_;
+  /// A store with two versions. @return its path
+  std::string two_versions() {
+    settings_.store = folder_.file("map.sqlite");
+    auto store = MapStore::open(settings_.store);
+    TagMap map;
+    map.tags.push_back({belief(4, 1.0).tag});
+    EXPECT_TRUE(store->commit(map, "first"));
+    map.tags.push_back({belief(5, 2.0).tag});
+    EXPECT_TRUE(store->commit(map, "second"));
+    return settings_.store;
+  }
+  [[nodiscard]] std::vector<Event> rolled_back() const {
+    auto all = events_.after(0);
+    std::erase_if(all,
+                  [](const Event& e) { return e.subject != "map" || e.kind != "rolled_back"; });
+    return all;
+  }
+
+  EventBoard events_{[] { return std::int64_t{0}; }};
   MapSettings settings_;
   TagSetConfig tags_;
 };
 
 TEST_F(MapStartTest, IsEmptyWithoutStoreAndFile) {
   settings_.reference_tag = 3;
-  const auto start = open_start_map(settings_, tags_);
+  const auto start = open_start_map(settings_, tags_, events_);
   ASSERT_TRUE(start) << start.error().text();
   EXPECT_TRUE(start->map.tags.empty());
   EXPECT_EQ(start->map.reference_tag, 3);
@@ -182,16 +253,16 @@ TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
   settings_.file =
       folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   {
-    const auto first = open_start_map(settings_, tags_);
+    const auto first = open_start_map(settings_, tags_, events_);
     ASSERT_TRUE(first) << first.error().text();
     ASSERT_EQ(first->map.tags.size(), 1u);
     EXPECT_EQ(first->map.version, 1);
-    const auto beside = open_start_map(settings_, tags_);
+    const auto beside = open_start_map(settings_, tags_, events_);
     ASSERT_FALSE(beside) << "another server has it";
     EXPECT_NE(beside.error().text().find("is in use by process"), std::string::npos);
   }
   settings_.file = folder_.file("gone.csv");
-  const auto second = open_start_map(settings_, tags_);
+  const auto second = open_start_map(settings_, tags_, events_);
   ASSERT_TRUE(second) << second.error().text();
   EXPECT_EQ(second->map.version, 1);
   ASSERT_NE(second->map.find(4), nullptr);
@@ -200,24 +271,57 @@ TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
 
 TEST_F(MapStartTest, NamesADamagedStoreAndLeavesItAlone) {
   settings_.store = folder_.write("map.sqlite", std::string(10'000, 'x'));
-  const auto start = open_start_map(settings_, tags_);
+  const auto start = open_start_map(settings_, tags_, events_);
   ASSERT_FALSE(start);
   EXPECT_NE(start.error().text().find("map.sqlite"), std::string::npos) << start.error().text();
   EXPECT_EQ(std::filesystem::file_size(settings_.store), 10'000u);
+}
+
+TEST_F(MapStartTest, GoesBackToTheLastSoundVersionAndSaysSo) {
+  const std::string path = two_versions();
+  ASSERT_TRUE(SqliteFile::open(path)->execute("UPDATE tag SET px = 9 WHERE version = 2"));
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_EQ(start->map.version, 1);
+  ASSERT_EQ(rolled_back().size(), 1u);
+  EXPECT_NE(rolled_back().front().text.find("went back to version 1"), std::string::npos);
+  EXPECT_NE(rolled_back().front().text.find("version 2 is damaged"), std::string::npos);
+  EXPECT_EQ(start->store->log()->size(), 2u) << "kept";
+}
+
+TEST_F(MapStartTest, RepairsADamagedFileKeepsItAsideAndSaysSo) {
+  const std::string path = two_versions();
+  {
+    auto store = MapStore::open(path);  // many pages
+    TagMap map = *store->newest();
+    for (int id = 6; id < 60; ++id) map.tags.push_back({belief(id, id).tag});
+    ASSERT_TRUE(store->commit(map, "third"));
+  }
+  const auto size = std::filesystem::file_size(path);
+  std::filesystem::resize_file(path, size - 4096);
+  ASSERT_FALSE(MapStore::open(path));
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_EQ(start->map.version, 2);
+  EXPECT_EQ(std::filesystem::file_size(path + ".damaged-1"), size - 4096);
+  ASSERT_EQ(rolled_back().size(), 1u);
+  EXPECT_NE(rolled_back().front().text.find("version 3"), std::string::npos)
+      << rolled_back().front().sentence();
+  EXPECT_NE(rolled_back().front().remedy.find(path + ".damaged-1"), std::string::npos);
 }
 
 TEST_F(MapStartTest, RefusesAMapOfAnotherTagFamily) {
   settings_.file =
       folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
   tags_.family = "tag25h9";
-  const auto start = open_start_map(settings_, tags_);
+  const auto start = open_start_map(settings_, tags_, events_);
   ASSERT_FALSE(start);
   EXPECT_NE(start.error().text().find("tag25h9"), std::string::npos) << start.error().text();
 }
 
 TEST_F(MapStartTest, NamesASurveyThatIsNotThere) {
   settings_.file = folder_.file("survey.json");
-  const auto start = open_start_map(settings_, tags_);
+  const auto start = open_start_map(settings_, tags_, events_);
   ASSERT_FALSE(start);
   EXPECT_NE(start.error().text().find("survey.json"), std::string::npos);
 }
@@ -234,6 +338,17 @@ TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
               "robot", sensors);
   EXPECT_EQ(cameras[0].X_BV.p.x(), 0.11);
   EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
+}
+
+TEST(UseLearned, LeavesOutWhatADiskHasDamaged) {
+  BodySensors sensors;
+  sensors.cameras.resize(2);
+  Pose nowhere;
+  nowhere.p.x() = std::nan("");
+  const Pose bent{Eigen::Quaterniond(1, 0, 0, 0.01), {0, 0, 0}};
+  use_learned({{"robot", 0, nowhere}, {"robot", 1, bent}}, "robot", sensors);
+  EXPECT_EQ(sensors.cameras[0].X_BV.p.x(), 0);
+  EXPECT_EQ(sensors.cameras[1].X_BV.q.z(), 0);
 }
 
 TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {

@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mapping/store/sqlite_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/whole_file.hpp"
 
@@ -107,7 +108,36 @@ TEST_F(MapCommandTest, WpilibFilesNeedTheTagSize) {
   EXPECT_THAT(err_.str(), HasSubstr("--tag-size"));
 }
 
+TEST_F(MapCommandTest, WorksBesideADamagedNewestVersion) {
+  ASSERT_EQ(import("7,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
+  ASSERT_EQ(import("8,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
+  EXPECT_EQ(run_map_check(arguments_, terminal_), kExitOk);
+  ASSERT_TRUE(
+      SqliteFile::open(arguments_.store)->execute("UPDATE tag SET px = 9 WHERE version = 2"));
+  taken();
+  EXPECT_EQ(run_map_check(arguments_, terminal_), kExitFailed);
+  EXPECT_THAT(taken(), HasSubstr("version 2: is damaged"));
+  arguments_.file = folder_.file("out.yaml");
+  EXPECT_EQ(run_map_export(arguments_, terminal_), kExitOk) << err_.str();
+  EXPECT_THAT(taken(), HasSubstr("version 1"));
+  EXPECT_THAT(err_.str(), HasSubstr("passed over version 2"));
+  EXPECT_EQ(run_map_import(arguments_, terminal_), kExitOk) << err_.str();
+  EXPECT_THAT(taken(), HasSubstr("version 3"));
+  EXPECT_EQ(run_map_log(arguments_, terminal_), kExitOk);
+  taken();
+  EXPECT_EQ(run_map_repair(arguments_, terminal_), kExitOk);
+  const std::string said = taken();
+  EXPECT_THAT(said, HasSubstr("lost: version 2"));
+  EXPECT_THAT(said, HasSubstr("is kept as " + arguments_.store + ".damaged-1"));
+  EXPECT_EQ(run_map_check(arguments_, terminal_), kExitOk);
+  EXPECT_EQ(run_map_repair(arguments_, terminal_), kExitOk);
+  EXPECT_THAT(taken(), HasSubstr("nothing was changed"));
+}
+
 TEST_F(MapCommandTest, LookingDoesNotMakeAStore) {
+  EXPECT_EQ(run_map_check(arguments_, terminal_), kExitFailed);
+  EXPECT_EQ(run_map_repair(arguments_, terminal_), kExitFailed);
+
   EXPECT_EQ(run_map_log(arguments_, terminal_), kExitFailed);
   EXPECT_FALSE(std::filesystem::exists(arguments_.store));
 }

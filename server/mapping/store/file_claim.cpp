@@ -1,4 +1,4 @@
-#include "mapping/file_claim.hpp"
+#include "mapping/store/file_claim.hpp"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 
 namespace fiducap {
 
@@ -20,13 +21,22 @@ std::string holder_of(int file) {
                   : "another process";
 }
 
+/// One lock, by whatever name the file is called.
+std::string lock_of(const std::string& path) {
+  std::error_code unknown;
+  const auto real = std::filesystem::weakly_canonical(path, unknown);
+  return (unknown ? path : real.string()) + ".lock";
+}
+
 }  // namespace
 
 Expected<FileClaim> FileClaim::take(const std::string& path) {
-  const std::string lock = path + ".lock";
+  const std::string lock = lock_of(path);
   const int file = ::open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
   if (file < 0)
-    return fail(ErrorCode::kUnavailable, std::string("cannot be opened: ") + std::strerror(errno),
+    return fail(ErrorCode::kUnavailable,
+                std::string("cannot be opened (") + std::strerror(errno) +
+                    "): the folder must be writable, and the file the user's who runs the server",
                 lock);
   FileClaim claim(file);
   if (::flock(file, LOCK_EX | LOCK_NB) != 0) {
@@ -40,6 +50,14 @@ Expected<FileClaim> FileClaim::take(const std::string& path) {
     // Then nobody is told the number; the lock holds.
   }
   return claim;
+}
+
+std::optional<std::string> FileClaim::holder(const std::string& path) {
+  const int file = ::open(lock_of(path).c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return std::nullopt;
+  const FileClaim look(file);
+  if (::flock(file, LOCK_EX | LOCK_NB) == 0) return std::nullopt;
+  return holder_of(file);
 }
 
 FileClaim::~FileClaim() {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -51,11 +52,24 @@ class SqliteStatement final {
   Error error_;
 };
 
+/// What SQLite takes for an empty or a shorter database without a word: the file as it lies on the
+/// disk, without the logs beside it.
+struct SqliteShape {
+  std::int64_t bytes{};
+  std::array<unsigned char, 18> head{};  ///< With zeros behind the end.
+  bool has_log{};                        ///< A write-ahead log or a rollback journal is there.
+};
+
 /// One open SQLite file. Every failure says what to do about it; none throws.
 class SqliteFile final {
  public:
-  /// Opens or creates; waits at most half a second for another process's lock.
-  [[nodiscard]] static Expected<SqliteFile> open(const std::string& path);
+  enum class Access {
+    kWrite,   ///< Opens or creates.
+    kSalvage  ///< Of a file that may be damaged: reads what can be read, changes nothing.
+  };
+  /// Waits at most half a second for another process's lock.
+  [[nodiscard]] static Expected<SqliteFile> open(const std::string& path,
+                                                 Access access = Access::kWrite);
 
   [[nodiscard]] Expected<void> execute(const char* sql);
   [[nodiscard]] SqliteStatement prepare(std::string_view sql) const {
@@ -66,6 +80,8 @@ class SqliteFile final {
   [[nodiscard]] Expected<std::string> text(std::string_view sql) const;
   /// False: closing writes nothing, so that a file that is not ours stays as it is.
   void write_back_on_close(bool allowed);
+  /// Before anything else is asked of the file: SQLite may set it up then.
+  [[nodiscard]] Expected<SqliteShape> shape() const;
   [[nodiscard]] const std::string& path() const { return path_; }
 
  private:

@@ -12,7 +12,7 @@
 #include <sstream>
 #include <string>
 
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {

@@ -1,4 +1,4 @@
-#include "mapping/sqlite_file.hpp"
+#include "mapping/store/sqlite_file.hpp"
 
 #include <sqlite3.h>
 
@@ -31,7 +31,8 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
     case SQLITE_CORRUPT:
       return {ErrorCode::kInvalid,
               "is damaged or not a map store (" + detail +
-                  "); it was not changed: restore a copy of it, or move it away",
+                  "); it was not changed: `fiducap map repair` saves what is "
+                  "readable; or restore a copy of it, or move it away",
               path};
     default:
       return {ErrorCode::kInvalid, "SQLite says: " + detail, path};
@@ -133,17 +134,25 @@ std::vector<std::byte> SqliteStatement::blob(int column) const {
 
 void SqliteFile::Close::operator()(sqlite3* file) const { sqlite3_close_v2(file); }
 
-Expected<SqliteFile> SqliteFile::open(const std::string& path) {
+Expected<SqliteFile> SqliteFile::open(const std::string& path, Access access) {
   if (path.empty()) return fail(ErrorCode::kInvalid, "the map store needs a path");
   SqliteFile opened;
   opened.path_ = path;
   sqlite3* file = nullptr;
-  const int code =
-      sqlite3_open_v2(path.c_str(), &file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, nullptr);
+  const int create = access == Access::kWrite ? SQLITE_OPEN_CREATE : 0;
+  const int code = sqlite3_open_v2(path.c_str(), &file, SQLITE_OPEN_READWRITE | create, nullptr);
   opened.file_.reset(file);
   if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path));
   sqlite3_extended_result_codes(file, 1);
   sqlite3_busy_timeout(file, kBusyTimeout_ms);
+  if (access == Access::kSalvage) {
+    opened.write_back_on_close(false);
+    // writable_schema: also a file that is shorter than it says is read.
+    for (const char* pragma : {"PRAGMA trusted_schema = OFF", "PRAGMA cell_size_check = ON",
+                               "PRAGMA writable_schema = ON", "PRAGMA query_only = ON"}) {
+      if (auto set = opened.execute(pragma); !set) return tl::unexpected<Error>(set.error());
+    }
+  }
   return opened;
 }
 
@@ -166,6 +175,30 @@ Expected<std::string> SqliteFile::text(std::string_view sql) const {
 
 void SqliteFile::write_back_on_close(bool allowed) {
   sqlite3_db_config(file_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, allowed ? 0 : 1, nullptr);
+}
+
+Expected<SqliteShape> SqliteFile::shape() const {
+  sqlite3_file* disk = nullptr;
+  sqlite3_vfs* system = nullptr;
+  sqlite3_file_control(file_.get(), "main", SQLITE_FCNTL_FILE_POINTER, &disk);
+  sqlite3_file_control(file_.get(), "main", SQLITE_FCNTL_VFS_POINTER, &system);
+  if (disk == nullptr || disk->pMethods == nullptr || system == nullptr) return SqliteShape{};
+  SqliteShape shape;
+  sqlite3_int64 bytes = 0;
+  int code = disk->pMethods->xFileSize(disk, &bytes);
+  shape.bytes = bytes;
+  if (code == SQLITE_OK) {
+    code = disk->pMethods->xRead(disk, shape.head.data(), static_cast<int>(shape.head.size()), 0);
+    if (code == SQLITE_IOERR_SHORT_READ) code = SQLITE_OK;
+  }
+  for (const char* end : {"-wal", "-journal"}) {
+    int there = 0;
+    if (code == SQLITE_OK)
+      code = system->xAccess(system, (path_ + end).c_str(), SQLITE_ACCESS_EXISTS, &there);
+    shape.has_log = shape.has_log || there != 0;
+  }
+  if (code != SQLITE_OK) return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path_));
+  return shape;
 }
 
 // --- SqliteTransaction ---

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <string>
 
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 int main(int argc, char** argv) {

@@ -1,0 +1,281 @@
+// What a store holds after power cuts, full disks and failing disks, at every single step of a
+// server's life.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <optional>
+#include <sstream>
+
+#include "mapping/store/map_repair.hpp"
+#include "mapping/store/map_store.hpp"
+#include "support/fault_disk.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+using test::FaultDisk;
+using Fault = FaultDisk::Fault;
+
+constexpr const char* kPath = "hall.map";
+constexpr std::uint32_t kSeeds = 5;  // everything lost, everything kept, three random choices
+constexpr std::int64_t kMinute = 60'000'000'000;
+
+/// All that a store says, for comparisons. Each version is checked against its hash.
+std::string state_of(const MapStore& store) {
+  std::ostringstream text;
+  const auto log = store.log();
+  if (!log) return "no log: " + log.error().text();
+  for (const auto& one : *log) {
+    const auto map = store.load(one.version);
+    text << one.version << " of " << one.parent << " " << one.comment << " "
+         << (map ? map->hash : map.error().text()) << "\n";
+  }
+  const auto learned = store.extrinsics();
+  if (!learned) return "no extrinsics: " + learned.error().text();
+  for (const auto& one : *learned)
+    text << one.body << one.camera << " " << one.X_BV.p.x() << " "
+         << (one.clock ? one.clock->shift_s : 0.0) << "\n";
+  return text.str();
+}
+
+/// One step of a server's life with its store.
+using Deed = std::function<Expected<void>(std::optional<MapStore>&)>;
+
+Deed commits(int number, const std::string& comment) {
+  return [=](std::optional<MapStore>& store) -> Expected<void> {
+    auto before = store->newest();
+    if (!before) return tl::unexpected(before.error());
+    TagMap map = make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12});
+    map.version = before->version;
+    map.tags[0].tag.X_WT.p.x() = number;
+    map.created_utc_ns = 1'700'000'000'000'000'000 + number / 2 * 4 * kMinute + number % 2;
+    auto stored = store->commit(map, comment);
+    if (!stored) return tl::unexpected(stored.error());
+    return {};
+  };
+}
+
+Expected<void> opens(std::optional<MapStore>& store) {
+  store.reset();
+  auto opened = MapStore::open(kPath);
+  if (!opened) return tl::unexpected(opened.error());
+  store.emplace(std::move(*opened));
+  return {};
+}
+
+Expected<void> thins(std::optional<MapStore>& store) {
+  const auto thinned = store->thin();
+  return thinned ? Expected<void>{} : tl::unexpected(thinned.error());
+}
+
+Deed learns(double shift_s) {
+  return [=](std::optional<MapStore>& store) {
+    Pose X_BV;
+    X_BV.p.x() = 10 * shift_s;
+    return store->save_extrinsics({"robot", 0, X_BV, StoredClock{shift_s, 0}});
+  };
+}
+
+std::vector<Deed> a_life() {
+  std::vector<Deed> deeds{opens, commits(0, "survey")};
+  for (int i = 1; i <= 9; ++i) {
+    deeds.push_back(commits(i, kAutomaticComment));
+    if (i % 2 == 0) deeds.push_back(thins);
+    if (i % 4 == 0) deeds.push_back(learns(0.1 * i));
+    if (i == 5) deeds.push_back(opens);  // closed and opened again
+  }
+  return deeds;
+}
+
+/// What the store says after each deed when nothing fails; before the first: nothing.
+struct Reference {
+  std::vector<std::string> states{""};
+  std::uint64_t steps{};
+  std::uint64_t reads{};
+};
+
+Reference run_without_fault() {
+  FaultDisk disk;
+  Reference reference;
+  std::optional<MapStore> store;
+  for (const Deed& deed : a_life()) {
+    EXPECT_TRUE(deed(store));
+    reference.states.push_back(state_of(*store));
+  }
+  store.reset();
+  reference.steps = disk.steps();
+  reference.reads = disk.reads();
+  return reference;
+}
+
+class MapStoreFaults : public testing::Test {
+ protected:
+  static const Reference& reference() {
+    static const Reference once = run_without_fault();
+    return once;
+  }
+  static void expect_words(const Error& error) {
+    EXPECT_EQ(error.code, ErrorCode::kUnavailable) << error.text();
+    EXPECT_GT(error.what.size(), 20u);
+  }
+};
+
+TEST_F(MapStoreFaults, TheLifeOfTheTestThinsOutAndWritesBack) {
+  EXPECT_GT(reference().steps, 100u);
+  EXPECT_THAT(reference().states.back(), testing::HasSubstr("survey"));
+  EXPECT_THAT(reference().states.back(), testing::HasSubstr("\n4 of 2 "));
+  EXPECT_THAT(reference().states.back(), testing::Not(testing::HasSubstr("\n3 of"))) << "thinned";
+}
+
+TEST_F(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
+  for (std::uint64_t step = 0; step < reference().steps; ++step) {
+    FaultDisk disk;
+    disk.fail_at(step, Fault::kPowerCut);
+    std::optional<MapStore> store;
+    std::size_t done = 0;
+    for (const Deed& deed : a_life()) {
+      if (const auto result = deed(store); !result) {
+        expect_words(result.error());
+        break;
+      }
+      ++done;
+    }
+    store.reset();
+    ASSERT_TRUE(disk.has_failed());
+    for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
+      SCOPED_TRACE("step " + std::to_string(step) + " seed " + std::to_string(seed));
+      disk.reboot(seed < 2 ? seed : seed + 1000 * static_cast<std::uint32_t>(step));
+      const auto opened = opens(store);
+      ASSERT_TRUE(opened) << opened.error().text();
+      const std::string state = state_of(*store);
+      const auto& states = reference().states;
+      if (state != states[done]) {
+        ASSERT_LT(done + 1, states.size());
+        ASSERT_EQ(state, states[done + 1]) << "before it was\n" << states[done];
+      }
+      ASSERT_TRUE(commits(99, "life goes on")(store));
+      store.reset();
+    }
+  }
+}
+
+/// Runs a life in which a fault comes at `step`; what failed is done again after `mend`.
+void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
+  FaultDisk disk;
+  disk.fail_at(step, fault);
+  std::optional<MapStore> store;
+  std::size_t done = 0;
+  bool said = false;
+  for (const Deed& deed : a_life()) {
+    auto result = deed(store);
+    if (!result) {
+      EXPECT_EQ(result.error().code, ErrorCode::kUnavailable) << result.error().text();
+      EXPECT_GT(result.error().what.size(), 20u);
+      said = true;
+      disk.mend();
+      if (store) {
+        ASSERT_EQ(state_of(*store), reference.states[done]) << result.error().text();
+      }
+      result = deed(store);
+      ASSERT_TRUE(result) << "again: " << result.error().text();
+      ASSERT_EQ(state_of(*store), reference.states[done + 1]);
+    }
+    disk.mend();  // what was met outside a deed: SQLite writes back by itself
+    ++done;
+  }
+  ASSERT_EQ(state_of(*store), reference.states.back());
+  // And it is on the disk.
+  disk.fail_at(0, Fault::kPowerCut);
+  store.reset();
+  disk.reboot(static_cast<std::uint32_t>(step + 2));
+  const auto opened = opens(store);
+  ASSERT_TRUE(opened) << opened.error().text();
+  EXPECT_EQ(state_of(*store), reference.states.back()) << (said ? "said" : "not said");
+}
+
+TEST_F(MapStoreFaults, AFullDiskAtAnyStepIsSaidAndChangesNothing) {
+  for (std::uint64_t step = 0; step < reference().steps; ++step) {
+    SCOPED_TRACE(step);
+    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kFull, reference()));
+  }
+}
+
+TEST_F(MapStoreFaults, ASyncThatFailsIsSaidAndNothingIsBelievedToBeOnTheDisk) {
+  for (std::uint64_t step = 0; step < reference().steps; ++step) {
+    SCOPED_TRACE(step);
+    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kSyncFails, reference()));
+  }
+}
+
+TEST_F(MapStoreFaults, AWriteThatStopsHalfWayIsSaidAndChangesNothing) {
+  for (std::uint64_t step = 0; step < reference().steps; ++step) {
+    SCOPED_TRACE(step);
+    ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kWriteFails, reference()));
+  }
+}
+
+TEST_F(MapStoreFaults, ReadsThatFailAreSaidAndChangeNothing) {
+  for (std::uint64_t read = 0; read < reference().reads; ++read) {
+    SCOPED_TRACE(read);
+    ASSERT_NO_FATAL_FAILURE(live_with(read, Fault::kReadFails, reference()));
+  }
+}
+
+// --- repair ---
+
+constexpr const char* kPart = "hall.map.salvage";
+
+/// A store with a destroyed page, as bytes.
+std::string a_damaged_store() {
+  FaultDisk disk;
+  std::optional<MapStore> store;
+  EXPECT_TRUE(opens(store));
+  for (int i = 0; i < 8; ++i) EXPECT_TRUE(commits(i, "kept")(store));
+  EXPECT_TRUE(learns(0.2)(store));
+  store.reset();
+  std::string bytes = disk.content(kPath);
+  const std::size_t page = bytes.size() / 2 / 4096 * 4096;
+  std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(page), 4096, 'x');
+  return bytes;
+}
+
+TEST(MapRepairFaults, TheDamagedStoreIsTheSameAndTheRepairedOneIsWholeOrNotReported) {
+  const std::string damaged = a_damaged_store();
+  std::uint64_t steps = 0;
+  std::string state;
+  {
+    FaultDisk disk;
+    disk.set_content(kPath, damaged);
+    ASSERT_FALSE(MapStore::open(kPath));
+    const auto found = salvage_map_store(kPath, kPart);
+    ASSERT_TRUE(found) << found.error().text();
+    EXPECT_FALSE(found->is_sound());
+    EXPECT_GT(found->sound.size(), 4u);
+    steps = disk.steps();
+    state = state_of(*MapStore::open(kPart));
+  }
+  EXPECT_GT(steps, 10u);
+  for (const Fault fault :
+       {Fault::kPowerCut, Fault::kFull, Fault::kSyncFails, Fault::kWriteFails}) {
+    for (std::uint64_t step = 0; step <= steps; ++step) {
+      SCOPED_TRACE(std::to_string(static_cast<int>(fault)) + " at " + std::to_string(step));
+      FaultDisk disk;
+      disk.set_content(kPath, damaged);
+      disk.fail_at(step, fault);
+      const bool reported = salvage_map_store(kPath, kPart).has_value();
+      if (!disk.has_failed()) disk.fail_at(0, Fault::kPowerCut);
+      disk.reboot(static_cast<std::uint32_t>(step));
+      EXPECT_TRUE(disk.content(kPath) == damaged);
+      if (reported) {
+        const auto repaired = MapStore::open(kPart);
+        ASSERT_TRUE(repaired) << repaired.error().text();
+        EXPECT_EQ(state_of(*repaired), state);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fiducap

@@ -1,0 +1,124 @@
+#include "mapping/store/map_thinning.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+#include <set>
+
+namespace fiducap {
+namespace {
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+constexpr std::int64_t kMinute = 60 * kSecond;
+constexpr std::int64_t kHour = 60 * kMinute;
+constexpr std::int64_t kDay = 24 * kHour;
+constexpr std::int64_t kStart = 1'700'000'000 * kSecond;
+
+/// A store whose server commits every ten seconds and thins out after each commit.
+class History final {
+ public:
+  void commit(std::int64_t utc_ns, bool automatic = true) {
+    newest_first_.insert(newest_first_.begin(), {++number_, utc_ns, automatic});
+    const auto old = versions_to_thin(newest_first_);
+    const std::set<std::int64_t> gone(old.begin(), old.end());
+    std::erase_if(newest_first_, [&](const VersionAge& one) { return gone.contains(one.version); });
+  }
+  void run(std::int64_t from, std::int64_t length, std::int64_t period) {
+    for (std::int64_t t = 0; t < length; t += period) commit(from + t);
+  }
+  [[nodiscard]] std::size_t between(std::int64_t youngest, std::int64_t oldest) const {
+    const auto now = newest_first_.front().created_utc_ns;
+    return static_cast<std::size_t>(
+        std::count_if(newest_first_.begin(), newest_first_.end(), [&](const VersionAge& one) {
+          const auto age = now - one.created_utc_ns;
+          return age >= youngest && age < oldest;
+        }));
+  }
+  [[nodiscard]] const std::vector<VersionAge>& versions() const { return newest_first_; }
+
+ private:
+  std::vector<VersionAge> newest_first_;
+  std::int64_t number_{0};
+};
+
+TEST(MapThinning, ADayOfCommitsLeavesAFewHundredVersions) {
+  History history;
+  history.run(kStart, kDay, 10 * kSecond);  // 8640 commits
+  EXPECT_EQ(history.between(0, 10 * kMinute), 60u) << "all of the last ten minutes";
+  EXPECT_NEAR(static_cast<double>(history.between(10 * kMinute, kHour)), 50, 1);
+  EXPECT_NEAR(static_cast<double>(history.between(kHour, kDay)), 23 * 6, 1);
+  EXPECT_LE(history.versions().size(), 252u);
+}
+
+TEST(MapThinning, YearsOfCommitsStayBounded) {
+  History history;
+  for (std::int64_t day = 0; day < 3 * 365; ++day)
+    history.run(kStart + day * kDay, kDay, 20 * kMinute);
+  EXPECT_NEAR(static_cast<double>(history.between(kDay, 7 * kDay)), 6 * 24, 1);
+  EXPECT_NEAR(static_cast<double>(history.between(7 * kDay, 365 * kDay)), 358, 1);
+  EXPECT_NEAR(static_cast<double>(history.between(365 * kDay, 4 * 365 * kDay)), 730.0 / 30, 2);
+}
+
+TEST(MapThinning, NoGapIsLongerThanItsAgeAllows) {
+  History history;
+  history.run(kStart, 2 * kDay, 10 * kSecond);
+  const auto& versions = history.versions();
+  const auto now = versions.front().created_utc_ns;
+  for (std::size_t i = 1; i < versions.size(); ++i) {
+    const auto age = now - versions[i].created_utc_ns;
+    const auto gap = versions[i - 1].created_utc_ns - versions[i].created_utc_ns;
+    // Two neighbours may be the first and the last of what was in their spans.
+    const auto span = age < 10 * kMinute ? 10 * kSecond
+                      : age < kHour      ? kMinute
+                      : age < kDay       ? 10 * kMinute
+                                         : kHour;
+    EXPECT_LE(gap, 2 * span) << "at age " << age / kSecond << " s";
+  }
+}
+
+TEST(MapThinning, NamedVersionsAndTheNewestStay) {
+  History history;
+  history.commit(kStart, false);
+  history.run(kStart + kSecond, kDay, 10 * kSecond);
+  history.commit(kStart + kDay, false);
+  history.run(kStart + kDay + kSecond, kDay, 10 * kSecond);
+  const auto named = std::count_if(history.versions().begin(), history.versions().end(),
+                                   [](const VersionAge& one) { return !one.automatic; });
+  EXPECT_EQ(named, 2);
+  const std::vector<VersionAge> two{{9, kStart + kDay, true}, {1, kStart + kDay - kHour, true}};
+  EXPECT_TRUE(versions_to_thin(two).empty());
+  EXPECT_TRUE(versions_to_thin({}).empty());
+}
+
+TEST(MapThinning, AServerThatWasOffForAYearFindsWhatItLeft) {
+  History history;
+  history.run(kStart, kHour, 10 * kSecond);
+  const auto before = history.versions().size();
+  EXPECT_TRUE(versions_to_thin(history.versions()).empty());
+  EXPECT_GT(before, 100u);
+}
+
+TEST(MapThinning, ClocksThatAreSetBackTakeNothingAway) {
+  std::vector<VersionAge> versions;
+  for (int i = 0; i < 100; ++i) versions.push_back({100 - i, kStart + kDay + i * kSecond, true});
+  versions.front().created_utc_ns = 0;  // a machine without a battery
+  EXPECT_TRUE(versions_to_thin(versions).empty());
+}
+
+TEST(MapThinning, AnyTimesGiveAnAnswerThatLeavesTheNewest) {
+  std::mt19937_64 random(1);
+  for (int trial = 0; trial < 200; ++trial) {
+    std::vector<VersionAge> versions;
+    for (int i = 0; i < 50; ++i)
+      versions.push_back({50 - i, static_cast<std::int64_t>(random()), random() % 4 != 0});
+    for (const std::int64_t gone : versions_to_thin(versions)) {
+      EXPECT_NE(gone, 50);
+      EXPECT_TRUE(versions[static_cast<std::size_t>(50 - gone)].automatic);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fiducap
