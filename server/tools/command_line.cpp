@@ -5,7 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "tools/calibrate/calibrate_verbs.hpp"
-#include "tools/live/doctor_command.hpp"
+#include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
 #include "tools/live/watch_command.hpp"
 #include "tools/positive_number.hpp"
@@ -112,7 +112,9 @@ void add_watch(CLI::App& app, CommandLine& line) {
 
 void add_doctor(CLI::App& app, CommandLine& line) {
   auto* verb = app.add_subcommand(
-      "doctor", "Why does a client see nothing? Network, ports, conventions, bodies");
+      "doctor",
+      "Why does a client see nothing, what is wrong with a server? Network, ports, exposure, "
+      "machine, disks, bodies, alarms");
   auto& a = line.doctor;
   verb->add_option("--config", a.config, "The server's configuration; without it the defaults");
   verb->add_option("--set", a.sets,

@@ -1,4 +1,4 @@
-#include "tools/live/network_check.hpp"
+#include "tools/doctor/network_check.hpp"
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
@@ -11,7 +11,9 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <sstream>
 
@@ -51,6 +53,27 @@ std::optional<std::pair<std::string, std::uint16_t>> endpoint_of(const std::stri
   std::array<char, INET6_ADDRSTRLEN> name{};
   ::inet_ntop(colon == 8 ? AF_INET : AF_INET6, words.data(), name.data(), name.size());
   return std::pair(std::string(name.data()), port);
+}
+
+/// Who has which socket, of the processes that we may look into.
+std::map<unsigned long, std::string> socket_owners() {
+  namespace fs = std::filesystem;
+  constexpr std::string_view kSocket = "socket:[";
+  std::map<unsigned long, std::string> owners;
+  std::error_code gone;
+  for (const auto& process : fs::directory_iterator("/proc", gone)) {
+    const std::string pid = process.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
+    std::string name;
+    std::getline(std::ifstream(process.path() / "comm"), name);
+    for (const auto& file : fs::directory_iterator(process.path() / "fd", gone)) {
+      const std::string target = fs::read_symlink(file.path(), gone).string();
+      if (target.rfind(kSocket, 0) == 0)
+        owners[std::strtoul(target.c_str() + kSocket.size(), nullptr, 10)] =
+            name + " (process " + pid + ")";
+    }
+  }
+  return owners;
 }
 
 }  // namespace
@@ -111,7 +134,10 @@ std::optional<ListeningPort> listening_port_of(const std::string& line, Transpor
   if (state != (transport == Transport::kTcp ? kTcpListens : kUdpOpen)) return std::nullopt;
   const auto endpoint = endpoint_of(local);
   if (!endpoint) return std::nullopt;
-  return ListeningPort{transport, endpoint->first, endpoint->second};
+  ListeningPort port{transport, endpoint->first, endpoint->second};
+  for (int skipped = 0; skipped < 5; ++skipped) words >> slot;  // queues, timers, user
+  words >> port.inode;
+  return port;
 }
 
 std::vector<ListeningPort> listening_ports() {
@@ -123,13 +149,12 @@ std::vector<ListeningPort> listening_ports() {
     for (std::string line; std::getline(file, line);)
       if (auto port = listening_port_of(line, transport)) all.push_back(*port);
   }
+  const auto owners = socket_owners();
+  for (ListeningPort& port : all) {
+    const auto owner = owners.find(port.inode);
+    if (owner != owners.end()) port.owner = owner->second;
+  }
   return all;
-}
-
-std::optional<long long> largest_receive_buffer() {
-  std::ifstream file("/proc/sys/net/core/rmem_max");
-  long long bytes = 0;
-  return file >> bytes ? std::optional(bytes) : std::nullopt;
 }
 
 }  // namespace fiducap

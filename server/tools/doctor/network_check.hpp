@@ -29,18 +29,16 @@ struct ListeningPort {
   Transport transport{};
   std::string address;  ///< 0.0.0.0: every interface.
   std::uint16_t port{};
+  unsigned long inode{};  ///< The kernel's number of the socket.
+  std::string owner{};    ///< `vrpn_server (process 812)`; empty: not ours to see.
 };
 
-/// IPv4 and IPv6, as /proc/net says it; empty where there is no such folder.
+/// IPv4 and IPv6, as /proc says it; empty where there is no such folder.
 [[nodiscard]] std::vector<ListeningPort> listening_ports();
 
 /// One line of /proc/net/tcp or udp (RFC-less: `sl local_address rem_address st …`). @return
 /// nullopt for the header, for connections, and for lines of another shape
 [[nodiscard]] std::optional<ListeningPort> listening_port_of(const std::string& line,
                                                              Transport transport);
-
-/// net.core.rmem_max: how many bytes a client's socket may hold; nullopt where there is no such
-/// file.
-[[nodiscard]] std::optional<long long> largest_receive_buffer();
 
 }  // namespace fiducap

@@ -1,4 +1,4 @@
-#include "tools/live/doctor_command.hpp"
+#include "tools/doctor/doctor_command.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,7 +5,7 @@
 
 #include "daemon/protocol_servers.hpp"
 #include "middleware/network.hpp"
-#include "tools/live/network_check.hpp"
+#include "tools/doctor/network_check.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
@@ -16,9 +16,10 @@ struct DoctorArguments {
   std::string server{"127.0.0.1"};  ///< HOST or HOST:PORT of the native protocol.
 };
 
-/// `fiducap doctor`: why a client sees nothing. Looks at the interfaces, at multicast, at the ports
-/// that the configuration names, at what clients of each protocol receive, and at the running
-/// server's bodies.
+/// `fiducap doctor`: why a client sees nothing, and what is wrong with a server. Looks at the
+/// interfaces, at multicast, at the ports that the configuration names, at what clients of each
+/// protocol receive, at who may listen and change things, at priorities, buffers, clock and disks,
+/// and at the running server's bodies and alarms.
 /// @return exit code: failed when something needs a remedy
 [[nodiscard]] int run_doctor(const DoctorArguments& arguments, const Terminal& terminal);
 

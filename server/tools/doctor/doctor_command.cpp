@@ -1,4 +1,4 @@
-#include "tools/live/doctor_command.hpp"
+#include "tools/doctor/doctor_command.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -6,6 +6,8 @@
 
 #include "fiducap/client.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
+#include "tools/doctor/server_facts.hpp"
+#include "tools/doctor/server_findings.hpp"
 #include "tools/live/watch_command.hpp"
 
 namespace fiducap {
@@ -13,26 +15,46 @@ namespace fiducap {
 namespace {
 
 constexpr std::chrono::milliseconds kPatience{1500};
-constexpr long long kSmallBuffer_bytes = 1 << 20;
 constexpr std::string_view kGood = "  ok  ";
+constexpr std::string_view kWarn = "  !   ";
 constexpr std::string_view kBad = "  !!  ";
 
 /// Counts what needs a remedy while it speaks.
-class Findings final {
+class Report final {
  public:
-  explicit Findings(std::ostream& out) : out_(out) {}
+  explicit Report(std::ostream& out) : out_(out) {}
   void title(std::string_view text) { out_ << text << "\n"; }
   void good(const std::string& text) { out_ << kGood << text << "\n"; }
+  void warn(const std::string& text) {
+    out_ << kWarn << text << "\n";
+    ++warnings_;
+  }
   void bad(const std::string& text) {
     out_ << kBad << text << "\n";
     ++bad_;
   }
   void note(const std::string& text) { out_ << "      " << text << "\n"; }
-  [[nodiscard]] int bad_count() const { return bad_; }
+  void add(const Findings& findings) {
+    for (const Finding& one : findings) {
+      const std::string text = one.text + (one.remedy.empty() ? "" : " – " + one.remedy);
+      if (one.grade == Finding::Grade::kOk)
+        good(text);
+      else
+        one.grade == Finding::Grade::kWarning ? warn(text) : bad(text);
+    }
+  }
+  /// @return exit code
+  int conclude() {
+    if (bad_ > 0) out_ << bad_ << " findings need a remedy (!!).\n";
+    if (warnings_ > 0) out_ << warnings_ << " things could be better (!).\n";
+    if (bad_ + warnings_ == 0) out_ << "All is well.\n";
+    return bad_ == 0 ? kExitOk : kExitFailed;
+  }
 
  private:
   std::ostream& out_;
   int bad_{0};
+  int warnings_{0};
 };
 
 bool is_loopback(const std::string& address) {
@@ -40,7 +62,7 @@ bool is_loopback(const std::string& address) {
 }
 bool is_any(const std::string& address) { return address == "0.0.0.0" || address == "::"; }
 
-void look_at_network(Findings& findings, const std::vector<NetworkInterface>& interfaces) {
+void look_at_network(Report& findings, const std::vector<NetworkInterface>& interfaces) {
   findings.title("Network");
   for (const NetworkInterface& one : interfaces) {
     const std::string name = one.name + " " + one.address;
@@ -55,12 +77,6 @@ void look_at_network(Findings& findings, const std::vector<NetworkInterface>& in
     } else {
       findings.good(name + ": multicast comes back");
     }
-  }
-  const auto buffer = largest_receive_buffer();
-  if (buffer && *buffer < kSmallBuffer_bytes) {
-    findings.note(
-        "sockets hold at most " + std::to_string(*buffer) +
-        " bytes; many bodies at high rates want more: `sudo sysctl net.core.rmem_max=8388608`");
   }
 }
 
@@ -80,7 +96,7 @@ std::string looks_of_lost(const ProtocolConventions& conventions, WhenInvalid po
              : "absent (when_invalid: stop)";
 }
 
-void note_conventions(Findings& findings, std::string_view protocol, const OutputAxes& axes,
+void note_conventions(Report& findings, std::string_view protocol, const OutputAxes& axes,
                       WhenInvalid policy) {
   const ProtocolConventions& conventions = conventions_of(protocol);
   findings.note(std::string(name_of(axes.up)) + ", " + units_text(axes.units_per_m) +
@@ -89,7 +105,7 @@ void note_conventions(Findings& findings, std::string_view protocol, const Outpu
                 std::string(conventions.stamp));
 }
 
-void look_at_protocols(Findings& findings, const StreamingConfig& streaming,
+void look_at_protocols(Report& findings, const StreamingConfig& streaming,
                        const std::vector<ListeningPort>& listening,
                        const std::vector<NetworkInterface>& interfaces) {
   findings.title("Protocols: where they listen, what their clients receive");
@@ -110,7 +126,7 @@ void look_at_protocols(Findings& findings, const StreamingConfig& streaming,
   }
 }
 
-void look_at_dds(Findings& findings, const ServerConfig& config,
+void look_at_dds(Report& findings, const ServerConfig& config,
                  const std::vector<ListeningPort>& listening,
                  const std::vector<NetworkInterface>& interfaces) {
   if (!config.streaming.dds.enabled) {
@@ -154,7 +170,7 @@ std::string why_unseen(const Body& body) {
   return "is not valid";
 }
 
-void look_at_server(Findings& findings, const ServerAddress& address) {
+void look_at_server(Report& findings, const ServerAddress& address) {
   const std::string name = address.host + ":" + std::to_string(address.port);
   findings.title("Running server at " + name);
   ClientOptions options;
@@ -252,17 +268,22 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
                  << "'\n";
     return kExitUsage;
   }
-  Findings findings(terminal.out);
+  Report findings(terminal.out);
+  const ServerFacts facts = gather_facts(*config, address->host);
   const auto interfaces = network_interfaces();
   look_at_network(findings, interfaces);
-  const auto listening = listening_ports();
-  look_at_protocols(findings, config->streaming, listening, interfaces);
-  look_at_dds(findings, *config, listening, interfaces);
+  look_at_protocols(findings, config->streaming, facts.listening, interfaces);
+  look_at_dds(findings, *config, facts.listening, interfaces);
+  findings.add(port_findings(*config, facts));
+  findings.title("Who may listen, who may change things");
+  findings.add(exposure_findings(*config, interfaces));
+  findings.title("This machine");
+  findings.add(machine_findings(*config, facts));
+  findings.title("Map and recordings");
+  findings.add(disk_findings(*config, facts));
   look_at_server(findings, *address);
-  terminal.out << (findings.bad_count() == 0
-                       ? "All is well.\n"
-                       : std::to_string(findings.bad_count()) + " findings need a remedy (!!).\n");
-  return findings.bad_count() == 0 ? kExitOk : kExitFailed;
+  findings.add(alarm_findings(facts));
+  return findings.conclude();
 }
 
 }  // namespace fiducap

@@ -1,0 +1,163 @@
+#include "tools/doctor/server_facts.hpp"
+
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/timex.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "mapping/store/file_claim.hpp"
+#include "mapping/store/map_repair.hpp"
+#include "tools/doctor/http_get.hpp"
+
+namespace fiducap {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::chrono::milliseconds kPagePatience{1500};
+
+std::string first_word_of(const fs::path& path) {
+  std::ifstream file(path);
+  std::string word;
+  file >> word;
+  return word;
+}
+
+std::optional<long long> number_in(const fs::path& path) {
+  std::ifstream file(path);
+  long long number = 0;
+  return file >> number ? std::optional(number) : std::nullopt;
+}
+
+std::optional<long> realtime_most() {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_RTPRIO, &limit) != 0) return std::nullopt;
+  const long most = ::sched_get_priority_max(SCHED_RR);
+  if (::geteuid() == 0 || limit.rlim_cur == RLIM_INFINITY) return most;
+  return std::min(most, static_cast<long>(limit.rlim_cur));
+}
+
+std::optional<bool> clock_synchronised() {
+  timex state{};
+  const int verdict = ::adjtimex(&state);
+  if (verdict < 0) return std::nullopt;
+  return verdict != TIME_ERROR && (state.status & STA_UNSYNC) == 0;
+}
+
+/// Empty where there is no systemd or no such unit.
+std::string unit_state() {
+  if (!fs::exists("/run/systemd/system")) return {};
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> answer(
+      ::popen("systemctl show -P ActiveState -P LoadState fiducapd.service 2>/dev/null", "r"),
+      &::pclose);
+  if (!answer) return {};
+  std::array<char, 64> state{};
+  std::array<char, 64> loaded{};
+  if (std::fscanf(answer.get(), "%63s %63s", state.data(), loaded.data()) != 2) return {};
+  return std::string_view(loaded.data()) == "loaded" ? state.data() : std::string{};
+}
+
+bool has_urgent_thread(const fs::path& process) {
+  std::error_code gone;
+  for (const auto& task : fs::directory_iterator(process / "task", gone)) {
+    const int policy = ::sched_getscheduler(std::atoi(task.path().filename().c_str()));
+    if (policy >= 0 && (policy & ~SCHED_RESET_ON_FORK) != SCHED_OTHER) return true;
+  }
+  return false;
+}
+
+std::vector<RunningServer> running_servers() {
+  std::vector<RunningServer> all;
+  std::error_code gone;
+  for (const auto& process : fs::directory_iterator("/proc", gone)) {
+    const int pid = std::atoi(process.path().filename().c_str());
+    if (pid > 0 && first_word_of(process.path() / "comm") == "fiducapd")
+      all.push_back({pid, has_urgent_thread(process.path())});
+  }
+  return all;
+}
+
+/// The nearest folder that is there: what is not there yet is made in it.
+FolderFacts folder_facts(const fs::path& path) {
+  std::error_code unknown;
+  fs::path there = fs::absolute(path, unknown);
+  while (!fs::exists(there, unknown) && there.has_relative_path()) there = there.parent_path();
+  FolderFacts facts{path.string(), ::access(there.c_str(), W_OK) == 0, std::nullopt};
+  const auto space = fs::space(there, unknown);
+  if (!unknown) facts.free_bytes = space.available;
+  return facts;
+}
+
+StoreFacts store_facts(const std::string& path) {
+  std::error_code unknown;
+  StoreFacts facts;
+  facts.path = path;
+  facts.folder = folder_facts(fs::absolute(path, unknown).parent_path());
+  facts.exists = fs::exists(path, unknown);
+  facts.writable = facts.exists ? ::access(path.c_str(), W_OK) == 0 : facts.folder.writable;
+  if (!facts.exists) return facts;
+  facts.holder = FileClaim::holder(path);
+  if (const auto health = check_map_store(path))
+    facts.damage = health->sentences();
+  else
+    facts.unreadable = health.error().what;
+  return facts;
+}
+
+std::string text_in(const nlohmann::json& object, const char* key) {
+  const auto found = object.find(key);
+  return found != object.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
+}  // namespace
+
+std::vector<Alarm> alarms_in(std::string_view state_json) {
+  const auto state = nlohmann::json::parse(state_json, nullptr, false);
+  if (!state.is_object()) return {};
+  const auto events = state.value("events", nlohmann::json{});
+  const auto standing = events.is_object() ? events.value("standing", nlohmann::json{}) : events;
+  if (!standing.is_array()) return {};
+  std::vector<Alarm> alarms;
+  for (const auto& one : standing) {
+    if (one.is_object())
+      alarms.push_back({text_in(one, "subject"), text_in(one, "severity"), text_in(one, "text"),
+                        text_in(one, "remedy")});
+  }
+  return alarms;
+}
+
+ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
+  ServerFacts facts;
+  facts.machine.cores = static_cast<int>(std::thread::hardware_concurrency());
+  facts.machine.governor = first_word_of("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
+  facts.machine.realtime_most = realtime_most();
+  facts.machine.receive_buffer_most = number_in("/proc/sys/net/core/rmem_max");
+  facts.machine.send_buffer_most = number_in("/proc/sys/net/core/wmem_max");
+  facts.machine.clock_synchronised = clock_synchronised();
+  facts.machine.unit = unit_state();
+  facts.servers = running_servers();
+  facts.listening = listening_ports();
+  if (!config.map.store.empty()) facts.store = store_facts(config.map.store);
+  facts.recordings =
+      folder_facts(config.recorder.folder.empty() ? "recordings" : config.recorder.folder);
+  if (config.streaming.web.enabled) {
+    if (const auto state =
+            http_get(host, config.streaming.web.port, "/api/v1/state", kPagePatience))
+      facts.alarms = alarms_in(*state);
+  }
+  return facts;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,326 @@
+#include "tools/doctor/server_findings.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "base/text.hpp"
+#include "daemon/protocol_servers.hpp"
+#include "streaming/net/networks.hpp"
+
+namespace fiducap {
+
+namespace {
+
+using Grade = Finding::Grade;
+
+constexpr std::size_t kLongToken = 16;
+constexpr long kServerPriority = 10;
+constexpr long long kSmallBuffer_bytes = 1 << 20;
+constexpr double kLittleRoom_bytes = 1e9;
+constexpr double kNoRoom_bytes = 100e6;
+constexpr double kShortSession_min = 60;
+// What a recording costs: measured on the demo (docs/recordings.md has the formats).
+constexpr double kImuRow_bytes = 150;
+constexpr double kImu_hz = 200;
+constexpr double kCorners_bytes = 1500;  // of an image
+constexpr double kPixel_bytes = 0.5;     // PNG of a room
+constexpr double kUnknownImage_px = 1280.0 * 720.0;
+
+void good(Findings& all, std::string text) { all.push_back({Grade::kOk, std::move(text)}); }
+void warn(Findings& all, std::string text, std::string remedy) {
+  all.push_back({Grade::kWarning, std::move(text), std::move(remedy)});
+}
+void fault(Findings& all, std::string text, std::string remedy) {
+  all.push_back({Grade::kFault, std::move(text), std::move(remedy)});
+}
+
+bool on_loopback(const std::string& address) {
+  return address.rfind("127.", 0) == 0 || address == "::1";
+}
+bool on_every_card(const std::string& address) { return address == "0.0.0.0" || address == "::"; }
+
+/// Addresses that routers of the internet carry (RFC 6890 has the others).
+bool is_public(const std::string& address) {
+  const auto peer = net::parse_network(address);
+  if (!peer) return false;
+  static constexpr std::array kPrivate{"0.0.0.0/8",      "10.0.0.0/8",     "100.64.0.0/10",
+                                       "127.0.0.0/8",    "169.254.0.0/16", "172.16.0.0/12",
+                                       "192.168.0.0/16", "224.0.0.0/3"};
+  return std::none_of(kPrivate.begin(), kPrivate.end(), [&](const char* network) {
+    const auto known = net::parse_network(network);
+    return known && known->contains({peer->address, 0});
+  });
+}
+
+/// The page, too.
+std::vector<ServedProtocol> listeners(const StreamingConfig& streaming) {
+  auto all = served_protocols(streaming);
+  const auto& web = streaming.web;
+  all.push_back({"web", web.enabled, web.address, {{web.port, false}}, {}});
+  return all;
+}
+
+std::string who_may_listen(const ServerConfig& config, std::string_view protocol) {
+  if (protocol != "natnet") return "whoever reaches the port";
+  std::string text = "machines of the networks that this one is attached to";
+  for (const std::string& one : config.streaming.natnet.networks) text += ", " + one;
+  return text;
+}
+
+void look_at_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
+  if (!natnet.enabled) return;
+  for (const net::Network& one : natnet.trusted_networks()) {
+    const bool v4 = one.prefix >= 96;
+    if (one.prefix - (v4 ? 96 : 0) < 8)
+      fault(
+          all,
+          "natnet trusts " + net::text_of(one) + ": frames go to any address of it that is forged",
+          "name the clients' own networks in streaming.natnet.networks");
+  }
+  if (natnet.remote_control != RemoteControl::kOff)
+    warn(all,
+         std::string("natnet clients ") +
+             (natnet.remote_control == RemoteControl::kAll ? "" : "of this machine ") +
+             "may rename bodies, switch them off and record, without a password",
+         "streaming.natnet.remote_control: off, unless a program needs it");
+}
+
+void look_at_token(Findings& all, const std::string& token) {
+  constexpr const char* kMakeOne = "operator.token: what `openssl rand -base64 18` says";
+  if (token.empty())
+    warn(all, "there is no operator's token: no client may name bodies, freeze the map or record",
+         kMakeOne);
+  else if (token.size() < kLongToken)
+    warn(all,
+         "the operator's token has " + std::to_string(token.size()) +
+             " characters and may be guessed",
+         kMakeOne);
+  else
+    good(all, "changes need the operator's token");
+}
+
+void look_at_buffer(Findings& all, const char* name, std::optional<long long> bytes) {
+  if (bytes && *bytes < kSmallBuffer_bytes)
+    warn(all,
+         std::string(name) + " is " + std::to_string(*bytes) +
+             ": sockets overflow when many bodies are sent at high rates",
+         std::string("`sudo sysctl ") + name + "=8388608`, and a line in /etc/sysctl.d to keep it");
+}
+
+void look_at_priority(Findings& all, const ServerFacts& facts) {
+  constexpr const char* kRemedy =
+      "LimitRTPRIO=10 in its unit (deploy/fiducapd.service), or `@fiducap - rtprio 10` in "
+      "/etc/security/limits.d and a new login";
+  for (const RunningServer& one : facts.servers) {
+    const std::string name = "fiducapd (process " + std::to_string(one.pid) + ")";
+    if (one.urgent)
+      good(all, name + " sends at real-time priority");
+    else
+      warn(all, name + " has no real-time priority: frames wait when all cores are busy", kRemedy);
+  }
+  if (!facts.servers.empty() || !facts.machine.realtime_most) return;
+  if (*facts.machine.realtime_most < kServerPriority)
+    warn(all, "a server that is started from here gets no real-time priority", kRemedy);
+}
+
+void look_at_unit(Findings& all, const ServerFacts& facts) {
+  const std::string& unit = facts.machine.unit;
+  if (unit.empty()) return;
+  if (unit == "active")
+    good(all, "fiducapd.service is active");
+  else if (unit == "failed")
+    fault(all, "fiducapd.service has failed", "`journalctl -u fiducapd -n 50` says why");
+  else if (facts.servers.empty())
+    warn(all, "fiducapd.service is " + unit, "`systemctl enable --now fiducapd`");
+  else
+    warn(all, "fiducapd runs outside of its unit: nobody starts it again",
+         "end it and `systemctl enable --now fiducapd`");
+}
+
+std::string room_text(double bytes) {
+  return bytes < 10e9 ? fixed(bytes / 1e6, 0) + " MB" : fixed(bytes / 1e9, 0) + " GB";
+}
+
+void look_at_store(Findings& all, const StoreFacts& store,
+                   const std::vector<RunningServer>& servers) {
+  const std::string repair = "`fiducap map repair --store " + store.path + "`";
+  if (!store.writable)
+    fault(all, "the map store " + store.path + " cannot be written",
+          "make file and folder writable for the user that runs fiducapd, or change map.store");
+  if (!store.unreadable.empty())
+    fault(all, "the map store " + store.path + " " + store.unreadable,
+          repair + ", or a copy of it in its place");
+  for (const std::string& one : store.damage)
+    fault(all, "the map store " + store.path + ": " + one, "stop the server, then " + repair);
+  if (store.holder && servers.empty())
+    warn(all,
+         "the map store is held by " + *store.holder + ", and that is no fiducapd of this machine",
+         "end that one before a server is started");
+  else if (store.holder)
+    good(all, "the map store is held by " + *store.holder);
+  if (!store.exists && store.writable)
+    good(all, "the map store " + store.path + " is made by the first start");
+  else if (store.exists && store.writable && store.damage.empty() && store.unreadable.empty())
+    good(all, "the map store " + store.path + " is sound");
+  if (!store.folder.free_bytes) return;
+  const auto free = static_cast<double>(*store.folder.free_bytes);
+  if (free < kLittleRoom_bytes)
+    all.push_back({free < kNoRoom_bytes ? Grade::kFault : Grade::kWarning,
+                   "the disk of the map store has " + room_text(free) + " left",
+                   "make room, or put map.store on another disk"});
+}
+
+void look_at_recordings(Findings& all, const FolderFacts& folder, double bytes_per_s) {
+  if (!folder.writable)
+    return fault(
+        all, "recordings cannot be written to " + folder.path,
+        "make the folder writable for the user that runs fiducapd, or change recorder.folder");
+  if (!folder.free_bytes || bytes_per_s <= 0) return;
+  const double minutes = static_cast<double>(*folder.free_bytes) / bytes_per_s / 60;
+  const std::string text = "room for about " + fixed(minutes, 0) + " min of recording in " +
+                           folder.path + " (" + fixed(bytes_per_s / 1e6, 2) + " MB/s)";
+  if (minutes < kShortSession_min)
+    warn(all, text,
+         "make room, change recorder.folder, or record without images (recorder.images)");
+  else
+    good(all, text);
+}
+
+double image_px(const BodyConfig& body, const CameraMount& mount) {
+  if (mount.model.width > 0) return 1.0 * mount.model.width * mount.model.height;
+  const CameraDeviceConfig& device = body.source.camera;
+  if (body.source.type == SourceType::kCamera && device.width > 0)
+    return 1.0 * device.width * device.height;
+  return kUnknownImage_px;
+}
+
+double image_hz(const BodyConfig& body, const CameraMount& mount) {
+  const bool asked = body.source.type == SourceType::kCamera && body.source.camera.rate_hz > 0;
+  return asked ? body.source.camera.rate_hz : mount.rate_hz;
+}
+
+}  // namespace
+
+Findings exposure_findings(const ServerConfig& config,
+                           const std::vector<NetworkInterface>& interfaces) {
+  Findings all;
+  for (const ServedProtocol& protocol : listeners(config.streaming)) {
+    if (!protocol.enabled) continue;
+    const std::string name(protocol.name);
+    if (on_loopback(protocol.address)) {
+      good(all, name + " is for this machine only");
+      continue;
+    }
+    const std::string text =
+        name + " on " + protocol.address + " is for " + who_may_listen(config, protocol.name);
+    const auto reached = std::find_if(interfaces.begin(), interfaces.end(), [&](const auto& card) {
+      return card.up && is_public(card.address) &&
+             (on_every_card(protocol.address) || card.address == protocol.address);
+    });
+    if (reached == interfaces.end())
+      good(all, text);
+    else
+      warn(
+          all,
+          text + "; " + reached->address + " (" + reached->name + ") is an address of the internet",
+          "streaming." + name + ".address: one of the lab's network, or a firewall before it");
+  }
+  if (config.streaming.dds.enabled && config.dds.interface != "lo" &&
+      !on_loopback(config.dds.interface))
+    warn(
+        all,
+        "dds on " + (config.dds.interface.empty() ? "a card of its choice" : config.dds.interface) +
+            " is for whoever is in that network: it knows no password and believes what it is told",
+        "dds.interface: lo, or a network of its own");
+  look_at_natnet(all, config.streaming.natnet);
+  look_at_token(all, config.operators.token);
+  return all;
+}
+
+Findings machine_findings(const ServerConfig& config, const ServerFacts& facts) {
+  Findings all;
+  const MachineFacts& machine = facts.machine;
+  const auto bodies = static_cast<int>(config.bodies.size());
+  const std::string load =
+      std::to_string(bodies) + " bodies on " + std::to_string(machine.cores) + " cores";
+  if (machine.cores > 0 && bodies > machine.cores)
+    warn(all, load + ": images may be left out", "fewer cameras or lower rates, or more cores");
+  else if (machine.cores > 0 && bodies > 0)
+    good(all, load);
+  if (machine.governor == "powersave")
+    warn(all, "the cores save power (cpufreq governor powersave): latency jumps",
+         "`sudo cpupower frequency-set -g performance`");
+  look_at_priority(all, facts);
+  look_at_buffer(all, "net.core.rmem_max", machine.receive_buffer_most);
+  look_at_buffer(all, "net.core.wmem_max", machine.send_buffer_most);
+  if (machine.clock_synchronised && !*machine.clock_synchronised)
+    warn(all, "the clock of this machine is not synchronised: stamps do not match other machines'",
+         "run chrony or systemd-timesyncd (`timedatectl set-ntp true`)");
+  else if (machine.clock_synchronised)
+    good(all, "the clock is synchronised");
+  look_at_unit(all, facts);
+  return all;
+}
+
+Findings disk_findings(const ServerConfig& config, const ServerFacts& facts) {
+  Findings all;
+  if (facts.store)
+    look_at_store(all, *facts.store, facts.servers);
+  else
+    warn(all, "the map is forgotten when the server ends", "map.store: a file");
+  look_at_recordings(all, facts.recordings, recording_rate(config));
+  return all;
+}
+
+Findings port_findings(const ServerConfig& config, const ServerFacts& facts) {
+  Findings all;
+  for (const ServedProtocol& protocol : listeners(config.streaming)) {
+    if (!protocol.enabled) continue;
+    for (const PortUse& port : protocol.ports) {
+      const Transport transport = port.udp ? Transport::kUdp : Transport::kTcp;
+      const auto taken =
+          std::find_if(facts.listening.begin(), facts.listening.end(), [&](const auto& one) {
+            return one.port == port.number && one.transport == transport && !one.owner.empty() &&
+                   one.owner.rfind("fiducapd ", 0) != 0;
+          });
+      if (port.number == 0 || taken == facts.listening.end()) continue;
+      fault(all,
+            std::string(protocol.name) + ": port " + std::to_string(port.number) +
+                (port.udp ? " udp" : " tcp") + " is taken by " + taken->owner,
+            "end that program, or give streaming." + std::string(protocol.name) + " another port");
+    }
+  }
+  return all;
+}
+
+Findings alarm_findings(const ServerFacts& facts) {
+  Findings all;
+  for (const Alarm& one : facts.alarms) {
+    const std::string text = one.subject + ": " + one.text;
+    if (one.severity == "info")
+      good(all, text);
+    else
+      all.push_back({one.severity == "error" ? Grade::kFault : Grade::kWarning, text, one.remedy});
+  }
+  return all;
+}
+
+double recording_rate(const ServerConfig& config) {
+  double bytes_per_s = 0;
+  for (const BodyConfig& body : config.bodies) {
+    if (body.use_imu) bytes_per_s += kImu_hz * kImuRow_bytes;
+    std::vector<CameraMount> mounts = body.source.type == SourceType::kSimulator
+                                          ? body.source.simulator.cameras
+                                          : std::vector<CameraMount>{};
+    if (!body.cameras.empty()) mounts.clear();
+    for (const CameraConfig& camera : body.cameras) mounts.push_back(camera.mount);
+    if (mounts.empty()) mounts.emplace_back();
+    for (const CameraMount& mount : mounts)
+      bytes_per_s +=
+          image_hz(body, mount) *
+          (config.recorder.images ? kPixel_bytes * image_px(body, mount) : kCorners_bytes);
+  }
+  return bytes_per_s;
+}
+
+}  // namespace fiducap
