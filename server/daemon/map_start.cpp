@@ -88,9 +88,9 @@ Expected<MapStore> open_or_repair(const std::string& path, EventBoard& events) {
   if (store || store.error().code != ErrorCode::kInvalid) return store;
   const auto repaired = repair_map_store(path);
   if (!repaired) {
-    // Nothing to be saved: what is wrong with the file says more. In use: that does.
-    const bool lost = repaired.error().code == ErrorCode::kInvalid;
-    return tl::unexpected(lost ? store.error() : repaired.error());
+    if (repaired.error().code != ErrorCode::kInvalid) return tl::unexpected(repaired.error());
+    return fail(ErrorCode::kInvalid, "no version in it can be read; it " + store.error().what,
+                path);
   }
   const auto lost = repaired->found.sentences();
   std::string text = "the store " + path + " was damaged and has been repaired";

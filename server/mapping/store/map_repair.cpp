@@ -64,11 +64,8 @@ std::set<std::int64_t> version_numbers(const SqliteFile& file, std::vector<std::
 
 MapStoreHealth health_of(const SqliteFile& file) {
   MapStoreHealth health;
-  const auto verdict = file.text("PRAGMA quick_check(1)");
-  if (!verdict)
-    health.structure = verdict.error().what;
-  else if (*verdict != "ok")
-    health.structure = *verdict;
+  const auto broken = file.structural_fault();
+  health.structure = broken ? *broken : broken.error().what;
   for (const std::int64_t version : version_numbers(file, health.losses)) {
     const auto map = load_map(file, version);
     if (map)

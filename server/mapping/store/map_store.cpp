@@ -76,10 +76,10 @@ Expected<bool> check_kind(const SqliteFile& file) {
 Expected<bool> is_fresh(const SqliteFile& file) {
   auto fresh = check_kind(file);
   if (!fresh || *fresh) return fresh;
-  const auto verdict = file.text("PRAGMA quick_check(1)");
-  if (!verdict) return tl::unexpected(verdict.error());
-  if (*verdict != "ok")
-    return fail(ErrorCode::kInvalid, "is damaged (" + *verdict + ")" + kWhatToDo, file.path());
+  const auto broken = file.structural_fault();
+  if (!broken) return tl::unexpected(broken.error());
+  if (!broken->empty())
+    return fail(ErrorCode::kInvalid, "is damaged (" + *broken + ")" + kWhatToDo, file.path());
   return false;
 }
 

@@ -2,6 +2,7 @@
 
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace fiducap {
@@ -171,6 +172,14 @@ Expected<std::int64_t> SqliteFile::integer(std::string_view sql) const {
 Expected<std::string> SqliteFile::text(std::string_view sql) const {
   auto query = prepare(sql);
   return query.step().map([&query](bool row) { return row ? query.text(0) : std::string{}; });
+}
+
+Expected<std::string> SqliteFile::structural_fault() const {
+  return text("PRAGMA quick_check(1)").map([](std::string verdict) {
+    if (verdict == "ok") verdict.clear();
+    std::replace(verdict.begin(), verdict.end(), '\n', ' ');
+    return verdict;
+  });
 }
 
 void SqliteFile::write_back_on_close(bool allowed) {

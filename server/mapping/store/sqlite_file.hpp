@@ -78,6 +78,8 @@ class SqliteFile final {
   /// The one value of a query such as a PRAGMA.
   [[nodiscard]] Expected<std::int64_t> integer(std::string_view sql) const;
   [[nodiscard]] Expected<std::string> text(std::string_view sql) const;
+  /// @return what is wrong with its structure, in one line; empty: nothing
+  [[nodiscard]] Expected<std::string> structural_fault() const;
   /// False: closing writes nothing, so that a file that is not ours stays as it is.
   void write_back_on_close(bool allowed);
   /// Before anything else is asked of the file: SQLite may set it up then.
