@@ -1,4 +1,5 @@
 #include <exception>
+#include <vector>
 
 #include "fiducap.h"
 #include "fiducap/control.hpp"
@@ -38,13 +39,26 @@ fiducap_controlled_body to_c(const ControlledBody& body) {
   return out;
 }
 
-void give_bodies(const ControlState& state, fiducap_controlled_body* bodies, std::uint32_t* count) {
-  const std::size_t capacity = count != nullptr && bodies != nullptr ? *count : 0;
-  for (std::size_t i = 0; i < std::min(capacity, state.bodies.size()); ++i) {
-    auto* at = reinterpret_cast<unsigned char*>(bodies) + i * bodies->struct_size;
-    if (!give(to_c(state.bodies[i]), reinterpret_cast<fiducap_controlled_body*>(at))) break;
+fiducap_recording to_c(const Recording& recording) {
+  fiducap_recording out{};
+  out.state = static_cast<std::int32_t>(recording.state);
+  out.samples = recording.samples;
+  out.bytes = recording.bytes;
+  out.dropped = recording.dropped;
+  give_text(recording.name, out.name, sizeof(out.name));
+  give_text(recording.reason, out.reason, sizeof(out.reason));
+  return out;
+}
+
+/// As many as fit into the caller's array, whose structs may be of another version.
+template <typename Ours, typename Theirs>
+void give_all(const std::vector<Ours>& all, Theirs* to, std::uint32_t* count) {
+  const std::size_t capacity = count != nullptr && to != nullptr ? *count : 0;
+  for (std::size_t i = 0; i < std::min(capacity, all.size()); ++i) {
+    auto* at = reinterpret_cast<unsigned char*>(to) + i * to->struct_size;
+    if (!give(to_c(all[i]), reinterpret_cast<Theirs*>(at))) break;
   }
-  if (count != nullptr) *count = static_cast<std::uint32_t>(state.bodies.size());
+  if (count != nullptr) *count = static_cast<std::uint32_t>(all.size());
 }
 
 }  // namespace
@@ -75,7 +89,7 @@ int fiducap_control_list(fiducap_control* control, fiducap_controlled_body* bodi
     fiducap::ControlState state;
     fiducap::Outcome outcome = open.list(state);
     if (!outcome) return outcome;
-    sdk::give_bodies(state, bodies, count);
+    sdk::give_all(state.bodies, bodies, count);
     if (mapping != nullptr) *mapping = state.mapping ? 1 : 0;
     sdk::give_text(state.recording, recording, FIDUCAP_NAME_SIZE);
     return outcome;
@@ -116,6 +130,16 @@ int fiducap_control_set_mapping(fiducap_control* control, int mapping, char* pro
 int fiducap_control_commit_map(fiducap_control* control, char* problem, size_t problem_size) {
   return sdk::run(control, problem, problem_size,
                   [](fiducap::Control& open) { return open.commit_map(); });
+}
+
+int fiducap_control_recordings(fiducap_control* control, fiducap_recording* recordings,
+                               uint32_t* count, char* problem, size_t problem_size) {
+  return sdk::run(control, problem, problem_size, [&](fiducap::Control& open) {
+    fiducap::ControlState state;
+    fiducap::Outcome outcome = open.list(state);
+    if (outcome) sdk::give_all(state.recordings, recordings, count);
+    return outcome;
+  });
 }
 
 int fiducap_control_start_recording(fiducap_control* control, const char* name, char* problem,

@@ -27,6 +27,11 @@ ControlledBody to_body(const v1::ControlBody& in) {
   return out;
 }
 
+Recording to_recording(const v1::ControlRecording& in) {
+  return {in.name(),    static_cast<RecordingState>(in.state()), in.reason(), in.samples(),
+          in.bytes(), in.dropped()};
+}
+
 }  // namespace
 
 class Control::Impl {
@@ -120,6 +125,8 @@ Outcome Control::list(ControlState& state) {
   for (const auto& body : reply.state().bodies()) state.bodies.push_back(to_body(body));
   state.mapping = reply.state().mapping();
   state.recording = reply.state().recording();
+  for (const auto& recording : reply.state().recordings())
+    state.recordings.push_back(to_recording(recording));
   return outcome;
 }
 

@@ -3,7 +3,7 @@
 #include <functional>
 #include <string>
 
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 #include "scene/scene.hpp"
 #include "streaming/operator_desk.hpp"
 

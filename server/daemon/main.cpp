@@ -33,6 +33,7 @@ int serve(fiducap::ServerConfig config, bool exit_at_end) {
   const fiducap::SystemClock clock;
   ::umask(::umask(0) | 0027);     // maps and recordings are the lab's, not the world's
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk
   fiducap::log::set_level(config.log_level);
   fiducap::ServerOptions options;
   options.exit_at_end = exit_at_end;
@@ -46,7 +47,7 @@ int serve(fiducap::ServerConfig config, bool exit_at_end) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
   }
-  if (!(*server)->run()) {  // the map is stored; a device that hangs must not hold us
+  if (!(*server)->run()) {  // the map is stored; what hangs must not hold us
     fiducap::log::flush(std::chrono::milliseconds(500));
     std::_Exit(0);
   }

@@ -18,7 +18,7 @@
 #include "daemon/map_start.hpp"
 #include "daemon/protocol_servers.hpp"
 #include "daemon/publisher.hpp"
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
@@ -48,7 +48,7 @@ class Server::Impl final {
         options_(options),
         clock_(clock),
         bodies_(clock),
-        recorder_(config.recorder) {}
+        recorder_(config.recorder, clock, events_) {}
 
   Expected<void> build();
   bool run();
@@ -123,7 +123,7 @@ Expected<void> Server::Impl::build() {
   if (keeper_) commit = [this] { keeper_->request_commit(); };
   desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
   if (!config_.recorder.at_start.empty()) {
-    if (auto started = recorder_.start(config_.recorder.at_start); !started) return started;
+    if (auto opened = recorder_.start_and_open(config_.recorder.at_start); !opened) return opened;
   }
   return build_streaming();
 }
@@ -323,16 +323,17 @@ bool Server::Impl::shut_down() {
     paging_.request_stop();
     paging_.join();
   }
-  recording_.request_stop();
-  recording_.join();
-  if (keeping_.joinable()) {
+  if (keeping_.joinable()) {  // the map first: no recording is worth it
     keeping_.request_stop();
     keeping_.join();
   }
+  recording_.request_stop();
+  const bool recorded = recorder_.ends();
+  if (recorded) recording_.join();
   bodies_.log_statistics();
   log::info("daemon", std::to_string(publisher_->frames()) + " frames published, " +
                           std::to_string(publisher_->missed()) + " ticks missed; stopped");
-  return all;
+  return all && recorded;
 }
 
 Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config,

@@ -43,10 +43,11 @@ class Server final {
                                                                const Clock& clock);
   ~Server();
 
-  /// Serves until stopped; returns within a second of that.
-  /// @return false when a source does not let go of its device: its thread is left behind, and the
-  /// only way to get
-  ///         rid of it is to end the process without destroying this server.
+  /// Serves until stopped; returns within a second of that, or when the disk has taken what was
+  /// recorded.
+  /// @return false when a source does not let go of its device, or a disk of a recording: the
+  /// thread is left behind, and the only way to get rid of it is to end the process without
+  /// destroying this server. The map is stored.
   [[nodiscard]] bool run();
   /// From any thread.
   void stop();

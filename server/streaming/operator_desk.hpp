@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,6 +16,26 @@ namespace fiducap {
 
 /// Who may change the server's state over a protocol that knows no password.
 enum class RemoteControl { kOff, kLoopback, kAll };
+
+/// How a recording goes, or how it went.
+struct RecordingStatus {
+  enum class State { kStarting, kRecording, kStopping, kFinished, kFailed };
+  std::string name;
+  State state{State::kStarting};
+  std::string reason;       ///< Why it failed; else empty.
+  std::uint64_t samples{};  ///< On disk: IMU readings, and images or the corners of images.
+  std::uint64_t bytes{};    ///< On disk.
+  std::uint64_t dropped{};  ///< Not recorded, because the disk was slow or failed.
+
+  [[nodiscard]] bool is_over() const {
+    return state == State::kFinished || state == State::kFailed;
+  }
+  /// `1200 samples, 34567 bytes saved; 0 dropped`
+  [[nodiscard]] std::string counts() const {
+    return std::to_string(samples) + " samples, " + std::to_string(bytes) + " bytes saved; " +
+           std::to_string(dropped) + " dropped";
+  }
+};
 
 /// What clients may change, whatever protocol they speak. Implemented in `app`.
 ///
@@ -52,12 +73,18 @@ class OperatorDesk {
   /// Writes the map as it is now as a version. @return Error when no store is configured
   virtual Expected<void> commit_map() = 0;
 
-  /// Raw sensors of all bodies to disk. @param name  folder name; empty: the date and time
-  /// @return Error when one is under way, the name is not a plain folder name, or it exists
+  /// Raw sensors of all bodies to disk, from now on. @param name  folder name; empty: the date and
+  /// time
+  /// @return Error when one is under way, or the name is not a plain folder name. What the disk
+  /// says shows in `recordings`
   virtual Expected<void> start_recording(const std::string& name) = 0;
+  /// What was taken until now is still written: `recordings` says when that is done.
+  /// @return Error when none is under way, with the reason when it had failed
   virtual Expected<void> stop_recording() = 0;
   /// Its name while one is under way.
   [[nodiscard]] virtual std::optional<std::string> recording() const = 0;
+  /// Those that are not over, and a few that are; the newest last.
+  [[nodiscard]] virtual std::vector<RecordingStatus> recordings() const { return {}; }
 };
 
 namespace words {

@@ -168,9 +168,17 @@ void add_control(CLI::App& app, CommandLine& line) {
   add_control_verb(*control, line, "freeze", "The map moves no more", run_control_freeze);
   add_control_verb(*control, line, "map", "The map grows and is refined", run_control_map);
   add_control_verb(*control, line, "commit", "Store the map now", run_control_commit);
-  add_control_verb(*control, line, "record", "Record the sensors of all bodies", run_control_record)
+  const auto for_recording = [&](const char* name, const char* what, ControlVerb run) {
+    auto* verb = add_control_verb(*control, line, name, what, run);
+    verb->add_option("--patience", a.patience_s,
+                     "Seconds to wait for a disk that takes nothing of the recording")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    return verb;
+  };
+  for_recording("record", "Record the sensors of all bodies", run_control_record)
       ->add_option("NAME", a.name, "Of the folder; without it the date and time");
-  add_control_verb(*control, line, "stop", "End the recording", run_control_stop);
+  for_recording("stop", "End the recording, and say what is on disk", run_control_stop);
 }
 
 using MapVerb = int (*)(const MapArguments&, const Terminal&);

@@ -17,6 +17,7 @@ class FakeDesk final : public OperatorDesk {
   MapMode mode{MapMode::kFrozen};
   int commits{0};
   std::optional<std::string> under_way;
+  std::vector<RecordingStatus> known;
 
   [[nodiscard]] bool admits(std::string_view token) const override {
     return !operator_token.empty() && token == operator_token;
@@ -52,6 +53,7 @@ class FakeDesk final : public OperatorDesk {
     return {};
   }
   [[nodiscard]] std::optional<std::string> recording() const override { return under_way; }
+  [[nodiscard]] std::vector<RecordingStatus> recordings() const override { return known; }
 
  private:
   template <typename Change>

@@ -23,6 +23,26 @@ typedef struct {
 } fiducap_controlled_body;
 FIDUCAP_INIT_OF(fiducap_controlled_body)
 
+enum {
+  FIDUCAP_RECORDING_STARTING = 0, /* samples are taken; the files are not open yet */
+  FIDUCAP_RECORDING_RUNNING = 1,
+  FIDUCAP_RECORDING_STOPPING = 2, /* what was taken is still being written */
+  FIDUCAP_RECORDING_FINISHED = 3, /* everything is on disk */
+  FIDUCAP_RECORDING_FAILED = 4    /* over, too: see reason */
+};
+
+typedef struct {
+  uint32_t struct_size;
+  int32_t state;
+  uint64_t samples; /* on disk: IMU readings, and images or their corners */
+  uint64_t bytes;   /* on disk */
+  uint64_t dropped; /* not recorded, because the disk was slow or failed */
+  char name[FIDUCAP_NAME_SIZE];
+  char reason[FIDUCAP_TEXT_SIZE]; /* why it failed, else empty */
+  uint32_t reserved;
+} fiducap_recording;
+FIDUCAP_INIT_OF(fiducap_recording)
+
 /* NULL when there is no memory. server NULL: 127.0.0.1, port 0: 21600, timeout_ms 0: 2000. */
 FIDUCAP_API fiducap_control* fiducap_control_open(const char* server, uint16_t port,
                                                   const char* token, uint32_t timeout_ms);
@@ -46,7 +66,12 @@ FIDUCAP_API int fiducap_control_set_mapping(fiducap_control* control, int mappin
                                             size_t problem_size);
 FIDUCAP_API int fiducap_control_commit_map(fiducap_control* control, char* problem,
                                            size_t problem_size);
-/* name NULL or empty: the date and time */
+/* Those that are not over, and up to eight that are; the newest last. Arrays as in
+ * fiducap_control_list. */
+FIDUCAP_API int fiducap_control_recordings(fiducap_control* control, fiducap_recording* recordings,
+                                           uint32_t* count, char* problem, size_t problem_size);
+/* Start and stop are answered before the disk is: fiducap_control_recordings says how it goes on.
+ * name NULL or empty: the date and time */
 FIDUCAP_API int fiducap_control_start_recording(fiducap_control* control, const char* name,
                                                 char* problem, size_t problem_size);
 FIDUCAP_API int fiducap_control_stop_recording(fiducap_control* control, char* problem,

@@ -32,10 +32,30 @@ struct ControlledBody {
   std::array<double, 4> pivot_orientation_wxyz{1, 0, 0, 0};
 };
 
+enum class RecordingState {
+  kStarting,   ///< Samples are taken; the disk has not opened the files yet.
+  kRecording,
+  kStopping,   ///< Nothing more is taken; what was taken is still being written.
+  kFinished,   ///< Everything is on disk.
+  kFailed,     ///< Over, too: see `reason`.
+};
+
+/// How a recording goes, or how it went.
+struct Recording {
+  std::string name;
+  RecordingState state{};
+  std::string reason;       ///< Why it failed; else empty.
+  std::uint64_t samples{};  ///< On disk: IMU readings, and images or their corners.
+  std::uint64_t bytes{};    ///< On disk.
+  std::uint64_t dropped{};  ///< Not recorded, because the disk was slow or failed.
+};
+
 struct ControlState {
   std::vector<ControlledBody> bodies;
   bool mapping{};         ///< The map grows and is refined; false: it stands still.
   std::string recording;  ///< Name of the recording under way; empty: none.
+  /// Those that are not over, and up to eight that are; the newest last.
+  std::vector<Recording> recordings;
 };
 
 /// Whether a command was carried out, and if not, why, in one sentence for a person.
@@ -63,8 +83,10 @@ class FIDUCAP_CLIENT_API Control {
   Outcome set_mapping(bool mapping);
   /// Writes the map as it is now as a version.
   Outcome commit_map();
+  /// Answered before the disk is: `list` says whether it records.
   /// @param name  of the folder; empty: the date and time
   Outcome start_recording(const std::string& name = {});
+  /// Answered while what was taken is still being written: `list` says when that is done, and how.
   Outcome stop_recording();
 
  private:

@@ -120,6 +120,19 @@ class ControlledBody(ctypes.Structure):
     ]
 
 
+class Recording(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", ctypes.c_uint32),
+        ("state", ctypes.c_int32),
+        ("samples", ctypes.c_uint64),
+        ("bytes", ctypes.c_uint64),
+        ("dropped", ctypes.c_uint64),
+        ("name", ctypes.c_char * NAME_SIZE),
+        ("reason", ctypes.c_char * TEXT_SIZE),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+
 def sized(struct):
     """A new struct that says its size, as every struct of the library must."""
     return struct(struct_size=ctypes.sizeof(struct))
@@ -164,6 +177,7 @@ def _declare(library):
         "fiducap_control_set_pivot": (ctypes.c_int, [handle, ctypes.c_int32, _double3, _double4] + problem),
         "fiducap_control_set_mapping": (ctypes.c_int, [handle, ctypes.c_int] + problem),
         "fiducap_control_commit_map": (ctypes.c_int, [handle] + problem),
+        "fiducap_control_recordings": (ctypes.c_int, [handle, pointer(Recording), pointer(ctypes.c_uint32)] + problem),
         "fiducap_control_start_recording": (ctypes.c_int, [handle, text] + problem),
         "fiducap_control_stop_recording": (ctypes.c_int, [handle] + problem),
     }

@@ -1,12 +1,14 @@
 """Changes of a server's state, with the operator's token."""
 
 import ctypes
+import enum
 from typing import List, NamedTuple, Sequence
 
 from . import _library
 from .client import Quaternion, Vector, _lib, _text
 
 _MOST_BODIES = 1024
+_MOST_RECORDINGS = 64
 
 
 class ControlError(Exception):
@@ -25,6 +27,23 @@ class ControlState(NamedTuple):
     bodies: List[ControlledBody]
     mapping: bool
     recording: str  #: name of the recording under way, or empty
+
+
+class RecordingState(enum.IntEnum):
+    STARTING = 0  #: samples are taken; the disk has not opened the files yet
+    RECORDING = 1
+    STOPPING = 2  #: nothing more is taken; what was taken is still being written
+    FINISHED = 3  #: everything is on disk
+    FAILED = 4  #: over, too: see reason
+
+
+class Recording(NamedTuple):
+    name: str
+    state: RecordingState
+    reason: str  #: why it failed, or empty
+    samples: int  #: on disk: IMU readings, and images or their corners
+    bytes: int  #: on disk
+    dropped: int  #: not recorded, because the disk was slow or failed
 
 
 class Control:
@@ -75,6 +94,18 @@ class Control:
             _text(recording.value),
         )
 
+    def recordings(self) -> List[Recording]:
+        """Those that are not over, and up to eight that are; the newest last."""
+        all_ = (_library.Recording * _MOST_RECORDINGS)()
+        for recording in all_:
+            recording.struct_size = ctypes.sizeof(_library.Recording)
+        count = ctypes.c_uint32(len(all_))
+        self._run(_lib.fiducap_control_recordings, all_, count)
+        return [
+            Recording(_text(r.name), RecordingState(r.state), _text(r.reason), r.samples, r.bytes, r.dropped)
+            for r in all_[: count.value]
+        ]
+
     def set_enabled(self, body_id: int, enabled: bool) -> None:
         self._run(_lib.fiducap_control_set_enabled, body_id, int(enabled))
 
@@ -92,6 +123,7 @@ class Control:
         self._run(_lib.fiducap_control_commit_map)
 
     def start_recording(self, name: str = "") -> None:
+        """Answered before the disk is: recordings() says how it goes on, after stop_recording(), too."""
         self._run(_lib.fiducap_control_start_recording, name.encode())
 
     def stop_recording(self) -> None:

@@ -90,6 +90,8 @@ class ControlTest(unittest.TestCase):
             self.assertEqual(state.bodies[1], fiducap.ControlledBody(2, "crane", True, (1, 2, 3), (1, 0, 0, 0)))
             self.assertTrue(state.mapping)
             self.assertEqual(state.recording, "monday")
+            failed = fiducap.Recording("sunday", fiducap.RecordingState.FAILED, "the disk is full", 1200, 34567, 8)
+            self.assertEqual(control.recordings(), [failed])
             control.stop_recording()
             control.commit_map()
             with self.assertRaisesRegex(fiducap.ControlError, "no body"):

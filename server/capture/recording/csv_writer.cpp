@@ -5,11 +5,11 @@
 namespace fiducap {
 
 Expected<CsvWriter> CsvWriter::create(const std::filesystem::path& path, std::string_view header) {
-  std::error_code error;
-  std::filesystem::create_directories(path.parent_path(), error);
-  CsvWriter writer(path);
-  writer.file_ << header << '\n';
-  if (const auto written = writer.flush(); !written) return tl::unexpected(written.error());
+  auto file = OutputFile::create(path);
+  if (!file) return tl::unexpected(file.error());
+  CsvWriter writer(std::move(*file));
+  if (const auto done = writer.text(header).end_line(); !done) return tl::unexpected(done.error());
+  if (const auto done = writer.flush(); !done) return tl::unexpected(done.error());
   return writer;
 }
 
@@ -66,20 +66,9 @@ CsvWriter& CsvWriter::text(std::string_view value) {
 
 Expected<void> CsvWriter::end_line() {
   line_ += '\n';
-  file_.write(line_.data(), static_cast<std::streamsize>(line_.size()));
+  auto done = file_.write(line_);
   line_.clear();
-  return check();
-}
-
-Expected<void> CsvWriter::flush() {
-  file_.flush();
-  return check();
-}
-
-Expected<void> CsvWriter::check() const {
-  if (file_.good()) return {};
-  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
-              path_.string());
+  return done;
 }
 
 }  // namespace fiducap

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 
@@ -10,6 +9,7 @@
 
 #include "base/expected.hpp"
 #include "base/pose.hpp"
+#include "capture/recording/output_file.hpp"
 
 namespace fiducap {
 
@@ -32,16 +32,16 @@ class CsvWriter final {
   CsvWriter& text(std::string_view value);
   /// Ends the line. @return Error when the disk is known not to take it.
   [[nodiscard]] Expected<void> end_line();
-  [[nodiscard]] Expected<void> flush();
+  [[nodiscard]] Expected<void> flush() { return file_.flush(); }
+  [[nodiscard]] Expected<void> close() { return file_.close(); }
+  /// That the system took.
+  [[nodiscard]] std::uint64_t bytes() const { return file_.bytes(); }
 
  private:
-  explicit CsvWriter(std::filesystem::path path)
-      : path_(std::move(path)), file_(path_, std::ios::binary) {}
+  explicit CsvWriter(OutputFile file) : file_(std::move(file)) {}
   void separate();
-  [[nodiscard]] Expected<void> check() const;
 
-  std::filesystem::path path_;
-  std::ofstream file_;
+  OutputFile file_;
   std::string line_;
 };
 

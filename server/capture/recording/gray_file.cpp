@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "capture/encoded_size.hpp"
+#include "capture/recording/output_file.hpp"
 
 namespace fiducap {
 namespace {
@@ -87,8 +88,9 @@ Expected<void> read_gray_file_of_any_size(const std::filesystem::path& file,
   return {};
 }
 
-Expected<void> write_gray_file(const std::filesystem::path& file,
-                               std::vector<std::uint8_t>& scratch, const GrayImage& image) {
+Expected<std::uint64_t> write_gray_file(const std::filesystem::path& file,
+                                        std::vector<std::uint8_t>& scratch,
+                                        const GrayImage& image) {
   const cv::Mat pixels(image.height, image.width, CV_8UC1,
                        const_cast<std::uint8_t*>(image.pixels.data()));
   constexpr int kQuickest = 1;
@@ -97,13 +99,8 @@ Expected<void> write_gray_file(const std::filesystem::path& file,
   } catch (const cv::Exception& broken) {
     return fail(ErrorCode::kInvalid, "cannot be encoded: " + broken.err, file.string());
   }
-  std::ofstream out(file, std::ios::binary);
-  out.write(reinterpret_cast<const char*>(scratch.data()),
-            static_cast<std::streamsize>(scratch.size()));
-  out.flush();
-  if (out.good()) return {};
-  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
-              file.string());
+  return write_output_file(
+      file, std::string_view(reinterpret_cast<const char*>(scratch.data()), scratch.size()));
 }
 
 }  // namespace fiducap

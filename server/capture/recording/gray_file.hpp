@@ -21,8 +21,9 @@ namespace fiducap {
                                                         GrayImage& out);
 
 /// Writes a PNG, lossless and quickly rather than small.
-[[nodiscard]] Expected<void> write_gray_file(const std::filesystem::path& file,
-                                             std::vector<std::uint8_t>& scratch,
-                                             const GrayImage& image);
+/// @return its size
+[[nodiscard]] Expected<std::uint64_t> write_gray_file(const std::filesystem::path& file,
+                                                      std::vector<std::uint8_t>& scratch,
+                                                      const GrayImage& image);
 
 }  // namespace fiducap

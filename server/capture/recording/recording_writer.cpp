@@ -1,9 +1,8 @@
 #include "capture/recording/recording_writer.hpp"
 
-#include <fstream>
-
 #include "capture/recording/csv_writer.hpp"
 #include "capture/recording/gray_file.hpp"
+#include "capture/recording/output_file.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_yaml.hpp"
 
@@ -29,17 +28,6 @@ constexpr const char* kTruthHeader =
 // Of what is true or calibrated; what sensors said is written to the last bit.
 constexpr int kSensorDecimals = 9;
 
-Expected<void> write_text(const std::filesystem::path& path, const std::string& text) {
-  std::error_code error;
-  std::filesystem::create_directories(path.parent_path(), error);
-  std::ofstream file(path, std::ios::binary);
-  file << text;
-  file.flush();
-  if (file.good()) return {};
-  return fail(ErrorCode::kUnavailable, "cannot be written: disk full, or no permission",
-              path.string());
-}
-
 /// A file that is there from its first line on.
 class LazyCsv final {
  public:
@@ -52,6 +40,8 @@ class LazyCsv final {
     return &*writer_;
   }
   Expected<void> flush() { return writer_ ? writer_->flush() : Expected<void>{}; }
+  Expected<void> close() { return writer_ ? writer_->close() : Expected<void>{}; }
+  [[nodiscard]] std::uint64_t bytes() const { return writer_ ? writer_->bytes() : 0; }
 
  private:
   std::optional<CsvWriter> writer_;
@@ -72,7 +62,10 @@ class RecordingWriter::Impl {
   Expected<void> write(const CameraFrame& frame);
   Expected<void> write(const CornerFrame& frame);
   Expected<void> write(const TruthSample& truth);
+  Expected<void> write_text(const std::filesystem::path& path, const std::string& text);
   Expected<void> flush();
+  Expected<void> close();
+  [[nodiscard]] std::uint64_t bytes();
 
   [[nodiscard]] const RecordingLayout& layout() const { return layout_; }
 
@@ -83,6 +76,8 @@ class RecordingWriter::Impl {
     LazyCsv frames;
   };
   Expected<std::int64_t> camera_stamp(int camera, Instant exposed_at) const;
+  template <typename Each>
+  void for_each_csv(Each&& each);
 
   RecordingLayout layout_;
   RecordingInfo info_;
@@ -90,6 +85,7 @@ class RecordingWriter::Impl {
   std::vector<CameraFiles> cameras_;
   LazyCsv imu_;
   LazyCsv state_;
+  std::uint64_t whole_files_bytes_{0};  ///< Images and small files.
   std::vector<std::uint8_t> scratch_;
 };
 
@@ -139,11 +135,10 @@ Expected<void> RecordingWriter::Impl::write(const CameraFrame& frame) {
   const auto csv = cameras_[k].images.get(layout_.images_csv(k), kImagesHeader);
   if (!csv) return tl::unexpected(csv.error());
   const std::string name = std::to_string(*ns) + ".png";
-  std::error_code error;
-  std::filesystem::create_directories(layout_.images(k), error);
   // The image before its line: a list never names an image that is not there.
-  if (const auto done = write_gray_file(layout_.images(k) / name, scratch_, *frame.image); !done)
-    return done;
+  const auto image = write_gray_file(layout_.images(k) / name, scratch_, *frame.image);
+  if (!image) return tl::unexpected(image.error());
+  whole_files_bytes_ += *image;
   return (*csv)->integer(*ns).text(name).end_line();
 }
 
@@ -175,16 +170,42 @@ Expected<void> RecordingWriter::Impl::write(const TruthSample& truth) {
       .end_line();
 }
 
-Expected<void> RecordingWriter::Impl::flush() {
-  for (LazyCsv* csv : {&imu_, &state_}) {
-    if (const auto done = csv->flush(); !done) return done;
-  }
-  for (CameraFiles& camera : cameras_) {
-    for (LazyCsv* csv : {&camera.images, &camera.corners, &camera.frames}) {
-      if (const auto done = csv->flush(); !done) return done;
-    }
-  }
+Expected<void> RecordingWriter::Impl::write_text(const std::filesystem::path& path,
+                                                 const std::string& text) {
+  const auto written = write_output_file(path, text);
+  if (!written) return tl::unexpected(written.error());
+  whole_files_bytes_ += *written;
   return {};
+}
+
+template <typename Each>
+void RecordingWriter::Impl::for_each_csv(Each&& each) {
+  for (LazyCsv* csv : {&imu_, &state_}) each(*csv);
+  for (CameraFiles& camera : cameras_) {
+    for (LazyCsv* csv : {&camera.images, &camera.corners, &camera.frames}) each(*csv);
+  }
+}
+
+Expected<void> RecordingWriter::Impl::flush() {
+  Expected<void> all;
+  for_each_csv([&all](LazyCsv& csv) {
+    if (auto done = csv.flush(); !done && all) all = std::move(done);
+  });
+  return all;
+}
+
+Expected<void> RecordingWriter::Impl::close() {
+  Expected<void> all;
+  for_each_csv([&all](LazyCsv& csv) {
+    if (auto done = csv.close(); !done && all) all = std::move(done);
+  });
+  return all;
+}
+
+std::uint64_t RecordingWriter::Impl::bytes() {
+  std::uint64_t all = whole_files_bytes_;
+  for_each_csv([&all](const LazyCsv& csv) { all += csv.bytes(); });
+  return all;
 }
 
 RecordingWriter::RecordingWriter(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -229,9 +250,11 @@ Expected<void> RecordingWriter::write_truth_tags(const std::vector<RecordedTag>&
 }
 
 Expected<void> RecordingWriter::write_truth_extrinsics(const std::vector<Pose>& X_BV) {
-  return write_text(impl_->layout().truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
+  return impl_->write_text(impl_->layout().truth_extrinsics_yaml(), extrinsics_yaml(X_BV));
 }
 
-Expected<void> RecordingWriter::finish() { return impl_->flush(); }
+Expected<void> RecordingWriter::flush() { return impl_->flush(); }
+Expected<void> RecordingWriter::finish() { return impl_->close(); }
+std::uint64_t RecordingWriter::bytes() const { return impl_->bytes(); }
 
 }  // namespace fiducap

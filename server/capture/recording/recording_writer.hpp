@@ -23,8 +23,12 @@ class RecordingWriter final {
   [[nodiscard]] Expected<void> write_truth(const TruthSample& truth);
   [[nodiscard]] Expected<void> write_truth_tags(const std::vector<RecordedTag>& tags);
   [[nodiscard]] Expected<void> write_truth_extrinsics(const std::vector<Pose>& X_BV);
-  /// Flushes everything and says whether the disk took it.
+  /// Hands all lines to the system: what was written survives the end of the process.
+  [[nodiscard]] Expected<void> flush();
+  /// Closes all files and says whether the disk took everything.
   [[nodiscard]] Expected<void> finish();
+  /// That the system took.
+  [[nodiscard]] std::uint64_t bytes() const;
 
  private:
   class Impl;

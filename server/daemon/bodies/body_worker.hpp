@@ -16,7 +16,7 @@
 #include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_inbox.hpp"
 #include "daemon/bodies/body_pulse.hpp"
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "scene/scene.hpp"

@@ -12,7 +12,7 @@
 #include "capture/lens/camera_model.hpp"
 #include "daemon/config/source_config.hpp"
 #include "daemon/control_desk.hpp"
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 #include "detection/detector_config.hpp"
 #include "estimation/estimator_config.hpp"
 #include "mapping/map_builder.hpp"

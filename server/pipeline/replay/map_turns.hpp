@@ -27,8 +27,10 @@ struct MapTurn {
 class MapTurnWriter final {
  public:
   [[nodiscard]] static Expected<MapTurnWriter> create(const std::filesystem::path& path);
-  Expected<void> write(const MapTurn& turn);
-  Expected<void> flush() { return csv_.flush(); }
+  [[nodiscard]] Expected<void> write(const MapTurn& turn);
+  [[nodiscard]] Expected<void> flush() { return csv_.flush(); }
+  [[nodiscard]] Expected<void> close() { return csv_.close(); }
+  [[nodiscard]] std::uint64_t bytes() const { return csv_.bytes(); }
 
  private:
   explicit MapTurnWriter(CsvWriter csv) : csv_(std::move(csv)) {}

@@ -43,6 +43,15 @@ void put(const OperatorDesk::Body& body, v1::ControlBody& out) {
   }
 }
 
+void put(const RecordingStatus& recording, v1::ControlRecording& out) {
+  out.set_name(recording.name);
+  out.set_state(static_cast<v1::ControlRecording::State>(recording.state));
+  out.set_reason(recording.reason);
+  out.set_samples(recording.samples);
+  out.set_bytes(recording.bytes);
+  out.set_dropped(recording.dropped);
+}
+
 template <typename Command>
 Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
   const auto body_id = to_id(id);
@@ -103,6 +112,7 @@ void append(std::vector<std::byte>& out, const ControlReply& reply) {
     for (const auto& body : reply.state->bodies) put(body, *state.add_bodies());
     state.set_mapping(reply.state->map_mode == MapMode::kMapping);
     state.set_recording(reply.state->recording);
+    for (const auto& recording : reply.state->recordings) put(recording, *state.add_recordings());
   }
   const auto size = static_cast<std::uint32_t>(message.ByteSizeLong());
   for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));

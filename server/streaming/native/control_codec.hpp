@@ -59,6 +59,7 @@ struct ControlState {
   std::vector<OperatorDesk::Body> bodies;
   MapMode map_mode{};
   std::string recording;
+  std::vector<RecordingStatus> recordings;
 };
 
 struct ControlReply {

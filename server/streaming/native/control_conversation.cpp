@@ -129,7 +129,7 @@ ControlReply ControlConversation::carry_out(const ControlCommand& command) {
   std::visit(Overloaded{
                  [&](const ListBodies&) {
                    reply.state = ControlState{desk_.bodies(), desk_.map_mode(),
-                                              desk_.recording().value_or("")};
+                                              desk_.recording().value_or(""), desk_.recordings()};
                  },
                  [&](const SetEnabled& c) { report(desk_.set_enabled(c.body_id, c.enabled)); },
                  [&](const Rename& c) { report(desk_.rename(c.body_id, c.name)); },

@@ -27,6 +27,13 @@ constexpr std::array<Refusal, 7> kRefusals{{
     {"Calibrate", "Can not start calibration"},
 }};
 
+/// Why the newest recording failed; nullopt: it did not.
+std::optional<std::string> failure_of(const std::vector<RecordingStatus>& recordings) {
+  if (recordings.empty() || recordings.back().state != RecordingStatus::State::kFailed)
+    return std::nullopt;
+  return "The measurement failed: " + recordings.back().reason;
+}
+
 bool is_for_masters(const Command& command) {
   for (const std::string_view word : {"New", "Close", "Start", "Stop", "Save"}) {
     if (command.is(word)) return true;
@@ -84,7 +91,10 @@ Reply Control::start(std::string_view argument) {
 }
 
 Reply Control::stop() {
-  if (!recording()) return no("No measurement is running");
+  if (!recording()) {
+    const auto failed = failure_of(desk_->recordings());
+    return no(failed ? *failed : "No measurement is running");
+  }
   last_capture_ = *desk_->recording();
   if (const auto stopped = desk_->stop_recording(); !stopped) return no(stopped.error().text());
   return yes("Stopping measurement");
@@ -93,6 +103,7 @@ Reply Control::stop() {
 Reply Control::save() const {
   if (recording()) return no("Failed to save measurement");
   if (last_capture_.empty()) return no("No measurement to save");
+  if (failure_of(desk_->recordings())) return no("Failed to save measurement");
   return yes("Measurement saved as '" + last_capture_ + "'");
 }
 
@@ -126,7 +137,7 @@ void Control::observe(std::vector<Event>& out) {
   was_recording_ = now;
   if (now) return out.push_back(Event::kCaptureStarted);
   out.push_back(Event::kCaptureStopped);
-  out.push_back(Event::kCaptureSaved);
+  if (!failure_of(desk_->recordings())) out.push_back(Event::kCaptureSaved);
   out.push_back(
       Event::kConnected);  // frames go on: a client that waits for live data may take them
 }

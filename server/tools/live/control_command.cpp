@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "fiducap/control.hpp"
+#include "tools/live/recording_follower.hpp"
 #include "tools/live/watch_command.hpp"
 
 namespace fiducap {
@@ -77,7 +78,15 @@ int carry_out_for_body(const ControlArguments& arguments, const Terminal& termin
 void print_json(const ControlState& state, std::ostream& out) {
   nlohmann::json json{{"mapping", state.mapping},
                       {"recording", state.recording},
+                      {"recordings", nlohmann::json::array()},
                       {"bodies", nlohmann::json::array()}};
+  for (const Recording& recording : state.recordings)
+    json["recordings"].push_back({{"name", recording.name},
+                                  {"state", word_of(recording.state)},
+                                  {"reason", recording.reason},
+                                  {"samples", recording.samples},
+                                  {"bytes", recording.bytes},
+                                  {"dropped", recording.dropped}});
   for (const ControlledBody& body : state.bodies)
     json["bodies"].push_back(
         {{"id", body.id},
@@ -93,6 +102,10 @@ void print(const ControlState& state, std::ostream& out) {
         << (body.enabled ? "streamed" : "not streamed") << "\n";
   out << "map: " << (state.mapping ? "mapping" : "frozen")
       << "; recording: " << (state.recording.empty() ? "none" : state.recording) << "\n";
+  for (const Recording& recording : state.recordings)
+    out << "recording \"" << recording.name << "\" " << word_of(recording.state)
+        << (recording.reason.empty() ? "" : ": " + recording.reason) << "; on disk "
+        << counts_of(recording) << "\n";
 }
 
 }  // namespace
@@ -144,13 +157,34 @@ int run_control_commit(const ControlArguments& arguments, const Terminal& termin
 }
 
 int run_control_record(const ControlArguments& arguments, const Terminal& terminal) {
-  return carry_out(arguments, terminal, "recording",
-                   [&](Control& control) { return control.start_recording(arguments.name); });
+  const auto options = options_of(arguments);
+  if (!options) return report(terminal, options.error());
+  Control control(*options);
+  if (const Outcome started = control.start_recording(arguments.name); !started)
+    return refused(terminal, started);
+  ControlState state;
+  if (const Outcome outcome = control.list(state); !outcome) return refused(terminal, outcome);
+  // One that has failed already is not under way, but it is the newest.
+  const std::string name = state.recordings.empty() ? state.recording : state.recordings.back().name;
+  const auto begun = follow_recording(control, name, RecordingState::kRecording,
+                                      std::chrono::duration<double>(arguments.patience_s));
+  if (!begun) return report(terminal, begun.error());
+  terminal.out << "recording \"" << name << "\"\n";
+  return kExitOk;
 }
 
 int run_control_stop(const ControlArguments& arguments, const Terminal& terminal) {
-  return carry_out(arguments, terminal, "the recording ends",
-                   [](Control& control) { return control.stop_recording(); });
+  const auto options = options_of(arguments);
+  if (!options) return report(terminal, options.error());
+  Control control(*options);
+  ControlState state;
+  if (const Outcome outcome = control.list(state); !outcome) return refused(terminal, outcome);
+  if (const Outcome stopped = control.stop_recording(); !stopped) return refused(terminal, stopped);
+  const auto ended = follow_recording(control, state.recording, RecordingState::kFinished,
+                                      std::chrono::duration<double>(arguments.patience_s));
+  if (!ended) return report(terminal, ended.error());
+  terminal.out << "the recording has ended" << (*ended ? ": " + counts_of(**ended) : "") << "\n";
+  return kExitOk;
 }
 
 }  // namespace fiducap

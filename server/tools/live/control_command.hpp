@@ -12,6 +12,7 @@ struct ControlArguments {
   std::string body;                 ///< Name or id.
   std::string name;                 ///< New name of the body, or of the recording.
   bool json{false};
+  double patience_s{10};  ///< With a disk that takes nothing of a recording.
 };
 
 /// `fiducap control …`: what the operator may change on a running server.

@@ -26,6 +26,9 @@ std::string output_of(const std::string& command) {
 
 class CApiTest : public testing::Test {
  protected:
+  CApiTest() {
+    desk_.known = {{"sunday", RecordingStatus::State::kFailed, "the disk is full", 1200, 34567, 8}};
+  }
   void connect() {
     fiducap_options options = fiducap_options_init();
     options.port = server_.port();
@@ -148,6 +151,14 @@ TEST_F(CApiTest, Controls) {
   EXPECT_STREQ(bodies[1].name, "arm");
   EXPECT_EQ(bodies[1].pivot_position_m[2], 0.3);
   EXPECT_EQ(mapping, 0);
+  fiducap_recording recordings[2] = {fiducap_recording_init(), fiducap_recording_init()};
+  count = 2;
+  ASSERT_EQ(fiducap_control_recordings(control, recordings, &count, problem, sizeof(problem)), 1);
+  ASSERT_EQ(count, 1u);
+  EXPECT_STREQ(recordings[0].name, "sunday");
+  EXPECT_EQ(recordings[0].state, FIDUCAP_RECORDING_FAILED);
+  EXPECT_STREQ(recordings[0].reason, "the disk is full");
+  EXPECT_EQ(recordings[0].bytes, 34567u);
   EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem, sizeof(problem)), 0);
   EXPECT_NE(std::string(problem).find("5"), std::string::npos) << problem;
   EXPECT_EQ(fiducap_control_commit_map(control, nullptr, 0), 1);

@@ -88,5 +88,13 @@ AT(fiducap_controlled_body, pivot_orientation_wxyz, 40);
 AT(fiducap_controlled_body, name, 72);
 SIZE(fiducap_controlled_body, 208);
 
+AT(fiducap_recording, state, 4);
+AT(fiducap_recording, samples, 8);
+AT(fiducap_recording, bytes, 16);
+AT(fiducap_recording, dropped, 24);
+AT(fiducap_recording, name, 32);
+AT(fiducap_recording, reason, 164);
+SIZE(fiducap_recording, 424);
+
 int fiducap_layout_is_checked(void);
 int fiducap_layout_is_checked(void) { return 1; }

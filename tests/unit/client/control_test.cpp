@@ -30,6 +30,9 @@ TEST_F(ControlTest, ListsAllBodiesAndWhatTheServerIsAbout) {
   ControlState state;
   desk_.mode = MapMode::kMapping;
   desk_.under_way = "monday";
+  using State = RecordingStatus::State;
+  desk_.known = {{"sunday", State::kFailed, "the disk is full", 1200, 34567, 8},
+                 {"monday", State::kRecording, "", 10, 2000, 0}};
   const auto outcome = control.list(state);
   ASSERT_TRUE(outcome) << outcome.problem;
   ASSERT_EQ(state.bodies.size(), 2u);
@@ -39,6 +42,15 @@ TEST_F(ControlTest, ListsAllBodiesAndWhatTheServerIsAbout) {
   EXPECT_EQ(state.bodies[1].pivot_position_m, (std::array<double, 3>{0.1, 0.2, 0.3}));
   EXPECT_TRUE(state.mapping);
   EXPECT_EQ(state.recording, "monday");
+  ASSERT_EQ(state.recordings.size(), 2u);
+  const Recording& sunday = state.recordings[0];
+  EXPECT_EQ(sunday.name, "sunday");
+  EXPECT_EQ(sunday.state, RecordingState::kFailed);
+  EXPECT_EQ(sunday.reason, "the disk is full");
+  EXPECT_EQ(sunday.samples, 1200u);
+  EXPECT_EQ(sunday.bytes, 34567u);
+  EXPECT_EQ(sunday.dropped, 8u);
+  EXPECT_EQ(state.recordings[1].state, RecordingState::kRecording);
 }
 
 TEST_F(ControlTest, CarriesOutEveryCommandOnOneConnection) {

@@ -81,7 +81,7 @@ class BodyWorkerTest : public testing::Test {
   TagMap start_;
   FakeClock clock_{ms(1000)};
   EstimatorConfig estimator_;
-  SessionRecorder recorder_{RecorderConfig{}};
+  SessionRecorder recorder_{RecorderConfig{}, clock_, events_};
   RecordingFilter::Log log_;
   RecordingFilter* filter_{nullptr};
   bool fails_always_{false};  ///< Every filter that is made from now on.

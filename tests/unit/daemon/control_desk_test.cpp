@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -12,7 +13,7 @@ class ControlDeskTest : public testing::Test {
   ControlDeskTest()
       : scene_(bodies()),
         map_(MapConfig{}, TagMap{}),
-        recorder_(RecorderConfig{folder_.file("recordings"), false}) {}
+        recorder_(RecorderConfig{folder_.file("recordings"), false}, clock_, events_) {}
 
   static std::vector<SceneBody> bodies() {
     std::vector<SceneBody> all(2);
@@ -24,6 +25,8 @@ class ControlDeskTest : public testing::Test {
   TemporaryFolder folder_;
   Scene scene_;
   MapBuilder map_;
+  FakeClock clock_;
+  EventBoard events_{[] { return std::int64_t{0}; }};
   SessionRecorder recorder_;
   int commits_{0};
   ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, [this] { ++commits_; }};

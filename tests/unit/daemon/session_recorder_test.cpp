@@ -1,7 +1,14 @@
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 
+#include <fcntl.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <csignal>
+#include <fstream>
 #include <thread>
 
 #include "support/fake_clock.hpp"
@@ -10,35 +17,98 @@
 namespace fiducap {
 namespace {
 
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::SizeIs;
+using State = RecordingStatus::State;
+
 Instant at_ms(int ms) { return instant_from_ns(1'000'000'000) + std::chrono::milliseconds(ms); }
 
 class SessionRecorderTest : public testing::Test {
  protected:
-  SessionRecorderTest() {
+  SessionRecorderTest() { recorder_.add_body("drone", one_camera()); }
+
+  static RecordingInfo one_camera() {
     RecordingInfo info;
     CameraMount camera;
     camera.model = {752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
     info.cameras = {camera};
     info.imu = ImuNoise{};
-    recorder_.add_body("drone", info);
+    return info;
   }
-
-  void take(int ms) {
-    recorder_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}});
+  static CornerFrame corners_at(int ms) {
     CornerFrame corners;
     corners.exposed_at = at_ms(ms);
     TagSighting tag;
     tag.tag_id = 5;
     tag.corners_px = {Eigen::Vector2d{10, 10}, {20, 10}, {20, 20}, {10, 20}};
     corners.tags = {tag};
-    recorder_.take(0, corners);
+    return corners;
   }
-  [[nodiscard]] std::string folder_of(const std::string& name) const {
-    return folder_.file("recordings/" + name + "/drone");
+  void take_imu(int ms) {
+    recorder_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}});
+  }
+  void take(int ms) {
+    take_imu(ms);
+    recorder_.take(0, corners_at(ms));
+  }
+  void start_writer() {
+    writer_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
+  }
+  void end_writer() {
+    if (!writer_.joinable()) start_writer();
+    writer_.request_stop();
+    writer_.join();
+  }
+  template <typename Condition>
+  static bool wait_until(Condition condition) {
+    for (int i = 0; i < 3000; ++i, std::this_thread::sleep_for(10ms))
+      if (condition()) return true;
+    return false;
+  }
+  [[nodiscard]] RecordingStatus newest() const { return recorder_.recordings().back(); }
+  bool wait_for(State state) {
+    return wait_until([&] { return newest().state == state; });
+  }
+  [[nodiscard]] std::string path(const std::string& in_session) const {
+    return folder_.file("recordings/" + in_session);
+  }
+  [[nodiscard]] std::vector<Event> standing() const { return events_.standing(); }
+  /// Complete lines, without the header.
+  [[nodiscard]] int lines(const std::string& in_session) const {
+    std::ifstream file(path(in_session), std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    return static_cast<int>(std::count(text.begin(), text.end(), '\n')) - 1;
   }
 
   TemporaryFolder folder_;
-  SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}};
+  FakeClock clock_{at_ms(0)};
+  EventBoard events_{[] { return std::int64_t{0}; }};
+  SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}, clock_, events_};
+  std::jthread writer_;
+};
+
+/// A file that a writer waits for, as on a disk that does not answer, until `thaw`.
+class FrozenFile final {
+ public:
+  explicit FrozenFile(std::string path) : path_(std::move(path)) {
+    std::signal(SIGPIPE, SIG_IGN);  // as in the server
+    std::filesystem::create_directories(std::filesystem::path(path_).parent_path());
+    EXPECT_EQ(::mkfifo(path_.c_str(), 0600), 0) << path_;
+  }
+  ~FrozenFile() {
+    thaw();
+    ::close(reader_);
+  }
+  FrozenFile(const FrozenFile&) = delete;
+  FrozenFile& operator=(const FrozenFile&) = delete;
+  void thaw() {
+    if (reader_ < 0) reader_ = ::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  }
+
+ private:
+  std::string path_;
+  int reader_{-1};
 };
 
 TEST_F(SessionRecorderTest, WhatIsRecordedCanBeReplayed) {
@@ -47,14 +117,11 @@ TEST_F(SessionRecorderTest, WhatIsRecordedCanBeReplayed) {
   for (int ms = 10; ms <= 50; ms += 10) take(ms);
   ASSERT_TRUE(recorder_.stop());
   take(60);
-  std::jthread writer([this](std::stop_token stop) { recorder_.run(stop); });
-  writer.request_stop();
-  writer.join();
+  end_writer();
 
-  const auto info = read_recording_info(folder_of("first"));
+  const auto info = read_recording_info(path("first/drone"));
   ASSERT_TRUE(info) << info.error().text();
-  const FakeClock clock;
-  auto source = open_recording(*info, {}, clock);
+  auto source = open_recording(*info, {}, clock_);
   ASSERT_TRUE(source) << source.error().text();
   int imu = 0;
   int corners = 0;
@@ -69,38 +136,229 @@ TEST_F(SessionRecorderTest, WhatIsRecordedCanBeReplayed) {
   }
   EXPECT_EQ(imu, 5);
   EXPECT_EQ(corners, 5);
+  EXPECT_EQ(newest().state, State::kFinished);
+  EXPECT_EQ(newest().samples, 10u);
+  EXPECT_EQ(newest().dropped, 0u);
+  std::uint64_t on_disk = 0;
+  for (const auto& file : std::filesystem::recursive_directory_iterator(path("first")))
+    if (file.is_regular_file()) on_disk += file.file_size();
+  EXPECT_EQ(newest().bytes, on_disk);
 }
 
-TEST_F(SessionRecorderTest, NeverOverwritesAndTakesPlainNamesOnly) {
-  ASSERT_TRUE(recorder_.start("one"));
-  EXPECT_FALSE(recorder_.start("two")) << "one at a time";
-  ASSERT_TRUE(recorder_.stop());
-  EXPECT_FALSE(recorder_.stop());
-  EXPECT_FALSE(recorder_.start("one"));
+TEST_F(SessionRecorderTest, TakesPlainNamesOnlyAndOneSessionAtATime) {
   for (const char* bad : {"", "../up", "a/b", ".hidden", "a\nb"})
     EXPECT_FALSE(recorder_.start(bad)) << bad;
+  ASSERT_TRUE(recorder_.start("one"));
+  EXPECT_FALSE(recorder_.start("two"));
+  ASSERT_TRUE(recorder_.stop());
+  EXPECT_FALSE(recorder_.stop());
+  EXPECT_FALSE(recorder_.start("one")) << "it waits for the disk still";
+  EXPECT_TRUE(recorder_.start("two"));
+}
+
+TEST_F(SessionRecorderTest, OverwritesNothingAndSaysSo) {
+  folder_.write("recordings/one/drone/precious", "1");
+  ASSERT_TRUE(recorder_.start("one")) << "only the disk knows";
+  start_writer();
+  ASSERT_TRUE(wait_for(State::kFailed));
+  EXPECT_THAT(newest().reason, HasSubstr("nothing is overwritten"));
+  EXPECT_FALSE(std::filesystem::exists(path("one/turns.csv")));
+  EXPECT_FALSE(recorder_.current());
 }
 
 TEST_F(SessionRecorderTest, AServerThatEndsClosesTheRecordingWhole) {
   ASSERT_TRUE(recorder_.start("last"));
   take(10);
-  std::jthread writer([this](std::stop_token stop) { recorder_.run(stop); });
-  writer.request_stop();
-  writer.join();
+  end_writer();
   EXPECT_FALSE(recorder_.current());
-  EXPECT_TRUE(read_recording_info(folder_of("last")));
+  EXPECT_EQ(newest().state, State::kFinished);
+  EXPECT_TRUE(read_recording_info(path("last/drone")));
 }
 
-TEST_F(SessionRecorderTest, ASlowDiskCostsSamplesNotMemory) {
-  ASSERT_TRUE(recorder_.start("slow"));  // nobody writes
-  for (std::size_t i = 0; i < SessionRecorder::kMaxWaiting + 100; ++i)
-    take(static_cast<int>(i) + 1);
+TEST_F(SessionRecorderTest, StartingTouchesNoDiskAndLosesNothing) {
+  ASSERT_TRUE(recorder_.start("first"));
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("recordings")));
+  EXPECT_EQ(newest().state, State::kStarting);
+  take(10);
   ASSERT_TRUE(recorder_.stop());
-  std::jthread writer([this](std::stop_token stop) { recorder_.run(stop); });
+  EXPECT_EQ(newest().state, State::kStopping);
+  end_writer();
+  EXPECT_EQ(lines("first/drone/mav0/imu0/data.csv"), 1);
+  EXPECT_EQ(newest().samples, 2u);
+}
+
+TEST_F(SessionRecorderTest, AFrozenDiskHoldsNobodyUp) {
+  start_writer();
+  ASSERT_TRUE(recorder_.start("frozen"));
+  ASSERT_TRUE(wait_for(State::kRecording));
+  FrozenFile frozen(path("frozen/drone/mav0/tags0/frames.csv"));
+  take(10);  // the writer waits for this file from here on
+  ASSERT_TRUE(recorder_.stop());
+  EXPECT_EQ(newest().state, State::kStopping);
+  ASSERT_TRUE(recorder_.start("next"));
+  take(20);
+  EXPECT_EQ(*recorder_.current(), "next");
+  EXPECT_EQ(newest().state, State::kStarting);
+  ASSERT_TRUE(recorder_.stop());
+
+  frozen.thaw();
+  ASSERT_TRUE(wait_for(State::kFinished));
+  EXPECT_EQ(newest().samples, 2u);
+  EXPECT_EQ(recorder_.recordings().front().state, State::kFinished);
+}
+
+TEST_F(SessionRecorderTest, ADiskThatTakesNothingIsSaidUntilItDoes) {
+  start_writer();
+  ASSERT_TRUE(recorder_.start("frozen"));
+  ASSERT_TRUE(wait_for(State::kRecording));
+  FrozenFile frozen(path("frozen/drone/mav0/tags0/frames.csv"));
+  ASSERT_TRUE(wait_until([&] {  // until the writer is inside
+    take(10);
+    clock_.advance(4s);
+    return !standing().empty();
+  }));
+  EXPECT_EQ(standing().front().subject, "recorder");
+  EXPECT_EQ(standing().front().kind, "slow");
+  frozen.thaw();
+  EXPECT_TRUE(wait_until([&] { return standing().empty(); }));
+}
+
+TEST_F(SessionRecorderTest, AFullDiskEndsTheSessionWithItsReason) {
+  start_writer();
+  ASSERT_TRUE(recorder_.start("full"));
+  ASSERT_TRUE(wait_for(State::kRecording));
+  std::filesystem::create_directories(path("full/drone/mav0/tags0"));
+  std::filesystem::create_symlink("/dev/full", path("full/drone/mav0/tags0/data.csv"));
+  take_imu(5);
+  take(10);
+  ASSERT_TRUE(wait_for(State::kFailed));
+  EXPECT_THAT(newest().reason, HasSubstr("No space left on device"));
+  EXPECT_THAT(newest().reason, HasSubstr("tags0/data.csv"));
+  EXPECT_GT(newest().bytes, 0u);
+  EXPECT_EQ(lines("full/drone/mav0/imu0/data.csv"), 2) << "the others keep what they have";
+  EXPECT_FALSE(recorder_.current());
+  const auto stopped = recorder_.stop();
+  ASSERT_FALSE(stopped);
+  EXPECT_THAT(stopped.error().what, HasSubstr("No space left on device"));
+  ASSERT_THAT(standing(), SizeIs(1));
+  EXPECT_EQ(standing().front().kind, "failing");
+  EXPECT_THAT(standing().front().text, HasSubstr("No space left on device"));
+  EXPECT_FALSE(standing().front().remedy.empty());
+
+  ASSERT_TRUE(recorder_.start("room again"));
+  EXPECT_TRUE(wait_for(State::kRecording));
+  EXPECT_TRUE(wait_until([&] { return standing().empty(); }));
+  take(20);
+  ASSERT_TRUE(recorder_.stop());
+  EXPECT_TRUE(wait_for(State::kFinished));
+}
+
+TEST_F(SessionRecorderTest, ASampleThatCannotBeEndsNoSession) {
+  ASSERT_TRUE(recorder_.start("odd"));
+  CornerFrame odd = corners_at(5);
+  odd.camera = 7;
+  recorder_.take(0, odd);
+  take(10);
+  end_writer();
+  EXPECT_EQ(newest().state, State::kFinished);
+  EXPECT_EQ(newest().samples, 2u);
+  EXPECT_EQ(newest().dropped, 1u);
+}
+
+TEST_F(SessionRecorderTest, AFolderThatCannotBeMadeIsAFailureAndNotTheLast) {
+  folder_.write("recordings", "a file");
+  start_writer();
+  ASSERT_TRUE(recorder_.start("first"));
+  take(10);
+  ASSERT_TRUE(wait_for(State::kFailed));
+  std::filesystem::remove(folder_.file("recordings"));
+  ASSERT_TRUE(recorder_.start("first"));
+  EXPECT_TRUE(wait_for(State::kRecording));
+}
+
+TEST_F(SessionRecorderTest, SaysAtTheServersStartThatTheNameIsTaken) {
+  folder_.write("recordings/one/drone/precious", "1");
+  EXPECT_FALSE(recorder_.start_and_open("one"));
+  EXPECT_TRUE(recorder_.start_and_open("two"));
+  EXPECT_EQ(newest().state, State::kRecording);
+}
+
+TEST_F(SessionRecorderTest, EveryStreamIsOnDiskAfterASecond) {
+  recorder_.set_surroundings({"", [] {
+                                return MapView{std::make_shared<const TagMap>(), true, 0};
+                              }});
+  BodyUpdate update;
+  start_writer();
+  ASSERT_TRUE(recorder_.start("killed"));
+  ASSERT_TRUE(wait_for(State::kRecording));
+  take(10);
+  update.corners = corners_at(10);
+  recorder_.take_turn(0, update, {}, 0);
+  const auto all_have = [&](int count) {
+    return lines("killed/drone/mav0/imu0/data.csv") == count &&
+           lines("killed/drone/mav0/tags0/frames.csv") == count &&
+           lines("killed/drone/mav0/tags0/data.csv") == count && lines("killed/turns.csv") == count;
+  };
+  EXPECT_FALSE(all_have(1)) << "no call to the disk for each line";
+  // No file is closed, and nothing else comes: that a second has gone by is enough.
+  EXPECT_TRUE(wait_until([&] {
+    clock_.advance(100ms);
+    return all_have(1);
+  }));
+  EXPECT_EQ(newest().state, State::kRecording);
+  EXPECT_TRUE(wait_until([&] { return newest().samples == 2; })) << "and counted";
+}
+
+TEST_F(SessionRecorderTest, AStuckDiskIsLeftBehindAndSaid) {
+  start_writer();
+  ASSERT_TRUE(recorder_.start("stuck"));
+  ASSERT_TRUE(wait_for(State::kRecording));
+  FrozenFile frozen(path("stuck/drone/mav0/tags0/frames.csv"));
+  take(10);
+  writer_.request_stop();
+  const Instant before = clock_.now();
+  EXPECT_FALSE(recorder_.ends());
+  EXPECT_LT(clock_.now() - before, 3s);
+  ASSERT_FALSE(events_.after(0).empty());
+  EXPECT_EQ(events_.after(0).back().kind, "lost");
+  frozen.thaw();
+  writer_.join();
+  EXPECT_TRUE(recorder_.ends());
+}
+
+class RecordingImagesTest : public SessionRecorderTest {
+ protected:
+  RecordingImagesTest() {
+    images_.add_body("drone", one_camera());
+    image_->resize(2000, 1000);
+  }
+  TemporaryFolder elsewhere_;
+  SessionRecorder images_{RecorderConfig{elsewhere_.file("recordings"), true}, clock_, events_};
+  std::shared_ptr<GrayImage> image_ = std::make_shared<GrayImage>();
+};
+
+TEST_F(RecordingImagesTest, ASlowDiskCostsImagesNotMemoryAndNoImuReading) {
+  constexpr int kImages = 200;  // 400 MB
+  constexpr int kFit = static_cast<int>(RecordingQueue::kImages_bytes / 2'000'000);
+  ASSERT_TRUE(images_.start("slow"));  // nobody writes
+  for (int ms = 1; ms <= kImages; ++ms) {
+    images_.take(0, CameraFrame{0, at_ms(ms), image_});
+    images_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}});
+  }
+  const auto status = images_.recordings().back();
+  EXPECT_NEAR(static_cast<double>(status.dropped), kImages - kFit, 1);
+  ASSERT_THAT(standing(), SizeIs(1));
+  EXPECT_EQ(standing().front().kind, "slow");
+  EXPECT_EQ(standing().front().severity, Severity::kError);
+  EXPECT_THAT(events_.after(0), SizeIs(1)) << "once, not for each image";
+
+  elsewhere_.write("recordings", "no folder: what waited is given up at once");
+  std::jthread writer([this](std::stop_token stop) { images_.run(stop); });
   writer.request_stop();
   writer.join();
-  const auto info = read_recording_info(folder_of("slow"));
-  EXPECT_TRUE(info);
+  ASSERT_THAT(standing(), SizeIs(1));
+  EXPECT_EQ(standing().front().kind, "failing") << "slow is over";
+  EXPECT_EQ(images_.recordings().back().dropped, 2u * kImages);
 }
 
 }  // namespace

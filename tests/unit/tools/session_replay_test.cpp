@@ -7,10 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/bodies/body_setup.hpp"
-#include "daemon/session_recorder.hpp"
+#include "daemon/recording/session_recorder.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
+#include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/replay_command.hpp"
 #include "tools/whole_file.hpp"
@@ -47,7 +48,7 @@ class SessionReplayTest : public testing::Test {
 
   /// Runs the bodies in virtual time; the recorder gets what the workers would give it.
   void run_and_record(double from_s) {
-    SessionRecorder recorder({.folder = folder_.file("recordings")});
+    SessionRecorder recorder({.folder = folder_.file("recordings")}, clock_, events_);
     std::vector<ReplayedBody> bodies;
     std::vector<std::unique_ptr<SensorSource>> sources;
     for (const BodyConfig& body : config_.bodies) {
@@ -91,6 +92,8 @@ class SessionReplayTest : public testing::Test {
   static constexpr std::int64_t kStart_ns = 1'000'000'000'000;
   ServerConfig config_;
   TemporaryFolder folder_;
+  FakeClock clock_;
+  EventBoard events_{[] { return std::int64_t{0}; }};
   bool started_{false};
   std::ostringstream out_;
   std::ostringstream err_;
