@@ -14,6 +14,11 @@ namespace fiducap::sdk {
 namespace {
 
 constexpr std::uint32_t kProtocol = 0x31434446;  // "FDC1"
+// No server's clock runs for a century; an offset made of replies, taken from a frame's time, fits.
+constexpr Nanoseconds kLatestFrame = Nanoseconds{1} << 62;
+constexpr Nanoseconds kLatestReply = kLatestFrame / 2;
+
+bool lies_within(Nanoseconds t, Nanoseconds limit) { return t > -limit && t < limit; }
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // A quaternion further from unit length than this was not made by rounding.
 constexpr double kUnitTolerance = 1e-3;
@@ -118,6 +123,8 @@ bool read_body(const v1::Body& in, Body& out) {
 bool read_frame(const v1::Frame& in, FramePart& out) {
   if (in.session() == 0 || in.number() == 0 || in.model_generation() == 0 ||
       !read_place(in, out.place))
+    return false;
+  if (!lies_within(in.at_ns(), kLatestFrame) || !lies_within(in.published_at_ns(), kLatestFrame))
     return false;
   out.session = in.session();
   out.model_generation = in.model_generation();
@@ -266,7 +273,10 @@ MessageKind Decoder::read(const Scratch& scratch) {
     case v1::Envelope::kClockReply: {
       const auto& reply = in.clock_reply();
       clock_reply_ = {reply.session(), reply.number(), reply.received_at_ns(), reply.sent_at_ns()};
-      return clock_reply_.session != 0 ? MessageKind::kClockReply : MessageKind::kNone;
+      return clock_reply_.session != 0 && lies_within(reply.received_at_ns(), kLatestReply) &&
+                     lies_within(reply.sent_at_ns(), kLatestReply)
+                 ? MessageKind::kClockReply
+                 : MessageKind::kNone;
     }
     case v1::Envelope::kDiscoveryReply:
       return read_discovery(in.discovery_reply(), discovery_reply_) ? MessageKind::kDiscoveryReply

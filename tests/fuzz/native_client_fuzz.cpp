@@ -8,6 +8,7 @@
 #include "src/codec.hpp"
 #include "src/conversation.hpp"
 #include "src/frame_assembler.hpp"
+#include "src/prediction.hpp"
 
 using namespace fiducap::sdk;
 
@@ -33,6 +34,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case MessageKind::kFrame:
         if (const auto* frame = assembler.add(decoder.frame())) {
           if (frame->bodies.size() > kMaxBodies) std::abort();
+          (void)(frame->at_server_ns - clock.at(now, false).offset);
+          for (auto body : frame->bodies) carry(body, std::chrono::milliseconds(100));
         }
         break;
       case MessageKind::kChallenge:

@@ -22,11 +22,15 @@ void require(bool holds) {
 
 void converse(Origin origin, bool with_cookie, std::size_t piece,
               std::span<const std::byte> bytes) {
-  const VrpnConfig config;
-  SenderTable senders;
-  senders.update(*make_scene_frame({"arm", "drone"})->model);
+  static const VrpnConfig config;
+  static const SenderTable senders = [] {
+    SenderTable table;
+    table.update(*make_scene_frame({"arm", "drone"})->model);
+    return table;
+  }();
+  static std::vector<std::byte> out;
+  out.clear();
   Connection connection(config, senders, origin);
-  std::vector<std::byte> out;
   if (with_cookie) require(connection.receive(connection.greeting(), 0, out).has_value());
   const std::size_t described = out.size();
   const std::size_t given = bytes.size();

@@ -65,7 +65,7 @@ struct TruthSample {
 
 /// @return Error naming the file and what is missing or broken in it.
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
-/// Empty when the recording has none.
+/// By time; lines that go backwards are left out. Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
 /// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when
 /// there is none.

@@ -89,8 +89,7 @@ Expected<void> read_tags(const std::filesystem::path& path, RecordingInfo& info)
   for (const auto& [id, size_m] : info.tag_sizes_m) {
     if (!(size_m > 0)) yaml->complain("sizes_m", "of tag " + std::to_string(id) + " must be > 0");
   }
-  for (const double id : yaml->numbers("ignore_tags"))
-    info.ignore_tags.push_back(static_cast<int>(id));
+  if (yaml->has("ignore_tags")) yaml->read("ignore_tags", info.ignore_tags);
   info.max_hamming = yaml->integer("max_hamming");
   info.reference_tag = yaml->integer("reference_tag");
   for (const YamlSection& known : yaml->sections("known_tags")) {

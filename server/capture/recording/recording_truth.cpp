@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "base/log.hpp"
 #include "base/yaml_section.hpp"
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording.hpp"
@@ -71,18 +72,34 @@ Expected<std::vector<Row>> read_rows(const std::filesystem::path& path, OpenEnd 
   return rows;
 }
 
+/// Who reads truth looks for times by halves.
+Expected<std::vector<TruthSample>> read_increasing(const std::filesystem::path& path) {
+  auto rows = read_rows<TruthSample>(path, OpenEnd::kLeaveOut, parse_truth);
+  if (!rows) return rows;
+  Instant last = Instant::min();
+  const std::size_t backwards = std::erase_if(*rows, [&last](const TruthSample& row) {
+    if (row.at <= last) return true;
+    last = row.at;
+    return false;
+  });
+  if (backwards > 0)
+    log::warning("capture", path.string() + ": " + std::to_string(backwards) +
+                                " lines left out whose time does not increase");
+  return rows;
+}
+
 }  // namespace
 
 Expected<std::vector<TruthSample>> read_truth(const std::string& folder) {
   const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
   if (!layout) return tl::unexpected(layout.error());
-  return read_rows<TruthSample>(layout->state_csv(), OpenEnd::kLeaveOut, parse_truth);
+  return read_increasing(layout->state_csv());
 }
 
 Expected<std::vector<TruthSample>> read_reference_poses(const std::string& folder) {
   const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
   if (!layout) return tl::unexpected(layout.error());
-  return read_rows<TruthSample>(layout->reference_poses_csv(), OpenEnd::kLeaveOut, parse_truth);
+  return read_increasing(layout->reference_poses_csv());
 }
 
 Expected<std::vector<RecordedTag>> read_truth_tags(const std::string& folder) {

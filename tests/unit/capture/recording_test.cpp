@@ -205,6 +205,25 @@ TEST_F(RecordingTest, TruthIsReadWithVelocityAndBiasesAndWithoutThem) {
   EXPECT_EQ(reference->front().v_WB, Eigen::Vector3d(0, 0, 0));
 }
 
+TEST_F(RecordingTest, TruthThatGoesBackwardsIsLeftOutAndSaid) {
+  write_corners();
+  const std::string pose = ",1,2,3,1,0,0,0\n";
+  folder_.write("mav0/state_groundtruth_estimate0/data.csv",
+                "1000000000000" + pose + "1000200000000" + pose + "1000100000000" + pose +
+                    "1000200000000" + pose + "1000300000000" + pose);
+  const auto truth = read_truth(folder_.text());
+  ASSERT_TRUE(truth);
+  ASSERT_EQ(truth->size(), 3u) << "who looks for a time by halves would miss what is there";
+  EXPECT_LT(truth->at(1).at, truth->at(2).at);
+  EXPECT_THAT(log_text(), HasSubstr("2 lines left out whose time does not increase"));
+}
+
+TEST_F(RecordingTest, AnIdToIgnoreThatIsNoWholeNumberIsAFault) {
+  write_basics();
+  folder_.write("mav0/tags.yaml", "ignore_tags: [9, 1e300]\n");
+  EXPECT_THAT(read_recording_info(folder_.text()).error().text(), HasSubstr("whole numbers"));
+}
+
 TEST_F(RecordingTest, TrueTagsAndExtrinsicsAreRead) {
   write_corners();
   folder_.write("truth/tags.csv",

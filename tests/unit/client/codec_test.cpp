@@ -257,5 +257,29 @@ TEST(ClientCodec, AClockQueryIsWhatProtobufReads) {
   EXPECT_EQ(envelope.clock_query().padding().size(), 36u);
 }
 
+// Found by fuzzing: whoever subtracts two such times overflows.
+TEST(ClientCodec, ATimeThatNoClockShowsIsNoAnswerAndNoFrame) {
+  Decoder decoder;
+  v1::Envelope envelope;
+  envelope.set_protocol(0x31434446);
+  const auto kind = [&] {
+    const std::string bytes = envelope.SerializeAsString();
+    return decoder.decode(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
+  };
+  auto& reply = *envelope.mutable_clock_reply();
+  reply.set_session(7);
+  EXPECT_EQ(kind(), MessageKind::kClockReply);
+  reply.set_sent_at_ns(std::numeric_limits<std::int64_t>::max());
+  EXPECT_EQ(kind(), MessageKind::kNone);
+  auto& frame = *envelope.mutable_frame();
+  frame.set_session(7);
+  frame.set_number(1);
+  frame.set_model_generation(1);
+  frame.set_part_count(1);
+  EXPECT_EQ(kind(), MessageKind::kFrame);
+  frame.set_at_ns(std::numeric_limits<std::int64_t>::min());
+  EXPECT_EQ(kind(), MessageKind::kNone);
+}
+
 }  // namespace
 }  // namespace fiducap::sdk
