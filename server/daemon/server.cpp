@@ -4,7 +4,6 @@
 #include <boost/asio/signal_set.hpp>
 #include <csignal>
 #include <exception>
-#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -23,6 +22,7 @@
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
 #include "daemon/watch/health_watch.hpp"
+#include "middleware/membership.hpp"
 #include "scene/scene.hpp"
 
 namespace fiducap {
@@ -47,6 +47,7 @@ class Server::Impl final {
       : config_(config),
         options_(options),
         clock_(clock),
+        membership_(config.dds, events_),
         bodies_(clock),
         recorder_(config.recorder, clock, events_) {}
 
@@ -71,7 +72,6 @@ class Server::Impl final {
   void build_scene(const std::vector<Body>& bodies);
   void build_workers(std::vector<Body> bodies);
   Expected<void> build_streaming();
-  Expected<std::shared_ptr<dds::Participant>> join_dds();
   void start_threads();
   void serve();
   void give_up();
@@ -82,8 +82,7 @@ class Server::Impl final {
   const Clock& clock_;
   Instant simulation_start_{};
   EventBoard events_{utc_now_ns};
-  std::mutex joining_;
-  std::shared_ptr<dds::Participant> participant_;
+  dds::Membership membership_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
   BodyThreads bodies_;
@@ -162,7 +161,7 @@ Expected<std::unique_ptr<SensorSource>> Server::Impl::open(const BodyConfig& con
                              .clock = clock_,
                              .simulation_start = simulation_start_,
                              .motion = options_.motion ? options_.motion(config.name) : nullptr,
-                             .join_dds = [this] { return join_dds(); }});
+                             .join_dds = [this] { return membership_.join(); }});
   if (source && options_.source) *source = options_.source(config.name, std::move(*source));
   return source;
 }
@@ -231,7 +230,7 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 
 Expected<void> Server::Impl::build_streaming() {
   auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
-                                [this] { return join_dds(); }});
+                                [this] { return membership_.join(); }});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   frames_.on_delivered(
@@ -245,15 +244,6 @@ Expected<void> Server::Impl::build_streaming() {
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
     watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->pulse());
   return {};
-}
-
-/// One participant for ROS sources and ROS topics, made when first needed.
-Expected<std::shared_ptr<dds::Participant>> Server::Impl::join_dds() {
-  const std::lock_guard lock(joining_);  // a source that comes back asks on its own thread
-  if (participant_) return participant_;
-  auto joined = dds::Participant::open(config_.dds);
-  if (joined) participant_ = *joined;
-  return joined;
 }
 
 void Server::Impl::start_threads() {

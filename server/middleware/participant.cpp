@@ -75,7 +75,8 @@ Entity::~Entity() {
   if (handle_ > 0) dds_delete(handle_);
 }
 
-Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config) {
+Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& config,
+                                                         CrowdWatch::Alarm alarm) {
   const std::string where = "domain " + std::to_string(config.domain);
   const Neighbours neighbours = neighbours_of(config);
   const std::string xml = cyclone_xml(config, neighbours.attached_only);
@@ -97,8 +98,11 @@ Expected<std::shared_ptr<Participant>> Participant::open(const NetworkConfig& co
       dds_create_participant(static_cast<dds_domainid_t>(config.domain), nullptr, nullptr));
   if (!participant)
     return failed<std::shared_ptr<Participant>>(participant.handle(), remedy, where);
+  auto watch = std::make_unique<CrowdWatch>(std::move(alarm));
+  if (auto watching = watch->watch(participant.handle()); !watching)
+    return tl::unexpected(watching.error());
   return std::shared_ptr<Participant>(
-      new Participant(std::move(domain), std::move(participant), config.domain));
+      new Participant(std::move(watch), std::move(domain), std::move(participant), config.domain));
 }
 
 Expected<Writer> Writer::make(const Participant& in, const TopicName& topic, const Qos& qos) {

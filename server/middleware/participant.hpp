@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "middleware/crowd.hpp"
 #include "middleware/network.hpp"
 
 struct dds_topic_descriptor;
@@ -56,18 +57,26 @@ class Participant final {
  public:
   /// @return Error naming the interface when there is no such one, or when this process is in the
   /// domain already.
-  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config);
+  /// @param alarm  called once when others crowd the domain, on a thread of the middleware
+  [[nodiscard]] static Expected<std::shared_ptr<Participant>> open(const NetworkConfig& config,
+                                                                   CrowdWatch::Alarm alarm = {});
 
   [[nodiscard]] std::int32_t handle() const { return participant_.handle(); }
   [[nodiscard]] int domain() const { return domain_; }
+  [[nodiscard]] Crowd crowd() const { return watch_->crowd(); }
+  /// More others than can be true: whoever holds it should let go of it, that they are forgotten.
+  [[nodiscard]] bool is_crowded() const { return watch_->is_crowded(); }
 
  private:
-  Participant(Entity domain_entity, Entity participant, int domain)
-      : domain_entity_(std::move(domain_entity)),
+  Participant(std::unique_ptr<CrowdWatch> watch, Entity domain_entity, Entity participant,
+              int domain)
+      : watch_(std::move(watch)),
+        domain_entity_(std::move(domain_entity)),
         participant_(std::move(participant)),
         domain_(domain) {}
 
-  Entity domain_entity_;  // goes last
+  std::unique_ptr<CrowdWatch> watch_;  // goes last: is called until the others have gone
+  Entity domain_entity_;
   Entity participant_;
   int domain_;
 };

@@ -74,6 +74,8 @@ class RosSource final : public SensorSource {
 
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
     while (!stop.stop_requested()) {
+      if (participant_->is_crowded())
+        return fail(ErrorCode::kUnavailable, "the DDS domain is crowded and left for a moment");
       if (auto imu = next_imu()) return imu;
       if (auto image = next_image()) return image;
       // Nothing is lost when a message comes just now: the next wait ends at once.

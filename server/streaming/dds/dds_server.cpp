@@ -1,6 +1,8 @@
 #include "streaming/dds/dds_server.hpp"
 
+#include <chrono>
 #include <functional>
+#include <future>
 #include <optional>
 #include <utility>
 
@@ -74,61 +76,97 @@ class Offer final {
   std::vector<std::uint32_t> counts_;
 };
 
+/// All topics in one membership of the domain.
+struct Presence {
+  Presence(std::shared_ptr<Participant> joined, const DdsConfig& config)
+      : participant(std::move(joined)), offer(*participant, config) {}
+
+  std::shared_ptr<Participant> participant;
+  Offer offer;  // goes before the participant
+};
+
 class DdsServer final : public Streamer {
  public:
-  DdsServer(std::shared_ptr<Participant> participant, const DdsConfig& config, const Clock& clock)
-      : participant_(std::move(participant)), config_(config), listeners_(clock) {
-    offer_.emplace(*participant_, config_);
-  }
+  DdsServer(JoinDomain join, const DdsConfig& config, const Clock& clock)
+      : join_(std::move(join)), config_(config), clock_(clock), listeners_(clock) {}
 
-  [[nodiscard]] Expected<void> made() const { return offer_->made(); }
-  Expected<void> use(std::shared_ptr<const SceneModel> model) {
+  Expected<void> join(std::shared_ptr<const SceneModel> model) {
+    auto participant = join_();
+    if (!participant) return tl::unexpected(participant.error());
+    auto presence = std::make_unique<Presence>(std::move(*participant), config_);
+    if (auto made = presence->offer.made(); !made) return made;
+    if (auto made = presence->offer.use(*model); !made) return made;
     model_ = std::move(model);
-    return offer_->use(*model_);
+    presence_ = std::move(presence);
+    log::info("dds",
+              "serves ROS 2 topics in domain " + std::to_string(presence_->participant->domain()));
+    return {};
   }
 
   [[nodiscard]] std::string_view protocol() const override { return "dds"; }
 
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
-    if (!offer_) return;
+    if (stopped_) return;
+    if (!presence_) return join_again(frame->model);
+    if (presence_->participant->is_crowded()) return leave();
+    Offer& offer = presence_->offer;
     if (frame->model->generation != model_->generation) {
-      if (const auto made = use(frame->model); !made) log::warning("dds", made.error().text());
+      model_ = frame->model;
+      if (const auto made = offer.use(*model_); !made) log::warning("dds", made.error().text());
     }
-    offer_->publish(*frame);
+    offer.publish(*frame);
   }
 
   void append_clients(std::vector<ClientStatus>& out) const override {
-    if (!offer_) return;
+    if (!presence_) return;
     listeners_.begin();
-    offer_->each([this](const Writer& writer) { listeners_.look_at(writer); });
+    presence_->offer.each([this](const Writer& writer) { listeners_.look_at(writer); });
     listeners_.append_to(out);
   }
 
   /// Subscribers learn at once that nobody sends any more.
   void stop() override {
-    offer_.reset();
-    participant_.reset();
+    stopped_ = true;
+    presence_.reset();
+    if (leaving_.valid()) leaving_.wait();
   }
 
  private:
-  std::shared_ptr<Participant> participant_;
+  static constexpr Duration kAway = std::chrono::seconds(10);
+
+  /// Not on the I/O thread: to forget hundreds of participants takes a while.
+  void leave() {
+    left_at_ = clock_.now();
+    leaving_ =
+        std::async(std::launch::async, [last = std::move(presence_)]() mutable { last.reset(); });
+  }
+
+  void join_again(const std::shared_ptr<const SceneModel>& model) {
+    if (clock_.now() - left_at_ < kAway) return;
+    if (leaving_.valid() && leaving_.wait_for(Duration{}) != std::future_status::ready) return;
+    left_at_ = clock_.now();
+    if (const auto joined = join(model); !joined) log::warning("dds", joined.error().text());
+  }
+
+  JoinDomain join_;
   DdsConfig config_;
+  const Clock& clock_;
   mutable Listeners listeners_;
-  std::optional<Offer> offer_;  // goes before the participant
+  std::unique_ptr<Presence> presence_;  ///< Nothing: out of the domain for a while.
+  std::future<void> leaving_;
+  Instant left_at_{};
   std::shared_ptr<const SceneModel> model_;
+  bool stopped_{false};
 };
 
 }  // namespace
 
-Expected<std::unique_ptr<Streamer>> start_dds_server(std::shared_ptr<Participant> participant,
-                                                     const DdsConfig& config,
+Expected<std::unique_ptr<Streamer>> start_dds_server(JoinDomain join, const DdsConfig& config,
                                                      std::shared_ptr<const SceneModel> model,
                                                      const Clock& clock) {
-  const int domain = participant->domain();
-  auto server = std::make_unique<DdsServer>(std::move(participant), config, clock);
-  if (const auto made = server->made(); !made) return tl::unexpected(made.error());
-  if (const auto made = server->use(std::move(model)); !made) return tl::unexpected(made.error());
-  log::info("dds", "serves ROS 2 topics in domain " + std::to_string(domain));
+  auto server = std::make_unique<DdsServer>(std::move(join), config, clock);
+  if (const auto joined = server->join(std::move(model)); !joined)
+    return tl::unexpected(joined.error());
   return server;
 }
 

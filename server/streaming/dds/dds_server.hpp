@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "base/clock.hpp"
@@ -10,22 +11,24 @@
 
 namespace fiducap::dds {
 
+using JoinDomain = std::function<Expected<std::shared_ptr<Participant>>()>;
+
 /// ROS 2 topics and the native keyed types on DDS. A topic nobody listens to costs nothing but its
 /// place in discovery.
 ///
 /// The middleware has threads of its own for discovery and repeats; every write happens on the I/O
 /// thread, once per topic, however many listen.
+/// A crowded domain (Participant::is_crowded) is left, and joined again ten seconds later.
+/// @param join  also called later
 /// @return Error naming the topic that could not be made
 [[nodiscard]] Expected<std::unique_ptr<Streamer>> start_dds_server(
-    std::shared_ptr<Participant> participant, const DdsConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock);
+    JoinDomain join, const DdsConfig& config, std::shared_ptr<const SceneModel> model,
+    const Clock& clock);
 
 /// For the list of protocols.
 [[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
                                                                const DdsConfig& config) {
-  auto participant = context.join_dds();
-  if (!participant) return tl::unexpected(participant.error());
-  return start_dds_server(*participant, config, context.model, context.clock);
+  return start_dds_server(context.join_dds, config, context.model, context.clock);
 }
 
 }  // namespace fiducap::dds

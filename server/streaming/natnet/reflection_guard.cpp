@@ -5,15 +5,11 @@
 namespace fiducap::natnet {
 
 ReflectionGuard::ReflectionGuard(std::uint64_t key, net::TrustedNetworks networks)
-    : key_{key, ~key}, networks_(std::move(networks)), tables_(std::make_unique<Tables>()) {}
+    : key_{key, ~key}, rule_(key_, std::move(networks)), tables_(std::make_unique<Tables>()) {}
 
 ReflectionGuard::Acquaintance ReflectionGuard::heard(const Peer& from, std::size_t bytes,
                                                      Instant now) {
-  const bool trusted = networks_.contains(from, now);
-  if (!trusted) {
-    strangers_.heard(net::address_hash(key_, from), bytes);
-    return {};
-  }
+  if (!rule_.heard(from, bytes, now)) return {};
   Seen& seen = place_of(from);
   const bool known =
       seen.peer == from && seen.at_ns >= 0 && now - instant_from_ns(seen.at_ns) <= kAcquaintance;
@@ -28,10 +24,9 @@ void ReflectionGuard::promise(const Peer& to, Bitstream version) {
 
 bool ReflectionGuard::may_answer(const Peer& to, std::size_t bytes, bool trusted, Instant now) {
   if (to.is_loopback()) return true;
-  const std::uint64_t hash = net::address_hash(key_, to);
-  if (!trusted) return strangers_.take(hash, bytes);
-  return tables_->addresses[hash % kBuckets].take(static_cast<double>(bytes), kAddressBurst,
-                                                  kAddressBytes_s, now);
+  if (!trusted) return rule_.may_answer_stranger(to, bytes);
+  return tables_->addresses[net::address_hash(key_, to) % kBuckets].take(
+      static_cast<double>(bytes), kAddressBurst, kAddressBytes_s, now);
 }
 
 bool ReflectionGuard::may_complain(const Peer& about, Instant now) {

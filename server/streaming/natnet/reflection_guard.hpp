@@ -8,8 +8,8 @@
 #include "base/time.hpp"
 #include "streaming/natnet/bitstream.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/networks.hpp"
 #include "streaming/net/peer.hpp"
+#include "streaming/net/sender_rule.hpp"
 
 namespace fiducap::natnet {
 
@@ -20,7 +20,7 @@ using net::Peer;
 /// questions. So:
 ///
 /// - Only addresses of trusted networks are clients.
-/// - Any other address gets at most three times the bytes that came in its name, and no frames.
+/// - Any other address gets no frames, and what net::SenderRule allows of answers.
 /// - One trusted address gets at most `kAddressBytes_s` of answers (frames do not count, their rate
 ///   is fixed). This machine's own addresses have no limit: nobody outside can ask in their name.
 ///
@@ -67,8 +67,7 @@ class ReflectionGuard final {
   [[nodiscard]] Seen& place_of(const Peer& peer);
 
   std::array<std::uint64_t, 2> key_;
-  net::TrustedNetworks networks_;
-  net::AnswerBudget strangers_;
+  net::SenderRule rule_;
   std::unique_ptr<Tables> tables_;
 };
 

@@ -54,6 +54,7 @@ struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State
   void tick();
   void wait_for_tick();
   void resume() override;
+  void give_up_oldest();
   void give_up_connecting(Instant now);
   void close_listeners();
   void stop(Duration goodbye);
@@ -112,13 +113,12 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
     session->close("is closed after a failure", log::Level::kWarning);
 }
 
-/// Who has a place, or will have when it is reached.
+/// Who has a place. One that is only being connected to has none yet: it may never answer.
 std::vector<Peer> TcpServer::State::holders() const {
   std::vector<Peer> all;
   for (const auto& session : sessions) {
     if (!session->closed()) all.push_back(session->peer());
   }
-  for (const auto& one : connecting) all.push_back(one->peer);
   return all;
 }
 
@@ -162,9 +162,10 @@ void TcpServer::State::connect(const Peer& peer, Duration patience, MakeSession 
                                    [&](const auto& one) { return one->peer.same_address(peer); });
   const bool under_way = std::any_of(connecting.begin(), connecting.end(),
                                      [&](const auto& one) { return one->peer == peer; });
-  if (stopped || under_way || connecting.size() >= kMaxConnecting ||
-      there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) || !room_for(peer).is_there)
+  if (stopped || under_way || there >= static_cast<std::ptrdiff_t>(kMaxConnectingPerAddress) ||
+      !room_for(peer).is_there)
     return;
+  if (connecting.size() >= kMaxConnecting) give_up_oldest();
   const auto one =
       std::make_shared<Connecting>(Connecting{peer, tcp::socket(io), clock.now() + patience});
   connecting.push_back(one);
@@ -179,6 +180,13 @@ void TcpServer::State::connected(const std::shared_ptr<Connecting>& one, const e
   if (stopped || std::erase(connecting, one) == 0) return;
   if (!error) return take_in(std::move(one->socket), make);
   log::debug(limits.protocol, text_of(one->peer) + " tcp cannot be reached: " + error.message());
+}
+
+/// Addresses that never answer keep nobody out: who is there answers long before its turn comes.
+void TcpServer::State::give_up_oldest() {
+  error_code ignored;
+  connecting.front()->socket.close(ignored);
+  connecting.erase(connecting.begin());
 }
 
 void TcpServer::State::give_up_connecting(Instant now) {

@@ -53,7 +53,7 @@ class TcpServer final {
   /// Gives all ports back, so that others can be tried.
   void close_listeners();
   /// Connects to a peer, as if it had connected to us: within the limits, and once. Nothing
-  /// happens when a connection to it is under way.
+  /// happens when a connection to it is under way. When too many are, the oldest is given up.
   void connect(const Peer& peer, Duration patience, MakeSession make);
   /// Ticks all sessions ten times a second, and then `ticked`.
   void start(std::function<void(Instant)> ticked = {});

@@ -1,5 +1,6 @@
 #include "streaming/qualisys/qualisys_server.hpp"
 
+#include <array>
 #include <optional>
 #include <string>
 #include <utility>
@@ -8,6 +9,7 @@
 #include "base/log.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/sender_rule.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
 #include "streaming/qualisys/codec.hpp"
@@ -22,11 +24,6 @@ constexpr std::string_view kKey = "streaming.qualisys";
 constexpr int kBindAttempts = 32;  // for port 0: three in a row must be free
 constexpr std::uint16_t kLastFreeBase = 65'533;
 constexpr std::size_t kLongestQuestion = 64;
-// An answer to "who is there?" is longer than its question, and nobody has proven his address: few
-// answers for the whole world, so that a flood of questions costs less than it brings.
-constexpr double kAnswerBurst = 5;
-constexpr double kAnswersPerSecond = 5;
-
 /// Listeners, discovery, and the fan-out of frames: each is encoded once per profile, and goes to
 /// all its UDP readers by one call.
 class QualisysServer final : public QualisysStreamer {
@@ -66,7 +63,10 @@ class QualisysServer final : public QualisysStreamer {
   bool stopped_{false};
   std::vector<Event> events_;
   std::string about_;  ///< What discovery says.
-  net::TokenBucket answers_;
+  // An answer to "who is there?" is longer than its question, and nobody has proven his address.
+  std::array<std::uint64_t, 2> key_{net::random_key()};
+  net::SenderRule senders_{key_, net::TrustedNetworks({})};
+  net::AnswerLimiter answers_;
   std::optional<net::UdpServer> udp_;
   std::optional<net::UdpServer> discovery_;
   net::TcpServer tcp_;
@@ -129,11 +129,15 @@ void QualisysServer::open_discovery() {
 }
 
 void QualisysServer::answer(const net::UdpServer::Datagram& question) {
+  const Instant now = clock_.now();
+  const bool is_trusted = senders_.heard(question.from, question.bytes.size(), now);
   const auto port = decode_discover(question.bytes);
-  if (!port || !answers_.take(1, kAnswerBurst, kAnswersPerSecond, clock_.now())) return;
+  if (!port) return;
   std::vector<std::byte> answer;
   encode_discover_answer(about_, base_port_, answer);
-  discovery_->send(answer, question.from.with_port(*port));
+  const bool may_go = is_trusted ? answers_.allow(net::address_hash(key_, question.from), now)
+                                 : senders_.may_answer_stranger(question.from, answer.size());
+  if (may_go) discovery_->send(answer, question.from.with_port(*port));
 }
 
 void QualisysServer::publish(const std::shared_ptr<const SceneFrame>& frame) {

@@ -1,5 +1,6 @@
 #include "streaming/vrpn/vrpn_server.hpp"
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -8,6 +9,7 @@
 
 #include "base/log.hpp"
 #include "base/object_pool.hpp"
+#include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
 #include "streaming/vrpn/body_watch.hpp"
@@ -23,7 +25,11 @@ constexpr int kTicksPerSecond = 10;
 constexpr int kLogLinesPerSecond = 20;
 constexpr int kBindAttempts = 16;  // for port 0: the number that TCP got may be taken for UDP
 constexpr std::size_t kLongestRequest = 200;
-constexpr Duration kConnectTime = std::chrono::seconds(3);
+constexpr Duration kConnectTime = std::chrono::milliseconds(1500);
+// What a connection costs an address that did not ask for it: in that time the kernel sends a SYN
+// and repeats it once, with their headers; what it has sent has headers, too.
+constexpr std::size_t kConnectBytes = 2 * 60;
+constexpr std::size_t kHeaderBytes = 28;
 constexpr std::string_view kKey = "streaming.vrpn";
 
 /// Listens on TCP, connects back to who asks by UDP, and hands each frame to all sessions: the same
@@ -70,6 +76,8 @@ class VrpnServer final : public VrpnStreamer {
   std::vector<std::byte> texts_;
   std::optional<std::uint64_t> generation_;
 
+  std::array<std::uint64_t, 2> key_{net::random_key()};
+  net::AnswerBudget unproven_;
   std::optional<net::UdpServer> requests_;
   std::optional<net::UdpServer> reports_;
   net::TcpServer tcp_;
@@ -103,9 +111,12 @@ Expected<void> VrpnServer::bind(std::uint16_t port) {
   return {};
 }
 
-/// Only to the datagram's own source, whatever address its text names: nobody can make us connect
-/// to a third party. Clients repeat themselves, and would not accept a second connection.
+/// Only to the datagram's own source, whatever address its text names, and with at most three times
+/// the bytes that came: nobody can make us flood a third party. Clients repeat themselves, and
+/// would not accept a second connection.
 void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
+  const std::uint64_t address = net::address_hash(key_, request.from);
+  unproven_.heard(address, request.bytes.size() + kHeaderBytes);
   const auto port = decode_request(request.bytes);
   if (!port) {
     return context_->say(log::Level::kDebug,
@@ -116,7 +127,7 @@ void VrpnServer::connect_back(const net::UdpServer::Datagram& request) {
   tcp_.each<Session>([&](const Session& session) {
     served = served || (session.origin() == Origin::kRequested && session.peer() == client);
   });
-  if (served) return;
+  if (served || !unproven_.take(address, kConnectBytes)) return;
   tcp_.connect(client, kConnectTime, [this](net::Socket socket, const net::Peer&) {
     return session(std::move(socket), Origin::kRequested);
   });

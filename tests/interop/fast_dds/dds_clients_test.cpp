@@ -28,7 +28,8 @@ class FastDdsClient : public testing::Test {
       ADD_FAILURE() << participant.error().text();
       return {};
     }
-    auto server = start_dds_server(*participant, config, make_scene_frame(kBodies)->model, clock_);
+    auto server = start_dds_server([&participant] { return participant; }, config,
+                                   make_scene_frame(kBodies)->model, clock_);
     if (!server) {
       ADD_FAILURE() << server.error().text();
       return {};

@@ -74,7 +74,8 @@ int serve_for(double seconds) {
   const std::vector<std::string> bodies{"drone"};
   auto participant = Participant::open(network);
   if (!participant) return 2;
-  auto server = start_dds_server(*participant, {}, make_scene_frame(bodies)->model, clock);
+  auto server = start_dds_server([&participant] { return participant; }, {},
+                                 make_scene_frame(bodies)->model, clock);
   if (!server) return 3;
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   publish_frames(**server, bodies, [end] { return std::chrono::steady_clock::now() < end; });

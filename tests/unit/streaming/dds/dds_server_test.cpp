@@ -45,7 +45,9 @@ class DdsServerTest : public testing::Test {
     auto participant = Participant::open(network);
     ASSERT_TRUE(participant) << participant.error().text();
     participant_ = *participant;
-    auto server = start_dds_server(participant_, config, frame_->model, clock_);
+    auto server =
+        start_dds_server([this] { return Expected<std::shared_ptr<Participant>>(participant_); },
+                         config, frame_->model, clock_);
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
   }

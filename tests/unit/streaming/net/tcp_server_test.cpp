@@ -215,6 +215,37 @@ TEST_F(TcpServerTest, ConnectsToAPeerWithinTheSameLimits) {
   EXPECT_EQ(made, 1) << "one connection to one peer at a time";
 }
 
+/// Takes connections until its queue is full, and answers none after that.
+class FullListener final {
+ public:
+  explicit FullListener(boost::asio::io_context& io) : acceptor_(io), first_(io) {
+    acceptor_.open(tcp::v4());
+    acceptor_.bind({boost::asio::ip::address_v4::any(), 0});
+    acceptor_.listen(0);
+    first_.connect({boost::asio::ip::address_v4::loopback(), port()});
+  }
+  [[nodiscard]] std::uint16_t port() const { return acceptor_.local_endpoint().port(); }
+
+ private:
+  tcp::acceptor acceptor_;
+  tcp::socket first_;
+};
+
+TEST_F(TcpServerTest, AddressesThatNeverAnswerKeepNobodyFromBeingConnectedTo) {
+  FullListener silent(io_);
+  tcp::acceptor real(io_, {boost::asio::ip::address_v4::loopback(), 0});
+  const auto make = [this](Socket socket, const Peer&) {
+    sessions_.push_back(std::make_shared<Echo>(std::move(socket), clock_));
+    return sessions_.back();
+  };
+  for (std::uint32_t i = 0; i < 2 * TcpServer::kMaxConnecting; ++i)
+    server_.connect({0x7f000101 + i, silent.port()}, std::chrono::seconds(3), make);
+  server_.connect({0x7f000001, real.local_endpoint().port()}, std::chrono::seconds(3), make);
+  io_.poll();
+  ASSERT_FALSE(sessions_.empty());
+  EXPECT_EQ(sessions_.back()->peer().port, real.local_endpoint().port());
+}
+
 TEST_F(TcpServerTest, NothingIsCalledAfterItHasStopped) {
   auto client = connect();
   start();

@@ -1,0 +1,215 @@
+// What a blind sender gets out of the UDP protocols in the name of an address beyond every network
+// of the server: datagrams leave under that address, what comes for it is counted on the wire and
+// answered by nobody. All bytes are those of IP. (The native protocol's answers are never longer
+// than the question, registry_test; MAVLink hears configured addresses only, mavlink_server_test;
+// DDS, fence_test; Vicon has no UDP.)
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <net/ethernet.h>
+#include <netinet/ip.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstring>
+#include <iostream>
+#include <thread>
+
+#include "base/clock.hpp"
+#include "streaming/natnet/natnet_server.hpp"
+#include "streaming/qualisys/qualisys_server.hpp"
+#include "streaming/vrpn/vrpn_server.hpp"
+#include "support/network_namespace.hpp"
+#include "support/scene_builder.hpp"
+#include "unit/streaming/natnet/messages.hpp"
+
+namespace fiducap {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+using Steady = std::chrono::steady_clock;
+
+constexpr const char* kVictim = "192.168.213.66";
+constexpr std::uint16_t kVictimPort = 5555;
+constexpr std::size_t kHeaders = 28;  // IPv4 and UDP
+constexpr double kAllowed = 3;
+// Longer than the seconds in which the kernel repeats a SYN.
+constexpr auto kListen = std::chrono::seconds(5);
+constexpr auto kFrame = std::chrono::milliseconds(10);
+
+sockaddr_in ipv4(const char* address, std::uint16_t port) {
+  sockaddr_in all{};
+  all.sin_family = AF_INET;
+  all.sin_port = htons(port);
+  ::inet_pton(AF_INET, address, &all.sin_addr);
+  return all;
+}
+
+/// The kernel's own time, since its repetitions are what is counted.
+class RealClock final : public Clock {
+ public:
+  [[nodiscard]] Instant now() const override {
+    return instant_from_ns(std::chrono::nanoseconds(Steady::now().time_since_epoch()).count());
+  }
+  [[nodiscard]] bool wait_until(Instant, std::stop_token) const override { return true; }
+};
+
+/// Sends in the victim's name and counts what comes for it. In the namespace of its maker's thread.
+class Forger final {
+ public:
+  Forger() {
+    const int yes = 1;
+    ok_ = ::setsockopt(sender_, SOL_IP, IP_TRANSPARENT, &yes, sizeof(yes)) == 0;
+    const auto own = ipv4(kVictim, kVictimPort);
+    ok_ = ok_ && ::bind(sender_, reinterpret_cast<const sockaddr*>(&own), sizeof(own)) == 0;
+    ok_ = ok_ && tap_ >= 0;
+  }
+  ~Forger() {
+    ::close(sender_);
+    ::close(tap_);
+  }
+  Forger(const Forger&) = delete;
+  Forger& operator=(const Forger&) = delete;
+
+  [[nodiscard]] bool ok() const { return ok_; }
+  void send(const Bytes& bytes, std::uint16_t port) {
+    const auto to = ipv4(TwoHosts::kServer, port);
+    const auto sent = ::sendto(sender_, bytes.data(), bytes.size(), 0,
+                               reinterpret_cast<const sockaddr*>(&to), sizeof(to));
+    ASSERT_EQ(sent, static_cast<ssize_t>(bytes.size())) << std::strerror(errno);
+    sent_ += bytes.size() + kHeaders;
+  }
+  void listen(std::chrono::milliseconds patience) {
+    const auto end = Steady::now() + patience;
+    for (auto now = Steady::now(); now < end; now = Steady::now()) {
+      pollfd readable{tap_, POLLIN, 0};
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - now);
+      if (::poll(&readable, 1, static_cast<int>(left.count())) == 1) count();
+    }
+  }
+  [[nodiscard]] std::size_t sent() const { return sent_; }
+  [[nodiscard]] std::size_t drawn() const { return drawn_; }
+
+ private:
+  void count() {
+    alignas(iphdr) std::array<std::byte, 65536> packet{};
+    const auto size = ::recv(tap_, packet.data(), packet.size(), MSG_DONTWAIT);
+    iphdr header{};
+    if (size < static_cast<ssize_t>(sizeof(header))) return;
+    std::memcpy(&header, packet.data(), sizeof(header));
+    if (header.daddr == ipv4(kVictim, 0).sin_addr.s_addr) drawn_ += ntohs(header.tot_len);
+  }
+
+  int sender_{::socket(AF_INET, SOCK_DGRAM, 0)};
+  int tap_{::socket(AF_PACKET, SOCK_DGRAM, htons(ETHERTYPE_IP))};
+  bool ok_{false};
+  std::size_t sent_{0};
+  std::size_t drawn_{0};
+};
+
+class UdpAmplification : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!hosts_.problem.empty()) GTEST_SKIP() << hosts_.problem;
+    ASSERT_TRUE(
+        hosts_.server.run(std::string("ip route add ") + kVictim + " via " + TwoHosts::kClient)
+            .done);
+    hosts_.client.on([this] { forger_ = std::make_unique<Forger>(); });
+    ASSERT_TRUE(forger_->ok()) << "no forged addresses: " << std::strerror(errno);
+  }
+  /// @param make  starts the server
+  template <typename Make>
+  void serve(Make&& make) {
+    hosts_.server.on([&] {
+      auto server = make(io_);
+      ASSERT_TRUE(server) << server.error().text();
+      server_ = std::move(*server);
+      thread_ = std::thread([this] { run(); });
+    });
+    ASSERT_TRUE(server_);
+  }
+  void TearDown() override {
+    boost::asio::post(io_, [this] {
+      server_->stop();
+      stopped_ = true;
+    });
+    if (thread_.joinable()) thread_.join();
+  }
+  void expect_little() {
+    forger_->listen(kListen);
+    const double ratio =
+        static_cast<double>(forger_->drawn()) / static_cast<double>(forger_->sent());
+    std::cout << server_->protocol() << ": " << forger_->sent() << " bytes drew "
+              << forger_->drawn() << ", x " << ratio << std::endl;
+    EXPECT_LE(ratio, kAllowed);
+  }
+
+  TwoHosts hosts_;
+  RealClock clock_;
+  std::shared_ptr<const SceneModel> model_ = make_scene_frame({"arm", "drone"})->model;
+  std::unique_ptr<Forger> forger_;
+
+ private:
+  void run() {
+    auto due = Steady::now();
+    for (std::uint64_t number = 1; !stopped_; ++number) {
+      server_->publish(make_scene_frame({"arm", "drone"}, number));
+      due += kFrame;
+      io_.restart();
+      io_.run_until(due);
+    }
+    server_.reset();
+    io_.restart();
+    io_.run();
+  }
+
+  boost::asio::io_context io_{1};
+  std::unique_ptr<Streamer> server_;
+  bool stopped_{false};
+  std::thread thread_;
+};
+
+TEST_F(UdpAmplification, VrpnRepeatsNoConnectionToOneWhoNeverAsked) {
+  vrpn::VrpnConfig config;
+  config.address = TwoHosts::kServer;
+  config.port = 3883;
+  serve([&](auto& io) { return vrpn::start_vrpn_server(io, config, model_, clock_); });
+  const std::string request = std::string(kVictim) + " 7000";
+  Bytes bytes(request.size() + 1);
+  std::memcpy(bytes.data(), request.data(), request.size());
+  forger_->send(bytes, config.port);
+  expect_little();
+}
+
+TEST_F(UdpAmplification, QualisysAnswersStrangersNoMoreThanTheyBring) {
+  qualisys::QualisysConfig config;
+  config.address = TwoHosts::kServer;
+  serve([&](auto& io) {
+    return qualisys::start_qualisys_server(io, config, nullptr, model_, clock_);
+  });
+  Bytes question;
+  LittleEndianWriter(question).u32(10).u32(7).u8(kVictimPort >> 8).u8(kVictimPort & 0xff);
+  for (int i = 0; i < 100; ++i) forger_->send(question, config.discovery_port);
+  expect_little();
+}
+
+TEST_F(UdpAmplification, NatNetSendsStrangersNoFrames) {
+  natnet::NatNetConfig config;
+  config.address = TwoHosts::kServer;
+  serve([&](auto& io) {
+    return natnet::start_natnet_server(io, config, model_, clock_, nullptr, 100);
+  });
+  forger_->send(natnet::message(natnet::Message::kConnect, natnet::sender_block({4, 0})),
+                config.port);
+  for (int i = 0; i < 10; ++i) {
+    forger_->send(natnet::message(natnet::Message::kKeepAlive), config.port);
+    forger_->send(natnet::message(natnet::Message::kRequestModel), config.port);
+    forger_->send(natnet::message(natnet::Message::kRequestFrame), config.port);
+  }
+  expect_little();
+}
+
+}  // namespace
+}  // namespace fiducap
