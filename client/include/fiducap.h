@@ -63,5 +63,6 @@ FIDUCAP_API uint32_t fiducap_discover(uint32_t timeout_ms, uint16_t port, fiduca
 #endif
 
 #include "fiducap/control.h"
+#include "fiducap/events.h"
 
 #endif /* FIDUCAP_H */

@@ -2,15 +2,12 @@
 
 #include <utility>
 
-#include "fiducap/v1/control.pb.h"
 #include "proof/control_proof.hpp"
-#include "src/tcp_stream.hpp"
+#include "src/message_stream.hpp"
 
 namespace fiducap {
 
 namespace {
-
-constexpr std::uint32_t kMaxMessage = 1 << 20;  // of a reply: 1024 bodies need 250 KiB
 
 ControlledBody to_body(const v1::ControlBody& in) {
   ControlledBody out;
@@ -40,7 +37,7 @@ class Control::Impl {
 
   Outcome run(const v1::ControlCommand& command, v1::ControlReply& reply) {
     const auto deadline = std::chrono::steady_clock::now() + options_.timeout;
-    stream_.close_if_gone();
+    stream_.tcp().close_if_gone();
     const std::string problem = ask(command, reply, deadline);
     if (!problem.empty()) return {false, where() + problem};
     if (reply.result() == v1::ControlReply::RESULT_DONE) return {true, {}};
@@ -48,12 +45,12 @@ class Control::Impl {
   }
 
  private:
-  using Deadline = sdk::TcpStream::Deadline;
+  using Deadline = sdk::MessageStream::Deadline;
 
   std::string where() const { return options_.server + ":" + std::to_string(options_.port) + ": "; }
 
   std::string ask(const v1::ControlCommand& command, v1::ControlReply& reply, Deadline deadline) {
-    if (!stream_.is_open()) {
+    if (!stream_.tcp().is_open()) {
       if (auto problem = connect(deadline); !problem.empty()) return problem;
     }
     v1::ControlRequest request;
@@ -62,51 +59,25 @@ class Control::Impl {
     request.set_sequence(sequence_);
     request.set_proof(std::string(proof.begin(), proof.end()));
     request.set_body(body);
-    std::string bytes(4, '\0');
-    request.AppendToString(&bytes);
-    for (std::size_t i = 0; i < 4; ++i) bytes[i] = static_cast<char>((bytes.size() - 4) >> (8 * i));
-    if (auto problem = stream_.write(bytes.data(), bytes.size(), deadline); !problem.empty())
-      return problem;
-    auto problem = read(reply, deadline);
+    if (auto problem = stream_.write(request, deadline); !problem.empty()) return problem;
+    auto problem = stream_.read(reply, deadline);
     if (problem.empty() && reply.sequence() != sequence_) {
-      stream_.close();
+      stream_.tcp().close();
       return "the answer was to another command";
     }
     return problem;
   }
 
   std::string connect(Deadline deadline) {
-    if (auto problem = stream_.open(options_.server, options_.port, deadline); !problem.empty())
-      return problem;
-    v1::ControlReply hello;
-    if (auto problem = read(hello, deadline); !problem.empty()) {
-      return problem + " (too many connections or wrong tokens from here, or not a Fiducap server)";
-    }
-    if (!hello.has_hello()) {
-      stream_.close();
-      return hello.text().empty() ? "the server did not greet" : hello.text();
-    }
-    challenge_ = hello.hello().challenge();
+    v1::ControlHello hello;
+    auto problem = stream_.open(options_.server, options_.port, deadline, hello);
+    challenge_ = hello.challenge();
     sequence_ = 0;
-    return {};
-  }
-
-  std::string read(v1::ControlReply& reply, Deadline deadline) {
-    std::array<std::uint8_t, 4> length{};
-    auto problem = stream_.read(length.data(), length.size(), deadline);
-    if (!problem.empty()) return problem;
-    const std::uint32_t size = length[0] | std::uint32_t{length[1]} << 8 |
-                               std::uint32_t{length[2]} << 16 | std::uint32_t{length[3]} << 24;
-    std::string bytes(size <= kMaxMessage ? size : 0, '\0');
-    if (size <= kMaxMessage) problem = stream_.read(bytes.data(), bytes.size(), deadline);
-    if (!problem.empty()) return problem;
-    if (size <= kMaxMessage && reply.ParseFromString(bytes)) return {};
-    stream_.close();
-    return "the answer is not of this protocol";
+    return problem;
   }
 
   ControlOptions options_;
-  sdk::TcpStream stream_;
+  sdk::MessageStream stream_;
   std::string challenge_;
   std::uint64_t sequence_{0};
 };

@@ -75,6 +75,8 @@ void TcpStream::close_if_gone() {
   if (is_open() && wait_for(fd_, POLLIN, std::chrono::steady_clock::now())) close();
 }
 
+bool TcpStream::wait_for_more(Deadline deadline) const { return wait_for(fd_, POLLIN, deadline); }
+
 std::string TcpStream::write(const void* bytes, std::size_t size, Deadline deadline) {
   const auto* at = static_cast<const char*>(bytes);
   while (size > 0) {

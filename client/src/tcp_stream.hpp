@@ -25,6 +25,8 @@ class TcpStream {
   bool is_open() const { return fd_ >= 0; }
   /// The other end has closed, or speaks without being asked.
   void close_if_gone();
+  /// @return there is something to read, be it the end
+  bool wait_for_more(Deadline deadline) const;
   /// @return empty, or why not; then the stream is closed.
   std::string write(const void* bytes, std::size_t size, Deadline deadline);
   std::string read(void* bytes, std::size_t size, Deadline deadline);

@@ -8,6 +8,7 @@ import pathlib
 ABI_VERSION = 1
 NAME_SIZE = 132
 TEXT_SIZE = 256
+EVENT_TEXT_SIZE = 516
 
 _double3 = ctypes.c_double * 3
 _double4 = ctypes.c_double * 4
@@ -133,6 +134,21 @@ class Recording(ctypes.Structure):
     ]
 
 
+class Event(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", ctypes.c_uint32),
+        ("severity", ctypes.c_int32),
+        ("over", ctypes.c_int32),
+        ("reserved", ctypes.c_uint32),
+        ("number", ctypes.c_uint64),
+        ("at_utc_ms", ctypes.c_int64),
+        ("subject", ctypes.c_char * NAME_SIZE),
+        ("kind", ctypes.c_char * 36),
+        ("text", ctypes.c_char * EVENT_TEXT_SIZE),
+        ("remedy", ctypes.c_char * EVENT_TEXT_SIZE),
+    ]
+
+
 def sized(struct):
     """A new struct that says its size, as every struct of the library must."""
     return struct(struct_size=ctypes.sizeof(struct))
@@ -180,6 +196,10 @@ def _declare(library):
         "fiducap_control_recordings": (ctypes.c_int, [handle, pointer(Recording), pointer(ctypes.c_uint32)] + problem),
         "fiducap_control_start_recording": (ctypes.c_int, [handle, text] + problem),
         "fiducap_control_stop_recording": (ctypes.c_int, [handle] + problem),
+        "fiducap_events_open": (handle, [text, ctypes.c_uint16, ctypes.c_int]),
+        "fiducap_events_close": (None, [handle]),
+        "fiducap_events_next": (ctypes.c_int, [handle, ctypes.c_uint32, pointer(Event)] + problem),
+        "fiducap_events_standing": (ctypes.c_uint32, [handle, pointer(Event), ctypes.c_uint32]),
     }
     for name, (result, arguments) in functions.items():
         function = getattr(library, name)

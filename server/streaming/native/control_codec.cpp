@@ -52,6 +52,20 @@ void put(const RecordingStatus& recording, v1::ControlRecording& out) {
   out.set_dropped(recording.dropped);
 }
 
+// Clients take a megabyte: 512 events of this length need less.
+constexpr std::size_t kLongestText = 512;
+
+void put(const Event& event, v1::ControlEvent& out) {
+  out.set_number(event.number);
+  out.set_utc_ms(static_cast<std::uint64_t>(event.utc_ms));
+  out.set_severity(static_cast<v1::ControlEvent::Severity>(event.severity));
+  out.set_subject(event.subject.substr(0, kLongestText));
+  out.set_kind(event.kind.substr(0, kLongestText));
+  out.set_text(event.text.substr(0, kLongestText));
+  out.set_remedy(event.remedy.substr(0, kLongestText));
+  out.set_over(event.over);
+}
+
 template <typename Command>
 Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
   const auto body_id = to_id(id);
@@ -69,7 +83,9 @@ Expected<ControlRequest> decode_control_request(std::span<const std::byte> messa
     return fail(ErrorCode::kTruncated,
                 "expected a ControlRequest, came " + std::to_string(message.size()) + " bytes");
   }
-  return ControlRequest{in.sequence(), in.proof(), in.body()};
+  ControlRequest request{in.sequence(), in.proof(), in.body()};
+  if (in.has_watch_events()) request.watch_after = in.watch_events().after();
+  return request;
 }
 
 Expected<ControlCommand> decode_control_command(const std::string& body) {
@@ -113,6 +129,11 @@ void append(std::vector<std::byte>& out, const ControlReply& reply) {
     state.set_mapping(reply.state->map_mode == MapMode::kMapping);
     state.set_recording(reply.state->recording);
     for (const auto& recording : reply.state->recordings) put(recording, *state.add_recordings());
+  }
+  if (reply.events) {
+    auto& events = *message.mutable_events();
+    for (const Event& event : reply.events->happened) put(event, *events.add_happened());
+    for (const Event& event : reply.events->standing) put(event, *events.add_standing());
   }
   const auto size = static_cast<std::uint32_t>(message.ByteSizeLong());
   for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));

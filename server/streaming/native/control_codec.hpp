@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "base/event_board.hpp"
 #include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "streaming/operator_desk.hpp"
@@ -22,6 +23,7 @@ struct ControlRequest {
   std::uint64_t sequence{};
   std::string proof;
   std::string body;
+  std::optional<std::uint64_t> watch_after{};  ///< Wants events after this number.
 };
 
 struct ListBodies {};
@@ -62,12 +64,18 @@ struct ControlState {
   std::vector<RecordingStatus> recordings;
 };
 
+struct ControlEvents {
+  std::vector<Event> happened;
+  std::vector<Event> standing;
+};
+
 struct ControlReply {
   std::uint64_t sequence{};
   ControlResult result{};
   std::string text;
   std::string challenge;  ///< Of the hello; else empty.
   std::optional<ControlState> state;
+  std::optional<ControlEvents> events{};
 };
 
 /// With its length in front.

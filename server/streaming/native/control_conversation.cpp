@@ -26,8 +26,13 @@ Overloaded(Cases...) -> Overloaded<Cases...>;
 }  // namespace
 
 ControlConversation::ControlConversation(std::string challenge, OperatorDesk& desk,
-                                         WrongProofs& wrong, std::uint64_t address_hash)
-    : challenge_(std::move(challenge)), desk_(desk), wrong_(wrong), address_hash_(address_hash) {}
+                                         WrongProofs& wrong, std::uint64_t address_hash,
+                                         const EventBoard* events)
+    : challenge_(std::move(challenge)),
+      desk_(desk),
+      wrong_(wrong),
+      address_hash_(address_hash),
+      events_(events) {}
 
 void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
   idle_since_ = now;
@@ -62,7 +67,13 @@ bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<
   return true;
 }
 
+void ControlConversation::tell_events(std::vector<std::byte>& out, Instant now) {
+  if (!feed_) return;
+  if (const auto news = feed_->next(now)) append(out, *news);
+}
+
 bool ControlConversation::patient(Instant now) const {
+  if (feed_) return true;  // it hears from us, and goes when it takes nothing
   const bool waits_for_request = sequence_ == 0 || !begun_.empty();
   return now - idle_since_ < (waits_for_request ? kRequestPatience : kIdlePatience);
 }
@@ -74,6 +85,7 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
     append(out, {sequence_ + 1, ControlResult::kMalformed, request.error().what, {}, {}});
     return false;
   }
+  if (feed_ || request->watch_after) return watch(*request, out, now);
   if (wrong_.shut_out(address_hash_, now)) {
     append(out, {request->sequence,
                  ControlResult::kBusy,
@@ -108,6 +120,20 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
   }
   reply.sequence = sequence_;
   append(out, reply);
+  return true;
+}
+
+bool ControlConversation::watch(const ControlRequest& request, std::vector<std::byte>& out,
+                                Instant now) {
+  if (feed_ || events_ == nullptr) {
+    const auto [result, why] =
+        feed_ ? std::pair{ControlResult::kMalformed, "nothing follows a request for events"}
+              : std::pair{ControlResult::kUnsupported, "this server has no events"};
+    append(out, {request.sequence, result, why, {}, {}});
+    return false;
+  }
+  feed_.emplace(*events_, *request.watch_after, request.sequence);
+  tell_events(out, now);
   return true;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "streaming/native/control_codec.hpp"
+#include "streaming/native/event_feed.hpp"
 #include "streaming/net/limits.hpp"
 
 namespace fiducap::native {
@@ -16,24 +17,28 @@ using net::WrongProofs;
 ///
 /// Every request carries a proof of knowing the operator's token, made for this connection and for
 /// this place in it: what somebody recorded is worth nothing later. At most one message (64 KiB) is
-/// kept.
+/// kept. Who asks for events needs no token; then they are all that travels.
 class ControlConversation final {
  public:
   /// @param challenge  kChallengeSize random bytes, others for each connection
   /// @param address_hash  whose wrong proofs these are
+  /// @param events  nullptr: nothing can be watched
   ControlConversation(std::string challenge, OperatorDesk& desk, WrongProofs& wrong,
-                      std::uint64_t address_hash);
+                      std::uint64_t address_hash, const EventBoard* events = nullptr);
 
   void greet(std::vector<std::byte>& out, Instant now);
   /// Bytes cut anywhere. @return false: say what is in `out`, then hang up
   [[nodiscard]] bool receive(std::span<const std::byte> bytes, std::vector<std::byte>& out,
                              Instant now);
+  /// What a watcher has not heard yet.
+  void tell_events(std::vector<std::byte>& out, Instant now);
   /// @return false for who says nothing, or does not finish what he began, for too long
   [[nodiscard]] bool patient(Instant now) const;
 
  private:
   [[nodiscard]] bool answer(std::span<const std::byte> message, std::vector<std::byte>& out,
                             Instant now);
+  [[nodiscard]] bool watch(const ControlRequest& request, std::vector<std::byte>& out, Instant now);
   [[nodiscard]] bool is_proven(const ControlRequest& request) const;
   [[nodiscard]] ControlReply carry_out(const ControlCommand& command);
 
@@ -41,8 +46,10 @@ class ControlConversation final {
   OperatorDesk& desk_;
   WrongProofs& wrong_;
   std::uint64_t address_hash_;
-  std::uint64_t sequence_{0};     ///< Of the last request.
-  std::vector<std::byte> begun_;  ///< Of a message.
+  const EventBoard* events_;
+  std::optional<EventFeed> feed_;  ///< Of who watches events.
+  std::uint64_t sequence_{0};      ///< Of the last request.
+  std::vector<std::byte> begun_;   ///< Of a message.
   Instant idle_since_{};
 };
 

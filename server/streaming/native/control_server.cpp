@@ -23,9 +23,9 @@ std::string random_challenge() {
 class ControlServer::Session final : public net::TcpSession {
  public:
   Session(net::Socket socket, const Clock& clock, OperatorDesk& desk, WrongProofs& wrong,
-          std::uint64_t address_hash)
+          std::uint64_t address_hash, const EventBoard* events)
       : TcpSession(std::move(socket), "native", clock),
-        conversation_(random_challenge(), desk, wrong, address_hash) {
+        conversation_(random_challenge(), desk, wrong, address_hash, events) {
     conversation_.greet(replies(), this->clock().now());
   }
 
@@ -39,7 +39,10 @@ class ControlServer::Session final : public net::TcpSession {
   }
   void ticked(Instant now) override {
     if (hanging_up_ && now >= hang_up_at_) return close("was refused");
-    if (!hanging_up_ && !conversation_.patient(now)) close("was silent for too long");
+    if (hanging_up_) return;
+    if (!conversation_.patient(now)) return close("was silent for too long");
+    conversation_.tell_events(replies(), now);
+    flush();
   }
 
  private:
@@ -50,8 +53,10 @@ class ControlServer::Session final : public net::TcpSession {
   Instant hang_up_at_{};
 };
 
-ControlServer::ControlServer(boost::asio::io_context& io, OperatorDesk& desk, const Clock& clock)
+ControlServer::ControlServer(boost::asio::io_context& io, OperatorDesk& desk,
+                             const EventBoard* events, const Clock& clock)
     : desk_(desk),
+      events_(events),
       clock_(clock),
       hash_key_(net::random_key()),
       tcp_(io, {"native", kMostClients, kMostPerAddress}, clock) {}
@@ -69,7 +74,7 @@ std::shared_ptr<net::Session> ControlServer::session(net::Socket socket, const n
   const std::uint64_t hash = net::address_hash(hash_key_, peer);
   // Who guesses learns nothing: his connection ends.
   if (wrong_.shut_out(hash, clock_.now())) return nullptr;
-  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash);
+  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash, events_);
 }
 
 }  // namespace fiducap::native

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "base/clock.hpp"
+#include "base/event_board.hpp"
 #include "base/expected.hpp"
 #include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
@@ -13,13 +14,15 @@
 namespace fiducap::native {
 
 /// The control channel: at most kMostClients connections, commands of who knows the operator's
-/// token.
+/// token, events for everybody.
 class ControlServer final {
  public:
-  static constexpr int kMostClients = 16;
-  static constexpr int kMostPerAddress = 4;
+  static constexpr int kMostClients = 32;
+  static constexpr int kMostPerAddress = 8;
 
-  ControlServer(boost::asio::io_context& io, OperatorDesk& desk, const Clock& clock);
+  /// @param events  nullptr: nothing can be watched
+  ControlServer(boost::asio::io_context& io, OperatorDesk& desk, const EventBoard* events,
+                const Clock& clock);
   /// @return Error with the remedy when the port cannot be had
   [[nodiscard]] Expected<void> listen(const net::BindTarget& target);
   void stop() { tcp_.stop(); }
@@ -29,6 +32,7 @@ class ControlServer final {
   [[nodiscard]] std::shared_ptr<net::Session> session(net::Socket socket, const net::Peer& peer);
 
   OperatorDesk& desk_;
+  const EventBoard* events_;
   const Clock& clock_;
   std::array<std::uint64_t, 2> hash_key_;
   net::WrongProofs wrong_;

@@ -116,8 +116,8 @@ class NativeServer final : public Streamer {
     listen_to_broadcasts();
   }
   [[nodiscard]] Expected<void> join_group();
-  [[nodiscard]] Expected<void> take_commands(OperatorDesk& desk) {
-    control_.emplace(io_, desk, clock_);
+  [[nodiscard]] Expected<void> take_commands(OperatorDesk& desk, const EventBoard* events) {
+    control_.emplace(io_, desk, events, clock_);
     return control_->listen({config_.address, port(), kKey});
   }
 
@@ -343,7 +343,8 @@ void NativeServer::answer(const net::UdpServer::Datagram& request) {
 Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
                                                     const NativeConfig& config,
                                                     const std::shared_ptr<const SceneModel>& model,
-                                                    const Clock& clock, OperatorDesk* desk) {
+                                                    const Clock& clock, OperatorDesk* desk,
+                                                    const EventBoard* events) {
   net::UdpOptions options{"native", kLongestRequest};
   options.send_buffer_bytes = kSendBuffer;
   auto udp = net::UdpServer::open(io, {config.address, config.port, kKey}, options);
@@ -353,7 +354,8 @@ Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
     if (auto joined = server->join_group(); !joined) return tl::unexpected(joined.error());
   }
   if (config.control && desk != nullptr) {
-    if (auto taken = server->take_commands(*desk); !taken) return tl::unexpected(taken.error());
+    if (auto taken = server->take_commands(*desk, events); !taken)
+      return tl::unexpected(taken.error());
   }
   return server;
 }
@@ -363,15 +365,16 @@ Expected<std::unique_ptr<NativeServer>> open_server(boost::asio::io_context& io,
 Expected<std::unique_ptr<Streamer>> start_native_server(boost::asio::io_context& io,
                                                         const NativeConfig& config,
                                                         std::shared_ptr<const SceneModel> model,
-                                                        const Clock& clock, OperatorDesk* desk) {
+                                                        const Clock& clock, OperatorDesk* desk,
+                                                        const EventBoard* events) {
   if (model->bodies.size() > kMaxBodies) {
     return fail(ErrorCode::kInvalid, "the native protocol carries at most " +
                                          std::to_string(kMaxBodies) + " bodies, the scene has " +
                                          std::to_string(model->bodies.size()));
   }
-  auto server = open_server(io, config, model, clock, desk);
+  auto server = open_server(io, config, model, clock, desk, events);
   for (int i = 1; i < kBindAttempts && !server && config.port == 0; ++i)
-    server = open_server(io, config, model, clock, desk);
+    server = open_server(io, config, model, clock, desk, events);
   if (!server) return tl::unexpected(server.error());
   (*server)->listen();
   log::info("native", "serves Fiducap clients on " + config.address + ":" +

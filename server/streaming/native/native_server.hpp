@@ -23,7 +23,8 @@ namespace fiducap::native {
 ///         bodies than the protocol carries.
 [[nodiscard]] Expected<std::unique_ptr<Streamer>> start_native_server(
     boost::asio::io_context& io, const NativeConfig& config,
-    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk = nullptr);
+    std::shared_ptr<const SceneModel> model, const Clock& clock, OperatorDesk* desk = nullptr,
+    const EventBoard* events = nullptr);
 
 /// Where it really listens.
 [[nodiscard]] inline std::uint16_t bound_port(const Streamer& server) { return server.port(); }
@@ -31,7 +32,8 @@ namespace fiducap::native {
 /// For the list of protocols.
 [[nodiscard]] inline Expected<std::unique_ptr<Streamer>> serve(const ProtocolContext& context,
                                                                const NativeConfig& config) {
-  return start_native_server(context.io, config, context.model, context.clock, &context.desk);
+  return start_native_server(context.io, config, context.model, context.clock, &context.desk,
+                             &context.events);
 }
 
 }  // namespace fiducap::native

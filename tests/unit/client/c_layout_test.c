@@ -96,5 +96,15 @@ AT(fiducap_recording, name, 32);
 AT(fiducap_recording, reason, 164);
 SIZE(fiducap_recording, 424);
 
+AT(fiducap_event, severity, 4);
+AT(fiducap_event, over, 8);
+AT(fiducap_event, number, 16);
+AT(fiducap_event, at_utc_ms, 24);
+AT(fiducap_event, subject, 32);
+AT(fiducap_event, kind, 164);
+AT(fiducap_event, text, 200);
+AT(fiducap_event, remedy, 716);
+SIZE(fiducap_event, 1232);
+
 int fiducap_layout_is_checked(void);
 int fiducap_layout_is_checked(void) { return 1; }

@@ -29,7 +29,8 @@ std::vector<std::string> blocks(const std::string& text, const std::string& lang
 TEST(ClientReadme, ShowsTheExamplesThatAreCompiled) {
   EXPECT_EQ(blocks(content("/client/README.md"), "cpp"),
             (std::vector<std::string>{content("/client/examples/readme_example.cpp"),
-                                      content("/client/examples/readme_control.cpp")}));
+                                      content("/client/examples/readme_control.cpp"),
+                                      content("/client/examples/readme_events.cpp")}));
 }
 
 TEST(ClientReadme, ShowsThePythonExampleThatIsRun) {

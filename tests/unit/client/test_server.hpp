@@ -36,10 +36,10 @@ class TestServer {
  public:
   explicit TestServer(const SceneFrame& scene, std::uint16_t port = 0,
                       native::NativeConfig config = {}, OperatorDesk* desk = nullptr,
-                      const Clock* clock = nullptr) {
+                      const Clock* clock = nullptr, const EventBoard* events = nullptr) {
     config.port = port;
     auto started = native::start_native_server(io_, config, scene.model,
-                                               clock != nullptr ? *clock : clock_, desk);
+                                               clock != nullptr ? *clock : clock_, desk, events);
     EXPECT_TRUE(started) << started.error().text();
     server_ = std::move(*started);
     port_ = native::bound_port(*server_);
