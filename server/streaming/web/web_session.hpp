@@ -9,6 +9,7 @@
 
 #include "base/clock.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/places.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/web/http_routes.hpp"
 #include "streaming/web/live_feed.hpp"
