@@ -35,6 +35,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"estimation/robocentric", {"imu", "filter", "start", "conversation"}},
     {"estimation/world", {"imu", "filter", "start", "conversation"}},
     {"mapping/formats", {}},
+    {"mapping/store", {}},
     {"pipeline/replay", {}},
     {"simulation/motion", {}},
     {"simulation/images", {}},
@@ -58,6 +59,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},
     {"tools/live", {}},
+    {"tools/doctor", {"live"}},
 };
 
 std::ptrdiff_t place(std::string_view room) {

@@ -3,17 +3,13 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
-#include "mapping/store/file_claim.hpp"
 #include "mapping/store/sqlite_file.hpp"
-#include "support/fault_disk.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -269,46 +265,6 @@ TEST_F(MapStoreTest, AFolderThatIsNotThereIsNamed) {
   EXPECT_FALSE(MapStore::open(":memory:"));
 }
 
-TEST_F(MapStoreTest, TwoServersDoNotShareAStore) {
-  auto first = MapStore::open(path_);
-  ASSERT_TRUE(first && first->claim());
-  auto second = MapStore::open(path_);
-  ASSERT_TRUE(second) << "reading is everybody's";
-  const auto refused = second->claim();
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text().find("process " + std::to_string(::getpid())),
-            std::string::npos);
-  *first = std::move(*MapStore::open(folder_.file("other.map")));
-  EXPECT_TRUE(second->claim()) << "given back";
-}
-
-TEST_F(MapStoreTest, AStoreHasOneLockWhateverItIsCalled) {
-  auto first = MapStore::open(path_);
-  ASSERT_TRUE(first && first->claim());
-  std::filesystem::create_symlink(path_, folder_.file("link.map"));
-  auto second = MapStore::open(folder_.file("link.map"));
-  ASSERT_TRUE(second);
-  EXPECT_FALSE(second->claim());
-  ASSERT_TRUE(FileClaim::holder(path_));
-  EXPECT_EQ(*FileClaim::holder(path_), "process " + std::to_string(::getpid()));
-  EXPECT_FALSE(FileClaim::holder(folder_.file("nobody's")));
-}
-
-TEST_F(MapStoreTest, AKilledServerLeavesNoLock) {
-  ASSERT_TRUE(MapStore::open(path_));
-  const pid_t child = ::fork();
-  if (child == 0) {
-    const auto claim = FileClaim::take(path_);
-    ::kill(::getpid(), claim ? SIGKILL : SIGTERM);
-  }
-  int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
-  ASSERT_EQ(WTERMSIG(status), SIGKILL);
-  ASSERT_TRUE(std::filesystem::exists(path_ + ".lock"));
-  EXPECT_FALSE(FileClaim::holder(path_));
-  EXPECT_TRUE(open().claim());
-}
-
 void damage(const std::string& path, int version) {
   const std::string sql = "UPDATE tag SET px = 77 WHERE version = " + std::to_string(version);
   ASSERT_TRUE(SqliteFile::open(path)->execute(sql.c_str()));
@@ -352,100 +308,6 @@ TEST_F(MapStoreTest, WhoOnlyReadsLooksIntoADamagedFile) {
   EXPECT_EQ(bytes_of(path_).size(), whole.size() - 4096);
   EXPECT_FALSE(MapStore::open_to_read(folder_.file("nothing")));
   EXPECT_FALSE(std::filesystem::exists(folder_.file("nothing")));
-}
-
-class ThinnedStoreTest : public MapStoreTest {
- protected:
-  /// A commit every ten seconds, as a server does it.
-  void run(MapStore& store, int commits, const std::string& comment = kAutomaticComment) {
-    for (int i = 0; i < commits; ++i) {
-      map_.created_utc_ns += 10'000'000'000;
-      map_.tags[0].tag.X_WT.p.x() += 0.001;
-      map_ = *store.commit(map_, comment);
-      const auto thinned = store.thin();
-      ASSERT_TRUE(thinned) << thinned.error().text();
-      thinned_ += *thinned;
-    }
-  }
-  test::FaultDisk disk_;  // that waits for nothing
-  TagMap map_{make_map({1, 2, 3, 4, 5, 6, 7, 8})};
-  int thinned_{0};
-};
-
-TEST_F(ThinnedStoreTest, KeepsWhatWasNamedAndTheChainOfParents) {
-  auto store = open();
-  run(store, 1, "survey of May");
-  run(store, 400);
-  const auto log = *store.log();
-  EXPECT_EQ(log.size() + static_cast<std::size_t>(thinned_), 401u);
-  EXPECT_LT(log.size(), 130u);
-  EXPECT_EQ(log.front().version, 401);
-  EXPECT_EQ(log.back().comment, "survey of May");
-  for (std::size_t i = 0; i + 1 < log.size(); ++i) EXPECT_EQ(log[i].parent, log[i + 1].version);
-  for (const auto& one : log) EXPECT_TRUE(store.load(one.version));
-}
-
-TEST_F(ThinnedStoreTest, TheFileStopsGrowing) {
-  auto store = open();
-  run(store, 400);
-  const auto after_an_hour = disk_.content(path_).size();
-  run(store, 400);
-  EXPECT_LT(static_cast<double>(disk_.content(path_).size()),
-            1.2 * static_cast<double>(after_an_hour));
-}
-
-TEST_F(ThinnedStoreTest, AnOldStoreShrinksStepByStep) {
-  std::vector<int> many;
-  for (int id = 0; id < 400; ++id) many.push_back(id);
-  auto store = open();
-  map_ = make_map(many);
-  for (int i = 0; i < 300; ++i) {  // before there was any thinning
-    map_.created_utc_ns += 1'000'000'000;
-    map_ = *store.commit(map_, kAutomaticComment);
-  }
-  const auto pages = [&] { return *SqliteFile::open(path_)->integer("PRAGMA page_count"); };
-  const auto before = pages();
-  map_.created_utc_ns += 7'200'000'000'000;
-  map_ = *store.commit(map_, kAutomaticComment);
-  int steps = 0;
-  for (int went = 1; went > 0; ++steps) {
-    went = *store.thin();
-    EXPECT_LE(went, 16);
-  }
-  EXPECT_GT(steps, 10);
-  EXPECT_LE(store.log()->size(), 3u);
-  EXPECT_LT(pages(), before * 2 / 3);
-}
-
-TEST_F(ThinnedStoreTest, ADamagedVersionIsNotThinnedOut) {
-  auto store = open();
-  run(store, 5);
-  damage(path_, 3);
-  run(store, 200);
-  const auto log = *store.log();
-  EXPECT_TRUE(
-      std::any_of(log.begin(), log.end(), [](const auto& one) { return one.version == 3; }));
-}
-
-TEST(MapDiff, NamesAddedRemovedAndMovedTags) {
-  const auto before = make_map({1, 2, 3, 5});
-  auto after = make_map({2, 3, 4, 5});
-  after.tags[0].tag.X_WT.p.y() += 0.002;
-  after.tags[1].tag.X_WT.q = after.tags[1].tag.X_WT.q * exp_so3({0, 0, M_PI / 180});
-  after.tags[3].tag.X_WT.p.y() += 0.9e-6;  // below what counts
-  const auto changes = diff(before, after);
-  ASSERT_EQ(changes.size(), 4u);
-  EXPECT_EQ(changes[0].tag_id, 1);
-  EXPECT_EQ(changes[0].kind, TagChange::Kind::kRemoved);
-  EXPECT_EQ(changes[1].tag_id, 2);
-  EXPECT_EQ(changes[1].kind, TagChange::Kind::kMoved);
-  EXPECT_NEAR(changes[1].distance_mm, 2.0, 1e-9);
-  EXPECT_NEAR(changes[1].angle_deg, 0.0, 1e-6);
-  EXPECT_EQ(changes[2].tag_id, 3);
-  EXPECT_NEAR(changes[2].angle_deg, 1.0, 1e-6);
-  EXPECT_EQ(changes[3].tag_id, 4);
-  EXPECT_EQ(changes[3].kind, TagChange::Kind::kAdded);
-  EXPECT_TRUE(diff(before, before).empty());
 }
 
 }  // namespace

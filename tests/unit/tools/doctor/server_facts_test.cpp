@@ -79,7 +79,7 @@ TEST(ServerFacts, AlarmsOfAServerThatHasNone) {
 
 TEST(ServerFacts, AlarmsAreReadWithTheirRemedies) {
   const std::string list =
-      R"([{"subject":"map","severity":"error","text":"the map is not stored","remedy":"make room"}])";
+      R"([{"subject":"map","severity":"error","text":"not stored","remedy":"make room"}])";
   for (const std::string& json :
        {R"({"events":)" + list + "}", R"({"events":{"standing":)" + list + "}}"}) {
     const auto alarms = alarms_in(json);
