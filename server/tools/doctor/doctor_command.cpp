@@ -276,7 +276,7 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
   look_at_dds(findings, *config, facts.listening, interfaces);
   findings.add(port_findings(*config, facts));
   findings.title("Who may listen, who may change things");
-  findings.add(exposure_findings(*config, interfaces));
+  findings.add(exposure_findings(*config, facts, interfaces));
   findings.title("This machine");
   findings.add(machine_findings(*config, facts));
   findings.title("Map and recordings");

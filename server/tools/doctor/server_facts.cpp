@@ -9,6 +9,7 @@
 #include <array>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -16,6 +17,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/operator_token.hpp"
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/map_repair.hpp"
 #include "tools/doctor/http_get.hpp"
@@ -147,6 +149,10 @@ ServerFacts gather_facts(const ServerConfig& config, const std::string& host) {
   facts.machine.send_buffer_most = number_in("/proc/sys/net/core/wmem_max");
   facts.machine.clock_synchronised = clock_synchronised();
   facts.machine.unit = unit_state();
+  if (const auto token = operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY")))
+    facts.token.length = token->size();
+  else
+    facts.token.unreadable = token.error().text();
   facts.servers = running_servers();
   facts.listening = listening_ports();
   if (!config.map.store.empty()) facts.store = store_facts(config.map.store);

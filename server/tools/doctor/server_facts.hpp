@@ -23,6 +23,12 @@ struct MachineFacts {
   std::string unit;  ///< systemd's word for fiducapd.service: active, inactive, failed …
 };
 
+/// The operator's; not the secret itself.
+struct TokenFacts {
+  std::size_t length{};
+  std::string unreadable;  ///< Why nothing is known of it.
+};
+
 /// A fiducapd of this machine.
 struct RunningServer {
   int pid{};
@@ -55,6 +61,7 @@ struct Alarm {
 
 struct ServerFacts {
   MachineFacts machine;
+  TokenFacts token;
   std::vector<RunningServer> servers;
   std::vector<ListeningPort> listening;
   std::optional<StoreFacts> store;  ///< nullopt: the configuration names none.

@@ -85,14 +85,20 @@ void look_at_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
          "streaming.natnet.remote_control: off, unless a program needs it");
 }
 
-void look_at_token(Findings& all, const std::string& token) {
-  constexpr const char* kMakeOne = "operator.token: what `openssl rand -base64 18` says";
-  if (token.empty())
-    warn(all, "there is no operator's token: no client may name bodies, freeze the map or record",
-         kMakeOne);
-  else if (token.size() < kLongToken)
+void look_at_token(Findings& all, const TokenFacts& token) {
+  constexpr const char* kMakeOne =
+      "operator.token_file: a file of mode 0600 with what `openssl rand -base64 18` says";
+  if (!token.unreadable.empty())
+    warn(all, "the operator's token cannot be read: " + token.unreadable,
+         "run doctor as the user that runs fiducapd");
+  else if (token.length == 0)
     warn(all,
-         "the operator's token has " + std::to_string(token.size()) +
+         "there is no operator's token (one that systemd hands over is not seen from here): no "
+         "client may name bodies, freeze the map or record",
+         kMakeOne);
+  else if (token.length < kLongToken)
+    warn(all,
+         "the operator's token has " + std::to_string(token.length) +
              " characters and may be guessed",
          kMakeOne);
   else
@@ -201,7 +207,7 @@ double image_hz(const BodyConfig& body, const CameraMount& mount) {
 
 }  // namespace
 
-Findings exposure_findings(const ServerConfig& config,
+Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
                            const std::vector<NetworkInterface>& interfaces) {
   Findings all;
   for (const ServedProtocol& protocol : listeners(config.streaming)) {
@@ -227,13 +233,13 @@ Findings exposure_findings(const ServerConfig& config,
   }
   if (config.streaming.dds.enabled && config.dds.interface != "lo" &&
       !on_loopback(config.dds.interface))
-    warn(
-        all,
-        "dds on " + (config.dds.interface.empty() ? "a card of its choice" : config.dds.interface) +
-            " is for whoever is in that network: it knows no password and believes what it is told",
-        "dds.interface: lo, or a network of its own");
+    warn(all,
+         "dds on " +
+             (config.dds.interface.empty() ? "a card of its choice" : config.dds.interface) +
+             " is for whoever is in that network: it knows no password",
+         "dds.interface: lo, or a network of its own");
   look_at_natnet(all, config.streaming.natnet);
-  look_at_token(all, config.operators.token);
+  look_at_token(all, facts.token);
   return all;
 }
 

@@ -8,7 +8,7 @@ namespace fiducap {
 // What facts mean, each with its remedy. Nothing here looks at the machine.
 
 /// Who may listen and who may change things.
-[[nodiscard]] Findings exposure_findings(const ServerConfig& config,
+[[nodiscard]] Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
                                          const std::vector<NetworkInterface>& interfaces);
 /// Cores, priorities, buffers, clock, systemd.
 [[nodiscard]] Findings machine_findings(const ServerConfig& config, const ServerFacts& facts);

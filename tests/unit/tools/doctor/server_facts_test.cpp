@@ -95,9 +95,11 @@ TEST(ServerFacts, ThisMachineIsLookedAt) {
   config.streaming.web.enabled = false;
   config.map.store = folder.file("hall.map");
   config.recorder.folder = folder.file("not/yet/there");
+  config.operators.token = "four and twenty";
   const Listener listener;
   auto facts = gather_facts(config, "127.0.0.1");
   EXPECT_GT(facts.machine.cores, 0);
+  EXPECT_EQ(facts.token.length, 15u);
   ASSERT_TRUE(facts.store);
   EXPECT_FALSE(facts.store->exists);
   EXPECT_TRUE(facts.store->writable);

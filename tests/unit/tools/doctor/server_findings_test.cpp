@@ -27,7 +27,7 @@ auto has(Grade grade, const char* text, const char* remedy = "") {
 struct Sound {
   Sound() {
     config.bodies.resize(2);
-    config.operators.token = "0123456789abcdef";
+    facts.token.length = 24;
     config.map.store = "hall.map";
     facts.machine = {4, "performance", 99, 8 << 20, 8 << 20, true, "active"};
     facts.servers = {{4711, true}};
@@ -38,7 +38,7 @@ struct Sound {
   [[nodiscard]] Findings all(const std::vector<NetworkInterface>& interfaces = kLab) const {
     Findings all;
     for (const Findings& part :
-         {exposure_findings(config, interfaces), machine_findings(config, facts),
+         {exposure_findings(config, facts, interfaces), machine_findings(config, facts),
           disk_findings(config, facts), port_findings(config, facts), alarm_findings(facts)})
       all.insert(all.end(), part.begin(), part.end());
     return all;
@@ -55,7 +55,7 @@ TEST(ServerFindings, NothingIsWrongWithASoundServer) {
 
 TEST(ServerFindings, WhateverIsWrongHasARemedy) {
   Sound lab;
-  lab.config.operators.token.clear();
+  lab.facts.token.length = 0;
   lab.config.streaming.natnet.enabled = true;
   lab.config.streaming.natnet.remote_control = RemoteControl::kAll;
   lab.config.streaming.dds.enabled = true;
@@ -130,10 +130,12 @@ TEST(ServerFindings, DdsBeyondThisMachineIsAWarning) {
 
 TEST(ServerFindings, TheToken) {
   Sound lab;
-  lab.config.operators.token = "12345678";
+  lab.facts.token.length = 8;
   EXPECT_THAT(lab.all(), has(Grade::kWarning, "has 8 characters", "openssl"));
-  lab.config.operators.token.clear();
+  lab.facts.token.length = 0;
   EXPECT_THAT(lab.all(), has(Grade::kWarning, "no operator's token", "openssl"));
+  lab.facts.token.unreadable = "token: Permission denied";
+  EXPECT_THAT(lab.all(), has(Grade::kWarning, "Permission denied", "run doctor as"));
 }
 
 TEST(ServerFindings, TheProcessor) {
