@@ -40,6 +40,9 @@ class ControlDesk final : public OperatorDesk {
   [[nodiscard]] std::optional<std::string> recording() const override {
     return recorder_.current();
   }
+  [[nodiscard]] std::vector<RecordingStatus> recordings() const override {
+    return recorder_.recordings();
+  }
 
  private:
   [[nodiscard]] Expected<std::size_t> index_of(int body_id) const;

@@ -84,7 +84,7 @@ class OperatorDesk {
   /// Its name while one is under way.
   [[nodiscard]] virtual std::optional<std::string> recording() const = 0;
   /// Those that are not over, and a few that are; the newest last.
-  [[nodiscard]] virtual std::vector<RecordingStatus> recordings() const { return {}; }
+  [[nodiscard]] virtual std::vector<RecordingStatus> recordings() const = 0;
 };
 
 namespace words {

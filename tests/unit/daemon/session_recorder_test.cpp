@@ -1,17 +1,14 @@
 #include "daemon/recording/session_recorder.hpp"
 
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
 #include <fstream>
 #include <thread>
 
 #include "support/fake_clock.hpp"
+#include "support/frozen_file.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -86,29 +83,6 @@ class SessionRecorderTest : public testing::Test {
   EventBoard events_{[] { return std::int64_t{0}; }};
   SessionRecorder recorder_{RecorderConfig{folder_.file("recordings"), false}, clock_, events_};
   std::jthread writer_;
-};
-
-/// A file that a writer waits for, as on a disk that does not answer, until `thaw`.
-class FrozenFile final {
- public:
-  explicit FrozenFile(std::string path) : path_(std::move(path)) {
-    std::signal(SIGPIPE, SIG_IGN);  // as in the server
-    std::filesystem::create_directories(std::filesystem::path(path_).parent_path());
-    EXPECT_EQ(::mkfifo(path_.c_str(), 0600), 0) << path_;
-  }
-  ~FrozenFile() {
-    thaw();
-    ::close(reader_);
-  }
-  FrozenFile(const FrozenFile&) = delete;
-  FrozenFile& operator=(const FrozenFile&) = delete;
-  void thaw() {
-    if (reader_ < 0) reader_ = ::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-  }
-
- private:
-  std::string path_;
-  int reader_{-1};
 };
 
 TEST_F(SessionRecorderTest, WhatIsRecordedCanBeReplayed) {

@@ -48,6 +48,7 @@ class FakeDesk final : public OperatorDesk {
     return {};
   }
   [[nodiscard]] std::optional<std::string> recording() const override { return take; }
+  [[nodiscard]] std::vector<RecordingStatus> recordings() const override { return {}; }
 
   [[nodiscard]] Body* find(int id) {
     for (auto& body : all) {

@@ -16,6 +16,7 @@ class FakeDesk final : public OperatorDesk {
   std::optional<std::string> running;
   int recordings{0};
   bool disk_full{false};
+  std::vector<RecordingStatus> known;
 
   [[nodiscard]] bool admits(std::string_view token) const override {
     return token == "open sesame";
@@ -40,6 +41,7 @@ class FakeDesk final : public OperatorDesk {
     return {};
   }
   [[nodiscard]] std::optional<std::string> recording() const override { return running; }
+  [[nodiscard]] std::vector<RecordingStatus> recordings() const override { return known; }
 };
 
 }  // namespace fiducap

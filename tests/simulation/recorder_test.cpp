@@ -1,0 +1,225 @@
+// Recordings of the whole server on disks that are full, stuck, or gone with the process.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fiducap/client.hpp>
+#include <fiducap/control.hpp>
+#include <functional>
+#include <map>
+#include <thread>
+
+#include "mapping/map_store.hpp"
+#include "support/fiducapd_process.hpp"
+#include "support/frozen_file.hpp"
+#include "support/running_server.hpp"
+#include "tools/live/control_command.hpp"
+
+namespace fiducap {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::MatchesRegex;
+
+constexpr const char* kToken = "correct horse";
+constexpr std::size_t kDisk_bytes = 150'000;  // a second or two of one robot's IMU
+
+template <typename Condition>
+bool wait_until(Condition condition) {
+  for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(50ms))
+    if (condition()) return true;
+  return false;
+}
+
+class AtEnd final {
+ public:
+  explicit AtEnd(std::function<void()> what) : what_(std::move(what)) {}
+  ~AtEnd() { what_(); }
+  AtEnd(const AtEnd&) = delete;
+  AtEnd& operator=(const AtEnd&) = delete;
+
+ private:
+  std::function<void()> what_;
+};
+
+/// What a person types, and gets to see.
+class Operator final {
+ public:
+  explicit Operator(std::uint16_t port) {
+    arguments_.server = "127.0.0.1:" + std::to_string(port);
+    arguments_.token = kToken;
+    options_.port = port;
+    options_.token = kToken;
+  }
+  int record(const std::string& name) {
+    arguments_.name = name;
+    return run(run_control_record);
+  }
+  int stop(double patience_s = 30) {
+    arguments_.patience_s = patience_s;
+    return run(run_control_stop);
+  }
+  int list() { return run(run_control_list); }
+  int commit() { return run(run_control_commit); }
+  [[nodiscard]] std::string said() const { return out_.str() + err_.str(); }
+  /// The newest recording; empty: the server does not answer.
+  Recording newest() {
+    ControlState state;
+    if (!Control(options_).list(state) || state.recordings.empty()) return {};
+    return state.recordings.back();
+  }
+  bool server_answers() {
+    ControlState state;
+    return static_cast<bool>(Control(options_).list(state));
+  }
+
+ private:
+  int run(int (*verb)(const ControlArguments&, const Terminal&)) {
+    out_.str("");
+    err_.str("");
+    return verb(arguments_, {out_, err_});
+  }
+  ControlArguments arguments_;
+  ControlOptions options_;
+  std::ostringstream out_;
+  std::ostringstream err_;
+};
+
+class RecorderTest : public testing::Test {
+ protected:
+  RecorderTest() {
+    auto arguments = corners_on_free_ports();
+    arguments.insert(arguments.begin(), {"--config", demo_file()});
+    for (const std::string& set :
+         {"streaming.native.port=" + std::to_string(port_), std::string("operator.token=") + kToken,
+          "recorder.folder=" + folder_.file("recordings")})
+      arguments.insert(arguments.end(), {"--set", set});
+    server_.emplace(arguments);
+  }
+  [[nodiscard]] bool is_up() {
+    return wait_until([&] { return operator_.server_answers(); });
+  }
+  void allow_files_of(rlim_t bytes) const {
+    const rlimit limit{bytes, RLIM_INFINITY};
+    ASSERT_EQ(::prlimit(server_->pid(), RLIMIT_FSIZE, &limit, nullptr), 0);
+  }
+
+  TemporaryFolder folder_;
+  std::uint16_t port_ = free_port();
+  std::optional<FiducapdProcess> server_;
+  Operator operator_{port_};
+};
+
+TEST_F(RecorderTest, AStopSaysWhatIsOnDisk) {
+  ASSERT_TRUE(is_up()) << server_->output();
+  ASSERT_EQ(operator_.record("flight"), 0) << operator_.said();
+  EXPECT_THAT(operator_.said(), HasSubstr("recording \"flight\""));
+  ASSERT_TRUE(wait_until([&] { return operator_.newest().samples > 0; }));
+  ASSERT_EQ(operator_.stop(), 0) << operator_.said();
+  EXPECT_THAT(operator_.said(),
+              MatchesRegex("the recording has ended: [1-9][0-9]* samples, [0-9.]+ .B; 0 dropped\n"));
+  EXPECT_EQ(operator_.newest().state, RecordingState::kFinished);
+}
+
+TEST_F(RecorderTest, AFullDiskIsAFailureWithItsReasonAndTheNextRecordingWorks) {
+  ASSERT_TRUE(is_up()) << server_->output();
+  allow_files_of(kDisk_bytes);
+  ASSERT_EQ(operator_.record("full"), 0) << operator_.said();
+  ASSERT_TRUE(wait_until([&] { return operator_.newest().state == RecordingState::kFailed; }));
+  EXPECT_EQ(operator_.list(), 0);
+  EXPECT_THAT(operator_.said(), HasSubstr("recording \"full\" failed: "));
+  EXPECT_EQ(operator_.stop(), 1);
+  EXPECT_THAT(operator_.said(), HasSubstr("File too large"));
+  EXPECT_THAT(operator_.said(), MatchesRegex("(.|\n)*[1-9][0-9]* bytes saved(.|\n)*"));
+  EXPECT_THAT(server_->output(), HasSubstr("recorder: the recording \"full\" has failed: "));
+
+  EXPECT_EQ(operator_.record("full"), 1) << "the name is taken";
+  EXPECT_THAT(operator_.said(), HasSubstr("nothing is overwritten"));
+  allow_files_of(RLIM_INFINITY);
+  ASSERT_EQ(operator_.record("room again"), 0) << operator_.said();
+  EXPECT_EQ(operator_.stop(), 0) << operator_.said();
+}
+
+/// The newest stamp in each stream of a session, by file.
+std::map<std::string, std::int64_t> newest_stamps(const std::filesystem::path& session) {
+  std::map<std::string, std::int64_t> newest;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(session)) {
+    const std::string name = std::filesystem::relative(entry.path(), session).string();
+    if (entry.path().extension() != ".csv" || name.find("truth/") != std::string::npos) continue;
+    std::ifstream file(entry.path());
+    std::int64_t& stamp = newest[name];
+    const bool turns = name == "turns.csv";
+    for (std::string line; std::getline(file, line);) {
+      if (line.empty() || line.front() == '#' || file.eof()) continue;  // header; cut line
+      for (int before = 0; turns && before < 2; ++before) line.erase(0, line.find(',') + 1);
+      stamp = std::stoll(line);
+    }
+  }
+  return newest;
+}
+
+TEST_F(RecorderTest, AKilledServerLosesASecondAtMost) {
+  // Files are flushed together, a second apart; images come to the recorder a little late.
+  constexpr std::int64_t kApart_ns = 1'500'000'000;
+  constexpr std::int64_t kRecorded_ns = 3'500'000'000;
+  ASSERT_TRUE(is_up()) << server_->output();
+  ASSERT_EQ(operator_.record("killed"), 0) << operator_.said();
+  const std::filesystem::path session = folder_.file("recordings/killed");
+  const std::string imu = "drone/mav0/imu0/data.csv";
+  std::int64_t first = 0;
+  ASSERT_TRUE(wait_until([&] {
+    const std::int64_t now = newest_stamps(session)[imu];
+    if (first == 0) first = now;
+    return now - first > kRecorded_ns;
+  }));
+  server_->signal(SIGKILL);
+  server_->exit_code();
+  const auto stamps = newest_stamps(session);
+  EXPECT_GE(stamps.size(), 3u * 4 + 1) << "imu, corners, frames, truth of three robots; turns";
+  for (const auto& [name, stamp] : stamps) EXPECT_LT(stamps.at(imu) - stamp, kApart_ns) << name;
+}
+
+TEST(RecorderOnAStuckDisk, ServesOnAndStoresTheMapAtTheEnd) {
+  const TemporaryFolder folder;
+  ServerConfig config = corner_demo();
+  config.operators.token = kToken;
+  config.recorder.folder = folder.file("recordings");
+  config.recorder.at_start = "flight";
+  config.map.store = folder.file("map.sqlite");
+  config.map.builder.commit_period_s = 3600;  // at the end, and when asked
+  std::optional<FrozenFile> frozen;
+  RunningServer server(config, {}, [&] {
+    frozen.emplace(folder.file("recordings/flight/drone/mav0/tags0/frames.csv"));
+  });
+  const AtEnd thaw([&] { frozen->thaw(); });  // or the server could not be destroyed
+  Operator person(server->ports().native);
+  ClientOptions options;
+  options.port = server->ports().native;
+  const Client client(options);
+  Frame frame;
+  ASSERT_TRUE(wait_until([&] {
+    return person.commit() == 0 && client.latest(frame) && frame.map_version >= 1;
+  })) << "frames go out, and tags come into the map";
+  EXPECT_EQ(person.stop(0.2), 1) << person.said();
+  EXPECT_THAT(person.said(), HasSubstr("its disk has taken nothing for 0.2 s"));
+  EXPECT_EQ(person.record("next"), 1) << person.said();
+  EXPECT_THAT(person.said(), HasSubstr("\"next\" has not begun"));
+  EXPECT_EQ(person.list(), 0);
+  EXPECT_THAT(person.said(), HasSubstr("recording \"flight\" stopping"));
+  const std::uint64_t seen = frame.number;
+  EXPECT_TRUE(wait_until([&] { return client.latest(frame) && frame.number > seen + 100; }));
+
+  server.stop();
+  EXPECT_FALSE(server.clean()) << "a thread is left behind";
+  auto store = MapStore::open(config.map.store);
+  ASSERT_TRUE(store) << store.error().text();
+  const auto map = store->newest();
+  ASSERT_TRUE(map) << map.error().text();
+  EXPECT_GT(map->version, frame.map_version);
+}
+
+}  // namespace
+}  // namespace fiducap
