@@ -7,6 +7,7 @@
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
+#include "tools/live/events_command.hpp"
 #include "tools/live/watch_command.hpp"
 #include "tools/positive_number.hpp"
 #include "tools/replay/check_command.hpp"
@@ -25,6 +26,7 @@ struct CommandLine {
   CheckArguments check;
   EvaluateArguments evaluate;
   WatchArguments watch;
+  EventsArguments events;
   DoctorArguments doctor;
   ControlArguments control;
   MapArguments map;
@@ -108,6 +110,23 @@ void add_watch(CLI::App& app, CommandLine& line) {
       "Example:\n  fiducap watch --server robot-hall:21600\n"
       "  fiducap watch --json --duration 10 | jq '.bodies[0].position_m'");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_watch(a, t); }; });
+}
+
+void add_events(CLI::App& app, CommandLine& line) {
+  auto* verb = app.add_subcommand(
+      "events", "What happens at a server: bodies lost and found, devices, disks, clocks");
+  auto& a = line.events;
+  verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")
+      ->capture_default_str();
+  verb->add_option("--duration", a.duration_s,
+                   "End after this many seconds; fails when the server was never reached")
+      ->check(kPositive);
+  verb->add_flag("--news", a.news, "Leave out what the server remembers");
+  verb->add_flag("--json", a.json, "One JSON object per event and line");
+  verb->footer(
+      "Example:\n  fiducap events --server robot-hall:21600\n"
+      "  fiducap events --news --json | jq 'select(.severity != \"info\")'");
+  verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_events(a, t); }; });
 }
 
 void add_doctor(CLI::App& app, CommandLine& line) {
@@ -298,6 +317,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
       "  fiducap replay recordings/table --out results\n"
       "  fiducap evaluate results/table.tum recordings/table");
   add_watch(app, line);
+  add_events(app, line);
   add_doctor(app, line);
   add_control(app, line);
   add_check(app, line);

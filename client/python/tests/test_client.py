@@ -103,6 +103,25 @@ class ControlTest(unittest.TestCase):
                 control.commit_map()
 
 
+class EventTest(unittest.TestCase):
+    def test_tells_what_happened_and_what_stands(self):
+        with fiducap.EventWatch(port=PORT) as watch:
+            for event in watch:
+                break
+            self.assertEqual((event.number, event.subject, event.kind), (1, "drone", "lost"))
+            self.assertEqual((event.text, event.remedy), ("lost, sees no tags", "Look at the camera."))
+            self.assertIs(event.severity, fiducap.Severity.ERROR)
+            self.assertFalse(event.over)
+            self.assertEqual(watch.standing(), [event])
+            self.assertIsNone(watch.next(0))
+            self.assertEqual(watch.problem, "")
+
+    def test_says_why_there_is_nothing(self):
+        with fiducap.EventWatch(port=9) as watch:
+            self.assertIsNone(watch.next(0))
+            self.assertIn("127.0.0.1:9", watch.problem)
+
+
 class ExampleTest(unittest.TestCase):
     def test_prints_poses(self):
         example = pathlib.Path(__file__).parent.parent / "examples" / "print_poses.py"

@@ -22,8 +22,12 @@ namespace {
 /// All topics, for the model in use.
 class Offer final {
  public:
-  Offer(const Participant& in, const DdsConfig& config)
-      : aliases_(config.aliases), make_(in, config), scene_(make_), map_(make_), health_(make_) {}
+  Offer(const Participant& in, const DdsConfig& config, const EventBoard* events)
+      : aliases_(config.aliases),
+        make_(in, config),
+        scene_(make_),
+        map_(make_),
+        health_(make_, events) {}
 
   /// @return the topics that every model has could all be made
   [[nodiscard]] Expected<void> made() const { return make_.result(); }
@@ -78,8 +82,8 @@ class Offer final {
 
 /// All topics in one membership of the domain.
 struct Presence {
-  Presence(std::shared_ptr<Participant> joined, const DdsConfig& config)
-      : participant(std::move(joined)), offer(*participant, config) {}
+  Presence(std::shared_ptr<Participant> joined, const DdsConfig& config, const EventBoard* events)
+      : participant(std::move(joined)), offer(*participant, config, events) {}
 
   std::shared_ptr<Participant> participant;
   Offer offer;  // goes before the participant
@@ -87,13 +91,17 @@ struct Presence {
 
 class DdsServer final : public Streamer {
  public:
-  DdsServer(JoinDomain join, const DdsConfig& config, const Clock& clock)
-      : join_(std::move(join)), config_(config), clock_(clock), listeners_(clock) {}
+  DdsServer(JoinDomain join, const DdsConfig& config, const Clock& clock, const EventBoard* events)
+      : join_(std::move(join)),
+        config_(config),
+        clock_(clock),
+        events_(events),
+        listeners_(clock) {}
 
   Expected<void> join(std::shared_ptr<const SceneModel> model) {
     auto participant = join_();
     if (!participant) return tl::unexpected(participant.error());
-    auto presence = std::make_unique<Presence>(std::move(*participant), config_);
+    auto presence = std::make_unique<Presence>(std::move(*participant), config_, events_);
     if (auto made = presence->offer.made(); !made) return made;
     if (auto made = presence->offer.use(*model); !made) return made;
     model_ = std::move(model);
@@ -151,6 +159,7 @@ class DdsServer final : public Streamer {
   JoinDomain join_;
   DdsConfig config_;
   const Clock& clock_;
+  const EventBoard* events_;
   mutable Listeners listeners_;
   std::unique_ptr<Presence> presence_;  ///< Nothing: out of the domain for a while.
   std::future<void> leaving_;
@@ -163,8 +172,8 @@ class DdsServer final : public Streamer {
 
 Expected<std::unique_ptr<Streamer>> start_dds_server(JoinDomain join, const DdsConfig& config,
                                                      std::shared_ptr<const SceneModel> model,
-                                                     const Clock& clock) {
-  auto server = std::make_unique<DdsServer>(std::move(join), config, clock);
+                                                     const Clock& clock, const EventBoard* events) {
+  auto server = std::make_unique<DdsServer>(std::move(join), config, clock, events);
   if (const auto joined = server->join(std::move(model)); !joined)
     return tl::unexpected(joined.error());
   return server;

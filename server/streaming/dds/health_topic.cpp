@@ -16,6 +16,18 @@ Level level_of(const BodyPose& body) {
   return body.state == BodyState::kTracking && body.valid ? kOk : kWarning;
 }
 
+Level level_of(Severity severity) {
+  switch (severity) {
+    case Severity::kInfo:
+      return kOk;
+    case Severity::kWarning:
+      return kWarning;
+    case Severity::kError:
+      return kError;
+  }
+  return kError;
+}
+
 char* key(const char* text) { return const_cast<char*>(text); }
 
 template <std::size_t N, typename... Args>
@@ -25,7 +37,8 @@ void print(std::array<char, N>& to, const char* format, Args... args) {
 
 }  // namespace
 
-HealthTopic::HealthTopic(TopicMaker& make) {
+HealthTopic::HealthTopic(TopicMaker& make, const EventBoard* events) : events_(events) {
+  server_.name = "fiducap: server";
   writer_ = make.make(make.config().diagnostics,
                       ros_topic("/diagnostics", RosType::kDiagnosticArray), {true, false, 1, 0});
 }
@@ -33,33 +46,26 @@ HealthTopic::HealthTopic(TopicMaker& make) {
 void HealthTopic::use(const SceneModel& model) {
   bodies_.clear();
   bodies_.resize(model.bodies.size());
-  statuses_.reserve(bodies_.size());
+  statuses_.reserve(bodies_.size() + 1);
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    Body& body = bodies_[i];
-    body.name = "fiducap: " + model.bodies[i].name;
-    constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)",
-                                                     "tags in view",       "age (s)",
-                                                     "image rate (Hz)",    "images dropped"};
-    for (std::size_t k = 0; k < kValues; ++k)
-      body.pairs[k] = {key(kKeys[k]), body.values[k].data()};
+    bodies_[i].name = "fiducap: " + model.bodies[i].name;
+    bodies_[i].subject = model.bodies[i].name;
   }
+  revision_.reset();
+  look_at_board();
 }
 
 void HealthTopic::publish(const SceneFrame& frame) {
-  if (!is_wanted(writer_) || !schedule_.is_due(frame.at, frame.rate_hz)) return;
+  if (!is_wanted(writer_)) return;
+  const bool has_changed = look_.is_due(frame.at, frame.rate_hz) && look_at_board();
+  if (!schedule_.is_due(frame.at, frame.rate_hz) && !has_changed) return;
   statuses_.clear();
   for (std::size_t i = 0; i < std::min(bodies_.size(), frame.bodies.size()); ++i) {
-    Body& body = bodies_[i];
-    tell(body, frame.bodies[i]);
-    diagnostic_msgs_msg_dds__DiagnosticStatus_ status{};
-    status.level = level_of(frame.bodies[i]);
-    status.name = borrowed(body.name);
-    status.message = body.message.data();
-    status.hardware_id = borrowed(empty_);
-    status.values._length = status.values._maximum = kValues;
-    status.values._buffer = body.pairs.data();
-    statuses_.push_back(status);
+    tell(bodies_[i], frame.bodies[i]);
+    add_status(bodies_[i], level_of(frame.bodies[i]));
   }
+  print(server_.message, "%s", "runs");
+  add_status(server_, kOk);
   diagnostic_msgs_msg_dds__DiagnosticArray_ message{};
   message.header = {to_ros(frame.utc_ns()), borrowed(empty_)};
   message.status._length = message.status._maximum = static_cast<std::uint32_t>(statuses_.size());
@@ -67,16 +73,68 @@ void HealthTopic::publish(const SceneFrame& frame) {
   send(writer_, &message);
 }
 
-void HealthTopic::tell(Body& out, const BodyPose& body) {
+/// @return something is not as it was
+bool HealthTopic::look_at_board() {
+  const std::uint64_t revision = events_ == nullptr ? 0 : events_->revision();
+  if (revision_ == revision) return false;
+  revision_ = revision;
+  const auto standing = events_ == nullptr ? std::vector<Event>{} : events_->standing();
+  for (Part& body : bodies_) take_conditions(body, standing);
+  take_conditions(server_, standing);
+  return true;
+}
+
+void HealthTopic::take_conditions(Part& part, const std::vector<Event>& standing) const {
+  constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)",
+                                                   "tags in view",       "age (s)",
+                                                   "image rate (Hz)",    "images dropped"};
+  part.texts.clear();
+  part.alarm = kOk;
+  part.worst.clear();
+  for (const Event& event : standing) {
+    if (!is_of(part, event)) continue;
+    const std::string key = part.subject.empty() ? event.subject + ": " + event.kind : event.kind;
+    part.texts.insert(part.texts.end(), {key, event.text, key + ", remedy", event.remedy});
+    const Level level = level_of(event.severity);
+    if (level <= part.alarm && !part.worst.empty()) continue;
+    part.alarm = level;
+    part.worst = part.subject.empty() ? event.subject + ": " + event.text : event.text;
+  }
+  part.values.clear();
+  for (std::size_t k = 0; k < kValues && !part.subject.empty(); ++k)
+    part.values.push_back({key(kKeys[k]), part.numbers[k].data()});
+  for (std::size_t k = 0; k < part.texts.size(); k += 2)
+    part.values.push_back({part.texts[k].data(), part.texts[k + 1].data()});
+}
+
+/// What is said of nobody in particular is the server's.
+bool HealthTopic::is_of(const Part& part, const Event& event) const {
+  if (!part.subject.empty()) return part.subject == event.subject;
+  return std::none_of(bodies_.begin(), bodies_.end(),
+                      [&](const Part& body) { return body.subject == event.subject; });
+}
+
+void HealthTopic::add_status(Part& part, std::uint8_t level) {
+  diagnostic_msgs_msg_dds__DiagnosticStatus_ status{};
+  status.level = std::max(level, part.alarm);
+  status.name = borrowed(part.name);
+  status.message = part.worst.empty() ? part.message.data() : part.worst.data();
+  status.hardware_id = borrowed(empty_);
+  status.values._length = status.values._maximum = static_cast<std::uint32_t>(part.values.size());
+  status.values._buffer = part.values.data();
+  statuses_.push_back(status);
+}
+
+void HealthTopic::tell(Part& out, const BodyPose& body) {
   const std::string_view state = name_of(body.state);
   print(out.message, "%.*s%s", static_cast<int>(state.size()), state.data(),
         body.valid ? "" : ", the pose may not be used");
-  print(out.values[0], "%.4f", body.position_sigma_m());
-  print(out.values[1], "%.5f", body.rotation_sigma_rad());
-  print(out.values[2], "%d", body.tags_in_view);
-  print(out.values[3], "%.3f", to_seconds(body.age));
-  print(out.values[4], "%.1f", body.image_rate_hz);
-  print(out.values[5], "%llu", static_cast<unsigned long long>(body.images_dropped));
+  print(out.numbers[0], "%.4f", body.position_sigma_m());
+  print(out.numbers[1], "%.5f", body.rotation_sigma_rad());
+  print(out.numbers[2], "%d", body.tags_in_view);
+  print(out.numbers[3], "%.3f", to_seconds(body.age));
+  print(out.numbers[4], "%.1f", body.image_rate_hz);
+  print(out.numbers[5], "%llu", static_cast<unsigned long long>(body.images_dropped));
 }
 
 void HealthTopic::each(const std::function<void(const Writer&)>& visit) const {

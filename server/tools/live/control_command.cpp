@@ -14,8 +14,6 @@ namespace fiducap {
 
 namespace {
 
-constexpr std::uint16_t kNativePort = 21600;
-
 /// The connection to the server, or why there can be none.
 Expected<ControlOptions> options_of(const ControlArguments& arguments) {
   const auto address = parse_server_address(arguments.server, kNativePort);

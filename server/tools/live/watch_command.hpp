@@ -15,6 +15,8 @@ struct WatchArguments {
   bool json{false};
 };
 
+inline constexpr std::uint16_t kNativePort = 21600;
+
 struct ServerAddress {
   std::string host;
   std::uint16_t port{};

@@ -42,7 +42,8 @@ class CApiTest : public testing::Test {
 
   std::shared_ptr<SceneFrame> scene_ = make_scene_frame({"drone", "arm", "cart"});
   FakeDesk desk_;
-  TestServer server_{*scene_, 0, {}, &desk_};
+  EventBoard board_{[] { return std::int64_t{1'700'000'000'000'000'000}; }};
+  TestServer server_{*scene_, 0, {}, &desk_, nullptr, &board_};
   fiducap_client* client_{nullptr};
   fiducap_frame frame_ = fiducap_frame_init();
   fiducap_body bodies_[3]{};
@@ -166,7 +167,39 @@ TEST_F(CApiTest, Controls) {
   fiducap_control_close(control);
 }
 
+TEST_F(CApiTest, TellsEventsAndWhatStands) {
+  board_.begin({.severity = Severity::kWarning,
+                .subject = "clock",
+                .kind = "unsynchronised",
+                .text = std::string(1000, 'x'),
+                .remedy = "Start chrony."});
+  fiducap_events* events = fiducap_events_open(nullptr, server_.port(), 1);
+  ASSERT_NE(events, nullptr);
+  fiducap_event event = fiducap_event_init();
+  char problem[256] = "?";
+  constexpr std::uint32_t kLong_ms = 20'000;
+  ASSERT_EQ(fiducap_events_next(events, kLong_ms, &event, problem, sizeof(problem)), 1) << problem;
+  EXPECT_EQ(event.severity, FIDUCAP_EVENT_WARNING);
+  EXPECT_EQ(event.number, 1u);
+  EXPECT_EQ(event.at_utc_ms, 1'700'000'000'000);
+  EXPECT_STREQ(event.subject, "clock");
+  EXPECT_STREQ(event.kind, "unsynchronised");
+  EXPECT_STREQ(event.remedy, "Start chrony.");
+  EXPECT_EQ(std::string(event.text), std::string(512, 'x')) << "what is too long is cut";
+  fiducap_event standing[2] = {fiducap_event_init(), fiducap_event_init()};
+  EXPECT_EQ(fiducap_events_standing(events, standing, 2), 1u);
+  EXPECT_STREQ(standing[0].kind, "unsynchronised");
+  EXPECT_EQ(fiducap_events_next(events, 0, &event, problem, sizeof(problem)), 0);
+  EXPECT_STREQ(problem, "");
+  fiducap_events_close(events);
+}
+
 TEST_F(CApiTest, ServesThePythonPackage) {
+  board_.begin({.severity = Severity::kError,
+                .subject = "drone",
+                .kind = "lost",
+                .text = "lost, sees no tags",
+                .remedy = "Look at the camera."});
 #ifdef FIDUCAP_SANITIZED
   GTEST_SKIP() << "python3 cannot load a library with a sanitizer in it";
 #endif
@@ -186,7 +219,7 @@ TEST_F(CApiTest, ServesThePythonPackage) {
   EXPECT_TRUE(publish_until(server_, *scene_, [&] { return done.load(); }));
   python.join();
   EXPECT_NE(output.find("\nOK"), std::string::npos) << output;
-  EXPECT_NE(output.find("Ran 11 tests"), std::string::npos) << output;
+  EXPECT_NE(output.find("Ran 13 tests"), std::string::npos) << output;
 }
 
 TEST(CAbi, ExportsExactlyTheFunctionsThatWerePromised) {

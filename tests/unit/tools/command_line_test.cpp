@@ -39,6 +39,7 @@ Answer say(std::vector<std::string> words) {
 
 const std::vector<std::vector<std::string>> kVerbs{{"watch"},
                                                    {"check"},
+                                                   {"events"},
                                                    {"replay"},
                                                    {"evaluate"},
                                                    {"map"},
