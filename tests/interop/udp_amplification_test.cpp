@@ -190,6 +190,7 @@ TEST_F(UdpAmplification, QualisysAnswersStrangersNoMoreThanTheyBring) {
     return qualisys::start_qualisys_server(io, config, nullptr, model_, clock_);
   });
   Bytes question;
+  question.reserve(16);
   LittleEndianWriter(question).u32(10).u32(7).u8(kVictimPort >> 8).u8(kVictimPort & 0xff);
   for (int i = 0; i < 100; ++i) forger_->send(question, config.discovery_port);
   expect_little();
