@@ -121,6 +121,8 @@ TEST(Threads, AreStartedByTheDaemonAndTheLogAlone) {
   for (const SourceFile& file : source_files({"server"})) {
     if (file.path.string().starts_with("server/daemon/")) continue;
     if (file.path == "server/base/log.cpp") continue;  // a terminal may block for ever
+    // The middleware may take a second to leave a crowded domain.
+    if (file.path == "server/streaming/dds/dds_server.cpp") continue;
     for (const auto& place : places_of(file, starts)) ADD_FAILURE() << place;
   }
 }
