@@ -24,7 +24,7 @@ constexpr double kSmallestTurn_rad = 3 * kDegree;
 constexpr double kTolerance_rad = 1.5 * kDegree;
 constexpr double kTolerance = 0.25;
 constexpr int kVotes = 8;
-constexpr int kMostLooks = 400;
+constexpr int kMostComparisons = 400;
 
 bool explains(double turned_rad, double seen_rad) {
   return std::abs(turned_rad - seen_rad) < kTolerance_rad + kTolerance * seen_rad;
@@ -87,7 +87,7 @@ void ImuPlausibility::judge_forces() {
 }
 
 bool ImuPlausibility::rates_are_judged() const {
-  return for_radians_ >= kVotes || for_degrees_ >= kVotes || looks_ >= kMostLooks;
+  return for_radians_ >= kVotes || for_degrees_ >= kVotes || comparisons_ >= kMostComparisons;
 }
 
 void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera) {
@@ -95,26 +95,24 @@ void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera
   if (look_ && seen.exposed_at - look_->at < kShortestTurn) return;
   if (look_ && seen.exposed_at - look_->at > kLongestTurn) look_.reset();
   if (look_ && look_->camera != seen.camera) return;
-  const auto same =
-      std::find_if(seen.tags.begin(), seen.tags.end(),
-                   [&](const TagObservation& tag) { return look_ && tag.tag_id == look_->tag_id; });
+  const auto same = std::find_if(
+      seen.tags.begin(), seen.tags.end(),
+      [&](const TagObservation& tag) { return look_ && tag.tag_id == look_->tag.tag_id; });
   const bool again = same != seen.tags.end();
-  const TagObservation& tag = again ? *same : seen.tags.front();
-  ++looks_;
-  const Look now{seen.camera,
-                 tag.tag_id,
-                 seen.exposed_at,
-                 solve_tag_pose(tag, camera)[0].X_VT.q,
-                 turned_,
+  const Look now{seen.camera, seen.exposed_at, again ? *same : seen.tags.front(), turned_,
                  turned_by_degrees_};
-  if (again) compare(*look_, now);
+  if (again) compare(*look_, now, camera);
   look_ = now;
 }
 
-void ImuPlausibility::compare(const Look& before, const Look& now) {
-  const double seen_rad = angle_between(before.q_VT.conjugate(), now.q_VT.conjugate());
-  if (seen_rad < kSmallestTurn_rad) return;
+void ImuPlausibility::compare(const Look& before, const Look& now, const CameraModel& camera) {
   const double turned_rad = angle_between(before.turned, now.turned);
+  if (turned_rad < kSmallestTurn_rad) return;  // then it explains nothing in degrees either
+  ++comparisons_;
+  const Eigen::Quaterniond q_TV_before = solve_tag_pose(before.tag, camera)[0].X_VT.q.conjugate();
+  const Eigen::Quaterniond q_TV_now = solve_tag_pose(now.tag, camera)[0].X_VT.q.conjugate();
+  const double seen_rad = angle_between(q_TV_before, q_TV_now);
+  if (seen_rad < kSmallestTurn_rad) return;
   const double by_degrees_rad = angle_between(before.turned_by_degrees, now.turned_by_degrees);
   const bool radians = explains(turned_rad, seen_rad);
   const bool degrees = explains(by_degrees_rad, seen_rad);

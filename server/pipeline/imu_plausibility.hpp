@@ -14,11 +14,11 @@ namespace fiducap {
 
 /// What an IMU's readings say about their units.
 enum class ImuFault {
-  kForceInG,              ///< Specific force around 1: in g.
-  kForceInMilliG,         ///< … around 1000: in thousandths of g.
-  kForceWithoutGravity,   ///< … around 0: gravity was taken out, or the sensor is dead.
-  kForceUnlikely,         ///< … far from gravity in another way.
-  kRateInDegreesPerSecond,///< Turns are 57 times those that the tags show.
+  kForceInG,                ///< Specific force around 1: in g.
+  kForceInMilliG,           ///< … around 1000: in thousandths of g.
+  kForceWithoutGravity,     ///< … around 0: gravity was taken out, or the sensor is dead.
+  kForceUnlikely,           ///< … far from gravity in another way.
+  kRateInDegreesPerSecond,  ///< Turns are 57 times those that the tags show.
 };
 
 /// With the fault what is probably wrong and what to do, as one sentence.
@@ -31,8 +31,8 @@ enum class ImuFault {
 /// The specific force of what moves by hand, on wheels or in the air has its median near gravity.
 /// The turn between two images is known from a tag that both show, whatever its size and place; the
 /// gyro is compared with it as it is and as if it gave degrees. Turns below three degrees say
-/// nothing. Looks at a tag four times a second at most, and no more once it knows: no allocation
-/// from then on.
+/// nothing, and cost nothing. Compares four times a second at most, and no more once it knows: no
+/// allocation from then on.
 class ImuPlausibility final {
  public:
   void add(const ImuSample& imu);
@@ -45,18 +45,17 @@ class ImuPlausibility final {
  private:
   static constexpr std::size_t kForces = 400;
 
-  /// The attitude of one camera against one tag.
+  /// One tag in one image of one camera.
   struct Look {
     int camera{};
-    int tag_id{};
     Instant at{};
-    Eigen::Quaterniond q_VT{};
+    TagObservation tag{};
     /// The gyro's turn since the first sample, as it is and read as degrees.
     Eigen::Quaterniond turned{};
     Eigen::Quaterniond turned_by_degrees{};
   };
   void judge_forces();
-  void compare(const Look& before, const Look& now);
+  void compare(const Look& before, const Look& now, const CameraModel& camera);
   [[nodiscard]] bool rates_are_judged() const;
 
   std::array<double, kForces> forces_m_s2_{};
@@ -68,7 +67,7 @@ class ImuPlausibility final {
   Eigen::Quaterniond turned_{Eigen::Quaterniond::Identity()};
   Eigen::Quaterniond turned_by_degrees_{Eigen::Quaterniond::Identity()};
   std::optional<Look> look_;
-  int looks_{0};
+  int comparisons_{0};
   int for_radians_{0};
   int for_degrees_{0};
   std::optional<ImuFault> rate_news_;

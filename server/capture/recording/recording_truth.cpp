@@ -1,10 +1,13 @@
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "base/log.hpp"
 #include "base/yaml_section.hpp"
 #include "capture/recording/csv_reader.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/recording/recording_layout.hpp"
+#include "capture/recording/stamp_column.hpp"
 
 namespace fiducap {
 namespace {
@@ -42,8 +45,8 @@ bool parse_tag(std::span<const std::string_view> fields, RecordedTag& tag) {
          tag.edge_m > 0 && parse_pose(fields.subspan(2), tag.X_WT);
 }
 
-/// Whether a last line without an end is taken: hand-written tables often have one, in a log it was
-/// cut.
+/// Whether a last line without an end is taken: hand-written tables often have one, in a log (which
+/// has stamps) it was cut.
 enum class OpenEnd { kTake, kLeaveOut };
 
 /// All rows of a file that may be absent. A first line that is no row is its header.
@@ -54,8 +57,17 @@ Expected<std::vector<Row>> read_rows(const std::filesystem::path& path, OpenEnd 
   if (!is_file(path)) return rows;
   Expected<CsvReader> reader = CsvReader::open(path);
   if (!reader) return tl::unexpected(reader.error());
+  const bool is_log = open_end == OpenEnd::kLeaveOut;
+  std::optional<StampColumn> stamps;
+  if (is_log) {
+    Expected<StampColumn> column = StampColumn::read(path);
+    if (!column) return tl::unexpected(column.error());
+    stamps = std::move(*column);
+    stamps->log_left_out();
+  }
   while (reader->next()) {
-    if (!reader->line_is_complete() && open_end == OpenEnd::kLeaveOut) break;
+    if (is_log && !reader->line_is_complete()) break;
+    if (is_log && !stamps->accepts(reader->line())) continue;
     Row row;
     if (parse_row(reader->fields(), row)) {
       if (rows.size() == kMaxRows)

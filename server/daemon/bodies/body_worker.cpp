@@ -304,8 +304,8 @@ std::string BodyStatistics::text() const {
        << per_frame_ms(p.detect_cpu) << " ms, update " << per_frame_ms(p.update_cpu)
        << " ms, propagate " << per_frame_ms(p.propagate_cpu) << " ms; dropped: " << images_dropped
        << " images when busy, " << p.merger.late_dropped << " late, " << p.merger.backwards_dropped
-       << " backwards, " << p.merger.far_dropped << " far ahead, " << p.merger.bad_dropped << " bad; " << p.motion_losses << " restarts, "
-       << new_beginnings << " after failures";
+       << " backwards, " << p.merger.far_dropped << " far ahead, " << p.merger.bad_dropped
+       << " bad; " << p.motion_losses << " restarts, " << new_beginnings << " after failures";
   const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
   line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
   if (p.search.images > 0) {

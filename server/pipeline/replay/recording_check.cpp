@@ -27,8 +27,8 @@ struct Unit {
   double ns{};
   const char* name{};
 };
-constexpr std::array<Unit, 3> kUnits{Unit{1e9, "seconds"}, {1e6, "milliseconds"},
-                                     {1e3, "microseconds"}};
+constexpr std::array<Unit, 3> kUnits{
+    Unit{1e9, "seconds"}, {1e6, "milliseconds"}, {1e3, "microseconds"}};
 
 bool alike(double a, double b, double factor) { return a < b * factor && b < a * factor; }
 
@@ -143,8 +143,9 @@ Expected<void> RecordingChecker::read_samples() {
   without_images.has_corners.resize(info_.cameras.size());
   for (std::size_t k = 0; k < info_.cameras.size(); ++k)
     if (has_images(k)) without_images.has_corners[k] = false;
-  const bool any_corners = std::any_of(without_images.has_corners.begin(),
-                                       without_images.has_corners.end(), [](bool has) { return has; });
+  const bool any_corners =
+      std::any_of(without_images.has_corners.begin(), without_images.has_corners.end(),
+                  [](bool has) { return has; });
   if (!any_corners && !info_.imu) return {};
   GrayImagePool pool;
   auto streams = open_streams(without_images, pool);
@@ -225,8 +226,8 @@ void RecordingChecker::judge_imu_file() {
   if (imu_) {
     const RecordedStream& imu = report_.streams[*imu_];
     if (imu.stamps == 0)
-      find(true,
-           empty_text(imu, "reading (was there no IMU: remove the folder imu0, else record again)"));
+      find(true, empty_text(
+                     imu, "reading (was there no IMU: remove the folder imu0, else record again)"));
   } else if (is_file(layout_.imu_yaml())) {
     find(true,
          "mav0/imu0/data.csv is missing, and mav0/imu0/sensor.yaml says that there is an IMU: copy "
@@ -291,11 +292,12 @@ void RecordingChecker::judge_common_time(const RecordedStream& imu, Instant firs
   if (late_s > kTogether_s && early_s > kTogether_s) text += ", and ";
   if (early_s > kTogether_s) text += "ends " + fixed(early_s, 1) + " s before the images";
   const bool shifted = late_s * early_s < 0 && alike(std::abs(late_s), std::abs(early_s), 1.2);
-  find(covered < kLeastCovered,
-       text + (shifted ? ", and is as much too long at the other end: its clock is probably another "
-                         "one, set timeshift_cam_imu in the cameras' sensor.yaml"
-                       : ": is it cut? There images are used without it, poses between them are "
-                         "guesses"));
+  find(
+      covered < kLeastCovered,
+      text + (shifted ? ", and is as much too long at the other end: its clock is probably another "
+                        "one, set timeshift_cam_imu in the cameras' sensor.yaml"
+                      : ": is it cut? There images are used without it, poses between them are "
+                        "guesses"));
 }
 
 void RecordingChecker::judge_readings() {
@@ -308,8 +310,9 @@ void RecordingChecker::judge_corners() {
   const std::string text = "the corners of " + std::to_string(mirrored_) + " of " +
                            std::to_string(sightings_) + " sightings run clockwise";
   if (2 * mirrored_ > sightings_)
-    find(true, text + ": the images are mirrored, or the order is not bottom-left, bottom-right, "
-                      "top-right, top-left of the printed tag");
+    find(true, text +
+                   ": the images are mirrored, or the order is not bottom-left, bottom-right, "
+                   "top-right, top-left of the printed tag");
   else
     find(false, text + ": these are not used");
 }

@@ -11,9 +11,9 @@ namespace fiducap {
 
 /// One file of stamped lines.
 struct RecordedStream {
-  std::string file;         ///< Below the folder of the recording, e.g. `mav0/imu0/data.csv`.
-  std::size_t stamps{};     ///< Lines that have one.
-  std::size_t left_out{};   ///< … out of order, or far from the others.
+  std::string file;          ///< Below the folder of the recording, e.g. `mav0/imu0/data.csv`.
+  std::size_t stamps{};      ///< Lines that have one.
+  std::size_t left_out{};    ///< … out of order, or far from the others.
   std::size_t unreadable{};  ///< Lines without; a header counts.
   std::string first_unreadable{};
   double rate_hz{};  ///< As the calibration says.

@@ -9,7 +9,7 @@
 #include "base/so3.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "daemon/system_clock.hpp"
-#include "tools/replay/check_command.hpp"
+#include "tools/usable_recording.hpp"
 #include "tools/whole_file.hpp"
 
 namespace fiducap {
@@ -29,8 +29,7 @@ Expected<CameraImuCalibration> calibrate(const CalibrateExtrinsicsArguments& arg
                                          const Terminal& terminal) {
   const auto info = read_recording_info(arguments.recording);
   if (!info) return tl::unexpected(info.error());
-  if (auto usable = require_usable(*info, terminal); !usable)
-    return tl::unexpected(usable.error());
+  if (auto usable = require_usable(*info, terminal); !usable) return tl::unexpected(usable.error());
   const SystemClock clock;
   const auto source = open_recording(*info, {}, clock);
   if (!source) return tl::unexpected(source.error());

@@ -196,7 +196,7 @@ Expected<Evaluation> evaluate(const RunResults& run, const std::string& recordin
 
 std::optional<std::string> mismatch_of(const Evaluation& evaluation) {
   // Even a poor calibration is ten times better.
-  constexpr double kNotTheseImages = 0.03;
+  constexpr double kNotTheseImages = 0.05;
   const double limit_px = kNotTheseImages * evaluation.image_width_px;
   const auto off = [](double px) { return "the tags are seen " + fixed(px, 0) + " px (median) "; };
   const auto& truth = evaluation.truth_reprojection;

@@ -8,10 +8,10 @@
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/system_clock.hpp"
-#include "tools/replay/check_command.hpp"
 #include "tools/replay/run_files.hpp"
 #include "tools/replay/session_folder.hpp"
 #include "tools/tags/map_file.hpp"
+#include "tools/usable_recording.hpp"
 
 namespace fiducap {
 namespace {
@@ -232,6 +232,14 @@ bool imu_is_unusable(const OfflineResult& result) {
   });
 }
 
+/// A body with a wrong clock, lens or IMU contradicts itself; real recordings with a poor
+/// calibration reach a third.
+bool contradicts_itself(const OfflineStatistics& s) {
+  constexpr int kEnough = 100;
+  const int all = s.tags_rejected + s.tags_used;
+  return all >= kEnough && s.tags_rejected > 0.6 * all;
+}
+
 /// A replay that gives no pose, or poses of nonsense, is not done.
 int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& session,
           bool anyway) {
@@ -240,8 +248,13 @@ int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& 
     const OfflineStatistics& s = session.bodies[i].statistics;
     const std::string& folder = inputs.bodies[i].info.folder;
     print_imu_events(terminal, inputs.bodies[i].info.name, session.bodies[i]);
-    if (imu_is_unusable(session.bodies[i]) && !inputs.is_session && !anyway)
-      exit_code = kExitFailed;
+    const bool must_be_sound = !inputs.is_session && !anyway;
+    if (must_be_sound && imu_is_unusable(session.bodies[i])) exit_code = kExitFailed;
+    if (must_be_sound && contradicts_itself(s))
+      exit_code = report(terminal, {ErrorCode::kInvalid,
+                                    "most sightings of tags contradict the rest: clocks, lens, "
+                                    "place of the camera or sizes of the tags are wrong",
+                                    folder});
     if (s.frames == 0)
       exit_code =
           report(terminal, {ErrorCode::kNotFound, "has neither images nor detections", folder});

@@ -121,6 +121,15 @@ TEST_F(ImuPlausibilityTest, SlowTurnsSayNothing) {
   EXPECT_THAT(run(120), IsEmpty());
 }
 
+TEST_F(ImuPlausibilityTest, AStillBodyAllocatesNothing) {
+  turn_amplitude_rad_ = 0;
+  const TagObservations seen = image();
+  const AllocationCounter allocations;
+  for (int i = 0; i < 4000; ++i)
+    take({seen.exposed_at + std::chrono::milliseconds(5 * i), {0, 0, 0}, {0, 0, 9.81}}, seen);
+  EXPECT_EQ(allocations.count(), 0u);
+}
+
 TEST_F(ImuPlausibilityTest, AllocatesNothingOnceItKnows) {
   (void)run(60);
   const TagObservations seen = image();
