@@ -10,8 +10,8 @@
 namespace fiducap {
 
 /// Writes a recording that read_recording_info and open_recording read back: images as PNG,
-/// corners, IMU, truth. Same text precision as the recordings of data/ (corners 1e-5 px, IMU 1e-9).
-/// Never overwrites a folder with content.
+/// corners, IMU, truth. What sensors said is written to the last bit, truth to nine decimals.
+/// Lines go to disk at `flush`. Never overwrites a folder with content.
 class RecordingWriter final {
  public:
   [[nodiscard]] static Expected<RecordingWriter> create(const RecordingInfo& info);
