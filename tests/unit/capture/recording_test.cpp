@@ -215,7 +215,18 @@ TEST_F(RecordingTest, TruthThatGoesBackwardsIsLeftOutAndSaid) {
   ASSERT_TRUE(truth);
   ASSERT_EQ(truth->size(), 3u) << "who looks for a time by halves would miss what is there";
   EXPECT_LT(truth->at(1).at, truth->at(2).at);
-  EXPECT_THAT(log_text(), HasSubstr("2 lines left out whose time does not increase"));
+  EXPECT_THAT(log_text(), HasSubstr("stamps of 1 of 5 lines are out of order"));
+  EXPECT_THAT(log_text(), HasSubstr("1 lines left out whose time does not increase"));
+}
+
+TEST_F(RecordingTest, OneStampOfTheTruthFromTheFutureCostsItself) {
+  write_corners();
+  const std::string pose = ",1,2,3,1,0,0,0\n";
+  folder_.write("mav0/state_groundtruth_estimate0/data.csv",
+                "3900000000000000000" + pose + "1000100000000" + pose + "1000200000000" + pose);
+  const auto truth = read_truth(folder_.text());
+  ASSERT_TRUE(truth);
+  EXPECT_EQ(truth->size(), 2u);
 }
 
 TEST_F(RecordingTest, AnIdToIgnoreThatIsNoWholeNumberIsAFault) {
