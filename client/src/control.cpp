@@ -25,8 +25,9 @@ ControlledBody to_body(const v1::ControlBody& in) {
 }
 
 Recording to_recording(const v1::ControlRecording& in) {
-  return {in.name(),    static_cast<RecordingState>(in.state()), in.reason(), in.samples(),
-          in.bytes(), in.dropped()};
+  return {in.name(),   static_cast<RecordingState>(in.state()),
+          in.reason(), in.samples(),
+          in.bytes(),  in.dropped()};
 }
 
 }  // namespace

@@ -14,13 +14,14 @@ namespace {
 
 /// The clocks of the machine itself. Everybody else has a `Clock` handed in, or the time.
 const std::set<std::string> kReadMachineClocks{
-    "server/daemon/system_clock.cpp",        // the Clock
-    "server/base/log.cpp",                   // when a line was written
-    "server/base/cpu_time.cpp",              // what a thread costs
-    "server/capture/ros/ros_source.cpp",     // ROS stamps are UTC
-    "server/tools/terminal.cpp",             // how often a person's screen is drawn
-    "server/tools/live/watch_command.cpp",   // the same, and --seconds
-    "server/tools/live/events_command.cpp",  // --duration
+    "server/daemon/system_clock.cpp",            // the Clock
+    "server/base/log.cpp",                       // when a line was written
+    "server/base/cpu_time.cpp",                  // what a thread costs
+    "server/capture/ros/ros_source.cpp",         // ROS stamps are UTC
+    "server/tools/terminal.cpp",                 // how often a person's screen is drawn
+    "server/tools/live/watch_command.cpp",       // the same, and --seconds
+    "server/tools/live/events_command.cpp",      // --duration
+    "server/tools/live/recording_follower.cpp",  // patience with a disk
 };
 
 /// `now()` of the handed-in Clock: sources, which stamp and pace; sockets, which pass the time on
@@ -99,7 +100,8 @@ TEST(Time, IsNotWaitedForByUnitTests) {
       "tests/unit/client/control_test.cpp",
       "tests/unit/client/profiles_test.cpp",
       "tests/unit/client/test_server.hpp",
-      "tests/unit/streaming/dds/crowd_test.cpp",  // the middleware's threads
+      "tests/unit/daemon/session_recorder_test.cpp",  // the recorder's thread
+      "tests/unit/streaming/dds/crowd_test.cpp",      // the middleware's threads
       "tests/unit/streaming/mavlink/mavlink_server_test.cpp",
       "tests/unit/streaming/natnet/natnet_server_test.cpp",
       "tests/unit/streaming/web/loopback_client.hpp",

@@ -1,7 +1,7 @@
 // A map store as a disk or a stranger left it. Opening may refuse, never crash or hang; what loads
 // is a sound map.
 #include "fuzz/memory_file.hpp"
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace {

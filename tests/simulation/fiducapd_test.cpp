@@ -76,7 +76,7 @@ TEST(Fiducapd, RefusesATokenThatOthersCanRead) {
   std::ofstream(token) << "correct horse\n";
   std::filesystem::permissions(token, std::filesystem::perms(0644));
   for (const char* how : {"--check-config", "--exit-at-end"}) {
-    Program program(with_demo({how, "--set", "operator.token_file=" + token}));
+    FiducapdProcess program(with_demo({how, "--set", "operator.token_file=" + token}));
     EXPECT_EQ(program.exit_code(), 2) << how;
     EXPECT_THAT(program.output(), HasSubstr("chmod 600"));
     EXPECT_THAT(program.output(), testing::Not(HasSubstr("correct horse")));

@@ -11,7 +11,7 @@
 #include <map>
 #include <thread>
 
-#include "mapping/map_store.hpp"
+#include "mapping/store/map_store.hpp"
 #include "support/fiducapd_process.hpp"
 #include "support/frozen_file.hpp"
 #include "support/running_server.hpp"
@@ -120,7 +120,8 @@ TEST_F(RecorderTest, AStopSaysWhatIsOnDisk) {
   ASSERT_TRUE(wait_until([&] { return operator_.newest().samples > 0; }));
   ASSERT_EQ(operator_.stop(), 0) << operator_.said();
   EXPECT_THAT(operator_.said(),
-              MatchesRegex("the recording has ended: [1-9][0-9]* samples, [0-9.]+ .B; 0 dropped\n"));
+              MatchesRegex("the recording has ended: [1-9][0-9]* samples, [0-9.]+ .B; "
+                           "0 dropped\n"));
   EXPECT_EQ(operator_.newest().state, RecordingState::kFinished);
 }
 

@@ -15,17 +15,18 @@ export class EventsPanel {
   ) {}
 
   update(events: Events): void {
-    this.alarms.replaceChildren(...byUrgency(events.standing).map(alarmElement));
-    this.banner.hidden = events.standing.length === 0;
-    this.banner.dataset.severity = byUrgency(events.standing)[0]?.severity ?? '';
+    const alarms = byUrgency(events.standing);
+    this.alarms.replaceChildren(...alarms.map(alarmElement));
+    this.banner.hidden = alarms.length === 0;
+    this.banner.dataset.severity = alarms[0]?.severity ?? '';
     this.history.replaceChildren(...[...events.events].reverse().map(eventElement));
-    setText(this.summary, events.standing.length === 0 ? '' : plural(events.standing.length, 'alarm', 'alarms'));
+    setText(this.summary, alarms.length === 0 ? '' : plural(alarms.length, 'alarm', 'alarms'));
   }
 }
 
-/** The worst first, of equal ones the newest. */
+/** The worst first, of equal ones the newest. What is only good to know stands in the list alone. */
 export function byUrgency(standing: ServerEvent[]): ServerEvent[] {
-  return [...standing].sort((a, b) => RANK[a.severity] - RANK[b.severity] || b.n - a.n);
+  return standing.filter((event) => event.severity !== 'info').sort((a, b) => RANK[a.severity] - RANK[b.severity] || b.n - a.n);
 }
 
 /** `since 14:03:05`, with the date when that was another day. */

@@ -7,9 +7,9 @@ const event = (n: number, severity: Severity): ServerEvent => ({
 });
 
 describe('byUrgency', () => {
-  it('puts the worst first, of equal ones the newest', () => {
+  it('puts the worst first, of equal ones the newest, and leaves mere notes out', () => {
     const order = byUrgency([event(1, 'info'), event(2, 'error'), event(3, 'warning'), event(4, 'error')]);
-    expect(order.map((one) => one.n)).toEqual([4, 2, 3, 1]);
+    expect(order.map((one) => one.n)).toEqual([4, 2, 3]);
   });
 });
 

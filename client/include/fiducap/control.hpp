@@ -33,11 +33,11 @@ struct ControlledBody {
 };
 
 enum class RecordingState {
-  kStarting,   ///< Samples are taken; the disk has not opened the files yet.
+  kStarting,  ///< Samples are taken; the disk has not opened the files yet.
   kRecording,
-  kStopping,   ///< Nothing more is taken; what was taken is still being written.
-  kFinished,   ///< Everything is on disk.
-  kFailed,     ///< Over, too: see `reason`.
+  kStopping,  ///< Nothing more is taken; what was taken is still being written.
+  kFinished,  ///< Everything is on disk.
+  kFailed,    ///< Over, too: see `reason`.
 };
 
 /// How a recording goes, or how it went.

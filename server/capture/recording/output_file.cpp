@@ -75,7 +75,8 @@ Expected<void> OutputFile::flush() {
 }
 
 Expected<void> OutputFile::close() {
-  if (descriptor_ < 0) return failure_ ? Expected<void>(tl::unexpected(*failure_)) : Expected<void>{};
+  if (descriptor_ < 0)
+    return failure_ ? Expected<void>(tl::unexpected(*failure_)) : Expected<void>{};
   const auto flushed = flush();
   // Not again after EINTR: the descriptor is gone, and may be somebody else's by then.
   const bool closed = ::close(std::exchange(descriptor_, -1)) == 0 || errno == EINTR;

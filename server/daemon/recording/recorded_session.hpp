@@ -49,8 +49,7 @@ class RecordedSession final {
 
   [[nodiscard]] RecordingStatus status() const {
     const State state = state_;
-    return {name_,    state,  state == State::kFailed ? reason_ : "",
-            samples_, bytes_, dropped_};
+    return {name_, state, state == State::kFailed ? reason_ : "", samples_, bytes_, dropped_};
   }
 
  private:

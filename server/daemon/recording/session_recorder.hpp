@@ -36,10 +36,10 @@ struct SessionSurroundings {
 };
 
 /// Writes the sensors of all bodies to disk while the server runs. Only `run`, on a thread of its
-/// own, touches the disk, and at most a second of what it wrote is lost with the process. Everything
-/// else returns at once, whatever the disk does: a session's samples wait in memory until its files
-/// are open, and are dropped and counted when too many wait (RecordingQueue). What goes wrong is in
-/// `recordings` and on the event board.
+/// own, touches the disk, and at most a second of what it wrote is lost with the process.
+/// Everything else returns at once, whatever the disk does: a session's samples wait in memory
+/// until its files are open, and are dropped and counted when too many wait (RecordingQueue). What
+/// goes wrong is in `recordings` and on the event board.
 class SessionRecorder final {
  public:
   /// @param clock, events  outlive the recorder

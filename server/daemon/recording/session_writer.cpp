@@ -68,8 +68,8 @@ Expected<void> SessionWriter::finish() {
   if (auto closed = files_->close(); !closed) return closed;
   session_->on_disk(written_, files_->bytes());
   files_.reset();
-  log::info(kRecorder, "the recording \"" + session_->name() +
-                          "\" has ended: " + session_->status().counts());
+  log::info(kRecorder,
+            "the recording \"" + session_->name() + "\" has ended: " + session_->status().counts());
   std::exchange(session_, nullptr)->finished();
   return {};
 }

@@ -163,7 +163,8 @@ int run_control_record(const ControlArguments& arguments, const Terminal& termin
   ControlState state;
   if (const Outcome outcome = control.list(state); !outcome) return refused(terminal, outcome);
   // One that has failed already is not under way, but it is the newest.
-  const std::string name = state.recordings.empty() ? state.recording : state.recordings.back().name;
+  const std::string name =
+      state.recordings.empty() ? state.recording : state.recordings.back().name;
   const auto begun = follow_recording(control, name, RecordingState::kRecording,
                                       std::chrono::duration<double>(arguments.patience_s));
   if (!begun) return report(terminal, begun.error());

@@ -9,7 +9,6 @@ namespace fiducap {
 
 namespace {
 
-using Steady = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kLook{50};
 
 std::string size_text(std::uint64_t bytes) {
@@ -27,16 +26,16 @@ Error tired(const Recording& recording, std::chrono::duration<double> patience) 
   return {ErrorCode::kUnavailable,
           quoted(recording.name) + (begins ? " has not begun" : " is still being written") +
               ": its disk has taken nothing for " + fixed(patience.count(), 1) +
-              " s. What was measured waits in the server's memory; `fiducap control list` tells how "
-              "it goes on (so far " +
+              " s. What was measured waits in the server's memory; `fiducap control list` tells "
+              "how it goes on (so far " +
               counts_of(recording) + ")",
           {}};
 }
 
 Error failure(const Recording& recording) {
   return {ErrorCode::kUnavailable,
-          quoted(recording.name) + " has failed: " + recording.reason + "; saved: " +
-              counts_of(recording),
+          quoted(recording.name) + " has failed: " + recording.reason +
+              "; saved: " + counts_of(recording),
           {}};
 }
 
@@ -45,9 +44,8 @@ Expected<std::optional<Recording>> look_up(Control& control, const std::string& 
   if (const Outcome outcome = control.list(state); !outcome)
     return fail(ErrorCode::kUnavailable, outcome.problem);
   const auto& all = state.recordings;
-  const auto newest = std::find_if(all.rbegin(), all.rend(), [&](const Recording& recording) {
-    return recording.name == name;
-  });
+  const auto newest = std::find_if(
+      all.rbegin(), all.rend(), [&](const Recording& recording) { return recording.name == name; });
   return newest == all.rend() ? std::optional<Recording>{} : *newest;
 }
 
@@ -77,7 +75,7 @@ std::string_view word_of(RecordingState state) {
 Expected<std::optional<Recording>> follow_recording(Control& control, const std::string& name,
                                                     RecordingState wanted,
                                                     std::chrono::duration<double> patience) {
-  auto moved_at = Steady::now();
+  auto moved_at = std::chrono::steady_clock::now();
   std::uint64_t bytes = 0;
   for (;;) {
     auto now = look_up(control, name);
@@ -85,9 +83,10 @@ Expected<std::optional<Recording>> follow_recording(Control& control, const std:
     const Recording& recording = **now;
     if (recording.state == RecordingState::kFailed) return tl::unexpected(failure(recording));
     if (recording.state >= wanted) return now;
-    if (recording.bytes != bytes) moved_at = Steady::now();
+    if (recording.bytes != bytes) moved_at = std::chrono::steady_clock::now();
     bytes = recording.bytes;
-    if (Steady::now() - moved_at > patience) return tl::unexpected(tired(recording, patience));
+    if (std::chrono::steady_clock::now() - moved_at > patience)
+      return tl::unexpected(tired(recording, patience));
     std::this_thread::sleep_for(kLook);
   }
 }

@@ -17,9 +17,8 @@ namespace fiducap {
 /// @param patience  as long as nothing more of it comes to disk
 /// @return nullopt: the server does not tell (it is older than this program); Error when it cannot
 /// be asked, when patience ends, and when the recording has failed
-[[nodiscard]] Expected<std::optional<Recording>> follow_recording(Control& control,
-                                                                  const std::string& name,
-                                                                  RecordingState wanted,
-                                                                  std::chrono::duration<double> patience);
+[[nodiscard]] Expected<std::optional<Recording>> follow_recording(
+    Control& control, const std::string& name, RecordingState wanted,
+    std::chrono::duration<double> patience);
 
 }  // namespace fiducap

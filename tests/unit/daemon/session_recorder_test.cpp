@@ -42,9 +42,7 @@ class SessionRecorderTest : public testing::Test {
     corners.tags = {tag};
     return corners;
   }
-  void take_imu(int ms) {
-    recorder_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}});
-  }
+  void take_imu(int ms) { recorder_.take(0, ImuSample{at_ms(ms), {0.1, 0.2, 0.3}, {0, 0, 9.81}}); }
   void take(int ms) {
     take_imu(ms);
     recorder_.take(0, corners_at(ms));

@@ -14,7 +14,7 @@ class FakeDesk final : public OperatorDesk {
  public:
   std::map<int, bool> enabled;
   std::optional<std::string> running;
-  int recordings{0};
+  int started{0};
   bool disk_full{false};
   std::vector<RecordingStatus> known;
 
@@ -33,7 +33,7 @@ class FakeDesk final : public OperatorDesk {
   Expected<void> commit_map() override { return {}; }
   Expected<void> start_recording(const std::string&) override {
     if (disk_full) return fail(ErrorCode::kUnavailable, "the disk is full");
-    running = "take_" + std::to_string(++recordings);
+    running = "take_" + std::to_string(++started);
     return {};
   }
   Expected<void> stop_recording() override {
