@@ -48,13 +48,34 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       began_at_(shared.clock.now()) {}
 
 void BodyWorker::read(std::stop_token stop) {
-  try {
-    read_samples(stop);
-  } catch (const std::exception& failure) {
-    log::error("capture", name_ + ": " + failure.what());
+  Duration pause = kShortestPause;
+  for (;;) {
+    const Instant began = shared_.clock.now();
+    try {
+      read_samples(stop);
+      break;
+    } catch (const std::exception& failure) {
+      say_that_reading_failed(failure.what());
+    }
+    const Instant now = shared_.clock.now();
+    if (now - began > kForgiven) pause = kShortestPause;
+    if (!shared_.clock.wait_until(now + pause, stop)) break;
+    pause = std::min(2 * pause, kLongestPause);
   }
   inbox_.finish();
   reading_ = false;
+}
+
+void BodyWorker::say_that_reading_failed(const char* why) {
+  reading_failed_ = true;
+  const auto whose = [this] { return name_; };
+  net::guarded("capture", whose, [&] {
+    shared_.events.begin({.severity = Severity::kError,
+                          .subject = name_,
+                          .kind = "source_failed",
+                          .text = std::string("its source failed (") + why + ") and is read on",
+                          .remedy = "If it comes again, this is a defect: please report it"});
+  });
 }
 
 void BodyWorker::read_samples(std::stop_token stop) {
@@ -65,6 +86,8 @@ void BodyWorker::read_samples(std::stop_token stop) {
       if (!stop.stop_requested()) log::info("capture", name_ + ": source has ended");
       return;
     }
+    if (std::exchange(reading_failed_, false))
+      shared_.events.end(name_, "source_failed", "its source gives samples again");
     const Instant now = shared_.clock.now();
     const auto* imu = std::get_if<ImuSample>(&**sample);
     if (imu != nullptr && !setup_.sensors.imu) continue;

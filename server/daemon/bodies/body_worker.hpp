@@ -80,6 +80,7 @@ class BodyWorker final {
 
  private:
   void read_samples(std::stop_token stop);
+  void say_that_reading_failed(const char* why);
   [[nodiscard]] std::unique_ptr<BodyPipeline> make_pipeline() const;
   [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
   [[nodiscard]] bool work_samples(std::stop_token stop);
@@ -117,9 +118,10 @@ class BodyWorker final {
   BodyStatistics statistics_;
   BodyPulse pulse_;
   std::atomic<bool> reading_{true};
-  Duration pause_;      ///< Before the next new beginning.
-  Instant began_at_{};  ///< Of this pipeline.
-  bool failed_{false};  ///< And not back yet.
+  bool reading_failed_{false};  ///< And no sample since; the reader's.
+  Duration pause_;              ///< Before the next new beginning.
+  Instant began_at_{};          ///< Of this pipeline.
+  bool failed_{false};          ///< And not back yet.
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;

@@ -188,13 +188,19 @@ TEST_F(BodyWorkerTest, LosesTheBodyWhenTheDeviceFailsAfterAllItGaveWasUsed) {
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
 }
 
-TEST_F(BodyWorkerTest, SurvivesADriverThatThrows) {
-  auto source = std::make_unique<ScriptedSource>(std::vector<SensorSample>{imu_at(ms(1000))});
-  source->throws = true;
+TEST_F(BodyWorkerTest, ReadsOnAfterADriverThatThrewAndSaysSo) {
+  auto source = std::make_unique<ScriptedSource>(
+      std::vector<SensorSample>{imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
+  source->throws = 3;
   build(std::move(source));
   EXPECT_NO_THROW(run());
-  EXPECT_FALSE(worker_->reading());
-  EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
+  EXPECT_EQ(log_.updated.size(), 1u);
+  const auto told = events_.after(0);
+  const auto failed = std::find_if(told.begin(), told.end(),
+                                   [](const Event& e) { return e.kind == "source_failed"; });
+  ASSERT_NE(failed, told.end());
+  EXPECT_THAT(failed->text, testing::HasSubstr("the driver threw"));
+  for (const auto& event : events_.standing()) EXPECT_NE(event.kind, "source_failed");
 }
 
 TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {

@@ -13,7 +13,8 @@
 
 namespace fiducap {
 
-/// Gives the samples it was given, then ends: with nullopt, an error or an exception.
+/// Throws as often as it was told, gives the samples it was given, then ends: with nullopt or an
+/// error.
 class ScriptedSource final : public SensorSource {
  public:
   explicit ScriptedSource(std::vector<SensorSample> samples)
@@ -25,17 +26,20 @@ class ScriptedSource final : public SensorSource {
 
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override {
     if (stop.stop_requested()) return std::nullopt;
+    if (throws > 0) {
+      --throws;
+      throw std::runtime_error("the driver threw");
+    }
     if (!samples_.empty()) {
       std::optional<SensorSample> sample(std::move(samples_.front()));
       samples_.pop_front();
       return sample;
     }
-    if (throws) throw std::runtime_error("the driver threw");
     if (error_) return tl::unexpected(*error_);
     return std::nullopt;
   }
 
-  bool throws{false};
+  int throws{0};
 
  private:
   std::deque<SensorSample> samples_;
