@@ -158,6 +158,10 @@ class TopicReader final : public AnyReader, public dds::DataReaderListener {
       if (info.instance_state == dds::NOT_ALIVE_DISPOSED_INSTANCE_STATE) ++disposed_;
       if (!info.valid_data) continue;
       ++count_;
+      if (wanted_.has('l')) {  // live: a line for each message
+        std::puts(wanted_.name.c_str());
+        std::fflush(stdout);
+      }
       if constexpr (requires { message.id(); }) ids_.insert(message.id());
       last_ = show(message);
       const double now = std::chrono::duration<double>(Clock::now().time_since_epoch()).count();
