@@ -43,7 +43,9 @@ class Ends {
 class StreamNetwork {
  public:
   StreamNetwork(std::uint32_t seed, Ends& ends)
-      : random_(seed), bad_(from_seconds(1e-3 * (random_() % 700))), ends_(ends) {
+      : random_(seed),
+        bad_(from_seconds(1e-3 * static_cast<double>(random_() % 700))),
+        ends_(ends) {
     connect();
   }
   void suffer() {
