@@ -23,7 +23,7 @@ import faults
 import stage
 
 WITHIN_S = 20  # the watchdog's ten seconds, a restart, bodies that find themselves again
-STEADY_S = 2  # flows for so long, then it is back
+STEADY_S = 2.5  # flows for so long, then it is back
 RATE_HZ = 100
 
 

@@ -15,6 +15,7 @@ import time
 
 HOST = "127.0.0.1"
 SILENCE_S = 0.6  # at 100, 40 or 20 frames a second: not jitter
+POLL_SILENCE_S = 2.0  # of who asks four times a second, each time by a new connection
 GAP_S = 0.1  # of 100 frames a second: frames are missing
 
 
@@ -22,6 +23,7 @@ class Client(threading.Thread):
     """Derived classes have `converse`, which returns or raises when the conversation has ended."""
 
     name_of_protocol = "?"
+    silence_s = SILENCE_S
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -58,12 +60,12 @@ class Client(threading.Thread):
 
     def flows_since(self, begin, now):
         """When frames began to flow without a silence up to now; None while they do not."""
-        times = [t for t in list(self.arrivals) if t >= begin - SILENCE_S]
-        if not times or now - times[-1] > SILENCE_S:
+        times = [t for t in list(self.arrivals) if t >= begin - self.silence_s]
+        if not times or now - times[-1] > self.silence_s:
             return None
         since = times[0]
         for before, after in zip(times, times[1:]):
-            if after - before > SILENCE_S:
+            if after - before > self.silence_s:
                 since = after
         return max(since, begin)
 
@@ -247,6 +249,7 @@ class Health(Client):
     """/healthz a few times a second: a frame is an answer of 200."""
 
     name_of_protocol = "healthz"
+    silence_s = POLL_SILENCE_S
 
     def converse(self):
         while True:
@@ -336,6 +339,7 @@ class RosSource(Client):
     """Whether images of the body with a ROS source come in, as the page says it."""
 
     name_of_protocol = "ros source"
+    silence_s = POLL_SILENCE_S
 
     def __init__(self, body):
         super().__init__()
