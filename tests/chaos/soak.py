@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """./dev soak: the real server for an hour, with clients of all protocols that come, go and stall.
 
-A line a minute: memory, descriptors and threads of the server, frames, clients. At the end the verdict: after the warm-up
+A line a minute: memory, descriptors and threads of the server with the clients that stay, frames, clients. At the end the verdict: after the warm-up
 nothing grows, and a client that stayed missed no frame. Exit code 1 when that is not so.
 """
 
@@ -19,6 +19,7 @@ import faults
 import stage
 
 WARM_UP_MIN = 5
+SETTLED_S = 6  # clients that stalled are closed by then
 RECORD_EVERY = 3  # minutes: a recording of some seconds
 # What may grow after the warm-up, a hour: the map's last tags, a log's buffer; not what a leak of one client does.
 MOST_KB_PER_HOUR = 8 * 1024
@@ -57,7 +58,11 @@ class Crowd:
 
     def leave(self):
         for client in self.members:
+            client.stopping.set()
+        for client in self.members:
             client.stop()
+        self.left += len(self.members)
+        self.members = []
 
 
 def slope_per_hour(rows, column):
@@ -130,10 +135,14 @@ class Soak:
             stage.operator(self.programs, "stop")
             faults.forget_recordings(self.disk)
         end = time.monotonic()
+        rate, lost = round((native.count - frames) / (end - begin), 1), native.lost - lost
+        present = len(self.staying) + len(self.crowd.members)
+        self.crowd.leave()  # so that what is counted belongs to the same clients each time
+        time.sleep(SETTLED_S)
         rss, descriptors, threads = self.service.figures()
-        row = dict(zip(COLUMNS, (number, rss, descriptors, threads, round((native.count - frames) / (end - begin), 1),
-                                 native.lost - lost, round(native.silent_between(begin, end), 2), self.crowd.joined, self.crowd.left,
-                                 self.crowd.stalled, len(self.staying) + len(self.crowd.members))))
+        silent = round(native.silent_between(begin, end), 2)
+        row = dict(zip(COLUMNS, (number, rss, descriptors, threads, rate, lost, silent, self.crowd.joined, self.crowd.left,
+                                 self.crowd.stalled, present)))
         self.rows.append(row)
         return row
 
