@@ -39,6 +39,7 @@ class Instant:
         self.problems = []
         self.alarms = set()
         self.restarted = False
+        self.stood_still_s = 0.0  # this program, for want of a processor
 
 
 class Chaos:
@@ -58,7 +59,8 @@ class Chaos:
         self.clients = clients.of_every_protocol(programs)
         if driver:
             self.clients.append(clients.RosSource(stage.ROS_BODY))
-        for client in self.clients:
+        self.metronome = clients.Metronome()
+        for client in (self.metronome, *self.clients):
             client.start()
         self.store = os.path.join(self.disk.folder, "map.sqlite")
         self.newest_event = 0
@@ -116,6 +118,7 @@ class Chaos:
         instant.missing = [name for name in found if name not in instant.recovery_s]
         end = time.monotonic()
         instant.frames_lost = round(RATE_HZ * self.clients[0].silent_between(begin, end))
+        instant.stood_still_s = self.metronome.silent_between(begin, end)
         if recording:
             stage.operator(self.programs, "stop")
         faults.forget_recordings(self.disk)
@@ -212,7 +215,8 @@ def main():
                 wrong.append(f"{instant.versions_lost} map version(s) lost")
             slowest = max(instant.recovery_s.values(), default=0)
             print(f"{number}/{given.instants} {instant.kind}: " + ("; ".join(wrong) or f"back within {slowest:.1f} s")
-                  + (", restarted" if instant.restarted else "") + f", {instant.frames_lost} frames lost", flush=True)
+                  + (", restarted" if instant.restarted else "") + f", {instant.frames_lost} frames lost"
+                  + (f" (this program stood still for {instant.stood_still_s:.1f} s)" if instant.stood_still_s > 0.3 else ""), flush=True)
             if wrong:
                 bad += 1
                 os.kill(chaos.service.pid, signal.SIGKILL)  # so that the next instants count for themselves

@@ -78,6 +78,16 @@ class Client(threading.Thread):
         return sum(begin <= t < end for t in list(self.arrivals))
 
 
+class Metronome(Client):
+    """Talks to nobody: when it stands still, it is this machine that does."""
+
+    def converse(self):
+        while True:
+            self.rest()
+            time.sleep(0.02)
+            self.frame()
+
+
 class TcpClient(Client):
     port = 0
 
