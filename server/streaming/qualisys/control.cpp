@@ -103,7 +103,9 @@ Reply Control::stop() {
 Reply Control::save() const {
   if (recording()) return no("Failed to save measurement");
   if (last_capture_.empty()) return no("No measurement to save");
-  if (failure_of(desk_->recordings())) return no("Failed to save measurement");
+  const auto recordings = desk_->recordings();
+  if (failure_of(recordings) && recordings.back().name == last_capture_)
+    return no("Failed to save measurement");
   return yes("Measurement saved as '" + last_capture_ + "'");
 }
 

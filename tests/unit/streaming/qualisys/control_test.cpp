@@ -95,6 +95,20 @@ TEST_F(QualisysControl, SaysWhyACaptureCannotStart) {
   EXPECT_EQ(say(kAnna, "Start RTFromFile"), "-No file open");
 }
 
+TEST_F(QualisysControl, ACaptureThatFailedIsNotSaved) {
+  using State = RecordingStatus::State;
+  anna_is_master();
+  EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
+  EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  desk_.known = {{"take_1", State::kFailed, "the disk is full", 10, 2000, 3}};
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped, Event::kConnected));
+  EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
+  EXPECT_EQ(say(kAnna, "stop"), "-The measurement failed: the disk is full");
+  desk_.known.push_back({"take_2", State::kFinished, "", 10, 2000, 0});
+  EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
+}
+
 TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
   anna_is_master();
   EXPECT_EQ(say(kAnna, "Load x"), "-Failed to load measurement");
