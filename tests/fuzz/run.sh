@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What ./dev fuzz does once the targets are built: run.sh PROGRAMS SECONDS KEEP PROCESSES TARGET…
-# Each target runs for SECONDS from the kept corpus and what earlier runs found; at the end a table, and exit code 1
-# when anything was found. KEEP=1: the corpora are chosen anew from all inputs, see choose.py.
+# What ./dev fuzz does once the targets are built: run.sh PROGRAMS SECONDS BATCH KEEP PROCESSES TARGET…
+# Each target runs for SECONDS from the kept corpus and what earlier runs found, then on BATCH variants of all of these; at
+# the end a table, and exit code 1 when anything was found. KEEP=1: the corpora are chosen anew from all inputs, see choose.py.
 set -eu
-programs=$1 seconds=$2 keep=$3 processes=$4
-shift 4
+programs=$1 seconds=$2 batch=$3 keep=$4 processes=$5
+shift 5
 here=$(cd "$(dirname "$0")" && pwd)
 work=$programs/../corpus findings=$programs/../findings logs=$programs/../logs
 mkdir -p "$work" "$findings" "$logs"
@@ -22,10 +22,18 @@ longest() {
 }
 
 fuzz_one() {
+  local target=$1
+  mkdir -p "$work/$target" "$findings/$target"
+  rm -f "$logs/$target.log" "$logs/$target.batch.log"
+  [ "$seconds" = 0 ] || find_new "$target"
+  [ "$batch" = 0 ] || "$programs/${target}_batch" "$batch" "$(date +%s)" "$(longest "$target")" \
+    "$findings/$target/batch" "$here/corpus/$target" "$work/$target" >"$logs/$target.batch.log" 2>&1 || true
+}
+
+find_new() {
   local target=$1 dictionary=$here/dictionaries/$1.dict
   local words=()
   [ -f "$dictionary" ] && words=("-dict=$dictionary")
-  mkdir -p "$work/$target" "$findings/$target"
   # shellcheck disable=SC2086
   "$programs/$target" "$work/$target" "$here/corpus/$target" "${words[@]}" $limits -max_total_time="$seconds" \
     -max_len="$(longest "$target")" -len_control=20 -print_final_stats=1 -artifact_prefix="$findings/$target/" \
@@ -34,7 +42,8 @@ fuzz_one() {
 
 row() {
   local log=$logs/$1.log
-  local runs speed edges kept found
+  local runs speed edges kept found varied
+  touch "$log" "$logs/$1.batch.log"
   runs=$(awk '/^stat::number_of_executed_units/ {print $2}' "$log" | tail -1)
   # A target that ended early has no statistics; its last status line has the count.
   [ -n "$runs" ] || runs=$(grep -aoE '^#[0-9]+' "$log" | tail -1 | tr -d '#')
@@ -42,7 +51,9 @@ row() {
   edges=$(grep -aoE 'cov: [0-9]+' "$log" | tail -1 | tr -dc 0-9)
   kept=$(find "$work/$1" -type f | wc -l)
   found=$(find "$findings/$1" -type f | wc -l)
-  printf '%-22s %13s %9s %7s %7s %8s\n' "$1" "${runs:--}" "${speed:--}" "${edges:--}" "$kept" "$found"
+  varied=$(awk '/ executions, / {print $1 " " $3}' "$logs/$1.batch.log")
+  # shellcheck disable=SC2086  # two words
+  printf '%-22s %13s %9s %13s %9s %7s %7s %8s\n' "$1" "${runs:--}" "${speed:--}" ${varied:-- -} "${edges:--}" "$kept" "$found"
 }
 
 running=0
@@ -56,11 +67,16 @@ for target in "$@"; do
 done
 wait
 
-printf '%-22s %13s %9s %7s %7s %8s\n' target executions per_s edges corpus findings
+printf '%-22s %13s %9s %13s %9s %7s %7s %8s\n' target executions per_s batch per_s edges corpus findings
 for target in "$@"; do row "$target"; done
 
 if [ "$keep" = 1 ]; then
   for target in "$@"; do "$here/choose.py" "$programs/$target" "$here/corpus/$target" "$work/$target"; done
+fi
+if [ "$batch" != 0 ]; then
+  for target in "$@"; do
+    grep -q ' executions, ' "$logs/$target.batch.log" || touch "$findings/$target/batch" # died, whatever of
+  done
 fi
 unsound=$(find "${@/#/$findings/}" -type f)
 [ -z "$unsound" ] || {
