@@ -46,18 +46,18 @@ class FullPipe final {
   std::array<int, 2> ends_{};
 };
 
-/// What the server answers to `GET /healthz`; empty: nothing within a minute.
+/// What the server answers to `GET /healthz` once frames flow, or last within a minute.
 std::string health(std::uint16_t port) {
+  std::string line;
   for (int i = 0; i < 1200; ++i, std::this_thread::sleep_for(50ms)) {
     boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
                                        std::to_string(port));
     if (!web) continue;
     web.expires_after(5s);
     web << "GET /healthz HTTP/1.0\r\nHost: localhost\r\n\r\n" << std::flush;
-    std::string line;
-    if (std::getline(web, line)) return line;
+    if (std::getline(web, line) && line.find(" 200 ") != std::string::npos) break;
   }
-  return {};
+  return line;
 }
 
 std::vector<std::string> with_demo(std::vector<std::string> more) {
