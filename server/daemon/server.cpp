@@ -1,8 +1,6 @@
 #include "daemon/server.hpp"
 
 #include <algorithm>
-#include <boost/asio/signal_set.hpp>
-#include <csignal>
 #include <exception>
 #include <optional>
 #include <thread>
@@ -18,6 +16,7 @@
 #include "daemon/protocol_servers.hpp"
 #include "daemon/publisher.hpp"
 #include "daemon/recording/session_recorder.hpp"
+#include "daemon/signal_wait.hpp"
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
@@ -53,7 +52,7 @@ class Server::Impl final {
 
   Expected<void> build();
   bool run();
-  void stop();
+  void stop() noexcept;
   [[nodiscard]] ServerPorts ports() const { return ports_; }
   [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
 
@@ -91,7 +90,7 @@ class Server::Impl final {
   std::optional<ControlDesk> desk_;
   StreamLoop frames_{"streaming"};
   StreamLoop pages_{"pages"};
-  boost::asio::signal_set signals_{frames_.io()};
+  std::shared_ptr<SignalWait> signals_;
   ServerPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
@@ -265,11 +264,9 @@ void Server::Impl::start_threads() {
 
 bool Server::Impl::run() {
   if (options_.stop_on_signals) {
-    signals_.add(SIGINT);
-    signals_.add(SIGTERM);
-    signals_.async_wait([this](const boost::system::error_code& failure, int) {
-      if (!failure) stop();
-    });
+    signals_ = std::make_shared<SignalWait>(frames_.io(), [this] { stop(); });
+    net::register_wait(frames_.io(), signals_);
+    signals_->resume();
   }
   start_threads();
   log::info("daemon", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
@@ -290,7 +287,7 @@ void Server::Impl::serve() {
   frames_.run();
 }
 
-void Server::Impl::stop() {
+void Server::Impl::stop() noexcept {
   pages_.stop();
   frames_.stop();
 }

@@ -39,9 +39,13 @@ class StreamLoop::Impl final {
       if (stopping_) say_goodbye();
     }
   }
-  void stop() {
+  void stop() noexcept {
     stopping_ = true;
-    boost::asio::post(io_, [this] { say_goodbye(); });
+    try {
+      boost::asio::post(io_, [this] { say_goodbye(); });
+    } catch (...) {  // no memory even for that: ends without a goodbye
+      io_.stop();
+    }
   }
   void say_goodbye() {
     if (std::exchange(said_goodbye_, true)) return io_.stop();
@@ -73,6 +77,6 @@ void StreamLoop::put(std::shared_ptr<const SceneFrame> frame) {
   impl_->mailbox_.put(std::move(frame));
 }
 void StreamLoop::run() { impl_->run(); }
-void StreamLoop::stop() { impl_->stop(); }
+void StreamLoop::stop() noexcept { impl_->stop(); }
 
 }  // namespace fiducap

@@ -36,7 +36,7 @@ class StreamLoop final {
   void run();
   /// From any thread. The protocols say goodbye, a moment later `run` returns; called again, at
   /// once.
-  void stop();
+  void stop() noexcept;
 
  private:
   class Impl;

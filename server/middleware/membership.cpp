@@ -9,6 +9,10 @@ Expected<std::shared_ptr<Participant>> Membership::join() {
     return fail(ErrorCode::kUnavailable, "leaves a crowded domain; joins again in a moment",
                 "domain " + std::to_string(config_.domain));
   }
+  if (!*has_left_) {
+    return fail(ErrorCode::kUnavailable, "is still leaving the domain; joins again in a moment",
+                "domain " + std::to_string(config_.domain));
+  }
   auto joined = Participant::open(config_, [this](const Crowd& crowd) {
     events_.begin({.severity = Severity::kWarning,
                    .subject = "dds",
@@ -20,9 +24,15 @@ Expected<std::shared_ptr<Participant>> Membership::join() {
                              "docs/design/dds-exposure.md"});
   });
   if (!joined) return joined;
-  participant_ = *joined;
+  *has_left_ = false;
+  const std::shared_ptr<Participant> held(
+      (*joined).get(), [inner = *joined, left = has_left_](Participant*) mutable {
+        inner.reset();
+        *left = true;
+      });
+  participant_ = held;
   events_.end("dds", "crowded", "has joined the domain again");
-  return joined;
+  return held;
 }
 
 }  // namespace fiducap::dds

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <mutex>
 
@@ -19,7 +20,7 @@ class Membership final {
   Membership(const NetworkConfig& config, EventBoard& events) : config_(config), events_(events) {}
 
   /// @return the participant that others hold already, or a new one; Error while a crowded one is
-  /// still held
+  /// still held, or the last one still leaves
   [[nodiscard]] Expected<std::shared_ptr<Participant>> join();
 
  private:
@@ -27,6 +28,8 @@ class Membership final {
   EventBoard& events_;
   std::mutex mutex_;
   std::weak_ptr<Participant> participant_;
+  /// The last one has left entirely; its weak_ptr is empty as soon as it begins to.
+  std::shared_ptr<std::atomic<bool>> has_left_{std::make_shared<std::atomic<bool>>(true)};
 };
 
 }  // namespace fiducap::dds

@@ -16,7 +16,7 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 TOKEN = "operator-of-the-chaos"
 RESTART_S = 2.0  # as deploy/fiducapd.service has it
-WATCHDOG_S = 10.0
+WATCHDOG_S = 20.0  # as deploy/fiducapd.service has it
 ROS_BODY = "porter"
 F_SETPIPE_SZ = 1031
 

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <string>
 #include <system_error>
+#include <utility>
 
 namespace fiducap {
 
@@ -22,7 +23,9 @@ constexpr double kFullShare = 0.9;
 MachineState read_machine_state() {
   MachineState state;
   timex clock{};
-  state.clock_synchronised = ::adjtimex(&clock) != TIME_ERROR;
+  // A sandbox may refuse the question.
+  const int answer = ::adjtimex(&clock);
+  if (answer >= 0) state.clock_synchronised = answer != TIME_ERROR;
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) state.most_descriptors = limit.rlim_cur;
   std::error_code failed;
@@ -33,7 +36,15 @@ MachineState read_machine_state() {
 }
 
 void MachineHealth::look(const MachineState& state, Instant now) {
-  events_.set(!state.clock_synchronised,
+  if (!state.clock_synchronised && !std::exchange(said_unknown_clock_, true)) {
+    events_.tell({.severity = Severity::kInfo,
+                  .subject = "clock",
+                  .kind = "unknown",
+                  .text = "whether this computer's clock is synchronised may not be asked here; "
+                          "stamps in UTC (ROS 2, NatNet) are worth what it is",
+                  .remedy = "timedatectl says"});
+  }
+  events_.set(state.clock_synchronised == false,
               {.severity = Severity::kInfo,
                .subject = "clock",
                .kind = "unsynchronised",

@@ -10,7 +10,7 @@ namespace fiducap {
 
 /// What the machine says of itself at one instant.
 struct MachineState {
-  bool clock_synchronised{true};
+  std::optional<bool> clock_synchronised;  ///< nullopt: nobody says.
   std::size_t open_descriptors{0};
   std::size_t most_descriptors{0};  ///< 0: not known.
   std::uint64_t frames{0};          ///< Published.
@@ -30,6 +30,7 @@ class MachineHealth final {
   void judge_rate(const MachineState& state, Instant now);
 
   EventBoard& events_;
+  bool said_unknown_clock_{false};
   MachineState counted_{};
   std::optional<Instant> counted_at_;
 };

@@ -99,15 +99,9 @@ class DdsServer final : public Streamer {
         listeners_(clock) {}
 
   Expected<void> join(std::shared_ptr<const SceneModel> model) {
-    auto participant = join_();
-    if (!participant) return tl::unexpected(participant.error());
-    auto presence = std::make_unique<Presence>(std::move(*participant), config_, events_);
-    if (auto made = presence->offer.made(); !made) return made;
-    if (auto made = presence->offer.use(*model); !made) return made;
-    model_ = std::move(model);
-    presence_ = std::move(presence);
-    log::info("dds",
-              "serves ROS 2 topics in domain " + std::to_string(presence_->participant->domain()));
+    auto presence = enter(*model);
+    if (!presence) return tl::unexpected(presence.error());
+    take_up(std::move(*presence), std::move(model));
     return {};
   }
 
@@ -115,7 +109,7 @@ class DdsServer final : public Streamer {
 
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     if (stopped_) return;
-    if (!presence_) return join_again(frame->model);
+    if (!presence_) return come_back(frame->model);
     if (presence_->participant->is_crowded()) return leave();
     Offer& offer = presence_->offer;
     if (frame->model->generation != model_->generation) {
@@ -137,23 +131,56 @@ class DdsServer final : public Streamer {
     stopped_ = true;
     presence_.reset();
     if (leaving_.valid()) leaving_.wait();
+    if (joining_.valid()) joining_.wait();
   }
 
  private:
   static constexpr Duration kAway = std::chrono::seconds(10);
 
-  /// Not on the I/O thread: to forget hundreds of participants takes a while.
+  // To leave and to join takes a while (names are looked up, hundreds of participants forgotten):
+  // not on the I/O thread.
+
   void leave() {
     left_at_ = clock_.now();
     leaving_ =
         std::async(std::launch::async, [last = std::move(presence_)]() mutable { last.reset(); });
   }
 
-  void join_again(const std::shared_ptr<const SceneModel>& model) {
+  void come_back(const std::shared_ptr<const SceneModel>& model) {
+    const auto is_going_on = [](const auto& future) {
+      return future.valid() && future.wait_for(Duration{}) != std::future_status::ready;
+    };
+    if (is_going_on(leaving_) || is_going_on(joining_)) return;
+    if (joining_.valid()) return finish_joining(model);
     if (clock_.now() - left_at_ < kAway) return;
-    if (leaving_.valid() && leaving_.wait_for(Duration{}) != std::future_status::ready) return;
+    joining_ = std::async(std::launch::async, [this, model] { return enter(*model); });
+  }
+
+  void finish_joining(const std::shared_ptr<const SceneModel>& model) {
     left_at_ = clock_.now();
-    if (const auto joined = join(model); !joined) log::warning("dds", joined.error().text());
+    auto joined = joining_.get();
+    if (!joined) return log::warning("dds", joined.error().text());
+    // The bodies may have changed meanwhile.
+    if (const auto made = (*joined)->offer.use(*model); !made)
+      log::warning("dds", made.error().text());
+    take_up(std::move(*joined), model);
+  }
+
+  /// From any thread.
+  Expected<std::unique_ptr<Presence>> enter(const SceneModel& model) const {
+    auto participant = join_();
+    if (!participant) return tl::unexpected(participant.error());
+    auto presence = std::make_unique<Presence>(std::move(*participant), config_, events_);
+    if (auto made = presence->offer.made(); !made) return tl::unexpected(made.error());
+    if (auto made = presence->offer.use(model); !made) return tl::unexpected(made.error());
+    return presence;
+  }
+
+  void take_up(std::unique_ptr<Presence> presence, std::shared_ptr<const SceneModel> model) {
+    model_ = std::move(model);
+    presence_ = std::move(presence);
+    log::info("dds",
+              "serves ROS 2 topics in domain " + std::to_string(presence_->participant->domain()));
   }
 
   JoinDomain join_;
@@ -163,6 +190,7 @@ class DdsServer final : public Streamer {
   mutable Listeners listeners_;
   std::unique_ptr<Presence> presence_;  ///< Nothing: out of the domain for a while.
   std::future<void> leaving_;
+  std::future<Expected<std::unique_ptr<Presence>>> joining_;
   Instant left_at_{};
   std::shared_ptr<const SceneModel> model_;
   bool stopped_{false};

@@ -112,20 +112,36 @@ class WrongProofs final {
   static constexpr Duration kWindow = std::chrono::seconds(10);
 
   void note(std::uint64_t address_hash, Instant now) {
-    Entry& entry = entries_[address_hash % entries_.size()];
-    if (entry.count == 0 || now - entry.since >= kWindow) entry = {now, 0};
+    Entry& entry = place_of(address_hash, now);
+    if (entry.address_hash != address_hash || !is_fresh(entry, now)) entry = {address_hash, now, 0};
     ++entry.count;
   }
   [[nodiscard]] bool shut_out(std::uint64_t address_hash, Instant now) const {
-    const Entry& entry = entries_[address_hash % entries_.size()];
-    return entry.count >= kAllowed && now - entry.since < kWindow;
+    return std::any_of(entries_.begin(), entries_.end(), [&](const Entry& entry) {
+      return entry.address_hash == address_hash && entry.count >= kAllowed && is_fresh(entry, now);
+    });
   }
 
  private:
   struct Entry {
+    std::uint64_t address_hash{};
     Instant since{};
     int count{0};
   };
+
+  [[nodiscard]] static bool is_fresh(const Entry& entry, Instant now) {
+    return entry.count > 0 && now - entry.since < kWindow;
+  }
+  /// Its own, else a free one, else that of whoever guessed least: nobody is shut out for another.
+  [[nodiscard]] Entry& place_of(std::uint64_t address_hash, Instant now) {
+    const auto rank = [&](const Entry& entry) {
+      if (!is_fresh(entry, now)) return 0;
+      return entry.address_hash == address_hash ? -1 : entry.count;
+    };
+    return *std::min_element(entries_.begin(), entries_.end(),
+                             [&](const Entry& a, const Entry& b) { return rank(a) < rank(b); });
+  }
+
   std::array<Entry, 256> entries_{};
 };
 

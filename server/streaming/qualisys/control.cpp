@@ -34,6 +34,12 @@ std::optional<std::string> failure_of(const std::vector<RecordingStatus>& record
   return "The measurement failed: " + recordings.back().reason;
 }
 
+bool is_saved(const std::vector<RecordingStatus>& recordings, const std::string& name) {
+  return std::any_of(recordings.begin(), recordings.end(), [&](const RecordingStatus& one) {
+    return one.name == name && one.state == RecordingStatus::State::kFinished;
+  });
+}
+
 bool is_for_masters(const Command& command) {
   for (const std::string_view word : {"New", "Close", "Start", "Stop", "Save"}) {
     if (command.is(word)) return true;
@@ -103,9 +109,7 @@ Reply Control::stop() {
 Reply Control::save() const {
   if (recording()) return no("Failed to save measurement");
   if (last_capture_.empty()) return no("No measurement to save");
-  const auto recordings = desk_->recordings();
-  if (failure_of(recordings) && recordings.back().name == last_capture_)
-    return no("Failed to save measurement");
+  if (!is_saved(desk_->recordings(), last_capture_)) return no("Failed to save measurement");
   return yes("Measurement saved as '" + last_capture_ + "'");
 }
 
@@ -134,14 +138,25 @@ Reply Control::apply_settings(ClientId client, std::string_view xml,
 Event Control::state() const { return recording() ? Event::kCaptureStarted : Event::kConnected; }
 
 void Control::observe(std::vector<Event>& out) {
-  const bool now = recording();
-  if (now == was_recording_) return;
-  was_recording_ = now;
-  if (now) return out.push_back(Event::kCaptureStarted);
-  out.push_back(Event::kCaptureStopped);
-  if (!failure_of(desk_->recordings())) out.push_back(Event::kCaptureSaved);
-  out.push_back(
-      Event::kConnected);  // frames go on: a client that waits for live data may take them
+  if (desk_ == nullptr) return;
+  const auto now = desk_->recording();
+  if (now && !running_) out.push_back(Event::kCaptureStarted);
+  if (!now && running_) {
+    out.push_back(Event::kCaptureStopped);
+    ending_ = running_;
+  }
+  running_ = now;
+  if (!ending_) return;
+  // What waits for the disk may still fail.
+  const auto recordings = desk_->recordings();
+  const bool is_ending = std::any_of(
+      recordings.begin(), recordings.end(),
+      [&](const RecordingStatus& one) { return one.name == *ending_ && !one.is_over(); });
+  if (is_ending) return;
+  if (is_saved(recordings, *ending_)) out.push_back(Event::kCaptureSaved);
+  ending_.reset();
+  // Frames go on: a client that waits for live data may take them.
+  if (!now) out.push_back(Event::kConnected);
 }
 
 }  // namespace fiducap::qualisys

@@ -65,7 +65,8 @@ class Control final {
   OperatorDesk* desk_;
   std::optional<ClientId> master_;
   std::string master_peer_;
-  bool was_recording_{false};
+  std::optional<std::string> running_;  ///< Recording when it was looked at last …
+  std::optional<std::string> ending_;  ///< … and this one, until it is on the disk or has failed.
   std::string
       last_capture_;  ///< Name of the one that ended; empty: there is none, or it was closed.
 };

@@ -1,14 +1,14 @@
 #include "streaming/web/codec.hpp"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <limits>
 #include <numbers>
+
+#include "streaming/web/json_writer.hpp"
 
 namespace fiducap::web {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kLongestText = 1000;
 constexpr double kDegrees = 180.0 / std::numbers::pi;
@@ -20,28 +20,40 @@ double rounded(double value, double parts) { return std::round(value * parts) / 
 double micro(double value) { return rounded(value, 1e6); }
 double milli(double value) { return rounded(value, 1e3); }
 
-Json vector_json(const Eigen::Vector3d& v) {
-  return Json::array({micro(v.x()), micro(v.y()), micro(v.z())});
+void add_vector(JsonWriter& out, std::string_view name, const Eigen::Vector3d& v) {
+  out.name(name);
+  out.array([&] {
+    for (const double x : {v.x(), v.y(), v.z()}) out.value(micro(x));
+  });
 }
 
-Json quaternion_json(const Eigen::Quaterniond& q) {
-  return Json::array({micro(q.w()), micro(q.x()), micro(q.y()), micro(q.z())});
+void add_quaternion(JsonWriter& out, const Eigen::Quaterniond& q) {
+  out.name("q");
+  out.array([&] {
+    for (const double x : {q.w(), q.x(), q.y(), q.z()}) out.value(micro(x));
+  });
 }
 
-template <typename Derived>
-Json covariance_json(const Eigen::MatrixBase<Derived>& c) {
-  Json upper = Json::array();
-  for (int row = 0; row < 3; ++row) {
-    for (int column = row; column < 3; ++column) upper.push_back(rounded(c(row, column), 1e12));
-  }
-  return upper;
+void add_covariance(JsonWriter& out, const Eigen::Matrix3d& c) {
+  out.name("cov");
+  out.array([&] {
+    for (int row = 0; row < 3; ++row) {
+      for (int column = row; column < 3; ++column) out.value(rounded(c(row, column), 1e12));
+    }
+  });
 }
 
 double to_ms(Duration d) { return milli(to_seconds(d) * 1e3); }
 
-// Bytes that are not UTF-8 (a body's name, a peer's text) become U+FFFD instead of an exception.
-std::string text_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+/// An object with this `type`, and what `fill` adds to it.
+template <class Fill>
+std::string message(std::string_view type, Fill&& fill) {
+  JsonWriter out;
+  out.object([&] {
+    out.member("type", type);
+    fill(out);
+  });
+  return out.take();
 }
 
 // Every pose a filter gave has a covariance. Without one the zeros are no place, not even an old
@@ -50,136 +62,167 @@ bool was_ever_placed(const BodyPose& body) {
   return body.valid || body.covariance.diagonal().head<3>().maxCoeff() > 0;
 }
 
-void add_pose(Json& out, const BodyPose& body) {
+void add_pose(JsonWriter& out, const BodyPose& body) {
   if (!was_ever_placed(body)) {
     for (const char* name :
          {"p", "q", "v", "speed", "turn_rate_deg_s", "sigma_mm", "sigma_deg", "cov", "age_ms"}) {
-      out[name] = nullptr;
+      out.member(name, nullptr);
     }
     return;
   }
-  out["p"] = vector_json(body.X_WP.p);
-  out["q"] = quaternion_json(body.X_WP.q);
-  out["v"] = vector_json(body.v_WP);
-  out["speed"] = milli(body.v_WP.norm());
-  out["turn_rate_deg_s"] = milli(body.w_WP_P.norm() * kDegrees);
-  out["sigma_mm"] = milli(body.position_sigma_m() * kMillimetres);
-  out["sigma_deg"] = milli(body.rotation_sigma_rad() * kDegrees);
-  out["cov"] = covariance_json(body.covariance.topLeftCorner<3, 3>());
-  out["age_ms"] = to_ms(body.age);
+  add_vector(out, "p", body.X_WP.p);
+  add_quaternion(out, body.X_WP.q);
+  add_vector(out, "v", body.v_WP);
+  out.member("speed", milli(body.v_WP.norm()));
+  out.member("turn_rate_deg_s", milli(body.w_WP_P.norm() * kDegrees));
+  out.member("sigma_mm", milli(body.position_sigma_m() * kMillimetres));
+  out.member("sigma_deg", milli(body.rotation_sigma_rad() * kDegrees));
+  add_covariance(out, body.covariance.topLeftCorner<3, 3>());
+  out.member("age_ms", to_ms(body.age));
 }
 
-Json body_json(const BodyPose& body) {
-  Json out;
-  out["id"] = body.body_id;
-  out["state"] = name_of(body.state);
-  out["valid"] = body.valid;
-  add_pose(out, body);
-  out["latency_ms"] = to_ms(body.processing);
-  out["tags"] = body.tags_in_view;
-  out["image_rate_hz"] = milli(body.image_rate_hz);
-  out["reprojection_px"] = milli(body.reprojection_px);
-  out["images_dropped"] = body.images_dropped;
-  return out;
+void add_body(JsonWriter& out, const BodyPose& body) {
+  out.object([&] {
+    out.member("id", body.body_id);
+    out.member("state", name_of(body.state));
+    out.member("valid", body.valid);
+    add_pose(out, body);
+    out.member("latency_ms", to_ms(body.processing));
+    out.member("tags", body.tags_in_view);
+    out.member("image_rate_hz", milli(body.image_rate_hz));
+    out.member("reprojection_px", milli(body.reprojection_px));
+    out.member("images_dropped", body.images_dropped);
+  });
 }
 
-Json tag_json(const MapTag& entry) {
-  const auto position = entry.tag.covariance.topLeftCorner<3, 3>();
-  Json out;
-  out["id"] = entry.tag.tag_id;
-  out["edge_m"] = micro(entry.tag.edge_m);
-  out["state"] = name_of(entry.state);
-  out["component"] = entry.component;
-  out["sightings"] = entry.sightings;
-  out["p"] = vector_json(entry.tag.X_WT.p);
-  out["q"] = quaternion_json(entry.tag.X_WT.q);
-  out["sigma_mm"] = milli(std::sqrt(position.diagonal().maxCoeff()) * kMillimetres);
-  out["cov"] = covariance_json(position);
-  return out;
+void add_tag(JsonWriter& out, const MapTag& entry) {
+  const Eigen::Matrix3d position = entry.tag.covariance.topLeftCorner<3, 3>();
+  out.object([&] {
+    out.member("id", entry.tag.tag_id);
+    out.member("edge_m", micro(entry.tag.edge_m));
+    out.member("state", name_of(entry.state));
+    out.member("component", entry.component);
+    out.member("sightings", entry.sightings);
+    add_vector(out, "p", entry.tag.X_WT.p);
+    add_quaternion(out, entry.tag.X_WT.q);
+    out.member("sigma_mm", milli(std::sqrt(position.diagonal().maxCoeff()) * kMillimetres));
+    add_covariance(out, position);
+  });
 }
 
-Json event_json(const Event& event) {
-  return {{"n", event.number},
-          {"utc_ms", event.utc_ms},
-          {"severity", name_of(event.severity)},
-          {"subject", event.subject},
-          {"kind", event.kind},
-          {"text", event.text.substr(0, kLongestText)},
-          {"remedy", event.remedy.substr(0, kLongestText)},
-          {"over", event.over}};
+void add_client(JsonWriter& out, const ClientStatus& client) {
+  out.object([&] {
+    out.member("protocol", client.protocol);
+    out.member("peer", client.peer);
+    out.member("detail", client.detail);
+    out.member("sent", client.frames_sent);
+    out.member("dropped", client.frames_dropped);
+    out.member("connected_s", milli(client.connected_s));
+    const double unknown = std::numeric_limits<double>::quiet_NaN();  // written as null
+    out.member("clock_offset_s", client.clock ? client.clock->offset_s : unknown);
+    out.member("clock_sigma_s", client.clock ? client.clock->sigma_s : unknown);
+  });
+}
+
+void add_events(JsonWriter& out, std::string_view name, std::span<const Event> events) {
+  out.name(name);
+  out.array([&] {
+    for (const Event& event : events) {
+      out.object([&] {
+        out.member("n", event.number);
+        out.member("utc_ms", event.utc_ms);
+        out.member("severity", name_of(event.severity));
+        out.member("subject", event.subject);
+        out.member("kind", event.kind);
+        out.member("text", event.text.substr(0, kLongestText));
+        out.member("remedy", event.remedy.substr(0, kLongestText));
+        out.member("over", event.over);
+      });
+    }
+  });
 }
 
 }  // namespace
 
 std::string encode_hello(const Hello& hello, const SceneModel& model) {
-  Json out{{"type", "hello"},
-           {"server", hello.server_name},
-           {"version", hello.version},
-           {"map_mode", hello.map_mode},
-           {"page_rate_hz", hello.rate_hz},
-           {"bodies", Json::array()}};
-  for (const auto& body : model.bodies)
-    out["bodies"].push_back({{"id", body.id}, {"name", body.name}});
-  return text_of(out);
+  return message("hello", [&](JsonWriter& out) {
+    out.member("server", hello.server_name);
+    out.member("version", hello.version);
+    out.member("map_mode", hello.map_mode);
+    out.member("page_rate_hz", hello.rate_hz);
+    out.name("bodies");
+    out.array([&] {
+      for (const auto& body : model.bodies) {
+        out.object([&] {
+          out.member("id", body.id);
+          out.member("name", body.name);
+        });
+      }
+    });
+  });
 }
 
 std::string encode_map(const TagMap& map) {
-  Json out{{"type", "map"},
-           {"version", map.version},
-           {"parent", map.parent},
-           {"hash", map.hash},
-           {"family", map.family},
-           {"reference_tag", map.reference_tag ? Json(*map.reference_tag) : Json(nullptr)},
-           {"comment", map.comment},
-           {"tags", Json::array()}};
-  for (const auto& entry : map.tags) out["tags"].push_back(tag_json(entry));
-  return text_of(out);
+  return message("map", [&](JsonWriter& out) {
+    out.member("version", map.version);
+    out.member("parent", map.parent);
+    out.member("hash", map.hash);
+    out.member("family", map.family);
+    out.name("reference_tag");
+    map.reference_tag ? out.value(*map.reference_tag) : out.value(nullptr);
+    out.member("comment", map.comment);
+    out.name("tags");
+    out.array([&] {
+      for (const auto& entry : map.tags) add_tag(out, entry);
+    });
+  });
 }
 
 std::string encode_frame(const SceneFrame& frame) {
-  Json out{{"type", "frame"},
-           {"number", frame.number},
-           {"utc_ms", frame.utc_ns() / 1'000'000},
-           {"rate_hz", milli(frame.rate_hz)},
-           {"map_version", frame.map ? Json(frame.map->version) : Json(nullptr)},
-           {"bodies", Json::array()}};
-  for (const auto& body : frame.bodies) out["bodies"].push_back(body_json(body));
-  return text_of(out);
+  return message("frame", [&](JsonWriter& out) {
+    out.member("number", frame.number);
+    out.member("utc_ms", frame.utc_ns() / 1'000'000);
+    out.member("rate_hz", milli(frame.rate_hz));
+    out.name("map_version");
+    frame.map ? out.value(frame.map->version) : out.value(nullptr);
+    out.name("bodies");
+    out.array([&] {
+      for (const auto& body : frame.bodies) add_body(out, body);
+    });
+  });
 }
 
 std::string encode_clients(std::span<const ClientStatus> clients) {
-  Json out{{"type", "clients"}, {"clients", Json::array()}};
-  for (const auto& client : clients) {
-    const auto& clock = client.clock;
-    out["clients"].push_back({{"protocol", client.protocol},
-                              {"peer", client.peer},
-                              {"detail", client.detail},
-                              {"sent", client.frames_sent},
-                              {"dropped", client.frames_dropped},
-                              {"connected_s", milli(client.connected_s)},
-                              {"clock_offset_s", clock ? Json(clock->offset_s) : Json(nullptr)},
-                              {"clock_sigma_s", clock ? Json(clock->sigma_s) : Json(nullptr)}});
-  }
-  return text_of(out);
+  return message("clients", [&](JsonWriter& out) {
+    out.name("clients");
+    out.array([&] {
+      for (const auto& client : clients) add_client(out, client);
+    });
+  });
 }
 
 std::string encode_log(std::span<const log::Line> lines) {
-  Json out{{"type", "log"}, {"lines", Json::array()}};
-  for (const auto& line : lines) {
-    out["lines"].push_back({{"n", line.number},
-                            {"utc_ms", line.utc_ms},
-                            {"level", log::name_of(line.level)},
-                            {"room", line.room},
-                            {"text", line.text.substr(0, kLongestText)}});
-  }
-  return text_of(out);
+  return message("log", [&](JsonWriter& out) {
+    out.name("lines");
+    out.array([&] {
+      for (const auto& line : lines) {
+        out.object([&] {
+          out.member("n", line.number);
+          out.member("utc_ms", line.utc_ms);
+          out.member("level", log::name_of(line.level));
+          out.member("room", line.room);
+          out.member("text", line.text.substr(0, kLongestText));
+        });
+      }
+    });
+  });
 }
 
 std::string encode_events(std::span<const Event> standing, std::span<const Event> newest) {
-  Json out{{"type", "events"}, {"standing", Json::array()}, {"events", Json::array()}};
-  for (const auto& event : standing) out["standing"].push_back(event_json(event));
-  for (const auto& event : newest) out["events"].push_back(event_json(event));
-  return text_of(out);
+  return message("events", [&](JsonWriter& out) {
+    add_events(out, "standing", standing);
+    add_events(out, "events", newest);
+  });
 }
 
 std::string encode_state(const StateParts& parts) {

@@ -207,6 +207,15 @@ TEST_F(MachineHealthTest, SaysWhatIsWrongAsLongAsItIs) {
   EXPECT_THAT(standing(), IsEmpty());
 }
 
+TEST_F(MachineHealthTest, AClockThatMayNotBeAskedIsSaidOnceAndIsNoAlarm) {
+  look({});
+  look({});
+  EXPECT_THAT(standing(), IsEmpty());
+  const auto told = events_.after(0);
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0].kind, "unknown");
+}
+
 TEST_F(MachineHealthTest, FramesLeftOutAreOverload) {
   MachineState state;
   for (int i = 0; i < 5; ++i) {

@@ -201,8 +201,9 @@ TEST_F(SoundRecordings, OneWrongStampCostsNoImageNoPose) {
         std::tuple(kImu, 700, "0")}) {
     SCOPED_TRACE(stamp);
     const std::string recording = copy();
-    spoil(recording + "/" + file,
-          [&](Rows& rows) { rows[static_cast<std::size_t>(line)][0] = stamp; });
+    spoil(recording + "/" + file, [line = line, stamp = stamp](Rows& rows) {
+      rows[static_cast<std::size_t>(line)][0] = stamp;
+    });
     EXPECT_EQ(say({"replay", recording, "--out", own_.file("out")}), kExitOk) << err_;
     EXPECT_EQ(placed(out_), expected);
     fs::remove_all(recording);

@@ -1,6 +1,8 @@
 // More participants than can be true: the server leaves the domain, which forgets them, and joins
 // again.
 #include <gmock/gmock.h>
+#include <atomic>
+#include <future>
 
 #include <chrono>
 #include <thread>
@@ -94,6 +96,37 @@ TEST_F(DdsCrowd, TheServerLeavesAndComesBackAfterAWhile) {
   ASSERT_TRUE(comes_true([&] {
     (*server)->publish(frame);
     clock.advance(11s);
+    const auto joined = membership_.join();
+    return joined && joined->use_count() > 1;
+  }));
+  (*server)->stop();
+}
+
+TEST_F(DdsCrowd, ComingBackHoldsUpNobody) {
+  FakeClock clock;
+  const auto frame = make_scene_frame({"drone"});
+  std::atomic<int> joins{0};
+  std::promise<void> names_are_found;  // a resolver that does not answer
+  auto server = start_dds_server(
+      [&, found = names_are_found.get_future().share()] {
+        if (++joins > 1) found.wait();
+        return membership_.join();
+      },
+      {}, frame->model, clock);
+  ASSERT_TRUE(server) << server.error().text();
+  forge(**membership_.join(), Crowd::kMostPresent + 1);
+  (*server)->publish(frame);
+  ASSERT_TRUE(comes_true([&] {
+    clock.advance(11s);
+    (*server)->publish(frame);
+    return joins == 2;
+  }));
+  for (int i = 0; i < 100; ++i) (*server)->publish(frame);  // would stand here for ever
+  EXPECT_EQ(joins, 2);
+  names_are_found.set_value();
+  EXPECT_TRUE(comes_true([&] {
+    clock.advance(11s);
+    (*server)->publish(frame);
     const auto joined = membership_.join();
     return joined && joined->use_count() > 1;
   }));

@@ -56,5 +56,16 @@ TEST(PlaceFor, LocalClientsDoNotKeepEachOtherOut) {
   EXPECT_TRUE(place_for(remote(1), holders, 4).is_there);
 }
 
+TEST(WrongProofsTest, NobodyIsShutOutForSomebodyElse) {
+  WrongProofs wrong;
+  const Instant now = instant_from_ns(1'000'000'000);
+  for (std::uint64_t address = 1; address <= 10'000; ++address) {
+    for (int i = 0; i < WrongProofs::kAllowed; ++i) wrong.note(address, now);
+    EXPECT_TRUE(wrong.shut_out(address, now));
+    EXPECT_FALSE(wrong.shut_out(address + 256, now));
+  }
+  EXPECT_FALSE(wrong.shut_out(20'000, now));
+}
+
 }  // namespace
 }  // namespace fiducap::net

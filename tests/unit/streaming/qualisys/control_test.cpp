@@ -43,6 +43,9 @@ TEST_F(QualisysControl, WithoutADeskNobodyIsMaster) {
   Control closed(nullptr);
   EXPECT_EQ(closed.take(kAnna, "anna", kToken).text, "Client control disabled in QTM");
   EXPECT_EQ(closed.state(), Event::kConnected);
+  std::vector<Event> events;
+  closed.observe(events);
+  EXPECT_TRUE(events.empty());
 }
 
 TEST_F(QualisysControl, ThereIsOneMasterAtATime) {
@@ -109,6 +112,21 @@ TEST_F(QualisysControl, ACaptureThatFailedIsNotSaved) {
   EXPECT_EQ(say(kAnna, "stop"), "-No measurement is running");
 }
 
+TEST_F(QualisysControl, ACaptureIsNotSavedBeforeItIsOnTheDisk) {
+  using State = RecordingStatus::State;
+  anna_is_master();
+  desk_.stops_as = State::kStopping;
+  EXPECT_EQ(say(kAnna, "start"), "+Starting measurement");
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
+  EXPECT_EQ(say(kAnna, "stop"), "+Stopping measurement");
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureStopped));
+  EXPECT_EQ(say(kAnna, "save take"), "-Failed to save measurement");
+  EXPECT_THAT(events(), IsEmpty());
+  desk_.known.back().state = State::kFinished;
+  EXPECT_THAT(events(), ElementsAre(Event::kCaptureSaved, Event::kConnected));
+  EXPECT_EQ(say(kAnna, "save take"), "+Measurement saved as 'take_1'");
+}
+
 TEST_F(QualisysControl, WordsThatAreNotForUsAreRefusedInQtmsWords) {
   anna_is_master();
   EXPECT_EQ(say(kAnna, "Load x"), "-Failed to load measurement");
@@ -124,7 +142,7 @@ TEST_F(QualisysControl, TellsWhatHappenedWhoeverDidIt) {
   desk_.running = "by the page";
   EXPECT_THAT(events(), ElementsAre(Event::kCaptureStarted));
   EXPECT_THAT(events(), IsEmpty());
-  desk_.running.reset();
+  ASSERT_TRUE(desk_.stop_recording());
   EXPECT_THAT(events(),
               ElementsAre(Event::kCaptureStopped, Event::kCaptureSaved, Event::kConnected));
   EXPECT_EQ(control_.state(), Event::kConnected);

@@ -17,6 +17,7 @@ class FakeDesk final : public OperatorDesk {
   int started{0};
   bool disk_full{false};
   std::vector<RecordingStatus> known;
+  RecordingStatus::State stops_as{RecordingStatus::State::kFinished};
 
   [[nodiscard]] bool admits(std::string_view token) const override {
     return token == "open sesame";
@@ -37,6 +38,7 @@ class FakeDesk final : public OperatorDesk {
     return {};
   }
   Expected<void> stop_recording() override {
+    if (running) known.push_back({*running, stops_as, "", 10, 2000, 0});
     running.reset();
     return {};
   }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "support/allocation_counter.hpp"
 #include "support/scene_builder.hpp"
 
 namespace fiducap::web {
@@ -186,6 +187,30 @@ TEST(WebCodec, AnEventThatIsNoTextIsSentAllTheSame) {
       {.subject = "drone", .kind = "x", .text = "\xff\"\n" + std::string(5000, 'x')}};
   const auto events = Json::parse(encode_events(hostile, {}));
   EXPECT_LE(events["standing"][0]["text"].get<std::string>().size(), 1002u);
+}
+
+TEST(WebCodec, MemoryThatIsOutIsAnExceptionWhereverItIsAskedFor) {
+  const auto scene = make_scene_frame({"a", "b"}, 9);
+  AllocationFault::reach_this_thread();
+  bool has_failed = true;
+  int tried = 0;
+  for (; has_failed; ++tried) {
+    AllocationFault::arm(tried + 1);
+    std::string frame;
+    try {
+      frame = encode_frame(*scene);
+    } catch (const std::bad_alloc&) {
+    }
+    has_failed = AllocationFault::disarm();
+    EXPECT_EQ(frame.empty(), has_failed);
+  }
+  EXPECT_GT(tried, 3);
+}
+
+TEST(WebCodec, NamesThatAreNoUtf8AreReplaced) {
+  const SceneModel model{3, {{1, "an\xffy\"mal\n"}}};
+  const auto hello = Json::parse(encode_hello({"hall", "0.1.0", "frozen", 20}, model));
+  EXPECT_EQ(hello["bodies"][0]["name"], "an\uFFFDy\"mal\n");
 }
 
 }  // namespace
