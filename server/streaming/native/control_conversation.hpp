@@ -34,6 +34,8 @@ class ControlConversation final {
   void tell_events(std::vector<std::byte>& out, Instant now);
   /// @return false for who says nothing, or does not finish what he began, for too long
   [[nodiscard]] bool patient(Instant now) const;
+  /// It knows the operator's token.
+  [[nodiscard]] bool is_operator() const { return sequence_ > 0; }
 
  private:
   [[nodiscard]] bool answer(std::span<const std::byte> message, std::vector<std::byte>& out,

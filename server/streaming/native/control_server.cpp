@@ -29,6 +29,11 @@ class ControlServer::Session final : public net::TcpSession {
     conversation_.greet(replies(), this->clock().now());
   }
 
+  /// Whoever knows the token keeps the place; a newcomer has time to show that he does.
+  [[nodiscard]] bool may_be_replaced(Instant now) const override {
+    return !conversation_.is_operator() && now - since() >= kTimeToProve;
+  }
+
  protected:
   void received(std::span<const std::byte> bytes) override {
     if (hanging_up_) return;
@@ -47,6 +52,7 @@ class ControlServer::Session final : public net::TcpSession {
 
  private:
   static constexpr Duration kLastWords = std::chrono::milliseconds(200);
+  static constexpr Duration kTimeToProve = std::chrono::seconds(2);
 
   ControlConversation conversation_;
   bool hanging_up_{false};

@@ -49,6 +49,7 @@ struct TcpServer::State final : StandingWait, std::enable_shared_from_this<State
                  const MakeSession& make);
   [[nodiscard]] std::vector<Peer> holders() const;
   [[nodiscard]] std::shared_ptr<Session> newest_of(const Peer& address) const;
+  [[nodiscard]] std::shared_ptr<Session> oldest_replaceable() const;
   [[nodiscard]] Room room_for(const Peer& peer);
   void complain_about_room(const Peer& peer, std::size_t all, std::ptrdiff_t same);
   void tick();
@@ -103,7 +104,7 @@ void TcpServer::State::take_in(tcp::socket socket, const MakeSession& make) {
   const Room room = room_for(peer_of(from));
   if (!room.is_there) return;  // closes it
   if (room.instead_of)
-    room.instead_of->close("is closed: its address holds the most places and others want one",
+    room.instead_of->close("is closed: all places are taken and somebody else wants one",
                            log::Level::kWarning);
   const auto session = make(Socket(new TcpSocket{std::move(socket)}), peer_of(from));
   if (session == nullptr) return;
@@ -130,6 +131,14 @@ std::shared_ptr<Session> TcpServer::State::newest_of(const Peer& address) const 
   return newest == sessions.rend() ? nullptr : *newest;
 }
 
+/// @return nullptr: there is none
+std::shared_ptr<Session> TcpServer::State::oldest_replaceable() const {
+  const auto oldest = std::find_if(sessions.begin(), sessions.end(), [&](const auto& session) {
+    return !session->closed() && session->may_be_replaced(clock.now());
+  });
+  return oldest == sessions.end() ? nullptr : *oldest;
+}
+
 TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
   const std::vector<Peer> all = holders();
   const auto same = std::count_if(all.begin(), all.end(),
@@ -139,7 +148,7 @@ TcpServer::State::Room TcpServer::State::room_for(const Peer& peer) {
   if (!full_here) {
     const Place place = place_for(peer, all, static_cast<std::size_t>(limits.max_clients));
     if (place.is_there && !place.instead_of) return {true};
-    auto spare = place.instead_of ? newest_of(*place.instead_of) : nullptr;
+    auto spare = place.instead_of ? newest_of(*place.instead_of) : oldest_replaceable();
     if (spare) return {true, std::move(spare)};
   }
   complain_about_room(peer, all.size(), same);

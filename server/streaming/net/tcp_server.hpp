@@ -31,7 +31,8 @@ struct TcpLimits {
 ///
 /// Nobody keeps others out by holding many places: when all are taken, the address with the most
 /// loses its newest session to an address that has at least two fewer, and to the operator at the
-/// machine itself (`place_for`).
+/// machine itself (`place_for`). When nobody holds more than others, the oldest session that may be
+/// replaced goes.
 ///
 /// Nothing of it is called after `stop`, whatever still waits in the I/O queue.
 class TcpServer final {

@@ -39,6 +39,9 @@ class Session : public std::enable_shared_from_this<Session> {
   /// Idempotent; says why in the log.
   virtual void close(std::string_view why, log::Level level = log::Level::kInfo) = 0;
 
+  /// Gives its place up to a newcomer when all are taken.
+  [[nodiscard]] virtual bool may_be_replaced(Instant) const { return false; }
+
   [[nodiscard]] bool closed() const { return closed_; }
   [[nodiscard]] const Peer& peer() const { return peer_; }
 

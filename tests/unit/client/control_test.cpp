@@ -10,6 +10,31 @@
 namespace fiducap {
 namespace {
 
+/// A connection from an address of 127.0.0.0/8 that has been greeted and says nothing.
+class Watcher {
+ public:
+  Watcher(std::uint32_t host, std::uint16_t port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    sockaddr_in here{};
+    here.sin_family = AF_INET;
+    here.sin_addr.s_addr = htonl(host);
+    EXPECT_EQ(::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof(here)), 0);
+    sockaddr_in there = here;
+    there.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    there.sin_port = htons(port);
+    EXPECT_EQ(::connect(socket_, reinterpret_cast<const sockaddr*>(&there), sizeof(there)), 0);
+    char greeting = 0;
+    (void)!::recv(socket_, &greeting, 1, 0);
+  }
+  Watcher(Watcher&& other) noexcept : socket_(std::exchange(other.socket_, -1)) {}
+  Watcher& operator=(Watcher&&) = delete;
+  ~Watcher() {
+    if (socket_ >= 0) ::close(socket_);
+  }
+
+ private:
+  int socket_;
+};
+
 class ControlTest : public testing::Test {
  protected:
   ControlOptions options(const std::string& token = "correct horse") const {
@@ -109,6 +134,18 @@ TEST_F(ControlTest, ShutsOutWhoGuesses) {
   Control control(options());
   const auto outcome = control.commit_map();
   EXPECT_TRUE(outcome) << outcome.problem;
+}
+
+TEST_F(ControlTest, TheOperatorGetsInThoughManyAddressesHoldAllPlaces) {
+  std::vector<Watcher> watchers;
+  for (std::uint32_t i = 0; i < 32; ++i) watchers.emplace_back(0x7f000010 + i, server_.port());
+  EXPECT_FALSE(Control(options()).commit_map()) << "each has time to prove itself";
+  server_.clock().advance(std::chrono::seconds(3));
+  Control control(options());
+  const auto outcome = control.commit_map();
+  ASSERT_TRUE(outcome) << outcome.problem;
+  for (std::uint32_t i = 0; i < 32; ++i) watchers.emplace_back(0x7f000050 + i, server_.port());
+  EXPECT_TRUE(control.commit_map()) << "and keeps the place";
 }
 
 TEST_F(ControlTest, SaysThatNobodyListens) {

@@ -22,7 +22,9 @@ class Echo final : public TcpSession {
     if (throws_later) throw std::runtime_error("cannot be encoded");
     offer(std::make_shared<const std::vector<std::byte>>(1, std::byte{'f'}));
   }
+  [[nodiscard]] bool may_be_replaced(Instant) const override { return is_replaceable; }
   bool throws_later{false};
+  bool is_replaceable{false};
 
  protected:
   void received(std::span<const std::byte> got) override {
@@ -197,6 +199,21 @@ TEST_F(TcpServerTest, WhoHoldsTheMostPlacesGivesOneToWhoHasNone) {
   auto back = dial(kGreedy);
   EXPECT_EQ(read(back, 1), "end") << "everybody has one now";
   EXPECT_EQ(echo(other, 'c'), "c");
+}
+
+TEST_F(TcpServerTest, ManyAddressesKeepNobodyOutWhileOneMayBeReplaced) {
+  auto first = connect(0x7f000002);
+  auto second = connect(0x7f000003);
+  auto third = connect(0x7f000004);
+  auto refused = dial(0x7f000005);
+  EXPECT_EQ(read(refused, 1), "end") << "none of them";
+  sessions_[1]->is_replaceable = true;
+  sessions_[2]->is_replaceable = true;
+  auto newcomer = connect(0x7f000005);
+  EXPECT_EQ(echo(newcomer, 'a'), "a");
+  EXPECT_TRUE(sessions_[1]->closed()) << "the oldest of the two";
+  EXPECT_FALSE(sessions_[2]->closed());
+  EXPECT_EQ(echo(first, 'b'), "b");
 }
 
 TEST_F(TcpServerTest, ConnectsToAPeerWithinTheSameLimits) {
