@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "base/log_lines.hpp"
+#include "base/this_thread.hpp"
 
 namespace fiducap::log {
 
@@ -126,7 +127,10 @@ class Log {
   void start() {
     if (has_thread_) return;
     try {
-      std::thread([this] { run(); }).detach();
+      std::thread([this] {
+        name_this_thread("log");
+        run();
+      }).detach();
       has_thread_ = true;
     } catch (const std::system_error&) {
     }

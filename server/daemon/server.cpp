@@ -8,6 +8,7 @@
 
 #include "base/event_board.hpp"
 #include "base/log.hpp"
+#include "base/this_thread.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_threads.hpp"
 #include "daemon/bodies/reopening_source.hpp"
@@ -27,6 +28,14 @@
 namespace fiducap {
 
 namespace {
+
+template <typename Work>
+std::jthread named(const char* name, Work work) {
+  return std::jthread([name, work = std::move(work)](std::stop_token stop) {
+    name_this_thread(name);
+    work(std::move(stop));
+  });
+}
 
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
 constexpr std::chrono::seconds kLastCommit{1};
@@ -251,15 +260,15 @@ void Server::Impl::start_threads() {
     if (options_.exit_at_end) stop();
   });
   if (!pages_.hub().empty()) {
-    paging_ = std::jthread([this](std::stop_token stop) {
+    paging_ = named("pages", [this](std::stop_token stop) {
       const std::stop_callback ended(stop, [this] { pages_.stop(); });
       pages_.run();
     });
   }
-  if (keeper_) keeping_ = std::jthread([this](std::stop_token stop) { keeper_->run(stop); });
-  recording_ = std::jthread([this](std::stop_token stop) { recorder_.run(stop); });
-  publishing_ = std::jthread([this](std::stop_token stop) { publisher_->run(stop); });
-  watching_ = std::jthread([this](std::stop_token stop) { watch_->run(stop); });
+  if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
+  recording_ = named("recorder", [this](std::stop_token stop) { recorder_.run(stop); });
+  publishing_ = named("publisher", [this](std::stop_token stop) { publisher_->run(stop); });
+  watching_ = named("watch", [this](std::stop_token stop) { watch_->run(stop); });
 }
 
 bool Server::Impl::run() {

@@ -10,13 +10,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
+
+#include "base/open_descriptors.hpp"
 
 namespace fiducap::dds {
 
@@ -101,11 +100,7 @@ std::optional<int> udp_port(int descriptor) {
 std::vector<int> sockets_of(int domain) {
   const int first = kFirstPort + domain * kPortsPerDomain;
   std::vector<int> found;
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd", error)) {
-    const std::string name = entry.path().filename();
-    int descriptor = -1;
-    std::from_chars(name.data(), name.data() + name.size(), descriptor);
+  for (const int descriptor : open_descriptors()) {
     const auto port = udp_port(descriptor);
     if (port && *port >= first && *port < first + kPortsPerDomain) found.push_back(descriptor);
   }

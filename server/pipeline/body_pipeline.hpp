@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "base/cpu_time.hpp"
+#include "base/this_thread.hpp"
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
 #include "mapping/map_builder.hpp"

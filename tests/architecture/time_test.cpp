@@ -16,7 +16,7 @@ namespace {
 const std::set<std::string> kReadMachineClocks{
     "server/daemon/system_clock.cpp",            // the Clock
     "server/base/log.cpp",                       // when a line was written
-    "server/base/cpu_time.cpp",                  // what a thread costs
+    "server/base/this_thread.cpp",               // what a thread costs
     "server/capture/ros/ros_source.cpp",         // ROS stamps are UTC
     "server/tools/terminal.cpp",                 // how often a person's screen is drawn
     "server/tools/live/watch_command.cpp",       // the same, and --seconds

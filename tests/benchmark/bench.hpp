@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "base/cpu_time.hpp"
+#include "base/this_thread.hpp"
 
 namespace fiducap::bench {
 

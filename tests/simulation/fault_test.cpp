@@ -4,15 +4,19 @@
 #include <sys/socket.h>
 #include <sys/time.h>
 
+#include <algorithm>
 #include <boost/asio/connect.hpp>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/udp.hpp>
 #include <fiducap/client.hpp>
+#include <fiducap/control.hpp>
+#include <functional>
 #include <random>
 
 #include "support/allocation_counter.hpp"
 #include "support/running_server.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -48,9 +52,15 @@ constexpr std::string_view kNatNetEcho{"\x0c\x00\x08\x00\x01\x02\x03\x04\x05\x06
 
 class ServerUnderFaults : public testing::Test {
  protected:
-  static ServerConfig config() {
+  explicit ServerUnderFaults(std::function<void()> first = &AllocationFault::reach_this_thread)
+      : server_(config(), {}, std::move(first)) {}
+
+  ServerConfig config() const {
     ServerConfig demo = corner_demo();
     demo.streaming.rate_hz = 200;
+    demo.operators.token = kToken;
+    demo.map.store = folder_.file("map.sqlite");
+    demo.recorder.folder = folder_.file("recordings");
     return demo;
   }
   /// Which protocols do not answer; `all` is empty when everything is well.
@@ -82,7 +92,9 @@ class ServerUnderFaults : public testing::Test {
     return error != asio::error::would_block && error != asio::error::try_again;
   }
 
-  RunningServer server_{config(), {}, &AllocationFault::reach_this_thread};
+  static constexpr const char* kToken = "correct horse battery";
+  TemporaryFolder folder_;
+  RunningServer server_;
   Client client_{[this] {
     ClientOptions options;
     options.port = server_->ports().native;
@@ -122,6 +134,82 @@ TEST_F(ServerUnderFaults, EveryProtocolGoesOnAfterAllocationsThatFailed) {
   server_.stop();
   EXPECT_TRUE(server_.clean());
 }
+
+/// Every other thread in its turn, while the server records, stores its map and shows its page.
+class ThreadUnderFaults : public ServerUnderFaults,
+                          public testing::WithParamInterface<const char*> {
+ protected:
+  ThreadUnderFaults() : ServerUnderFaults([] {}) {}
+
+  /// What makes work for the thread.
+  void use_all(const std::string& recording) {
+    (void)control_.start_recording(recording);
+    (void)control_.commit_map();
+    (void)answers<tcp::socket>(server_->ports().web, "GET /api/v1/state HTTP/1.0\r\n\r\n");
+    wait_for_frames(20);
+    (void)control_.stop_recording();
+  }
+  void wait_for_frames(int count) {
+    Frame frame;
+    auto last = client_.latest(frame) ? frame.number : 0;
+    for (; count > 0 && client_.wait_for_frame(last, std::chrono::seconds(5)); --count) {
+      if (client_.latest(frame)) last = frame.number;
+    }
+  }
+  bool comes_true(const std::function<bool()>& condition) {
+    for (int i = 0; i < 3000; ++i) {  // a minute: a body may have to come to a tag of the map
+      if (condition()) return true;
+      wait_for_frames(4);
+    }
+    return false;
+  }
+  bool all_bodies_are_tracked() {
+    Frame frame;
+    return client_.latest(frame) && frame.bodies.size() == 3 &&
+           std::all_of(frame.bodies.begin(), frame.bodies.end(),
+                       [](const Body& body) { return body.valid; });
+  }
+  RecordingState state_of(const std::string& name) {
+    ControlState state;
+    (void)control_.list(state);
+    for (const Recording& one : state.recordings) {
+      if (one.name == name) return one.state;
+    }
+    return RecordingState::kFailed;
+  }
+
+  Control control_{[this] {
+    ControlOptions options;
+    options.port = server_->ports().native;
+    options.token = kToken;
+    return options;
+  }()};
+};
+
+TEST_P(ThreadUnderFaults, GoesOnAndTheServerWithIt) {
+  ASSERT_TRUE(comes_true([this] { return all_bodies_are_tracked(); }));
+  std::mt19937 random(20261124);
+  std::uniform_int_distribution<int> nth(1, 60);
+  AllocationFault::reach_threads(GetParam());
+  int failed = 0;
+  for (int i = 0; i < 40; ++i) {
+    AllocationFault::arm(nth(random));
+    use_all("during" + std::to_string(i));
+    failed += AllocationFault::disarm() ? 1 : 0;
+  }
+  AllocationFault::reach_threads("");
+  EXPECT_GT(failed, 5);
+  EXPECT_EQ(deaf(), "") << "after " << failed << " faults";
+  EXPECT_TRUE(comes_true([this] { return all_bodies_are_tracked(); }));
+  use_all("afterwards");
+  EXPECT_TRUE(comes_true([this] { return state_of("afterwards") == RecordingState::kFinished; }));
+  server_.stop();
+  EXPECT_TRUE(server_.clean());
+}
+
+INSTANTIATE_TEST_SUITE_P(Each, ThreadUnderFaults,
+                         testing::Values("pages", "read", "recorder", "watch", "work"),
+                         [](const auto& info) { return std::string(info.param); });
 
 }  // namespace
 }  // namespace fiducap

@@ -1,24 +1,36 @@
 #include "support/allocation_counter.hpp"
 
+#include <pthread.h>
 #include <stddef.h>
 
+#include <array>
 #include <cstdlib>
 #include <new>
+#include <string_view>
 
 namespace fiducap {
 std::atomic<std::uint64_t> g_allocations{0};
 
 namespace {
 std::atomic<int> g_until_fault{0};  ///< 0: none will fail.
+std::atomic<const char*> g_name_begin{""};
 thread_local bool t_in_reach = false;
 
+bool is_in_reach() {
+  const char* begin = g_name_begin.load(std::memory_order_relaxed);
+  if (t_in_reach || *begin == '\0') return t_in_reach;
+  std::array<char, 16> name{};
+  return ::pthread_getname_np(::pthread_self(), name.data(), name.size()) == 0 &&
+         std::string_view(name.data()).starts_with(begin);
+}
 bool must_fail() {
-  return t_in_reach && g_until_fault.load(std::memory_order_relaxed) > 0 &&
+  return g_until_fault.load(std::memory_order_relaxed) > 0 && is_in_reach() &&
          g_until_fault.fetch_sub(1) == 1;
 }
 }  // namespace
 
 void AllocationFault::reach_this_thread() { t_in_reach = true; }
+void AllocationFault::reach_threads(const char* name_begin) { g_name_begin = name_begin; }
 void AllocationFault::arm(int nth) { g_until_fault = nth; }
 bool AllocationFault::disarm() { return g_until_fault.exchange(0) <= 0; }
 }  // namespace fiducap

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/log.hpp"
+#include "base/this_thread.hpp"
 
 namespace fiducap {
 
@@ -11,10 +12,14 @@ void BodyThreads::start(std::function<void()> all_ended) {
   for (const auto& worker : workers_) {
     BodyWorker* body = worker.get();
     computing_.emplace_back([this, body, all_ended](std::stop_token stop) {
+      name_this_thread("work " + body->name());
       body->work(stop);
       if (--running_ == 0 && !stop.stop_requested()) all_ended();
     });
-    reading_.emplace_back([body](std::stop_token stop) { body->read(stop); });
+    reading_.emplace_back([body](std::stop_token stop) {
+      name_this_thread("read " + body->name());
+      body->read(stop);
+    });
   }
 }
 

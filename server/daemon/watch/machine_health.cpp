@@ -4,11 +4,10 @@
 #include <sys/timex.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <iterator>
 #include <string>
-#include <system_error>
 #include <utility>
+
+#include "base/open_descriptors.hpp"
 
 namespace fiducap {
 
@@ -28,10 +27,7 @@ MachineState read_machine_state() {
   if (answer >= 0) state.clock_synchronised = answer != TIME_ERROR;
   rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) == 0) state.most_descriptors = limit.rlim_cur;
-  std::error_code failed;
-  const std::filesystem::directory_iterator all("/proc/self/fd", failed);
-  if (!failed)
-    state.open_descriptors = static_cast<std::size_t>(std::distance(begin(all), end(all)));
+  state.open_descriptors = open_descriptors().size();
   return state;
 }
 

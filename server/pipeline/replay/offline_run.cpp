@@ -4,8 +4,8 @@
 #include <optional>
 #include <utility>
 
-#include "base/cpu_time.hpp"
 #include "base/quantile.hpp"
+#include "base/this_thread.hpp"
 #include "pipeline/replay/settled_trajectory.hpp"
 
 namespace fiducap {

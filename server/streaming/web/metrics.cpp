@@ -4,12 +4,11 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <utility>
 
+#include "base/open_descriptors.hpp"
 #include "base/time.hpp"
 
 namespace fiducap::web {
@@ -176,10 +175,7 @@ ProcessUse process_use() {
   std::uint64_t resident_pages{};
   if (std::ifstream("/proc/self/statm") >> pages >> resident_pages)
     use.resident_bytes = resident_pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-  std::error_code error;
-  const std::filesystem::directory_iterator open("/proc/self/fd", error);
-  // One of them is the folder itself.
-  if (!error) use.open_fds = static_cast<std::uint64_t>(std::distance(begin(open), end(open)) - 1);
+  use.open_fds = open_descriptors().size();
   return use;
 }
 

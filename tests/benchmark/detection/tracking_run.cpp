@@ -4,8 +4,8 @@
 #include <cmath>
 #include <random>
 
-#include "base/cpu_time.hpp"
 #include "base/so3.hpp"
+#include "base/this_thread.hpp"
 #include "detection/barrel_camera.hpp"
 #include "detection/pixel_noise.hpp"
 #include "detection/side_bend.hpp"
