@@ -6,6 +6,7 @@
 
 #include "base/log.hpp"
 #include "daemon/system_clock.hpp"
+#include "streaming/net/guard.hpp"
 
 namespace fiducap {
 
@@ -18,12 +19,13 @@ constexpr double kKnownShift_s = 1e-3;
 
 constexpr const char* kSubject = "map";
 constexpr const char* kNotStored = "not_stored";
+constexpr const char* kCamerasNotStored = "cameras_not_stored";
 constexpr const char* kRequestComment = "stored by an operator";
 
-Event not_stored(const std::string& what, const std::string& why) {
+Event not_stored(const char* kind, const std::string& what, const std::string& why) {
   return {.severity = Severity::kError,
           .subject = kSubject,
-          .kind = kNotStored,
+          .kind = kind,
           .text = what + " is not stored: " + why,
           .remedy =
               "mend the disk or its place; the server tries again by itself, and what is "
@@ -46,39 +48,46 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
       learned_(std::move(learned)) {}
 
 void MapKeeper::run(std::stop_token stop) {
-  try {
-    Instant next = clock_.now() + period_;
-    while (clock_.wait_until(std::min(next, clock_.now() + kLook), stop)) {
-      const bool due = clock_.now() >= next;
-      if (due) next += period_;
-      if (requested_.exchange(false))
-        commit_by_request();
-      else if (due)
-        commit();
-    }
-    requested_.exchange(false) ? commit_by_request() : commit();
-    if (const auto saved = store_learned(); !saved)
-      events_.tell(not_stored("what was learned about the cameras", saved.error().text()));
-  } catch (const std::exception& failure) {
-    events_.begin(not_stored("the map", failure.what()));
+  Instant next = clock_.now() + period_;
+  while (clock_.wait_until(std::min(next, clock_.now() + kLook), stop)) {
+    const bool due = clock_.now() >= next;
+    if (due) next += period_;
+    if (due || requested_) commit();
   }
+  learned_waits_ = true;
+  commit();
 }
 
 void MapKeeper::commit() {
-  // Also while frozen: what joined before the freeze is part of the map that is served.
-  if (map_.changed()) store(kAutomaticComment);
+  if (requested_.exchange(false)) is_asked_for_ = true;
+  guarded(&MapKeeper::store_map);
+  guarded(&MapKeeper::store_learned);
 }
 
-/// What a person asked for is kept, also when it is what was stored last anyway.
-void MapKeeper::commit_by_request() {
-  if (map_.changed() || map_.snapshot()->comment == kAutomaticComment) store(kRequestComment);
+/// No memory, for example.
+void MapKeeper::guarded(void (MapKeeper::*work)()) {
+  try {
+    (this->*work)();
+  } catch (const std::exception& failure) {
+    net::guarded(
+        "mapping", [] { return "saying that the map is not stored"; },
+        [&] { events_.begin(not_stored(kNotStored, "the map", failure.what())); });
+  }
 }
 
-void MapKeeper::store(const std::string& comment) {
-  if (const auto done = store_all(comment); !done)
-    return events_.begin(not_stored("the map", done.error().text()));
+void MapKeeper::store_map() {
+  // Also while frozen: what joined before the freeze is part of the map that is served. What a
+  // person asked for is kept, also when it is what was stored last anyway.
+  const bool is_wanted =
+      map_.changed() || (is_asked_for_ && map_.snapshot()->comment == kAutomaticComment);
+  if (is_wanted) {
+    const auto stored = store_version(is_asked_for_ ? kRequestComment : kAutomaticComment);
+    if (!stored) return events_.begin(not_stored(kNotStored, "the map", stored.error().text()));
+    learned_waits_ = true;
+  }
+  is_asked_for_ = false;
   events_.end(kSubject, kNotStored, "is stored again");
-  thin();
+  if (is_wanted) thin();
 }
 
 /// Fails rarely, and costs room only.
@@ -94,7 +103,7 @@ void MapKeeper::thin() {
               "old versions are taken away again");
 }
 
-Expected<void> MapKeeper::store_all(const std::string& comment) {
+Expected<void> MapKeeper::store_version(const std::string& comment) {
   TagMap map = *map_.snapshot();
   map.created_utc_ns = utc_now_ns();
   const auto stored = store_.commit(map, comment);
@@ -102,10 +111,20 @@ Expected<void> MapKeeper::store_all(const std::string& comment) {
   map_.mark_stored(*stored);
   log::info("mapping", "map version " + std::to_string(stored->version) +
                            " stored: " + std::to_string(stored->tags.size()) + " tags");
-  return store_learned();
+  return {};
 }
 
-Expected<void> MapKeeper::store_learned() {
+void MapKeeper::store_learned() {
+  if (!learned_waits_) return;
+  const auto stored = store_cameras();
+  learned_waits_ = !stored;
+  if (!stored)
+    return events_.begin(
+        not_stored(kCamerasNotStored, "what was learned about the cameras", stored.error().text()));
+  events_.end(kSubject, kCamerasNotStored, "what was learned about the cameras is stored again");
+}
+
+Expected<void> MapKeeper::store_cameras() {
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
       const ExtrinsicsEstimate& camera = body.cameras[k];

@@ -23,7 +23,8 @@ struct LearnedBody {
 
 /// Writes the map to its store: every `commit_period_s` when it has changed, on request and at the
 /// end; takes away what has grown old. A store that cannot be written is a standing event
-/// (`not_stored`), and tried again each period; what is stored stays as it was.
+/// (`not_stored`), and tried again each period; what is stored stays as it was. What is thrown
+/// costs a round.
 class MapKeeper final {
  public:
   using Learned = std::function<std::vector<LearnedBody>()>;
@@ -36,15 +37,16 @@ class MapKeeper final {
   void run(std::stop_token stop);
   /// The next round comes now, not at the end of the period. From any thread.
   void request_commit() { requested_ = true; }
-  /// One round, if the map has changed.
+  /// One round, if the map has changed or a person has asked for it.
   void commit();
 
  private:
-  void commit_by_request();
-  void store(const std::string& comment);
-  [[nodiscard]] Expected<void> store_all(const std::string& comment);
+  void guarded(void (MapKeeper::*work)());
+  void store_map();
+  [[nodiscard]] Expected<void> store_version(const std::string& comment);
   void thin();
-  [[nodiscard]] Expected<void> store_learned();
+  void store_learned();
+  [[nodiscard]] Expected<void> store_cameras();
 
   MapStore store_;
   MapBuilder& map_;
@@ -53,6 +55,8 @@ class MapKeeper final {
   EventBoard& events_;
   Learned learned_;
   std::atomic<bool> requested_{false};
+  bool is_asked_for_{false};   ///< By a person, and not on the disk yet.
+  bool learned_waits_{false};  ///< For the disk.
 };
 
 }  // namespace fiducap

@@ -28,6 +28,10 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
     case SQLITE_IOERR:
       return {ErrorCode::kUnavailable, "the disk refuses (" + detail + "); nothing was stored",
               path};
+    case SQLITE_NOMEM:
+    case SQLITE_INTERRUPT:
+      return {ErrorCode::kUnavailable, "there was no memory for it (" + detail + "); try again",
+              path};
     case SQLITE_NOTADB:
     case SQLITE_CORRUPT:
       return {ErrorCode::kInvalid,

@@ -13,6 +13,7 @@
 
 #include "daemon/map_start.hpp"
 #include "mapping/store/sqlite_file.hpp"
+#include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/fault_disk.hpp"
 #include "support/temporary_folder.hpp"
@@ -173,6 +174,55 @@ TEST_F(MapKeeperTest, GoesOnWhenTheDiskIsFullAndStoresWhenThereIsRoomAgain) {
   ASSERT_EQ(stored().size(), 2u);
   EXPECT_EQ(stored().front().tags, 2);
   EXPECT_TRUE(events_.standing().empty());
+}
+
+TEST_F(MapKeeperTest, WhatAnOperatorAsksForKeepsItsNameUntilTheDiskTakesIt) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  keeper_->request_commit();
+  {
+    const FullDisk full;
+    keeper_->commit();
+  }
+  keeper_->commit();
+  ASSERT_EQ(stored().size(), 2u);
+  EXPECT_EQ(stored().front().comment, "stored by an operator");
+}
+
+TEST_F(MapKeeperTest, NoMemoryCostsARoundAndNothingElse) {
+  build(MapMode::kMapping);
+  learned_ = {{"robot", {{Pose{}, Matrix6d::Identity()}}}};
+  AllocationFault::reach_this_thread();
+  std::size_t versions = 0;
+  bool has_failed = true;
+  for (int nth = 1; has_failed; ++nth) {
+    see(4, nth);
+    keeper_->request_commit();
+    AllocationFault::arm(nth);
+    EXPECT_NO_THROW(keeper_->commit());
+    has_failed = AllocationFault::disarm();
+    keeper_->commit();
+    EXPECT_FALSE(map_->changed()) << nth;
+    EXPECT_TRUE(events_.standing().empty()) << nth;
+    ASSERT_GT(stored().size(), versions) << nth;
+    versions = stored().size();
+  }
+  EXPECT_GT(versions, 20u);
+}
+
+TEST_F(MapKeeperTest, CamerasThatWereNotStoredAreNoMapThatWasNot) {
+  build(MapMode::kMapping);
+  see(4);
+  ASSERT_TRUE(SqliteFile::open(file_)->execute("ALTER TABLE extrinsics RENAME TO elsewhere"));
+  learned_ = {{"robot", {{Pose{}, Matrix6d::Identity()}}}};
+  keeper_->commit();
+  EXPECT_FALSE(map_->changed());
+  ASSERT_EQ(events_.standing().size(), 1u);
+  EXPECT_EQ(events_.standing().front().kind, "cameras_not_stored");
+  ASSERT_TRUE(SqliteFile::open(file_)->execute("ALTER TABLE elsewhere RENAME TO extrinsics"));
+  keeper_->commit();
+  EXPECT_TRUE(events_.standing().empty()) << "tried again though the map is the same";
 }
 
 TEST_F(MapKeeperTest, WhatAnOperatorAsksForIsKeptUnderItsOwnName) {

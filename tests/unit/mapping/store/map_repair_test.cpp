@@ -2,8 +2,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -184,6 +191,33 @@ TEST_F(MapRepairTest, ModeAndOwnerStay) {
 }
 
 /// What a kill leaves behind between two steps of putting the repaired store in place.
+/// For the rest of this process, as the service's SystemCallFilter=~@chown does.
+void forbid_to_give_files_away() {
+  std::vector<sock_filter> program{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr))};
+  for (const auto call : {SYS_chown, SYS_fchown, SYS_lchown, SYS_fchownat}) {
+    program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0, 1));
+    program.push_back(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM));
+  }
+  program.push_back(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
+  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
+  if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
+      ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) != 0)
+    std::_Exit(77);
+}
+
+TEST_F(MapRepairTest, AServiceThatMayGiveNoFilesAwayRepairsItsOwn) {
+  fs::resize_file(path_, fs::file_size(path_) - kPage);
+  EXPECT_EXIT(
+      {
+        forbid_to_give_files_away();
+        const auto repaired = repair_map_store(path_);
+        std::fputs(repaired ? "repaired" : repaired.error().text().c_str(), stderr);
+        std::_Exit(repaired ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "repaired");
+  EXPECT_TRUE(MapStore::open(path_));
+}
+
 TEST_F(MapRepairTest, ARepairThatWasInterruptedIsFinishedByTheNext) {
   execute("UPDATE tag SET px = 77 WHERE version = 30 AND tag_id = 5");
   const std::string log = folder_.write("a log", "of the damaged store");
