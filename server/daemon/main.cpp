@@ -47,11 +47,10 @@ int serve(fiducap::ServerConfig config, bool exit_at_end) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
   }
-  if (!(*server)->run()) {  // the map is stored; what hangs must not hold us
-    fiducap::log::flush(std::chrono::milliseconds(500));
-    std::_Exit(0);
-  }
-  return 0;
+  const auto end = (*server)->run();
+  if (end == fiducap::ServerEnd::kClean) return 0;
+  fiducap::log::flush(std::chrono::milliseconds(500));
+  std::_Exit(end == fiducap::ServerEnd::kLost ? 1 : 0);  // what hangs must not hold us
 }
 
 }  // namespace

@@ -56,6 +56,7 @@ void MapKeeper::run(std::stop_token stop) {
   }
   learned_waits_ = true;
   commit();
+  has_ended_ = true;
 }
 
 void MapKeeper::commit() {

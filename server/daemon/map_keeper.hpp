@@ -35,6 +35,8 @@ class MapKeeper final {
 
   /// Commits until stopped, and once more then.
   void run(std::stop_token stop);
+  /// Until `run` has returned. From any thread.
+  [[nodiscard]] bool is_running() const { return !has_ended_; }
   /// The next round comes now, not at the end of the period. From any thread.
   void request_commit() { requested_ = true; }
   /// One round, if the map has changed or a person has asked for it.
@@ -55,6 +57,7 @@ class MapKeeper final {
   EventBoard& events_;
   Learned learned_;
   std::atomic<bool> requested_{false};
+  std::atomic<bool> has_ended_{false};
   bool is_asked_for_{false};   ///< By a person, and not on the disk yet.
   bool learned_waits_{false};  ///< For the disk.
 };

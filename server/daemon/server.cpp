@@ -38,6 +38,8 @@ std::jthread named(const char* name, Work work) {
 }
 
 constexpr Duration kSourcePatience = std::chrono::milliseconds(600);
+constexpr Duration kMapPatience = std::chrono::seconds(5);
+constexpr Duration kLook = std::chrono::milliseconds(5);
 constexpr std::chrono::seconds kLastCommit{1};
 
 /// Without them there is no filter, so no body either.
@@ -60,7 +62,7 @@ class Server::Impl final {
         recorder_(config.recorder, clock, events_) {}
 
   Expected<void> build();
-  bool run();
+  ServerEnd run();
   void stop() noexcept;
   [[nodiscard]] ServerPorts ports() const { return ports_; }
   [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
@@ -83,7 +85,8 @@ class Server::Impl final {
   void start_threads();
   void serve();
   void give_up();
-  bool shut_down();
+  ServerEnd shut_down();
+  [[nodiscard]] bool map_is_stored();
 
   ServerConfig config_;
   ServerOptions options_;
@@ -130,7 +133,9 @@ Expected<void> Server::Impl::build() {
   if (keeper_) commit = [this] { keeper_->request_commit(); };
   desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
   if (!config_.recorder.at_start.empty()) {
-    if (auto opened = recorder_.start_and_open(config_.recorder.at_start); !opened) return opened;
+    const auto opened = recorder_.start_and_open(config_.recorder.at_start);
+    // The disk's fault is said and stands; robots are followed all the same.
+    if (!opened && opened.error().code == ErrorCode::kInvalid) return opened;
   }
   return build_streaming();
 }
@@ -271,7 +276,7 @@ void Server::Impl::start_threads() {
   watching_ = named("watch", [this](std::stop_token stop) { watch_->run(stop); });
 }
 
-bool Server::Impl::run() {
+ServerEnd Server::Impl::run() {
   if (options_.stop_on_signals) {
     signals_ = std::make_shared<SignalWait>(frames_.io(), [this] { stop(); });
     net::register_wait(frames_.io(), signals_);
@@ -309,7 +314,7 @@ void Server::Impl::give_up() {
   options_.give_up();
 }
 
-bool Server::Impl::shut_down() {
+ServerEnd Server::Impl::shut_down() {
   watching_.request_stop();
   watching_.join();
   publishing_.request_stop();
@@ -319,17 +324,35 @@ bool Server::Impl::shut_down() {
     paging_.request_stop();
     paging_.join();
   }
-  if (keeping_.joinable()) {  // the map first: no recording is worth it
-    keeping_.request_stop();
-    keeping_.join();
-  }
+  const bool stored = map_is_stored();  // first: no recording is worth it
+  if (signals_) signals_->release();
   recording_.request_stop();
   const bool recorded = recorder_.ends();
   if (recorded) recording_.join();
   bodies_.log_statistics();
   log::info("daemon", std::to_string(publisher_->frames()) + " frames published, " +
                           std::to_string(publisher_->missed()) + " ticks missed; stopped");
-  return all && recorded;
+  if (!stored || !recorded) return ServerEnd::kLost;
+  return all ? ServerEnd::kClean : ServerEnd::kLeftBehind;
+}
+
+bool Server::Impl::map_is_stored() {
+  if (!keeping_.joinable()) return true;
+  keeping_.request_stop();
+  const Instant until = clock_.now() + kMapPatience;
+  while (keeper_->is_running() && clock_.now() < until)
+    static_cast<void>(clock_.wait_until(clock_.now() + kLook, {}));
+  if (!keeper_->is_running()) {
+    keeping_.join();
+    return true;
+  }
+  events_.tell({.severity = Severity::kError,
+                .subject = "map",
+                .kind = "lost",
+                .text = "the disk of the map is stuck: what was learned since the last stored "
+                        "version is lost",
+                .remedy = "Look after the disk of `map.store`"});
+  return false;
 }
 
 Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config,
@@ -341,7 +364,7 @@ Expected<std::unique_ptr<Server>> Server::build(const ServerConfig& config,
 
 Server::Server(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Server::~Server() = default;
-bool Server::run() { return impl_->run(); }
+ServerEnd Server::run() { return impl_->run(); }
 void Server::stop() { impl_->stop(); }
 ServerPorts Server::ports() const { return impl_->ports(); }
 Instant Server::simulation_start() const { return impl_->simulation_start(); }

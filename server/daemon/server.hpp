@@ -27,6 +27,12 @@ struct ServerOptions {
   std::function<void()> give_up{};
 };
 
+enum class ServerEnd {
+  kClean,
+  kLeftBehind,  ///< A source does not let go of its device; everything is stored.
+  kLost,        ///< So does a disk, with what waited for it; that was said.
+};
+
 /// The whole machine: builds the rooms from left to right, owns all threads, ends cleanly.
 ///
 /// Threads: per body one reader and one worker; one publisher; one map keeper; one recorder; one
@@ -43,12 +49,11 @@ class Server final {
                                                                const Clock& clock);
   ~Server();
 
-  /// Serves until stopped; returns within a second of that, or when the disk has taken what was
-  /// recorded.
-  /// @return false when a source does not let go of its device, or a disk of a recording: the
-  /// thread is left behind, and the only way to get rid of it is to end the process without
-  /// destroying this server. The map is stored.
-  [[nodiscard]] bool run();
+  /// Serves until stopped; returns within a second of that, or when the disks have taken the map
+  /// and what was recorded, or are stuck.
+  /// @return other than kClean: a thread is left behind, and the only way to get rid of it is to
+  /// end the process without destroying this server
+  [[nodiscard]] ServerEnd run();
   /// From any thread.
   void stop();
   [[nodiscard]] ServerPorts ports() const;

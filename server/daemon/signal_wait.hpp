@@ -27,6 +27,12 @@ class SignalWait final : public net::StandingWait {
         });
   }
 
+  /// What comes from now on ends the process at once.
+  void release() {
+    boost::system::error_code ignored;
+    signals_.clear(ignored);
+  }
+
  private:
   boost::asio::signal_set signals_;
   std::function<void()> stop_;

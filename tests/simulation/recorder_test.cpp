@@ -8,11 +8,13 @@
 #include <fiducap/client.hpp>
 #include <fiducap/control.hpp>
 #include <functional>
+#include <future>
 #include <map>
 #include <thread>
 
 #include "base/log.hpp"
 #include "mapping/store/map_store.hpp"
+#include "support/fault_disk.hpp"
 #include "support/fiducapd_process.hpp"
 #include "support/frozen_file.hpp"
 #include "support/running_server.hpp"
@@ -183,8 +185,13 @@ TEST_F(RecorderTest, AKilledServerLosesASecondAtMost) {
   for (const auto& [name, stamp] : stamps) EXPECT_LT(stamps.at(imu) - stamp, kApart_ns) << name;
 }
 
-bool the_log_has(const std::string& text) {
+std::uint64_t newest_line() {
   const auto lines = log::lines_after(0);
+  return lines.empty() ? 0 : lines.back().number;
+}
+
+bool the_log_has(const std::string& text, std::uint64_t after = 0) {
+  const auto lines = log::lines_after(after);
   return std::any_of(lines.begin(), lines.end(), [&](const log::Line& line) {
     return line.text.find(text) != std::string::npos;
   });
@@ -226,6 +233,37 @@ TEST(RecorderOnAStuckDisk, ServesOnAndStoresTheMapAtTheEnd) {
   const auto map = store->newest();
   ASSERT_TRUE(map) << map.error().text();
   EXPECT_FALSE(map->tags.empty());
+}
+
+TEST(RecorderWithoutADisk, TheServerStartsAndSaysWhatIsMissing) {
+  const TemporaryFolder folder;
+  ServerConfig config = corner_demo();
+  config.operators.token = kToken;
+  config.recorder.folder = folder.write("no_folder", "a file");
+  config.recorder.at_start = "flight";
+  RunningServer server(config);
+  Operator person(server->ports().native);
+  EXPECT_EQ(person.list(), 0);
+  EXPECT_THAT(person.said(), HasSubstr("recording \"flight\" failed"));
+  EXPECT_TRUE(the_log_has("the recording \"flight\" has failed"));
+  server.stop();
+  EXPECT_TRUE(server.clean());
+}
+
+TEST(MapOnAStuckDisk, HoldsUpTheEndForSecondsOnly) {
+  test::FaultDisk disk;
+  ServerConfig config = corner_demo();
+  config.map.store = "map.sqlite";
+  config.map.builder.commit_period_s = 3600;  // only at the end
+  std::promise<void> mended;
+  const auto begin = newest_line();
+  RunningServer server(config);
+  ASSERT_TRUE(wait_until([&] { return the_log_has("joined the map", begin); }));
+  disk.on_sync([has_been_mended = mended.get_future().share()] { has_been_mended.wait(); });
+  const AtEnd mend([&] { mended.set_value(); });  // or the server could not be destroyed
+  server.stop();
+  EXPECT_FALSE(server.clean());
+  EXPECT_TRUE(the_log_has("the disk of the map is stuck"));
 }
 
 }  // namespace

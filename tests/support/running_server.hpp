@@ -42,7 +42,7 @@ class RunningServer final {
     server_ = std::move(*built);
     thread_ = std::jthread([this, first = std::move(first)] {
       first();
-      clean_ = server_->run();
+      clean_ = server_->run() == ServerEnd::kClean;
     });
   }
   ~RunningServer() { stop(); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <filesystem>
 #include <utility>
 
 #include "detection/side_bend.hpp"
@@ -74,8 +75,16 @@ Expected<void> SessionRecorder::admit(const std::string& name) const {
   return {};
 }
 
+std::string SessionRecorder::free_name(const std::string& name) const {
+  std::error_code unknown;
+  std::string free = name;
+  for (int n = 2; std::filesystem::exists(writer_.folder() / free, unknown); ++n)
+    free = name + "-" + std::to_string(n);
+  return free;
+}
+
 Expected<void> SessionRecorder::start_and_open(const std::string& name) {
-  if (auto started = start(name); !started) return started;
+  if (auto started = start(free_name(name)); !started) return started;
   std::deque<RecordedItem> begin;
   {
     const std::lock_guard lock(mutex_);

@@ -24,8 +24,8 @@ struct RecorderConfig {
   /// working directory.
   std::string folder;
   bool images{false};  ///< False: the detected corners and the IMU, enough for `fiducap replay`.
-  /// A session of this name begins with the server, before the first sample: its replay gives the
-  /// same estimates. Empty: none does.
+  /// A session of this name (`-2` and so on behind it when there is one) begins with the server,
+  /// before the first sample: its replay gives the same estimates. Empty: none does.
   std::string at_start{};
 };
 
@@ -55,7 +55,8 @@ class SessionRecorder final {
 
   /// @param name  of the session; a plain folder name
   Expected<void> start(const std::string& name);
-  /// Before `run`, and on a thread that may wait for the disk: says whether it took the files.
+  /// Before `run`, and on a thread that may wait for the disk: says whether it took the files. The
+  /// session is called `name`, or `name-2` and so on when there are such recordings already.
   Expected<void> start_and_open(const std::string& name);
   /// What was taken until now is still written, then the files are closed.
   Expected<void> stop();
@@ -83,6 +84,7 @@ class SessionRecorder final {
  private:
   enum class Slowness { kNone, kStuck, kDropping };
 
+  [[nodiscard]] std::string free_name(const std::string& name) const;
   [[nodiscard]] Expected<void> admit(const std::string& name) const;
   [[nodiscard]] bool is_under_way() const;
   void end_current();

@@ -28,6 +28,7 @@ class SessionWriter final {
   /// May wait for the disk. A failure is the session's, and said.
   void write(const RecordedItem& item) noexcept;
   void flush_when_due() noexcept;
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// A session's files are open.
   [[nodiscard]] bool is_open() const { return files_.has_value(); }
 

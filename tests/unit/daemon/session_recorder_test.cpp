@@ -248,13 +248,6 @@ TEST_F(SessionRecorderTest, AFolderThatCannotBeMadeIsAFailureAndNotTheLast) {
   EXPECT_TRUE(wait_for(State::kRecording));
 }
 
-TEST_F(SessionRecorderTest, SaysAtTheServersStartThatTheNameIsTaken) {
-  folder_.write("recordings/one/drone/precious", "1");
-  EXPECT_FALSE(recorder_.start_and_open("one"));
-  EXPECT_TRUE(recorder_.start_and_open("two"));
-  EXPECT_EQ(newest().state, State::kRecording);
-}
-
 TEST_F(SessionRecorderTest, EveryStreamIsOnDiskAfterASecond) {
   recorder_.set_surroundings({"", [] {
                                 return MapView{std::make_shared<const TagMap>(), true, 0};
@@ -279,6 +272,15 @@ TEST_F(SessionRecorderTest, EveryStreamIsOnDiskAfterASecond) {
   }));
   EXPECT_EQ(newest().state, State::kRecording);
   EXPECT_TRUE(wait_until([&] { return newest().samples == 2; })) << "and counted";
+}
+
+TEST_F(SessionRecorderTest, TheSessionOfTheStartTakesTheNextName) {
+  folder_.write("recordings/flight/drone/precious", "1");
+  std::filesystem::create_directories(path("flight-2"));
+  ASSERT_TRUE(recorder_.start_and_open("flight"));
+  EXPECT_EQ(recorder_.current(), "flight-3");
+  EXPECT_EQ(newest().state, State::kRecording);
+  EXPECT_FALSE(recorder_.start_and_open("../flight"));
 }
 
 TEST_F(SessionRecorderTest, AStuckDiskIsLeftBehindAndSaid) {
