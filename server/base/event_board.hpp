@@ -1,11 +1,14 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -32,23 +35,37 @@ struct Event {
   [[nodiscard]] std::string sentence() const;
 };
 
+/// What the board says at one moment; never changes.
+struct EventSheet {
+  using Events = std::vector<std::shared_ptr<const Event>>;
+  std::uint64_t revision{};  ///< Counts every change of what follows.
+  Events happened;           ///< The newest, oldest first.
+  Events standing;           ///< What holds, in order of subject and kind.
+  std::array<std::uint64_t, 3> told{};  ///< Events since the start, by severity.
+
+  /// Those of `happened` after `number`.
+  [[nodiscard]] std::span<const std::shared_ptr<const Event>> after(std::uint64_t number) const;
+};
+
 /// What happens, in one place: logged once, kept for the page, the SDK, ROS and the metrics.
 ///
 /// A thing that happens is told; a condition that lasts is begun and ended, however often it is
-/// looked at. From any thread; locks for a short step. Never call it per frame unless nothing has
-/// changed (`end` of what did not hold costs one look-up).
+/// looked at. From any thread. Who writes waits for who writes; who reads never waits for that: he
+/// gets a sheet. Never write per frame unless nothing has changed (`end` of what did not hold costs
+/// one look-up).
 class EventBoard final {
  public:
-  static constexpr std::size_t kKept = 256;      ///< Newest events.
-  static constexpr std::size_t kStanding = 256;  ///< Conditions at once; more are only told.
+  static constexpr std::size_t kKept = 256;  ///< Newest events.
+  /// Conditions at once. Of more than that one is `server crowded`, and errors go before the rest.
+  static constexpr std::size_t kStanding = 256;
 
   /// @param utc_ns  wall clock, nanoseconds since 1970
   explicit EventBoard(std::function<std::int64_t()> utc_ns) : utc_ns_(std::move(utc_ns)) {}
 
   /// It happened.
   void tell(Event event);
-  /// It holds from now on: told once, until it is ended. Told again when its severity rises; a new
-  /// text alone only replaces the old one.
+  /// It holds from now on: told once, until it is ended. Told again when its severity rises; any
+  /// other change only replaces text, remedy and severity, all of them.
   void begin(Event event);
   /// It holds no longer: told, as information, if it did.
   void end(std::string_view subject, std::string_view kind, std::string_view text);
@@ -60,26 +77,43 @@ class EventBoard final {
   /// The newest events after `number`, oldest first.
   [[nodiscard]] std::vector<Event> after(std::uint64_t number) const;
   /// How many events there were since the start, by severity.
-  [[nodiscard]] std::array<std::uint64_t, 3> told() const;
+  [[nodiscard]] std::array<std::uint64_t, 3> told() const { return sheet()->told; }
   /// Counts every change of what `standing` or `after` would say.
-  [[nodiscard]] std::uint64_t revision() const;
+  [[nodiscard]] std::uint64_t revision() const { return revision_; }
+  [[nodiscard]] std::shared_ptr<const EventSheet> sheet() const;
+  /// For who may not wait at all: the newest sheet, unless somebody changes it at this moment; then
+  /// `sheet` stays, for the next look.
+  void refresh(std::shared_ptr<const EventSheet>& sheet) const;
 
  private:
+  using Shared = std::shared_ptr<const Event>;
   using Key = std::pair<std::string, std::string>;  ///< Subject, kind.
   struct Order {
     using is_transparent = void;
     using View = std::pair<std::string_view, std::string_view>;
     bool operator()(const View& a, const View& b) const { return a < b; }
   };
-  void keep(Event& event);
+  template <typename Work>
+  void change(Work&& work);
+  Shared keep(Event event);
+  void start(Event event);
+  [[nodiscard]] bool has_room_for(Severity severity);
+  void say_that_it_is_crowded();
+  void finish(std::string_view subject, std::string_view kind, std::string_view text);
+  void show();
 
   std::function<std::int64_t()> utc_ns_;
-  mutable std::mutex mutex_;
-  std::deque<Event> events_;
-  std::map<Key, Event, Order> standing_;
+  std::mutex writing_;  ///< For what follows.
+  std::deque<Shared> happened_;
+  std::map<Key, Shared, Order> standing_;
+  std::vector<Shared> unlogged_;
   std::uint64_t newest_{0};
-  std::uint64_t revision_{0};
   std::array<std::uint64_t, 3> told_{};
+  bool has_changed_{false};  ///< Since the sheet was written.
+
+  mutable std::mutex showing_;  ///< For the two below; held for a pointer's copy.
+  std::shared_ptr<const EventSheet> sheet_{std::make_shared<const EventSheet>()};
+  std::atomic<std::uint64_t> revision_{0};
 };
 
 }  // namespace fiducap

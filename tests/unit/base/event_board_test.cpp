@@ -3,6 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
+#include <future>
+#include <optional>
+
 namespace fiducap {
 namespace {
 
@@ -44,6 +49,22 @@ TEST_F(EventBoardTest, AConditionThatGetsWorseIsToldAgainANewTextOnlyReplacesThe
   EXPECT_EQ(board_.standing()[0].severity, Severity::kError);
 }
 
+TEST_F(EventBoardTest, TextRemedyAndSeverityAreThoseOfOneCause) {
+  board_.begin(lost(Severity::kError));
+  const Event carried{.severity = Severity::kWarning,
+                      .subject = "drone",
+                      .kind = "lost",
+                      .text = "is carried on",
+                      .remedy = "Show it a tag"};
+  board_.begin(carried);
+  EXPECT_EQ(board_.after(0).size(), 1U) << "it got better: nobody has to be called";
+  ASSERT_EQ(board_.standing().size(), 1U);
+  EXPECT_EQ(board_.standing()[0].sentence(), carried.sentence());
+  EXPECT_EQ(board_.standing()[0].severity, Severity::kWarning);
+  board_.begin(lost(Severity::kError));
+  EXPECT_EQ(board_.after(0).size(), 2U) << "it is worse again";
+}
+
 TEST_F(EventBoardTest, IsBoundedInEventsAndConditions) {
   for (int i = 0; i < 1000; ++i) {
     Event event = lost();
@@ -51,9 +72,95 @@ TEST_F(EventBoardTest, IsBoundedInEventsAndConditions) {
     board_.begin(event);
   }
   EXPECT_EQ(board_.standing().size(), EventBoard::kStanding);
+  for (int i = 0; i < 1000; ++i) board_.tell(lost());
   const auto kept = board_.after(0);
   ASSERT_EQ(kept.size(), EventBoard::kKept);
-  EXPECT_EQ(kept.back().number, 1000U);
+  EXPECT_EQ(kept.back().number, 1000U + EventBoard::kStanding);
+}
+
+class CrowdedBoard : public EventBoardTest {
+ protected:
+  void look(int bodies, Severity severity = Severity::kWarning) {
+    for (int i = 0; i < bodies; ++i) {
+      Event event = lost(severity);
+      event.subject = std::to_string(i);
+      board_.begin(event);
+    }
+  }
+  bool says_so() {
+    const auto standing = board_.standing();
+    return std::any_of(standing.begin(), standing.end(),
+                       [](const Event& event) { return event.kind == "crowded"; });
+  }
+};
+
+TEST_F(CrowdedBoard, ConditionsWithoutAPlaceAreOneConditionHoweverOftenTheyAreLookedAt) {
+  look(300);
+  const auto told = board_.told();
+  EXPECT_EQ(told[1], EventBoard::kStanding);
+  EXPECT_TRUE(says_so());
+  for (int i = 0; i < 100; ++i) look(300);
+  EXPECT_EQ(board_.told(), told);
+}
+
+TEST_F(CrowdedBoard, AnErrorTakesThePlaceOfSomethingLess) {
+  look(300);
+  Event worse = lost(Severity::kError);
+  worse.subject = "map";
+  board_.begin(worse);
+  const auto standing = board_.standing();
+  EXPECT_EQ(standing.size(), EventBoard::kStanding);
+  EXPECT_EQ(std::count_if(standing.begin(), standing.end(),
+                          [](const Event& event) { return event.subject == "map"; }),
+            1);
+  EXPECT_TRUE(says_so());
+  look(300);
+  EXPECT_EQ(board_.told()[2], 1U);
+  EXPECT_EQ(board_.told()[1], EventBoard::kStanding) << "the displaced one waits";
+}
+
+TEST_F(CrowdedBoard, WhoWaitedIsToldWhenThereIsRoom) {
+  look(300);
+  for (int i = 0; i < 200; ++i) board_.end(std::to_string(i), "lost", "back");
+  EXPECT_FALSE(says_so());
+  look(300);
+  EXPECT_TRUE(says_so());
+  const auto standing = board_.standing();
+  EXPECT_EQ(std::count_if(standing.begin(), standing.end(),
+                          [](const Event& event) { return event.subject == "299"; }),
+            0)
+      << "the first come first";
+}
+
+TEST(EventBoard, WhoReadsDoesNotWaitForWhoWrites) {
+  std::vector<std::future<void>> readers;
+  std::future_status was_read{};
+  std::optional<EventBoard> board;
+  board.emplace([&] {  // asked for the time in the middle of writing
+    readers.push_back(std::async(std::launch::async, [&] {
+      board->revision();
+      board->standing();
+      board->after(0);
+      board->told();
+    }));
+    was_read = readers.back().wait_for(std::chrono::seconds(10));
+    return std::int64_t{0};
+  });
+  board->begin(lost());
+  EXPECT_EQ(was_read, std::future_status::ready);
+}
+
+TEST_F(EventBoardTest, ASheetStaysAsItIs) {
+  std::shared_ptr<const EventSheet> sheet;
+  board_.refresh(sheet);
+  const auto empty = sheet;
+  board_.begin(lost());
+  EXPECT_THAT(empty->standing, testing::IsEmpty());
+  board_.refresh(sheet);
+  EXPECT_EQ(sheet->revision, board_.revision());
+  ASSERT_EQ(sheet->standing.size(), 1U);
+  EXPECT_EQ(sheet->after(0).size(), 1U);
+  EXPECT_EQ(sheet->after(1).size(), 0U);
 }
 
 TEST_F(EventBoardTest, TheRevisionChangesWithWhatWouldBeShownOnly) {
