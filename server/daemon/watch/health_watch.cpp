@@ -23,8 +23,9 @@ void HealthWatch::add(int body_id, std::string name, const BodyPulse& pulse) {
 void HealthWatch::delivered(const std::shared_ptr<const SceneFrame>& frame) {
   ++delivered_;
   std::shared_ptr<const SceneFrame> old = frame;
-  const std::lock_guard lock(mutex_);
-  newest_.swap(old);
+  // Who looks may have to wait for a processor; frames do not wait for that, the next one will do.
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  if (lock) newest_.swap(old);
 }
 
 void HealthWatch::run(std::stop_token stop) {
@@ -36,17 +37,25 @@ void HealthWatch::run(std::stop_token stop) {
   tell_service_manager("STOPPING=1");
 }
 
+/// Also when there is no memory to say so with: it may be the reason.
+void HealthWatch::give_up() {
+  net::guarded(
+      "watch", [] { return "the last word"; },
+      [this] {
+        events_.begin({.severity = Severity::kError,
+                       .subject = "server",
+                       .kind = "stalled",
+                       .text = "no frame was delivered for ten seconds",
+                       .remedy = "The process ends, so that it can be started again"});
+      });
+  if (give_up_) give_up_();
+  gave_up_ = true;
+}
+
 void HealthWatch::look() {
   const auto verdict = frames_.look(delivered_);
   if (verdict == FrameWatchdog::Verdict::kFlows) tell_service_manager("WATCHDOG=1");
-  if (verdict == FrameWatchdog::Verdict::kDead && !std::exchange(gave_up_, true)) {
-    events_.begin({.severity = Severity::kError,
-                   .subject = "server",
-                   .kind = "stalled",
-                   .text = "no frame was delivered for ten seconds",
-                   .remedy = "The process ends, so that it can be started again"});
-    if (give_up_) give_up_();
-  }
+  if (verdict == FrameWatchdog::Verdict::kDead && !gave_up_) give_up();
   std::shared_ptr<const SceneFrame> frame;
   {
     const std::lock_guard lock(mutex_);

@@ -24,20 +24,22 @@ class HealthWatch final {
   static constexpr Duration kLook = std::chrono::milliseconds(500);
   static constexpr int kLooksInVain = 20;
 
-  /// @param give_up  called once, when no frame was delivered for ten seconds; everything outlives
-  /// this
+  /// @param give_up  called when no frame was delivered for ten seconds, until it has returned once;
+  /// everything outlives this
   HealthWatch(EventBoard& events, const Publisher& publisher, const Clock& clock,
               std::function<void()> give_up);
 
   /// @param body_id  in the frames
   void add(int body_id, std::string name, const BodyPulse& pulse);
-  /// Every frame, when the protocols have it. From the I/O thread; a lock for two assignments.
+  /// Every frame, when the protocols have it. From the I/O thread; never waits.
   void delivered(const std::shared_ptr<const SceneFrame>& frame);
   /// Until stopped.
   void run(std::stop_token stop);
   void look();
 
  private:
+  void give_up();
+
   struct Body {
     int id;
     BodyHealth health;

@@ -51,7 +51,7 @@ void HealthTopic::use(const SceneModel& model) {
     bodies_[i].name = "fiducap: " + model.bodies[i].name;
     bodies_[i].subject = model.bodies[i].name;
   }
-  revision_.reset();
+  sheet_.reset();
   look_at_board();
 }
 
@@ -75,23 +75,24 @@ void HealthTopic::publish(const SceneFrame& frame) {
 
 /// @return something is not as it was
 bool HealthTopic::look_at_board() {
-  const std::uint64_t revision = events_ == nullptr ? 0 : events_->revision();
-  if (revision_ == revision) return false;
-  revision_ = revision;
-  const auto standing = events_ == nullptr ? std::vector<Event>{} : events_->standing();
-  for (Part& body : bodies_) take_conditions(body, standing);
-  take_conditions(server_, standing);
+  const auto before = sheet_;
+  if (events_ != nullptr) events_->refresh(sheet_);
+  if (!sheet_) sheet_ = std::make_shared<const EventSheet>();
+  if (sheet_ == before) return false;
+  for (Part& body : bodies_) take_conditions(body, sheet_->standing);
+  take_conditions(server_, sheet_->standing);
   return true;
 }
 
-void HealthTopic::take_conditions(Part& part, const std::vector<Event>& standing) const {
+void HealthTopic::take_conditions(Part& part, const EventSheet::Events& standing) const {
   constexpr std::array<const char*, kValues> kKeys{"position sigma (m)", "rotation sigma (rad)",
                                                    "tags in view",       "age (s)",
                                                    "image rate (Hz)",    "images dropped"};
   part.texts.clear();
   part.alarm = kOk;
   part.worst.clear();
-  for (const Event& event : standing) {
+  for (const auto& held : standing) {
+    const Event& event = *held;
     if (!is_of(part, event)) continue;
     const std::string key = part.subject.empty() ? event.subject + ": " + event.kind : event.kind;
     part.texts.insert(part.texts.end(), {key, event.text, key + ", remedy", event.remedy});

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -41,13 +42,13 @@ class HealthTopic final {
     std::string worst;               ///< What it says.
   };
   bool look_at_board();
-  void take_conditions(Part& part, const std::vector<Event>& standing) const;
+  void take_conditions(Part& part, const EventSheet::Events& standing) const;
   [[nodiscard]] bool is_of(const Part& part, const Event& event) const;
   void add_status(Part& part, std::uint8_t level);
   static void tell(Part& out, const BodyPose& body);
 
   const EventBoard* events_;
-  std::optional<std::uint64_t> revision_;  ///< Of the board when it was looked at.
+  std::shared_ptr<const EventSheet> sheet_;  ///< Of the board when it was looked at.
   std::string empty_;
   std::vector<Part> bodies_;
   Part server_;

@@ -66,6 +66,10 @@ void put(const Event& event, v1::ControlEvent& out) {
   out.set_over(event.over);
 }
 
+void append_length(std::vector<std::byte>& out, std::size_t size) {
+  for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));
+}
+
 template <typename Command>
 Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
   const auto body_id = to_id(id);
@@ -130,16 +134,32 @@ void append(std::vector<std::byte>& out, const ControlReply& reply) {
     state.set_recording(reply.state->recording);
     for (const auto& recording : reply.state->recordings) put(recording, *state.add_recordings());
   }
-  if (reply.events) {
-    auto& events = *message.mutable_events();
-    for (const Event& event : reply.events->happened) put(event, *events.add_happened());
-    for (const Event& event : reply.events->standing) put(event, *events.add_standing());
-  }
-  const auto size = static_cast<std::uint32_t>(message.ByteSizeLong());
-  for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::byte>(size >> (8 * i)));
+  const std::size_t size = message.ByteSizeLong();
+  append_length(out, size);
   const std::size_t at = out.size();
   out.resize(at + size);
   FIDUCAP_ASSERT(message.SerializeToArray(out.data() + at, static_cast<int>(size)));
+}
+
+std::string encode_events(std::span<const std::shared_ptr<const Event>> happened,
+                          std::span<const std::shared_ptr<const Event>> standing) {
+  v1::ControlReply message;
+  auto& events = *message.mutable_events();
+  for (const auto& event : happened) put(*event, *events.add_happened());
+  for (const auto& event : standing) put(*event, *events.add_standing());
+  return message.SerializeAsString();
+}
+
+void append(std::vector<std::byte>& out, std::uint64_t sequence, std::string_view encoded_events) {
+  v1::ControlReply own;
+  own.set_sequence(sequence);
+  const std::string head = own.SerializeAsString();
+  append_length(out, head.size() + encoded_events.size());
+  // Two messages of one type in a row are one with the fields of both.
+  for (const std::string_view part : {std::string_view(head), encoded_events}) {
+    const auto bytes = std::as_bytes(std::span(part));
+    out.insert(out.end(), bytes.begin(), bytes.end());
+  }
 }
 
 }  // namespace fiducap::native

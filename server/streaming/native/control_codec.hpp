@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -64,21 +66,21 @@ struct ControlState {
   std::vector<RecordingStatus> recordings;
 };
 
-struct ControlEvents {
-  std::vector<Event> happened;
-  std::vector<Event> standing;
-};
-
 struct ControlReply {
   std::uint64_t sequence{};
   ControlResult result{};
   std::string text;
   std::string challenge;  ///< Of the hello; else empty.
   std::optional<ControlState> state;
-  std::optional<ControlEvents> events{};
 };
 
 /// With its length in front.
 void append(std::vector<std::byte>& out, const ControlReply& reply);
+
+/// The part of a reply that is the same for everybody.
+[[nodiscard]] std::string encode_events(std::span<const std::shared_ptr<const Event>> happened,
+                                        std::span<const std::shared_ptr<const Event>> standing);
+/// A reply with such events, with its length in front.
+void append(std::vector<std::byte>& out, std::uint64_t sequence, std::string_view encoded_events);
 
 }  // namespace fiducap::native

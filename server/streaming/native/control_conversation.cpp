@@ -27,12 +27,12 @@ Overloaded(Cases...) -> Overloaded<Cases...>;
 
 ControlConversation::ControlConversation(std::string challenge, OperatorDesk& desk,
                                          WrongProofs& wrong, std::uint64_t address_hash,
-                                         const EventBoard* events)
+                                         EventNews* news)
     : challenge_(std::move(challenge)),
       desk_(desk),
       wrong_(wrong),
       address_hash_(address_hash),
-      events_(events) {}
+      news_(news) {}
 
 void ControlConversation::greet(std::vector<std::byte>& out, Instant now) {
   idle_since_ = now;
@@ -68,8 +68,7 @@ bool ControlConversation::receive(std::span<const std::byte> bytes, std::vector<
 }
 
 void ControlConversation::tell_events(std::vector<std::byte>& out, Instant now) {
-  if (!feed_) return;
-  if (const auto news = feed_->next(now)) append(out, *news);
+  if (feed_) feed_->tell(out, now);
 }
 
 bool ControlConversation::patient(Instant now) const {
@@ -125,14 +124,14 @@ bool ControlConversation::answer(std::span<const std::byte> message, std::vector
 
 bool ControlConversation::watch(const ControlRequest& request, std::vector<std::byte>& out,
                                 Instant now) {
-  if (feed_ || events_ == nullptr) {
+  if (feed_ || news_ == nullptr) {
     const auto [result, why] =
         feed_ ? std::pair{ControlResult::kMalformed, "nothing follows a request for events"}
               : std::pair{ControlResult::kUnsupported, "this server has no events"};
     append(out, {request.sequence, result, why, {}, {}});
     return false;
   }
-  feed_.emplace(*events_, *request.watch_after, request.sequence);
+  feed_.emplace(*news_, *request.watch_after, request.sequence);
   tell_events(out, now);
   return true;
 }

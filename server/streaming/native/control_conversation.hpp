@@ -22,9 +22,9 @@ class ControlConversation final {
  public:
   /// @param challenge  kChallengeSize random bytes, others for each connection
   /// @param address_hash  whose wrong proofs these are
-  /// @param events  nullptr: nothing can be watched
+  /// @param news  nullptr: nothing can be watched
   ControlConversation(std::string challenge, OperatorDesk& desk, WrongProofs& wrong,
-                      std::uint64_t address_hash, const EventBoard* events = nullptr);
+                      std::uint64_t address_hash, EventNews* news = nullptr);
 
   void greet(std::vector<std::byte>& out, Instant now);
   /// Bytes cut anywhere. @return false: say what is in `out`, then hang up
@@ -48,7 +48,7 @@ class ControlConversation final {
   OperatorDesk& desk_;
   WrongProofs& wrong_;
   std::uint64_t address_hash_;
-  const EventBoard* events_;
+  EventNews* news_;
   std::optional<EventFeed> feed_;  ///< Of who watches events.
   std::uint64_t sequence_{0};      ///< Of the last request.
   std::vector<std::byte> begun_;   ///< Of a message.

@@ -23,9 +23,9 @@ std::string random_challenge() {
 class ControlServer::Session final : public net::TcpSession {
  public:
   Session(net::Socket socket, const Clock& clock, OperatorDesk& desk, WrongProofs& wrong,
-          std::uint64_t address_hash, const EventBoard* events)
+          std::uint64_t address_hash, EventNews* news)
       : TcpSession(std::move(socket), "native", clock),
-        conversation_(random_challenge(), desk, wrong, address_hash, events) {
+        conversation_(random_challenge(), desk, wrong, address_hash, news) {
     conversation_.greet(replies(), this->clock().now());
   }
 
@@ -62,10 +62,11 @@ class ControlServer::Session final : public net::TcpSession {
 ControlServer::ControlServer(boost::asio::io_context& io, OperatorDesk& desk,
                              const EventBoard* events, const Clock& clock)
     : desk_(desk),
-      events_(events),
       clock_(clock),
       hash_key_(net::random_key()),
-      tcp_(io, {"native", kMostClients, kMostPerAddress}, clock) {}
+      tcp_(io, {"native", kMostClients, kMostPerAddress}, clock) {
+  if (events != nullptr) news_.emplace(*events);
+}
 
 Expected<void> ControlServer::listen(const net::BindTarget& target) {
   const auto port = tcp_.listen(target, [this](net::Socket socket, const net::Peer& peer) {
@@ -80,7 +81,7 @@ std::shared_ptr<net::Session> ControlServer::session(net::Socket socket, const n
   const std::uint64_t hash = net::address_hash(hash_key_, peer);
   // Who guesses learns nothing: his connection ends.
   if (wrong_.shut_out(hash, clock_.now())) return nullptr;
-  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash, events_);
+  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash, news_ ? &*news_ : nullptr);
 }
 
 }  // namespace fiducap::native

@@ -3,10 +3,12 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "base/clock.hpp"
 #include "base/event_board.hpp"
 #include "base/expected.hpp"
+#include "streaming/native/event_news.hpp"
 #include "streaming/net/limits.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/operator_desk.hpp"
@@ -32,7 +34,7 @@ class ControlServer final {
   [[nodiscard]] std::shared_ptr<net::Session> session(net::Socket socket, const net::Peer& peer);
 
   OperatorDesk& desk_;
-  const EventBoard* events_;
+  std::optional<EventNews> news_;
   const Clock& clock_;
   std::array<std::uint64_t, 2> hash_key_;
   net::WrongProofs wrong_;

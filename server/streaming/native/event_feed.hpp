@@ -1,11 +1,12 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
-#include "base/event_board.hpp"
 #include "base/time.hpp"
-#include "streaming/native/control_codec.hpp"
+#include "streaming/native/event_news.hpp"
 
 namespace fiducap::native {
 
@@ -16,26 +17,24 @@ class EventFeed final {
   static constexpr Duration kHeartbeat = std::chrono::seconds(5);
 
   /// @param after  newest event that the watcher knows
-  EventFeed(const EventBoard& board, std::uint64_t after, std::uint64_t sequence)
-      : board_(board), after_(after), sequence_(sequence) {
-    if (const auto all = board_.after(0); all.empty() || all.back().number < after) after_ = 0;
+  EventFeed(EventNews& news, std::uint64_t after, std::uint64_t sequence)
+      : news_(news), after_(after), sequence_(sequence) {
+    const auto& kept = news_.newest().happened;
+    if (kept.empty() || kept.back()->number < after) after_ = 0;
   }
 
-  /// @return nullopt: nothing new, and it has heard from us a moment ago
-  [[nodiscard]] std::optional<ControlReply> next(Instant now) {
-    const std::uint64_t revision = board_.revision();
-    if (told_at_ && revision == revision_ && now - *told_at_ < kHeartbeat) return std::nullopt;
-    revision_ = revision;
+  /// Appends what is new, or nothing if it has heard from us a moment ago.
+  void tell(std::vector<std::byte>& out, Instant now) {
+    const EventSheet& sheet = news_.newest();
+    if (told_at_ && sheet.revision == revision_ && now - *told_at_ < kHeartbeat) return;
+    append(out, sequence_, news_.encoded(after_));
+    revision_ = sheet.revision;
     told_at_ = now;
-    ControlReply reply;
-    reply.sequence = sequence_;
-    reply.events = ControlEvents{board_.after(after_), board_.standing()};
-    if (!reply.events->happened.empty()) after_ = reply.events->happened.back().number;
-    return reply;
+    if (!sheet.happened.empty()) after_ = sheet.happened.back()->number;
   }
 
  private:
-  const EventBoard& board_;
+  EventNews& news_;
   std::uint64_t after_;
   std::uint64_t sequence_;
   std::uint64_t revision_{0};

@@ -5,12 +5,14 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <new>
 
 #include "daemon/watch/body_health.hpp"
 #include "daemon/watch/frame_watchdog.hpp"
 #include "daemon/watch/health_watch.hpp"
 #include "daemon/watch/machine_health.hpp"
 #include "daemon/watch/service_manager.hpp"
+#include "support/allocation_counter.hpp"
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -179,6 +181,28 @@ TEST(HealthWatch, GivesTheServerUpOnceWhenFramesReachNobody) {
   for (int i = 0; i < 3 * HealthWatch::kLooksInVain; ++i) watch.look();
   EXPECT_EQ(given_up, 1);
   EXPECT_EQ(events.standing().back().kind, "stalled");
+}
+
+TEST(HealthWatch, GivesTheServerUpAlsoWhenThereIsNoMemoryToSaySo) {
+  FakeClock clock(instant_from_ns(1'000'000'000));
+  EventBoard events{[] { return std::int64_t{0}; }};
+  Scene scene({});
+  MapBuilder map(MapConfig{}, TagMap{});
+  Publisher publisher(100, scene, map, clock, [](auto) {});
+  int asked = 0;
+  HealthWatch watch(events, publisher, clock, [&] {
+    if (++asked == 1) throw std::bad_alloc();
+  });
+  for (int i = 0; i + 1 < HealthWatch::kLooksInVain; ++i) watch.look();
+  AllocationFault::reach_this_thread();
+  AllocationFault::arm(1);
+  EXPECT_THROW(watch.look(), std::bad_alloc);
+  EXPECT_TRUE(AllocationFault::disarm()) << "nothing was to be said";
+  EXPECT_EQ(asked, 1);
+  watch.look();
+  EXPECT_EQ(asked, 2) << "who has not given up tries again";
+  watch.look();
+  EXPECT_EQ(asked, 2);
 }
 
 class MachineHealthTest : public testing::Test {

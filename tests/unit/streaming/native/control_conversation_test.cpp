@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <random>
 
 #include "fiducap/v1/control.pb.h"
@@ -192,6 +193,37 @@ TEST(ControlProof, Sha256AndHmacMatchTheStandards) {
   EXPECT_EQ(
       hmac(std::string(131, '\xaa'), "Test Using Larger Than Block-Size Key - Hash Key First"),
       "60e431591ee0b67f0d8a26aacbf5b77f8e0bc6213728c5140546040f0ee37f54");
+}
+
+TEST_F(ControlConversationTest, WhatManyWatchIsEncodedOnce) {
+  EventBoard board{[] { return std::int64_t{0}; }};
+  EventNews news(board);
+  v1::ControlRequest wish;
+  wish.set_sequence(1);
+  wish.mutable_watch_events();
+  std::vector<std::unique_ptr<ControlConversation>> watchers;
+  for (int i = 0; i < 32; ++i) {
+    watchers.push_back(
+        std::make_unique<ControlConversation>(std::string(32, 'c'), desk_, wrong_, 7, &news));
+    wish.set_sequence(static_cast<std::uint64_t>(i) + 1);  // whoever wants it otherwise
+    ASSERT_TRUE(watchers.back()->receive(framed(wish.SerializeAsString()), out_, now_));
+  }
+  EXPECT_EQ(news.encodings(), 1U);
+  for (int i = 0; i < 10; ++i) {
+    board.begin({.severity = Severity::kWarning,
+                 .subject = "drone",
+                 .kind = "overload",
+                 .text = std::to_string(i) + " % are left out"});
+    for (std::uint64_t w = 0; w < watchers.size(); ++w) {
+      out_.clear();
+      watchers[w]->tell_events(out_, now_);
+      ASSERT_EQ(reply().sequence(), w + 1);
+      ASSERT_EQ(reply().events().standing_size(), 1);
+      ASSERT_EQ(reply().events().standing(0).text(), std::to_string(i) + " % are left out");
+      ASSERT_EQ(reply().events().happened_size(), i == 0 ? 1 : 0);
+    }
+  }
+  EXPECT_EQ(news.encodings(), 11U);
 }
 
 }  // namespace
