@@ -38,9 +38,9 @@ struct Event {
 /// What the board says at one moment; never changes.
 struct EventSheet {
   using Events = std::vector<std::shared_ptr<const Event>>;
-  std::uint64_t revision{};  ///< Counts every change of what follows.
-  Events happened;           ///< The newest, oldest first.
-  Events standing;           ///< What holds, in order of subject and kind.
+  std::uint64_t revision{};             ///< Counts every change of what follows.
+  Events happened;                      ///< The newest, oldest first.
+  Events standing;                      ///< What holds, in order of subject and kind.
   std::array<std::uint64_t, 3> told{};  ///< Events since the start, by severity.
 
   /// Those of `happened` after `number`.

@@ -303,19 +303,21 @@ bool MapBuilder::changed() const {
 
 void MapBuilder::mark_stored(const TagMap& stored) {
   const std::lock_guard lock(mutex_);
-  working_.version = stored.version;
-  working_.parent = stored.parent;
-  working_.comment = stored.comment;
   // What joined while the store was writing is in no version yet.
-  changed_ = !same_tags(*snapshot_, stored);
+  const bool more = !same_tags(*snapshot_, stored);
   auto next = std::make_shared<TagMap>(*snapshot_);
   next->version = stored.version;
   next->parent = stored.parent;
   next->comment = stored.comment;
-  next->hash = changed_ ? std::string{} : stored.hash;
+  next->hash = more ? std::string{} : stored.hash;
   note_locked(MapEvent::Kind::kPublished, 0,
               "map stored as version " + std::to_string(stored.version) + " with " +
                   std::to_string(stored.tags.size()) + " tags");
+  working_.comment = stored.comment;
+  // Nothing is thrown from here on: what is not marked is stored again.
+  working_.version = stored.version;
+  working_.parent = stored.parent;
+  changed_ = more;
   std::shared_ptr<const TagMap> published = std::move(next);
   const std::lock_guard pointer_lock(snapshot_mutex_);
   snapshot_.swap(published);

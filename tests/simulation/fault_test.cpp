@@ -209,7 +209,7 @@ TEST_P(ThreadUnderFaults, GoesOnAndTheServerWithIt) {
 
 INSTANTIATE_TEST_SUITE_P(Each, ThreadUnderFaults,
                          testing::Values("pages", "read", "recorder", "watch", "work"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& thread) { return std::string(thread.param); });
 
 }  // namespace
 }  // namespace fiducap

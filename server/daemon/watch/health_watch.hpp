@@ -24,8 +24,8 @@ class HealthWatch final {
   static constexpr Duration kLook = std::chrono::milliseconds(500);
   static constexpr int kLooksInVain = 20;
 
-  /// @param give_up  called when no frame was delivered for ten seconds, until it has returned once;
-  /// everything outlives this
+  /// @param give_up  called when no frame was delivered for ten seconds, until it has returned
+  /// once; everything outlives this
   HealthWatch(EventBoard& events, const Publisher& publisher, const Clock& clock,
               std::function<void()> give_up);
 

@@ -81,7 +81,8 @@ std::shared_ptr<net::Session> ControlServer::session(net::Socket socket, const n
   const std::uint64_t hash = net::address_hash(hash_key_, peer);
   // Who guesses learns nothing: his connection ends.
   if (wrong_.shut_out(hash, clock_.now())) return nullptr;
-  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash, news_ ? &*news_ : nullptr);
+  return std::make_shared<Session>(std::move(socket), clock_, desk_, wrong_, hash,
+                                   news_ ? &*news_ : nullptr);
 }
 
 }  // namespace fiducap::native
