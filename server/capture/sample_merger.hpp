@@ -32,6 +32,16 @@ struct MergerStatistics {
   std::uint64_t bad_dropped{};        ///< NaN or infinite numbers, or no such camera.
   std::uint64_t
       imu_waits_expired{};  ///< Image released without the IMU sample that closes its interval.
+
+  MergerStatistics& operator+=(const MergerStatistics& other) {
+    images_dropped += other.images_dropped;
+    late_dropped += other.late_dropped;
+    backwards_dropped += other.backwards_dropped;
+    far_dropped += other.far_dropped;
+    bad_dropped += other.bad_dropped;
+    imu_waits_expired += other.imu_waits_expired;
+    return *this;
+  }
 };
 
 /// Puts the samples of one body's sensors into the order in which the filter wants them.

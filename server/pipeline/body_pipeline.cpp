@@ -254,6 +254,9 @@ void BodyPipeline::note_imu_faults() {
     note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful);
     update_.events.back().text = text_of(*fault);
   }
+  if (!plausibility_.take_all_clear()) return;
+  note(BodyEvent::Kind::kImuPlausible);
+  update_.events.back().text = "the IMU's readings are plausible again";
 }
 
 /// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a
@@ -262,6 +265,21 @@ void BodyPipeline::note_carried() {
   const UpdateReport& report = update_.report;
   const bool by_points = report.landmarks_used >= filter_rules::kLandmarksToStay && carried_at_;
   if (by_points || report.tags_used + report.tags_added > 0) carried_at_ = report.exposed_at;
+}
+
+PipelineStatistics& PipelineStatistics::operator+=(const PipelineStatistics& other) {
+  imu_samples += other.imu_samples;
+  frames += other.frames;
+  frames_with_pose += other.frames_with_pose;
+  tags_used += other.tags_used;
+  motion_losses += other.motion_losses;
+  propagate_cpu += other.propagate_cpu;
+  detect_cpu += other.detect_cpu;
+  update_cpu += other.update_cpu;
+  skipped += other.skipped;
+  merger += other.merger;
+  search += other.search;
+  return *this;
 }
 
 PipelineStatistics BodyPipeline::statistics() const {

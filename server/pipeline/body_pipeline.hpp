@@ -43,6 +43,8 @@ struct PipelineStatistics {
   std::uint64_t skipped{};  ///< Images left out by `skip`.
   MergerStatistics merger{};
   SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
+
+  PipelineStatistics& operator+=(const PipelineStatistics& other);
 };
 
 /// One body's samples in, one estimate per image out: merger, detection with its forecast, filter

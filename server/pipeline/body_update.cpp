@@ -24,6 +24,8 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "imu_unusable";
     case BodyEvent::Kind::kImuDoubtful:
       return "imu_doubtful";
+    case BodyEvent::Kind::kImuPlausible:
+      return "imu_plausible";
     case BodyEvent::Kind::kDoubt:
       return "doubt";
   }

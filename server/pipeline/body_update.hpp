@@ -24,6 +24,7 @@ struct BodyEvent {
     kImuBack,        ///< … and they come again.
     kImuUnusable,    ///< Its readings cannot be in the right unit: `text` says what they look like.
     kImuDoubtful,    ///< They look odd: `text` says how.
+    kImuPlausible,   ///< … and are as they should be again.
     kDoubt,          ///< Tags do not fit together: `text` says how.
   } kind{Kind::kDoubt};
   Instant at{};

@@ -25,6 +25,10 @@ constexpr double kTolerance_rad = 1.5 * kDegree;
 constexpr double kTolerance = 0.25;
 constexpr int kVotes = 8;
 constexpr int kMostComparisons = 400;
+// After it the device may have been opened again, or be another one.
+constexpr Duration kPause = std::chrono::seconds(1);
+// So many sound judgements in a row end a fault of the forces: 12 s.
+constexpr int kSoundForces = 3;
 
 bool explains(double turned_rad, double seen_rad) {
   return std::abs(turned_rad - seen_rad) < kTolerance_rad + kTolerance * seen_rad;
@@ -65,6 +69,8 @@ std::string_view text_of(ImuFault fault) {
 bool is_fatal(ImuFault fault) { return fault != ImuFault::kForceUnlikely; }
 
 void ImuPlausibility::add(const ImuSample& imu) {
+  if (last_at_ && imu.sampled_at - *last_at_ > kPause) judge_anew();
+  last_at_ = imu.sampled_at;
   if (forces_ < kForces && (!last_force_at_ || imu.sampled_at - *last_force_at_ >= kForceStep)) {
     last_force_at_ = imu.sampled_at;
     forces_m_s2_[forces_++] = imu.f_B.norm();
@@ -80,10 +86,45 @@ void ImuPlausibility::add(const ImuSample& imu) {
   turned_by_degrees_ = (turned_by_degrees_ * exp_so3(kDegree * turn)).normalized();
 }
 
+/// What was found stands until the opposite is found.
+void ImuPlausibility::judge_anew() {
+  forces_ = 0;
+  sound_forces_ = 0;
+  last_force_at_.reset();
+  last_.reset();
+  look_.reset();
+  comparisons_ = for_radians_ = for_degrees_ = 0;
+}
+
 void ImuPlausibility::judge_forces() {
   const auto middle = forces_m_s2_.begin() + kForces / 2;
   std::nth_element(forces_m_s2_.begin(), middle, forces_m_s2_.end());
-  force_news_ = fault_of_force(*middle);
+  const std::optional<ImuFault> found = fault_of_force(*middle);
+  sound_forces_ = found ? 0 : sound_forces_ + 1;
+  if (found && found != force_fault_) force_fault_ = force_news_ = found;
+  if (!force_fault_) return;
+  forces_ = 0;  // looked at until it is mended
+  if (sound_forces_ < kSoundForces) return;
+  force_fault_.reset();
+  say_what_is_left();
+}
+
+void ImuPlausibility::judge_rates() {
+  const bool degrees = for_degrees_ >= kVotes;
+  if (degrees && !rate_fault_) rate_fault_ = rate_news_ = ImuFault::kRateInDegreesPerSecond;
+  if (!rate_fault_) return;
+  if (for_radians_ >= kVotes) {
+    rate_fault_.reset();
+    say_what_is_left();
+  } else {
+    comparisons_ = for_radians_ = for_degrees_ = 0;  // looked at until it is mended
+  }
+}
+
+void ImuPlausibility::say_what_is_left() {
+  force_news_ = force_fault_;
+  rate_news_ = rate_fault_;
+  all_clear_ = !force_fault_ && !rate_fault_;
 }
 
 bool ImuPlausibility::rates_are_judged() const {
@@ -103,6 +144,7 @@ void ImuPlausibility::add(const TagObservations& seen, const CameraModel& camera
                  turned_by_degrees_};
   if (again) compare(*look_, now, camera);
   look_ = now;
+  if (rates_are_judged()) judge_rates();
 }
 
 void ImuPlausibility::compare(const Look& before, const Look& now, const CameraModel& camera) {
@@ -116,9 +158,7 @@ void ImuPlausibility::compare(const Look& before, const Look& now, const CameraM
   const double by_degrees_rad = angle_between(before.turned_by_degrees, now.turned_by_degrees);
   const bool radians = explains(turned_rad, seen_rad);
   const bool degrees = explains(by_degrees_rad, seen_rad);
-  if (radians == degrees) return;
-  ++(radians ? for_radians_ : for_degrees_);
-  if (for_degrees_ == kVotes) rate_news_ = ImuFault::kRateInDegreesPerSecond;
+  if (radians != degrees) ++(radians ? for_radians_ : for_degrees_);
 }
 
 std::optional<ImuFault> ImuPlausibility::take_news() {

@@ -3,6 +3,7 @@
 #include <array>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -26,7 +27,8 @@ enum class ImuFault {
 /// Nothing sensible comes of such readings.
 [[nodiscard]] bool is_fatal(ImuFault fault);
 
-/// Physics against units: looks at an IMU's first seconds.
+/// Physics against units: looks at an IMU's first seconds, again after each pause, and while
+/// something is wrong with it.
 ///
 /// The specific force of what moves by hand, on wheels or in the air has its median near gravity.
 /// The turn between two images is known from a tag that both show, whatever its size and place; the
@@ -39,8 +41,10 @@ class ImuPlausibility final {
   /// An image, in the order of SampleMerger: after the IMU samples before it.
   void add(const TagObservations& seen, const CameraModel& camera);
 
-  /// What was found since the last call; each fault once.
+  /// What was found since the last call; each fault once, and again when it is what is left of two.
   [[nodiscard]] std::optional<ImuFault> take_news();
+  /// Since the last call the last fault was found to be mended.
+  [[nodiscard]] bool take_all_clear() { return std::exchange(all_clear_, false); }
 
  private:
   static constexpr std::size_t kForces = 400;
@@ -54,14 +58,20 @@ class ImuPlausibility final {
     Eigen::Quaterniond turned{};
     Eigen::Quaterniond turned_by_degrees{};
   };
+  void judge_anew();
   void judge_forces();
+  void judge_rates();
+  void say_what_is_left();
   void compare(const Look& before, const Look& now, const CameraModel& camera);
   [[nodiscard]] bool rates_are_judged() const;
 
   std::array<double, kForces> forces_m_s2_{};
   std::size_t forces_{0};
+  int sound_forces_{0};  ///< Judgements in a row.
+  std::optional<ImuFault> force_fault_;
   std::optional<ImuFault> force_news_;
 
+  std::optional<Instant> last_at_;
   std::optional<ImuSample> last_;
   std::optional<Instant> last_force_at_;
   Eigen::Quaterniond turned_{Eigen::Quaterniond::Identity()};
@@ -70,7 +80,9 @@ class ImuPlausibility final {
   int comparisons_{0};
   int for_radians_{0};
   int for_degrees_{0};
+  std::optional<ImuFault> rate_fault_;
   std::optional<ImuFault> rate_news_;
+  bool all_clear_{false};
 };
 
 }  // namespace fiducap

@@ -105,6 +105,7 @@ void BodyWorker::work(std::stop_token stop) {
   shared_.map.release(id_);
   pulse_.ended = true;
   if (stop.stop_requested()) return;
+  end_conditions({"source_failed", "failed", "imu_silent", "imu_readings"}, "its source has ended");
   shared_.scene.source_lost(index_);
   log::warning("pipeline", name_ + " is lost; the server goes on");
 }
@@ -128,6 +129,13 @@ std::optional<std::string> BodyWorker::work_until_failure(std::stop_token stop) 
   }
 }
 
+void BodyWorker::end_conditions(std::initializer_list<std::string_view> kinds,
+                                std::string_view why) {
+  const auto whose = [this] { return name_; };
+  for (const std::string_view kind : kinds)
+    net::guarded("pipeline", whose, [&] { shared_.events.end(name_, kind, why); });
+}
+
 /// What the pipeline had learned is lost; the map keeps its tags.
 void BodyWorker::begin_anew(const std::string& why, std::stop_token stop) {
   const Instant now = shared_.clock.now();
@@ -144,10 +152,18 @@ void BodyWorker::begin_anew(const std::string& why, std::stop_token stop) {
     shared_.scene.source_lost(index_);
     shared_.map.release(id_);
   });
+  end_conditions({"imu_silent", "imu_readings"}, "its estimate begins anew, and the IMU is judged");
   if (!shared_.clock.wait_until(now + pause_, stop)) return;
   pause_ = std::min(2 * pause_, kLongestPause);
   inbox_.clear();
   began_at_ = shared_.clock.now();
+  let_go_of_pipeline();
+}
+
+/// What it counted is kept: counters never run backwards.
+void BodyWorker::let_go_of_pipeline() {
+  if (!pipeline_) return;
+  statistics_.pipeline += pipeline_->statistics();
   const std::lock_guard lock(pipeline_mutex_);
   pipeline_ = nullptr;
 }
@@ -243,6 +259,8 @@ bool BodyWorker::tell_of_imu(const BodyEvent& event) {
   const bool unusable = event.kind == Kind::kImuUnusable;
   if (event.kind == Kind::kImuBack) {
     shared_.events.end(name_, "imu_silent", event.text);
+  } else if (event.kind == Kind::kImuPlausible) {
+    shared_.events.end(name_, "imu_readings", event.text);
   } else if (silent || unusable || event.kind == Kind::kImuDoubtful) {
     shared_.events.begin({.severity = unusable ? Severity::kError : Severity::kWarning,
                           .subject = name_,
@@ -255,7 +273,8 @@ bool BodyWorker::tell_of_imu(const BodyEvent& event) {
 }
 
 std::uint64_t BodyWorker::images_left_out() const {
-  const PipelineStatistics done = pipeline_ ? pipeline_->statistics() : PipelineStatistics{};
+  PipelineStatistics done = statistics_.pipeline;
+  if (pipeline_) done += pipeline_->statistics();
   return inbox_.images_dropped() + done.merger.images_dropped + done.skipped;
 }
 
@@ -305,7 +324,7 @@ std::vector<std::string> BodyWorker::doubts() const {
 
 BodyStatistics BodyWorker::statistics() const {
   BodyStatistics all = statistics_;
-  if (pipeline_) all.pipeline = pipeline_->statistics();
+  if (pipeline_) all.pipeline += pipeline_->statistics();
   all.images_dropped = images_left_out();
   return all;
 }

@@ -3,11 +3,13 @@
 #include <array>
 #include <atomic>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/clock.hpp"
@@ -85,6 +87,8 @@ class BodyWorker final {
   [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
   [[nodiscard]] bool work_samples(std::stop_token stop);
   void begin_anew(const std::string& why, std::stop_token stop);
+  void let_go_of_pipeline();
+  void end_conditions(std::initializer_list<std::string_view> kinds, std::string_view why);
   void work_on_what_is_due();
   void publish(const BodyUpdate& update, const MapView& view);
   void tell_map(const BodyUpdate& update, const MapView& view);
@@ -115,7 +119,7 @@ class BodyWorker final {
   std::vector<Delivery> taken_;
   std::array<Arrival, 64> arrivals_{};  ///< Of the newest images.
   std::size_t next_arrival_{0};
-  BodyStatistics statistics_;
+  BodyStatistics statistics_;  ///< Of the pipeline: of those before this one.
   BodyPulse pulse_;
   std::atomic<bool> reading_{true};
   bool reading_failed_{false};  ///< And no sample since; the reader's.

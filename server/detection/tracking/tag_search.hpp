@@ -16,6 +16,15 @@ struct SearchStatistics {
   std::uint64_t regions{};
   std::uint64_t expected{};  ///< Tags that should have been there …
   std::uint64_t found{};     ///< … and were, in their region.
+
+  SearchStatistics& operator+=(const SearchStatistics& other) {
+    images += other.images;
+    whole_images += other.whole_images;
+    regions += other.regions;
+    expected += other.expected;
+    found += other.found;
+    return *this;
+  }
 };
 
 /// Finds the tags of a body's images with as little work as its expectations allow.

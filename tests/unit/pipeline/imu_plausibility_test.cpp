@@ -17,6 +17,7 @@ namespace {
 using std::numbers::pi;
 using testing::ElementsAre;
 using testing::IsEmpty;
+using testing::UnorderedElementsAre;
 
 const CameraModel kCameraModel{752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
 
@@ -31,11 +32,13 @@ class ImuPlausibilityTest : public testing::Test {
       plausibility_.add(reading());
       if (tick_ % 10 == 0) plausibility_.add(image(), kCameraModel);
       if (const auto fault = plausibility_.take_news()) found.push_back(*fault);
+      all_clears_ += plausibility_.take_all_clear() ? 1 : 0;
     }
     return found;
   }
 
   void start_again() { plausibility_ = {}; }
+  void pause(double seconds) { tick_ += static_cast<int>(seconds * 200); }
   /// What a body's pipeline does for every sample.
   void take(const ImuSample& imu, const TagObservations& seen) {
     plausibility_.add(imu);
@@ -68,6 +71,7 @@ class ImuPlausibilityTest : public testing::Test {
   double rate_scale_{1};
   double shake_rad_s_{0};
   double attitude_noise_rad_{0};
+  int all_clears_{0};
 
  private:
   [[nodiscard]] Instant now() const { return instant_from_ns(std::int64_t{tick_} * 5'000'000); }
@@ -119,6 +123,30 @@ TEST_F(ImuPlausibilityTest, SlowTurnsSayNothing) {
   turn_amplitude_rad_ = 0.02;
   rate_scale_ = 180 / pi;
   EXPECT_THAT(run(120), IsEmpty());
+}
+
+TEST_F(ImuPlausibilityTest, SaysThatAnImuWasMended) {
+  force_scale_ = 1 / 9.80665;
+  rate_scale_ = 180 / pi;
+  EXPECT_THAT(run(60),
+              UnorderedElementsAre(ImuFault::kForceInG, ImuFault::kRateInDegreesPerSecond));
+  EXPECT_EQ(all_clears_, 0);
+  force_scale_ = 1;
+  EXPECT_THAT(run(60), ElementsAre(ImuFault::kRateInDegreesPerSecond)) << "what is left of it";
+  EXPECT_EQ(all_clears_, 0);
+  rate_scale_ = 1;
+  EXPECT_THAT(run(60), IsEmpty());
+  EXPECT_EQ(all_clears_, 1);
+}
+
+TEST_F(ImuPlausibilityTest, JudgesAnewAfterAPauseTheImuMayBeAnother) {
+  EXPECT_THAT(run(30), IsEmpty());
+  force_scale_ = 1 / 9.80665;
+  rate_scale_ = 180 / pi;
+  EXPECT_THAT(run(30), IsEmpty()) << "once it knows it does not look";
+  pause(2);
+  EXPECT_THAT(run(30),
+              UnorderedElementsAre(ImuFault::kForceInG, ImuFault::kRateInDegreesPerSecond));
 }
 
 TEST_F(ImuPlausibilityTest, AStillBodyAllocatesNothing) {
