@@ -53,7 +53,7 @@ void EventBoard::change(Work&& work) {
     news.swap(unlogged_);
   }
   for (const Shared& event : news)
-    log::write(level_of(event->severity), "event", event->sentence());
+    log::write(level_of(event->severity), "event", event->sentence(), event->subject);
 }
 
 void EventBoard::tell(Event event) {
@@ -71,6 +71,7 @@ void EventBoard::begin(Event event) {
                std::tie(held.severity, held.text, held.remedy)) {
       event.number = held.number;
       event.utc_ms = held.utc_ms;
+      show_name(event);
       known->second = std::make_shared<const Event>(std::move(event));
       has_changed_ = true;
     }
@@ -132,7 +133,26 @@ void EventBoard::finish(std::string_view subject, std::string_view kind, std::st
   standing_.erase(known);
 }
 
+void EventBoard::rename(std::string_view subject, std::string_view name) {
+  change([&] {
+    names_.insert_or_assign(std::string(subject), std::string(name));
+    for (auto& [key, held] : standing_) {
+      if (key.first != subject) continue;
+      Event event = *held;
+      event.subject = name;
+      held = std::make_shared<const Event>(std::move(event));
+      has_changed_ = true;
+    }
+  });
+}
+
+void EventBoard::show_name(Event& event) const {
+  const auto name = names_.find(event.subject);
+  if (name != names_.end()) event.subject = name->second;
+}
+
 EventBoard::Shared EventBoard::keep(Event event) {
+  show_name(event);
   event.number = newest_ + 1;
   event.utc_ms = utc_ns_() / kNsPerMs;
   const auto kept = std::make_shared<const Event>(std::move(event));

@@ -72,6 +72,10 @@ class EventBoard final {
   /// `begin` or `end`, whichever `holds` says.
   void set(bool holds, Event event, std::string_view text_when_over);
 
+  /// Who is told of as `subject` is shown as `name` from now on, also in what stands; those who
+  /// tell go on with `subject`.
+  void rename(std::string_view subject, std::string_view name);
+
   /// What holds now, in order of subject and kind.
   [[nodiscard]] std::vector<Event> standing() const;
   /// The newest events after `number`, oldest first.
@@ -87,7 +91,7 @@ class EventBoard final {
 
  private:
   using Shared = std::shared_ptr<const Event>;
-  using Key = std::pair<std::string, std::string>;  ///< Subject, kind.
+  using Key = std::pair<std::string, std::string>;  ///< Subject, kind; as they are told.
   struct Order {
     using is_transparent = void;
     using View = std::pair<std::string_view, std::string_view>;
@@ -96,6 +100,7 @@ class EventBoard final {
   template <typename Work>
   void change(Work&& work);
   Shared keep(Event event);
+  void show_name(Event& event) const;
   void start(Event event);
   [[nodiscard]] bool has_room_for(Severity severity);
   void say_that_it_is_crowded();
@@ -107,6 +112,7 @@ class EventBoard final {
   std::deque<Shared> happened_;
   std::map<Key, Shared, Order> standing_;
   std::vector<Shared> unlogged_;
+  std::map<std::string, std::string, std::less<>> names_;  ///< Of subjects that were renamed.
   std::uint64_t newest_{0};
   std::array<std::uint64_t, 3> told_{};
   bool has_changed_{false};  ///< Since the sheet was written.

@@ -94,12 +94,13 @@ class Log {
     return *log;
   }
 
-  void write(Level level, std::string_view room, std::string_view text) {
+  void write(Level level, std::string_view room, std::string_view text, std::string_view subject) {
     const auto now = std::chrono::steady_clock::now();
     const std::lock_guard lock(mutex_);
     start();
     say_left_out(now);
-    if (limiter_.allow(room, level, now)) keep(level, room, printable(text));
+    if (limiter_.allow({std::string(room), std::string(subject)}, level, now))
+      keep(level, room, printable(text));
     changed_.notify_one();
   }
 
@@ -147,9 +148,10 @@ class Log {
   }
 
   void say_left_out(LineLimiter::Time now) {
-    for (const auto& left_out : limiter_.ended(now))
-      keep(left_out.level, left_out.room,
-           std::to_string(left_out.lines) + " more lines of this kind were left out");
+    for (const auto& [source, level, lines] : limiter_.ended(now))
+      keep(level, source.room,
+           (source.subject.empty() ? "" : printable(source.subject) + ": ") +
+               std::to_string(lines) + " more lines of this kind were left out");
   }
 
   [[nodiscard]] bool is_idle() const { return waiting_.empty() && !is_writing_; }
@@ -201,10 +203,11 @@ class Log {
 
 }  // namespace
 
-void write(Level level, std::string_view room, std::string_view text) noexcept {
+void write(Level level, std::string_view room, std::string_view text,
+           std::string_view subject) noexcept {
   if (level < g_level.load(std::memory_order_relaxed)) return;
   try {
-    Log::get().write(level, room, text);
+    Log::get().write(level, room, text, subject);
   } catch (...) {  // out of memory: a line less, nothing else
   }
 }

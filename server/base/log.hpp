@@ -20,9 +20,10 @@ struct Line {
 };
 
 /// Thread-safe, never waits for the terminal, never throws. Rare events only: never call it per
-/// sample or per frame. Control characters are escaped; what a room says too often or the terminal
-/// does not take is counted, and the count is said.
-void write(Level level, std::string_view room, std::string_view text) noexcept;
+/// sample or per frame. Control characters are escaped; what a room says too often (about one
+/// subject) or the terminal does not take is counted, and the count is said.
+void write(Level level, std::string_view room, std::string_view text,
+           std::string_view subject = {}) noexcept;
 inline void debug(std::string_view room, std::string_view text) {
   write(Level::kDebug, room, text);
 }

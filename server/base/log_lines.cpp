@@ -19,8 +19,8 @@ std::string printable(std::string_view text) {
   return out;
 }
 
-bool LineLimiter::allow(std::string_view room, Level level, Time now) {
-  Window& window = windows_.try_emplace({std::string(room), level}, Window{now, 0}).first->second;
+bool LineLimiter::allow(const LineSource& source, Level level, Time now) {
+  Window& window = windows_.try_emplace({source, level}, Window{now, 0}).first->second;
   // A window with lines left out waits for `ended`, which says so.
   if (now - window.since >= kWindow && window.lines <= kMost) window = {now, 0};
   return ++window.lines <= kMost;
@@ -28,10 +28,12 @@ bool LineLimiter::allow(std::string_view room, Level level, Time now) {
 
 std::vector<LineLimiter::LeftOut> LineLimiter::ended(Time now) {
   std::vector<LeftOut> out;
-  for (auto& [key, window] : windows_) {
-    if (window.lines <= kMost || now - window.since < kWindow) continue;
-    out.push_back({key.first, key.second, window.lines - kMost});
-    window = {now, 0};
+  for (auto one = windows_.begin(); one != windows_.end();) {
+    const auto& [key, window] = *one;
+    const bool is_over = now - window.since >= kWindow;
+    if (is_over && window.lines > kMost)
+      out.push_back({key.first, key.second, window.lines - kMost});
+    one = is_over ? windows_.erase(one) : std::next(one);
   }
   return out;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -19,6 +20,13 @@ namespace fiducap::log {
 /// become `\x1b`, everything else stays, so that UTF-8 does.
 [[nodiscard]] std::string printable(std::string_view text);
 
+/// Who says a line, and about whom.
+struct LineSource {
+  std::string room;
+  std::string subject{};
+  auto operator<=>(const LineSource&) const = default;
+};
+
 /// One source may say `kMost` lines of one level in a window; the rest is counted and said once.
 class LineLimiter final {
  public:
@@ -26,23 +34,24 @@ class LineLimiter final {
   static constexpr std::chrono::seconds kWindow{10};
   using Time = std::chrono::steady_clock::time_point;
 
-  [[nodiscard]] bool allow(std::string_view room, Level level, Time now);
+  [[nodiscard]] bool allow(const LineSource& source, Level level, Time now);
 
   struct LeftOut {
-    std::string room;
+    LineSource source;
     Level level{};
     std::uint64_t lines{};
   };
-  /// Whose window has ended with lines left out; each is given once.
+  /// Whose window has ended with lines left out; each is given once. Who is quiet is forgotten.
   [[nodiscard]] std::vector<LeftOut> ended(Time now);
+  [[nodiscard]] std::size_t remembered() const { return windows_.size(); }
 
  private:
   struct Window {
     Time since{};
     std::uint64_t lines{};
   };
-  // Rooms are names in our own code: there are few.
-  std::map<std::pair<std::string, Level>, Window, std::less<>> windows_;
+  // Rooms are names in our own code, subjects are bodies and parts of the server: there are few.
+  std::map<std::pair<LineSource, Level>, Window> windows_;
 };
 
 /// Lines on their way to a terminal that may not take them. When it is full the newest is left out:

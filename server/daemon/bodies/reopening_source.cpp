@@ -25,11 +25,7 @@ Expected<std::optional<SensorSample>> ReopeningSource::next(std::stop_token stop
       lose(sample.error());
       continue;
     }
-    if (sample->has_value() && !told_.empty()) {
-      told_.clear();
-      pause_ = kShortestPause;
-      listener_.back();
-    }
+    if (sample->has_value()) note_sample();
     return sample;
   }
   return std::nullopt;
@@ -43,10 +39,21 @@ Expected<std::optional<SensorSample>> ReopeningSource::ask(std::stop_token stop)
   }
 }
 
+/// One sample is not yet a device that works.
+void ReopeningSource::note_sample() {
+  gave_at_ = clock_.now();
+  if (!gives_since_) gives_since_ = gave_at_;
+  if (told_.empty() || gave_at_ - *gives_since_ < kBackAfter) return;
+  told_.clear();
+  listener_.back();
+}
+
 void ReopeningSource::lose(const Error& why) {
   source_.reset();  // lets go of the device, which could not be opened otherwise
+  const auto gave_since = std::exchange(gives_since_, std::nullopt);
+  if (gave_since && gave_at_ - *gave_since >= kForgiven) pause_ = kShortestPause;
   std::string text = why.text();
-  if (text == told_) return;
+  if (text == told_ && !gave_since) return;
   told_ = std::move(text);
   listener_.lost(why);
 }

@@ -132,6 +132,28 @@ TEST_F(CrowdedBoard, WhoWaitedIsToldWhenThereIsRoom) {
       << "the first come first";
 }
 
+TEST_F(EventBoardTest, WhoIsRenamedIsFoundUnderTheNewName) {
+  board_.begin(lost());
+  const auto revision = board_.revision();
+  board_.rename("drone", "uav1");
+  EXPECT_NE(board_.revision(), revision);
+  ASSERT_EQ(board_.standing().size(), 1U);
+  EXPECT_EQ(board_.standing()[0].subject, "uav1");
+  EXPECT_EQ(board_.after(0)[0].subject, "drone") << "as it was told";
+
+  board_.begin(lost());
+  EXPECT_EQ(board_.after(0).size(), 1U) << "it is the same";
+  board_.begin(lost(Severity::kError));
+  EXPECT_EQ(board_.after(1).at(0).subject, "uav1");
+  board_.begin({.severity = Severity::kError, .subject = "rover", .kind = "lost", .text = "lost"});
+  board_.rename("rover", "drone");
+  EXPECT_EQ(board_.standing().size(), 2U) << "a name that is free";
+  board_.end("drone", "lost", "back");
+  EXPECT_EQ(board_.after(0).back().subject, "uav1");
+  ASSERT_EQ(board_.standing().size(), 1U);
+  EXPECT_EQ(board_.standing()[0].subject, "drone");
+}
+
 TEST(EventBoard, WhoReadsDoesNotWaitForWhoWrites) {
   std::vector<std::future<void>> readers;
   std::future_status was_read{};

@@ -16,24 +16,42 @@ TEST(Printable, EscapesWhatMovesTheCursorAndKeepsTheRest) {
 TEST(LineLimiter, LeavesOutAFloodOfOneRoomAndSaysHowMuchOnce) {
   LineLimiter limiter;
   int said = 0;
-  for (int i = 0; i < 1000; ++i) said += limiter.allow("natnet", Level::kWarning, kStart) ? 1 : 0;
+  for (int i = 0; i < 1000; ++i) said += limiter.allow({"natnet"}, Level::kWarning, kStart) ? 1 : 0;
   EXPECT_EQ(said, static_cast<int>(LineLimiter::kMost));
-  EXPECT_TRUE(limiter.allow("natnet", Level::kError, kStart)) << "a flood hides no error";
-  EXPECT_TRUE(limiter.allow("vrpn", Level::kWarning, kStart));
+  EXPECT_TRUE(limiter.allow({"natnet"}, Level::kError, kStart)) << "a flood hides no error";
+  EXPECT_TRUE(limiter.allow({"vrpn"}, Level::kWarning, kStart));
 
   EXPECT_THAT(limiter.ended(kStart + 9s), testing::IsEmpty());
   const auto ended = limiter.ended(kStart + LineLimiter::kWindow);
   ASSERT_EQ(ended.size(), 1U);
-  EXPECT_EQ(ended[0].room, "natnet");
+  EXPECT_EQ(ended[0].source.room, "natnet");
   EXPECT_EQ(ended[0].lines, 1000 - LineLimiter::kMost);
   EXPECT_THAT(limiter.ended(kStart + 30s), testing::IsEmpty());
-  EXPECT_TRUE(limiter.allow("natnet", Level::kWarning, kStart + LineLimiter::kWindow));
+  EXPECT_TRUE(limiter.allow({"natnet"}, Level::kWarning, kStart + LineLimiter::kWindow));
+}
+
+TEST(LineLimiter, AFloodAboutOneBodyHidesNoOther) {
+  LineLimiter limiter;
+  for (int i = 0; i < 1000; ++i) (void)limiter.allow({"event", "drone"}, Level::kWarning, kStart);
+  EXPECT_TRUE(limiter.allow({"event", "rover"}, Level::kWarning, kStart));
+  const auto ended = limiter.ended(kStart + LineLimiter::kWindow);
+  ASSERT_EQ(ended.size(), 1U);
+  EXPECT_EQ(ended[0].source.subject, "drone");
+}
+
+TEST(LineLimiter, RemembersNobodyWhoIsQuiet) {
+  LineLimiter limiter;
+  for (int i = 0; i < 1000; ++i)
+    (void)limiter.allow({"event", std::to_string(i)}, Level::kWarning, kStart);
+  EXPECT_EQ(limiter.remembered(), 1000U);
+  EXPECT_THAT(limiter.ended(kStart + LineLimiter::kWindow), testing::IsEmpty());
+  EXPECT_EQ(limiter.remembered(), 0U);
 }
 
 TEST(LineLimiter, ARoomThatSaysLittleIsNeverLeftOut) {
   LineLimiter limiter;
   for (int i = 0; i < 1000; ++i)
-    ASSERT_TRUE(limiter.allow("mapping", Level::kInfo, kStart + i * 250ms)) << i;
+    ASSERT_TRUE(limiter.allow({"mapping"}, Level::kInfo, kStart + i * 250ms)) << i;
 }
 
 TEST(LineQueue, KeepsTheFirstLinesAndCountsTheOthers) {

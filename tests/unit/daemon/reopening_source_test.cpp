@@ -12,15 +12,18 @@ namespace fiducap {
 namespace {
 
 using namespace std::chrono_literals;
+using testing::Contains;
 using testing::ElementsAre;
 using testing::IsEmpty;
+using testing::Not;
 
-/// Gives so many readings, then is unplugged, throws, or ends.
+/// Gives so many readings, one a second, then is unplugged, throws, or ends.
 class Device final : public SensorSource {
  public:
   enum class End { kUnplugged, kThrows, kOver };
-  Device(int readings, End end) : left_(readings), end_(end) {}
+  Device(FakeClock& clock, int readings, End end) : clock_(clock), left_(readings), end_(end) {}
   Expected<std::optional<SensorSample>> next(std::stop_token) override {
+    if (left_ > 0) clock_.advance(1s);
     if (left_-- > 0) return ImuSample{};
     if (end_ == End::kThrows) throw std::runtime_error("driver bug");
     if (end_ == End::kOver) return std::nullopt;
@@ -28,6 +31,7 @@ class Device final : public SensorSource {
   }
 
  private:
+  FakeClock& clock_;
   int left_;
   End end_;
 };
@@ -35,8 +39,8 @@ class Device final : public SensorSource {
 class ReopeningSourceTest : public testing::Test {
  protected:
   using Opened = Expected<std::unique_ptr<SensorSource>>;
-  static Opened device(int readings, Device::End end) {
-    return std::make_unique<Device>(readings, end);
+  Opened device(int readings, Device::End end) {
+    return std::make_unique<Device>(clock_, readings, end);
   }
   void build(Opened first) {
     source_ = std::make_unique<ReopeningSource>(
@@ -56,6 +60,10 @@ class ReopeningSourceTest : public testing::Test {
     const auto sample = source_->next(stop_.get_token());
     return sample && sample->has_value();
   }
+  bool gives_samples(int count) {
+    while (count > 0 && gives_a_sample()) --count;
+    return count == 0;
+  }
 
   FakeClock clock_;
   std::deque<Opened> next_;
@@ -71,38 +79,57 @@ TEST_F(ReopeningSourceTest, ADeviceThatWasUnpluggedComesBackByItself) {
   EXPECT_TRUE(gives_a_sample());
   EXPECT_THAT(said_, IsEmpty());
   EXPECT_TRUE(gives_a_sample()) << "of the device that was plugged in again";
+  EXPECT_THAT(said_, ElementsAre("gives no more images")) << "one sample proves little";
+  EXPECT_TRUE(gives_samples(4));
   EXPECT_THAT(said_, ElementsAre("gives no more images", "back"));
-  EXPECT_THAT(opened_at_, ElementsAre(Duration(250ms)));
+  EXPECT_THAT(opened_at_, ElementsAre(Duration(1250ms)));
 }
 
 TEST_F(ReopeningSourceTest, ADriverThatIsNotUpYetIsWaitedFor) {
   next_.push_back(fail(ErrorCode::kNotFound, "no such device"));
   next_.push_back(fail(ErrorCode::kUnavailable, "is busy"));
-  next_.push_back(device(1, Device::End::kOver));
+  next_.push_back(device(4, Device::End::kOver));
   build(fail(ErrorCode::kNotFound, "no such device"));
-  EXPECT_TRUE(gives_a_sample());
+  EXPECT_TRUE(gives_samples(4));
   EXPECT_THAT(said_, ElementsAre("no such device", "is busy", "back"))
       << "each reason once, however often it is tried";
 }
 
-TEST_F(ReopeningSourceTest, PausesGrowToHalfAMinuteAndAreShortAgainAfterASample) {
-  for (int i = 0; i < 10; ++i) next_.push_back(fail(ErrorCode::kNotFound, "no such device"));
+TEST_F(ReopeningSourceTest, ADeviceThatGivesOneSampleAndFailsIsNotBackAndItsPausesGrow) {
+  for (int i = 0; i < 12; ++i) next_.push_back(device(1, Device::End::kUnplugged));
+  build(device(1, Device::End::kUnplugged));
+  EXPECT_TRUE(gives_samples(13));
+  EXPECT_THAT(said_, Not(Contains("back")));
+  ASSERT_EQ(opened_at_.size(), 12U);
+  EXPECT_EQ(opened_at_[1] - opened_at_[0], 1500ms) << "a sample for a second, a pause of 500 ms";
+  EXPECT_EQ(opened_at_[11] - opened_at_[10], 31s);
+}
+
+TEST_F(ReopeningSourceTest, EachLossIsToldForTheBodyIsLostEachTime) {
   next_.push_back(device(1, Device::End::kUnplugged));
   next_.push_back(device(1, Device::End::kOver));
+  build(device(1, Device::End::kUnplugged));
+  EXPECT_TRUE(gives_samples(3));
+  EXPECT_THAT(said_, ElementsAre("gives no more images", "gives no more images"));
+}
+
+TEST_F(ReopeningSourceTest, PausesGrowToHalfAMinuteAndAreShortAgainAfterAMinuteOfSamples) {
+  for (int i = 0; i < 10; ++i) next_.push_back(fail(ErrorCode::kNotFound, "no such device"));
+  next_.push_back(device(61, Device::End::kUnplugged));
+  next_.push_back(device(1, Device::End::kOver));
   build(device(0, Device::End::kUnplugged));
-  EXPECT_TRUE(gives_a_sample());
+  EXPECT_TRUE(gives_samples(61));
   ASSERT_EQ(opened_at_.size(), 11U);
   EXPECT_EQ(opened_at_[1] - opened_at_[0], 500ms);
   EXPECT_EQ(opened_at_[10] - opened_at_[9], 30s);
   EXPECT_TRUE(gives_a_sample());
-  EXPECT_EQ(opened_at_[11] - opened_at_[10], 250ms);
+  EXPECT_EQ(opened_at_[11] - opened_at_[10], 61s + 250ms);
 }
 
 TEST_F(ReopeningSourceTest, AnExceptionOfADriverIsALossLikeAnyOther) {
-  next_.push_back(device(1, Device::End::kOver));
+  next_.push_back(device(4, Device::End::kOver));
   build(device(1, Device::End::kThrows));
-  EXPECT_TRUE(gives_a_sample());
-  EXPECT_TRUE(gives_a_sample());
+  EXPECT_TRUE(gives_samples(5));
   EXPECT_THAT(said_, ElementsAre("driver bug", "back"));
 }
 
