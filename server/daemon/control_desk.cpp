@@ -43,12 +43,17 @@ bool is_body_name(const std::string& name) {
 }
 
 ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
-                         SessionRecorder& recorder, std::function<void()> commit)
+                         SessionRecorder& recorder, EventBoard& events,
+                         std::function<void()> commit)
     : config_(std::move(config)),
       scene_(scene),
       map_(map),
       recorder_(recorder),
-      commit_(std::move(commit)) {}
+      events_(events),
+      commit_(std::move(commit)) {
+  for (const Scene::Listed& body : scene_.list())
+    configured_names_.push_back(body.description.name);
+}
 
 bool ControlDesk::admits(std::string_view token) const {
   if (config_.token.empty() || token.size() != config_.token.size()) return false;
@@ -93,6 +98,7 @@ Expected<void> ControlDesk::rename(int body_id, const std::string& name) {
     if (other.description.id != body_id && other.description.name == name)
       return fail(ErrorCode::kInvalid, "another body has this name", "\"" + name + "\"");
   scene_.rename(*body, name);
+  events_.rename(configured_names_.at(*body), name);
   log::info("daemon",
             "body " + std::to_string(body_id) + " is called " + name + " until the server ends");
   return {};

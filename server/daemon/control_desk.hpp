@@ -2,7 +2,9 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
+#include "base/event_board.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "scene/scene.hpp"
 #include "streaming/operator_desk.hpp"
@@ -24,7 +26,7 @@ class ControlDesk final : public OperatorDesk {
  public:
   /// @param commit  asks the keeper of the map for a version now; empty: the map has no store
   ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map, SessionRecorder& recorder,
-              std::function<void()> commit);
+              EventBoard& events, std::function<void()> commit);
 
   [[nodiscard]] bool admits(std::string_view token) const override;
   [[nodiscard]] std::string_view token() const override { return config_.token; }
@@ -51,7 +53,9 @@ class ControlDesk final : public OperatorDesk {
   Scene& scene_;
   MapBuilder& map_;
   SessionRecorder& recorder_;
+  EventBoard& events_;
   std::function<void()> commit_;
+  std::vector<std::string> configured_names_;  ///< Under which events are told.
 };
 
 }  // namespace fiducap

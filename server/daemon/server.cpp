@@ -131,7 +131,7 @@ Expected<void> Server::Impl::build() {
   build_workers(std::move(*bodies));
   std::function<void()> commit;
   if (keeper_) commit = [this] { keeper_->request_commit(); };
-  desk_.emplace(config_.operators, *scene_, *map_, recorder_, std::move(commit));
+  desk_.emplace(config_.operators, *scene_, *map_, recorder_, events_, std::move(commit));
   if (!config_.recorder.at_start.empty()) {
     const auto opened = recorder_.start_and_open(config_.recorder.at_start);
     // The disk's fault is said and stands; robots are followed all the same.

@@ -37,7 +37,9 @@ void BodyHealth::look(const BodyPose* pose, Instant now) {
   if (!watched_since_) watched_since_ = now;
   judge_source(now);
   judge_lateness(now);
-  if (pose != nullptr) judge_pose(*pose, now);
+  if (pose != nullptr) return judge_pose(*pose, now);
+  untracked_since_.reset();
+  events_.end(name_, "tracking", "is not streamed any more");
 }
 
 void BodyHealth::judge_source(Instant now) {
@@ -49,16 +51,18 @@ void BodyHealth::judge_source(Instant now) {
                     came == 0 ? "not one image has come from its camera"
                               : "no image has come from its camera any more",
                     "Look at its cable, its driver and the name of its topic or device"),
-              "images come again");
+              pulse_.ended ? "its source has ended" : "images come again");
 }
 
 void BodyHealth::judge_lateness(Instant now) {
   if (!counted_at_ || to_seconds(now - *counted_at_) >= kShareFor_s) {
     const std::uint64_t images = pulse_.images, skipped = pulse_.skipped;
     const std::uint64_t came = images - images_;
-    skipped_share_ = counted_at_ && came > 0
-                         ? static_cast<double>(skipped - skipped_) / static_cast<double>(came)
-                         : 0;
+    // More may be left out than came: they waited from before.
+    skipped_share_ =
+        counted_at_ && came > 0
+            ? std::min(1.0, static_cast<double>(skipped - skipped_) / static_cast<double>(came))
+            : 0;
     images_ = images;
     skipped_ = skipped;
     counted_at_ = now;
@@ -66,14 +70,17 @@ void BodyHealth::judge_lateness(Instant now) {
   const double late_s = static_cast<double>(pulse_.lateness_ns) * 1e-9;
   const double on_the_way_s = static_cast<double>(pulse_.on_the_way_ns) * 1e-9;
   const bool fresh = since(pulse_.image_came_ns, now) < kSilent_s;
+  const auto when_over = [fresh](const char* text) {
+    return fresh ? text : "no images come any more";
+  };
   const bool too_late = seconds_since(late_since_, fresh && late_s > kLate_s, now) >= kLateFor_s;
   const bool by_source = too_late && on_the_way_s > late_s / 2;
   events_.set(by_source,
               event(Severity::kWarning, "source_late",
                     "its images are " + milliseconds(on_the_way_s) + " old when they arrive",
                     "Look at the network, the driver's queues and the clocks of both computers"),
-              "images arrive in time again");
-  const bool busy = (too_late && !by_source) || skipped_share_ > kSkippedShare;
+              when_over("images arrive in time again"));
+  const bool busy = (too_late && !by_source) || (fresh && skipped_share_ > kSkippedShare);
   events_.set(
       busy,
       event(Severity::kWarning, "overload",
@@ -81,7 +88,7 @@ void BodyHealth::judge_lateness(Instant now) {
                 std::to_string(static_cast<int>(skipped_share_ * 100)) +
                 " % of its images are left out, poses are " + milliseconds(late_s) + " behind",
             "End other programs, give fewer or smaller images, or more cores"),
-      "this computer keeps up again");
+      when_over("this computer keeps up again"));
 }
 
 void BodyHealth::judge_pose(const BodyPose& pose, Instant now) {

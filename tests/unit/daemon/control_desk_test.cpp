@@ -29,7 +29,8 @@ class ControlDeskTest : public testing::Test {
   EventBoard events_{[] { return std::int64_t{0}; }};
   SessionRecorder recorder_;
   int commits_{0};
-  ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, [this] { ++commits_; }};
+  ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, events_,
+                    [this] { ++commits_; }};
 };
 
 TEST_F(ControlDeskTest, KnowsTheOperatorByTheTokenAlone) {
@@ -37,7 +38,7 @@ TEST_F(ControlDeskTest, KnowsTheOperatorByTheTokenAlone) {
   EXPECT_FALSE(desk_.admits("correct hors"));
   EXPECT_FALSE(desk_.admits("correct horsf"));
   EXPECT_FALSE(desk_.admits(""));
-  const ControlDesk closed({}, scene_, map_, recorder_, {});
+  const ControlDesk closed({}, scene_, map_, recorder_, events_, {});
   EXPECT_FALSE(closed.admits("")) << "no token: nobody is the operator";
 }
 
@@ -58,6 +59,14 @@ TEST_F(ControlDeskTest, RefusesNamesThatNoProtocolOrNobodyElseCanBear) {
   EXPECT_EQ(desk_.bodies()[0].name, "drone-2");
 }
 
+TEST_F(ControlDeskTest, EventsOfARenamedBodyBearItsNewName) {
+  events_.begin({.subject = "drone", .kind = "silent", .text = "no image"});
+  ASSERT_TRUE(desk_.rename(4, "uav1"));
+  ASSERT_TRUE(desk_.rename(4, "uav2"));
+  events_.begin({.subject = "drone", .kind = "tracking", .text = "is lost"});
+  for (const Event& event : events_.standing()) EXPECT_EQ(event.subject, "uav2") << event.kind;
+}
+
 TEST_F(ControlDeskTest, APivotNeedsARotation) {
   Pose X_BP{Eigen::Quaterniond::Identity(), {1, 2, 3}};
   EXPECT_TRUE(desk_.set_pivot(4, X_BP));
@@ -73,7 +82,7 @@ TEST_F(ControlDeskTest, TheMapIsFrozenAndStoredOnRequest) {
   EXPECT_EQ(map_.mode(), MapMode::kFrozen);
   EXPECT_TRUE(desk_.commit_map());
   EXPECT_EQ(commits_, 1);
-  ControlDesk without_store({}, scene_, map_, recorder_, {});
+  ControlDesk without_store({}, scene_, map_, recorder_, events_, {});
   EXPECT_EQ(without_store.commit_map().error().code, ErrorCode::kUnsupported);
 }
 

@@ -23,6 +23,7 @@ using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::UnorderedElementsAre;
 
 /// A robot whose images come ten times a second and are looked at twice a second.
 class BodyHealthTest : public testing::Test {
@@ -142,6 +143,46 @@ TEST_F(BodyHealthTest, APoseThatIsCarriedForLongIsToldAndAgainWhenItIsLost) {
   EXPECT_THAT(told(), ElementsAre("tracking", "tracking", "over: tracking"));
   EXPECT_EQ(events_.after(0)[1].severity, Severity::kError);
   EXPECT_EQ(text(), "drone: is tracked again");
+}
+
+TEST_F(BodyHealthTest, WhatEndsBecauseNothingComesAnyMoreSaysSo) {
+  const auto late_and_too_many = [this] {
+    healthy();
+    pulse_.lateness_ns = std::chrono::nanoseconds(400ms).count();
+    pulse_.on_the_way_ns = std::chrono::nanoseconds(380ms).count();
+    pulse_.skipped += 3;
+  };
+  pass(10s, late_and_too_many);
+  EXPECT_THAT(told(), UnorderedElementsAre("source_late", "overload"));
+  pass(5s, [] {});
+  EXPECT_THAT(told(), UnorderedElementsAre("source_late", "overload", "silent", "over: source_late",
+                                           "over: overload"));
+  for (const Event& event : events_.after(2))
+    if (event.over) EXPECT_EQ(event.text, "no images come any more");
+  pulse_.ended = true;
+  pass(1s, [] {});
+  EXPECT_EQ(text(), "drone: its source has ended");
+}
+
+TEST_F(BodyHealthTest, NeverMoreThanAllImagesAreLeftOut) {
+  pass(5s);
+  pass(3s, [this] {
+    healthy();
+    pulse_.skipped += 9;  // that waited from before
+  });
+  EXPECT_THAT(events_.standing().at(0).text, HasSubstr(" 100 % of its images"));
+}
+
+TEST_F(BodyHealthTest, ABodyThatIsStreamedNoMoreIsNoAlarm) {
+  pass(5s);
+  pass(3s, [this] {
+    healthy();
+    pose_.state = BodyState::kLost;
+  });
+  EXPECT_THAT(told(), ElementsAre("tracking"));
+  health_.look(nullptr, now_);
+  EXPECT_EQ(text(), "drone: is not streamed any more");
+  EXPECT_THAT(events_.standing(), IsEmpty());
 }
 
 TEST_F(BodyHealthTest, ARobotThatDoesNotFindItsPlaceIsTold) {
