@@ -92,7 +92,7 @@ Expected<MapStore> open_or_repair(const std::string& path, EventBoard& events) {
     return fail(ErrorCode::kInvalid, "no version in it can be read; it " + store.error().what,
                 path);
   }
-  if (repaired->found.is_sound()) return MapStore::open(path);
+  if (repaired->found.is_sound() && repaired->kept_as.empty()) return MapStore::open(path);
   const auto lost = repaired->found.sentences();
   std::string text = "the store " + path + " was damaged and has been repaired";
   for (const std::string& one : lost) text += "; " + one;
