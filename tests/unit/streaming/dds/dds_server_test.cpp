@@ -313,32 +313,6 @@ TEST_F(DdsServerTest, DiagnosticsTellAtOnceWhatBeginsAndEndsWithCauseAndRemedy) 
   EXPECT_STREQ(after.status._buffer[2].message, "runs");
 }
 
-TEST_F(DdsServerTest, DiagnosticsOfARenamedBodyKeepItsConditions) {
-  start({});
-  auto reader = read("rt/diagnostics", diagnostic_msgs_msg_dds__DiagnosticArray__desc);
-  events_.begin({.severity = Severity::kError,
-                 .subject = "rover",
-                 .kind = "tracking",
-                 .text = "is lost",
-                 .remedy = "Show it a tag."});
-  publish();
-  while (reader.take()) continue;
-  auto model = std::make_shared<SceneModel>(*frame_->model);
-  model->generation = 2;
-  model->bodies[1].name = "uav1";
-  frame_ = std::make_shared<SceneFrame>(*frame_);
-  frame_->model = model;
-  events_.rename("rover", "uav1");
-  for (int i = 0; i < 120; ++i) publish();
-  const auto loan = reader.take();
-  ASSERT_TRUE(loan);
-  const auto& told = loan.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-  ASSERT_EQ(told.status._length, 3u);
-  EXPECT_STREQ(told.status._buffer[1].name, "fiducap: uav1");
-  EXPECT_STREQ(told.status._buffer[1].message, "is lost");
-  EXPECT_STREQ(told.status._buffer[2].message, "runs") << "it is not the server's";
-}
-
 TEST_F(DdsServerTest, ListsWhoListensToWhat) {
   start({});
   std::vector<ClientStatus> clients;

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "daemon/bodies/body_worker.hpp"
+#include "fake_body.hpp"
+#include "support/fake_clock.hpp"
+
+namespace fiducap {
+constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
+
+inline ImuSample imu_at(Instant at) { return {at, Eigen::Vector3d::Zero(), {0, 0, 9.81}}; }
+
+/// A tag of 100 px in the middle of the image.
+inline TagSighting sighting(int id) {
+  return {id, 0, 60.0, {{{326, 290}, {426, 290}, {426, 190}, {326, 190}}}};
+}
+
+inline CornerFrame frame_at(Instant at, std::vector<int> ids = {4}) {
+  CornerFrame frame{0, at, {}};
+  for (const int id : ids) frame.tags.push_back(sighting(id));
+  return frame;
+}
+
+inline KnownTag known_tag(int id) {
+  KnownTag tag{id, 0.16, {}};
+  tag.covariance = Matrix6d::Identity() * 1e-6;
+  return tag;
+}
+
+/// One body called `robot` with a camera and an IMU, everything real except its source and its
+/// filter.
+class BodyWorkerTest : public testing::Test {
+ protected:
+  BodyWorkerTest() {
+    CameraMount mount;
+    mount.model = {752, 480, 460, 460, 375.5, 239.5, Distortion::kNone, {}};
+    sensors_.cameras = {mount};
+    sensors_.imu = ImuNoise{};
+  }
+
+  void build(std::unique_ptr<SensorSource> source) {
+    std::vector<SceneBody> bodies(1);
+    bodies[0].description = {1, "robot"};
+    bodies[0].sensors = sensors_;
+    scene_ = std::make_unique<Scene>(bodies);
+    map_ = std::make_unique<MapBuilder>(MapConfig{}, start_);
+    PipelineSetup setup;
+    setup.sensors = sensors_;
+    setup.estimator = estimator_;
+    worker_ = std::make_unique<BodyWorker>(
+        BodyParts{0, 1, "robot", std::move(setup), std::move(source), [this] { return filter(); }},
+        SharedParts{*map_, *scene_, clock_, recorder_, events_});
+  }
+  std::unique_ptr<BodyFilter> filter() {
+    auto filter = std::make_unique<RecordingFilter>(log_);
+    filter_ = filter.get();
+    if (fails_always_) filter_->throws_at = log_.updated.size() + 1;
+    return filter;
+  }
+  void build(std::vector<SensorSample> samples) {
+    build(std::make_unique<ScriptedSource>(std::move(samples)));
+  }
+
+  /// Reader and worker one after the other: what the threads do, without threads.
+  void run() {
+    worker_->read({});
+    worker_->work({});
+  }
+  BodyPose pose_at(Instant at) {
+    return scene_->sample(at, at, {}, 100, map_->snapshot())->bodies.front();
+  }
+
+  EventBoard events_{[] { return std::int64_t{0}; }};
+  BodySensors sensors_;
+  TagMap start_;
+  FakeClock clock_{ms(1000)};
+  EstimatorConfig estimator_;
+  SessionRecorder recorder_{RecorderConfig{}, clock_, events_};
+  RecordingFilter::Log log_;
+  RecordingFilter* filter_{nullptr};
+  bool fails_always_{false};  ///< Every filter that is made from now on.
+  std::unique_ptr<Scene> scene_;
+  std::unique_ptr<MapBuilder> map_;
+  std::unique_ptr<BodyWorker> worker_;
+};
+
+}  // namespace fiducap
