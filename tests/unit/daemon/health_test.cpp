@@ -157,8 +157,11 @@ TEST_F(BodyHealthTest, WhatEndsBecauseNothingComesAnyMoreSaysSo) {
   pass(5s, [] {});
   EXPECT_THAT(told(), UnorderedElementsAre("source_late", "overload", "silent", "over: source_late",
                                            "over: overload"));
-  for (const Event& event : events_.after(2))
-    if (event.over) EXPECT_EQ(event.text, "no images come any more");
+  for (const Event& event : events_.after(2)) {
+    if (event.over) {
+      EXPECT_EQ(event.text, "no images come any more");
+    }
+  }
   pulse_.ended = true;
   pass(1s, [] {});
   EXPECT_EQ(text(), "drone: its source has ended");
