@@ -68,9 +68,15 @@ Expected<void> SessionWriter::finish() {
   if (auto closed = files_->close(); !closed) return closed;
   session_->on_disk(written_, files_->bytes());
   files_.reset();
-  log::info(kRecorder,
-            "the recording \"" + session_->name() + "\" has ended: " + session_->status().counts());
-  std::exchange(session_, nullptr)->finished();
+  const auto session = std::exchange(session_, nullptr);
+  session->finished();
+  // Nothing that is thrown from here on makes it a failed one.
+  net::guarded(
+      kRecorder, [] { return "saying that a recording has ended"; },
+      [&] {
+        log::info(kRecorder, "the recording \"" + session->name() +
+                                 "\" has ended: " + session->status().counts());
+      });
   return {};
 }
 
@@ -89,8 +95,10 @@ void SessionWriter::flush_when_due() noexcept {
 
 void SessionWriter::give_up(RecordedSession& session, const Error& why) {
   if (session_.get() == &session) {
-    static_cast<void>(files_->close());  // other files than the failed one take their last second
-    session.on_disk(files_->bytes());
+    if (files_) {
+      static_cast<void>(files_->close());  // other files than the failed one take their last second
+      session.on_disk(files_->bytes());
+    }
     files_.reset();
     session_ = nullptr;
   }

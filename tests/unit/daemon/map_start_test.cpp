@@ -1,0 +1,167 @@
+#include "daemon/map_start.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "mapping/store/sqlite_file.hpp"
+#include "support/temporary_folder.hpp"
+#include "unit/daemon/certain_belief.hpp"
+
+namespace fiducap {
+namespace {
+
+class MapStartTest : public testing::Test {
+ protected:
+  TemporaryFolder folder_;
+  /// A store with two versions. @return its path
+  std::string two_versions() {
+    settings_.store = folder_.file("map.sqlite");
+    auto store = MapStore::open(settings_.store);
+    TagMap map;
+    map.tags.push_back({belief(4, 1.0).tag});
+    EXPECT_TRUE(store->commit(map, "first"));
+    map.tags.push_back({belief(5, 2.0).tag});
+    EXPECT_TRUE(store->commit(map, "second"));
+    return settings_.store;
+  }
+  [[nodiscard]] std::vector<Event> rolled_back() const {
+    auto all = events_.after(0);
+    std::erase_if(all,
+                  [](const Event& e) { return e.subject != "map" || e.kind != "rolled_back"; });
+    return all;
+  }
+
+  EventBoard events_{[] { return std::int64_t{0}; }};
+  MapSettings settings_;
+  TagSetConfig tags_;
+};
+
+TEST_F(MapStartTest, IsEmptyWithoutStoreAndFile) {
+  settings_.reference_tag = 3;
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_TRUE(start->map.tags.empty());
+  EXPECT_EQ(start->map.reference_tag, 3);
+  EXPECT_FALSE(start->store.has_value());
+}
+
+TEST_F(MapStartTest, ImportsASurveyOnceAndThenUsesTheStore) {
+  settings_.store = folder_.file("map.sqlite");
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  {
+    const auto first = open_start_map(settings_, tags_, events_);
+    ASSERT_TRUE(first) << first.error().text();
+    ASSERT_EQ(first->map.tags.size(), 1u);
+    EXPECT_EQ(first->map.version, 1);
+    const auto beside = open_start_map(settings_, tags_, events_);
+    ASSERT_FALSE(beside) << "another server has it";
+    EXPECT_NE(beside.error().text().find("is in use by process"), std::string::npos);
+  }
+  settings_.file = folder_.file("gone.csv");
+  const auto second = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(second) << second.error().text();
+  EXPECT_EQ(second->map.version, 1);
+  ASSERT_NE(second->map.find(4), nullptr);
+  EXPECT_EQ(second->map.find(4)->tag.X_WT.p.y(), 2);
+}
+
+TEST_F(MapStartTest, NamesADamagedStoreAndLeavesItAlone) {
+  settings_.store = folder_.write("map.sqlite", std::string(10'000, 'x'));
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("map.sqlite"), std::string::npos) << start.error().text();
+  EXPECT_EQ(std::filesystem::file_size(settings_.store), 10'000u);
+}
+
+TEST_F(MapStartTest, GoesBackToTheLastSoundVersionAndSaysSo) {
+  const std::string path = two_versions();
+  ASSERT_TRUE(SqliteFile::open(path)->execute("UPDATE tag SET px = 9 WHERE version = 2"));
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_EQ(start->map.version, 1);
+  ASSERT_EQ(rolled_back().size(), 1u);
+  EXPECT_NE(rolled_back().front().text.find("went back to version 1"), std::string::npos);
+  EXPECT_NE(rolled_back().front().text.find("version 2 is damaged"), std::string::npos);
+  EXPECT_EQ(start->store->log()->size(), 2u) << "kept";
+}
+
+TEST_F(MapStartTest, RepairsADamagedFileKeepsItAsideAndSaysSo) {
+  const std::string path = two_versions();
+  {
+    auto store = MapStore::open(path);  // many pages
+    TagMap map = *store->newest();
+    for (int id = 6; id < 60; ++id) map.tags.push_back({belief(id, id).tag});
+    ASSERT_TRUE(store->commit(map, "third"));
+  }
+  const auto size = std::filesystem::file_size(path);
+  std::filesystem::resize_file(path, size - 4096);
+  ASSERT_FALSE(MapStore::open(path));
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_TRUE(start) << start.error().text();
+  EXPECT_EQ(start->map.version, 2);
+  EXPECT_EQ(std::filesystem::file_size(path + ".damaged-1"), size - 4096);
+  ASSERT_EQ(rolled_back().size(), 1u);
+  EXPECT_NE(rolled_back().front().text.find("version 3"), std::string::npos)
+      << rolled_back().front().sentence();
+  EXPECT_NE(rolled_back().front().remedy.find(path + ".damaged-1"), std::string::npos);
+}
+
+TEST_F(MapStartTest, RefusesAMapOfAnotherTagFamily) {
+  settings_.file =
+      folder_.write("survey.csv", "id,size,px,py,pz,qw,qx,qy,qz\n4,0.16,1,2,3,1,0,0,0\n");
+  tags_.family = "tag25h9";
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("tag25h9"), std::string::npos) << start.error().text();
+}
+
+TEST_F(MapStartTest, NamesASurveyThatIsNotThere) {
+  settings_.file = folder_.file("survey.json");
+  const auto start = open_start_map(settings_, tags_, events_);
+  ASSERT_FALSE(start);
+  EXPECT_NE(start.error().text().find("survey.json"), std::string::npos);
+}
+
+TEST(UseLearned, TakesOverWhatWasLearnedUnlessTheCameraWasMoved) {
+  BodySensors sensors;
+  sensors.cameras.resize(2);
+  std::vector<CameraMount>& cameras = sensors.cameras;
+  cameras[0].X_BV.p = {0.1, 0, 0};
+  cameras[1].X_BV.p = {0.1, 0, 0};
+  const Pose close{Eigen::Quaterniond::Identity(), {0.11, 0, 0}};
+  const Pose far{Eigen::Quaterniond::Identity(), {0.5, 0, 0}};
+  use_learned({{"robot", 0, close}, {"robot", 1, far}, {"other", 0, far}, {"robot", 9, close}},
+              "robot", sensors);
+  EXPECT_EQ(cameras[0].X_BV.p.x(), 0.11);
+  EXPECT_EQ(cameras[1].X_BV.p.x(), 0.1);
+}
+
+TEST(UseLearned, LeavesOutWhatADiskHasDamaged) {
+  BodySensors sensors;
+  sensors.cameras.resize(2);
+  Pose nowhere;
+  nowhere.p.x() = std::nan("");
+  const Pose bent{Eigen::Quaterniond(1, 0, 0, 0.01), {0, 0, 0}};
+  use_learned({{"robot", 0, nowhere}, {"robot", 1, bent}}, "robot", sensors);
+  EXPECT_EQ(sensors.cameras[0].X_BV.p.x(), 0);
+  EXPECT_EQ(sensors.cameras[1].X_BV.q.z(), 0);
+}
+
+TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
+  BodySensors sensors;
+  sensors.cameras.resize(3);
+  sensors.cameras[0].readout_s = 0.01;
+  sensors.cameras[0].readout_sigma_s = 0.005;
+  sensors.cameras[1].time_shift_sigma_s = 0;
+  const StoredClock clock{-0.03, 0.015};
+  use_learned({{"robot", 0, Pose{}, clock}, {"robot", 1, Pose{}, clock}, {"robot", 2, Pose{}}},
+              "robot", sensors);
+  EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
+  EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
+  EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
+}
+
+}  // namespace
+}  // namespace fiducap
