@@ -63,6 +63,22 @@ class BodyWorkerTest : public testing::Test {
     build(std::make_unique<ScriptedSource>(std::move(samples)));
   }
 
+  /// Three images, a tenth of a second apart, with an IMU reading before each and one at the end.
+  /// The clock goes on by 50 ms with each.
+  void build_three_images() {
+    std::vector<SensorSample> samples;
+    for (int i = 0; i < 3; ++i) {
+      samples.push_back(imu_at(ms(1000 + 100 * i)));
+      samples.push_back(frame_at(ms(1042 + 100 * i)));
+    }
+    samples.push_back(imu_at(ms(1300)));
+    build(std::make_unique<EndlessSource>([this, samples](int turn) -> std::optional<SensorSample> {
+      clock_.advance(std::chrono::milliseconds(50));
+      const auto at = static_cast<std::size_t>(turn);
+      return at == samples.size() ? std::nullopt : std::optional(samples[at]);
+    }));
+  }
+
   /// Reader and worker one after the other: what the threads do, without threads.
   void run() {
     worker_->read({});

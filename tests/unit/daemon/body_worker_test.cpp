@@ -142,17 +142,7 @@ TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
 }
 
 TEST_F(BodyWorkerTest, AnImageThatWaitedTooLongIsLeftOutWhenANewerOneHasCome) {
-  std::vector<SensorSample> samples;
-  for (int k = 0; k < 3; ++k) {
-    samples.push_back(imu_at(ms(1000 + 100 * k)));
-    samples.push_back(frame_at(ms(1042 + 100 * k)));
-  }
-  samples.push_back(imu_at(ms(1300)));
-  build(std::make_unique<EndlessSource>([&](int k) -> std::optional<SensorSample> {
-    clock_.advance(std::chrono::milliseconds(50));
-    if (static_cast<std::size_t>(k) == samples.size()) return std::nullopt;
-    return samples[static_cast<std::size_t>(k)];
-  }));
+  build_three_images();
   worker_->read({});
   clock_.advance(std::chrono::milliseconds(500));  // the worker gets no time meanwhile
   worker_->work({});

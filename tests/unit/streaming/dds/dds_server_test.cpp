@@ -1,22 +1,18 @@
 // Written and read through the middleware, in one process.
-#include "streaming/dds/dds_server.hpp"
-#include "base/log.hpp"
+#include "dds_server_fixture.hpp"
 
 #include <dds/dds.h>
 #include <fiducap_dds/fiducap.h>
 #include <fiducap_dds/ros_geometry.h>
 #include <fiducap_dds/ros_mocap.h>
-#include <gmock/gmock.h>
 
 #include <algorithm>
 #include <chrono>
 #include <limits>
 #include <thread>
 
-#include "middleware/reader.hpp"
+#include "base/log.hpp"
 #include "support/allocation_counter.hpp"
-#include "support/fake_clock.hpp"
-#include "support/scene_builder.hpp"
 
 // The middleware allocates for what it keeps; that is not counted. The linker puts this in its
 // place (--wrap).
@@ -34,52 +30,6 @@ namespace {
 using namespace std::chrono_literals;
 using testing::HasSubstr;
 using testing::SizeIs;
-
-constexpr int kDomain = 42;
-
-class DdsServerTest : public testing::Test {
- protected:
-  void start(const DdsConfig& config) {
-    NetworkConfig network;
-    network.domain = kDomain;
-    auto participant = Participant::open(network);
-    ASSERT_TRUE(participant) << participant.error().text();
-    participant_ = *participant;
-    auto server =
-        start_dds_server([this] { return Expected<std::shared_ptr<Participant>>(participant_); },
-                         config, frame_->model, clock_, &events_);
-    ASSERT_TRUE(server) << server.error().text();
-    server_ = std::move(*server);
-  }
-  Reader read(const std::string& topic, const dds_topic_descriptor_t& type,
-              const Qos& qos = {true, false, 100, 0}) {
-    auto reader = Reader::make(*participant_, {topic, &type, {}}, qos);
-    EXPECT_TRUE(reader) << reader.error().text();
-    return std::move(*reader);
-  }
-  void publish() {
-    auto next = std::make_shared<SceneFrame>(*frame_);
-    ++next->number;
-    next->at += 10ms;
-    frame_ = next;
-    server_->publish(frame_);
-  }
-
-  /// A later frame of another model: the rover, with id 7.
-  void only_rover_is_left() {
-    frame_ = make_scene_frame({"rover"}, 500);
-    auto model = std::make_shared<SceneModel>(*frame_->model);
-    model->generation = 2;
-    model->bodies[0].id = frame_->bodies[0].body_id = 7;
-    frame_->model = model;
-  }
-
-  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"big-drone", "rover"});
-  FakeClock clock_;
-  EventBoard events_{[] { return std::int64_t{0}; }};
-  std::shared_ptr<Participant> participant_;
-  std::unique_ptr<Streamer> server_;
-};
 
 TEST_F(DdsServerTest, PoseIsForTheInstantOfTheFrame) {
   start({});
@@ -239,80 +189,6 @@ TEST_F(DdsServerTest, ABodyThatLeavesIsDisposedOfAndANewOneIsServed) {
   EXPECT_EQ(body.as<fiducap_dds_Body>().id, 7);
 }
 
-TEST_F(DdsServerTest, DiagnosticsComeOnceASecondAndSayWhatIsWrong) {
-  frame_->bodies[1].state = BodyState::kCoasting;
-  start({});
-  auto reader = read("rt/diagnostics", diagnostic_msgs_msg_dds__DiagnosticArray__desc);
-  for (int i = 0; i < 250; ++i) publish();
-  int count = 0;
-  while (const auto loan = reader.take()) {
-    ++count;
-    const auto& message = loan.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-    ASSERT_EQ(message.status._length, 3u);
-    EXPECT_STREQ(message.status._buffer[2].name, "fiducap: server");
-    EXPECT_STREQ(message.status._buffer[2].message, "runs");
-    EXPECT_EQ(message.status._buffer[2].level, 0);
-    EXPECT_EQ(message.status._buffer[0].level, 0);
-    EXPECT_EQ(message.status._buffer[1].level, 1);
-    EXPECT_STREQ(message.status._buffer[1].name, "fiducap: rover");
-    EXPECT_STREQ(message.status._buffer[1].message, "coasting");
-    EXPECT_STREQ(message.status._buffer[0].values._buffer[2].value, "3");
-  }
-  EXPECT_EQ(count, 3);
-}
-
-/// `key=value|…`
-std::string values_of(const diagnostic_msgs_msg_dds__DiagnosticStatus_& status) {
-  std::string text;
-  for (std::uint32_t i = 0; i < status.values._length; ++i) {
-    const auto& pair = status.values._buffer[i];
-    text += std::string(pair.key) + "=" + pair.value + "|";
-  }
-  return text;
-}
-
-TEST_F(DdsServerTest, DiagnosticsTellAtOnceWhatBeginsAndEndsWithCauseAndRemedy) {
-  start({});
-  auto reader = read("rt/diagnostics", diagnostic_msgs_msg_dds__DiagnosticArray__desc);
-  for (int i = 0; i < 120; ++i) publish();
-  while (reader.take()) continue;
-  events_.begin({.severity = Severity::kError,
-                 .subject = "rover",
-                 .kind = "device_gone",
-                 .text = "its camera is gone",
-                 .remedy = "Look at the cable."});
-  events_.begin({.severity = Severity::kWarning,
-                 .subject = "clock",
-                 .kind = "unsynchronised",
-                 .text = "nobody sets it",
-                 .remedy = "Start chrony."});
-  for (int i = 0; i < 20; ++i) publish();  // 0.2 s
-  const auto alarm = reader.take();
-  ASSERT_TRUE(alarm);
-  EXPECT_FALSE(reader.take()) << "told once, not with every frame";
-  const auto& told = alarm.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-  ASSERT_EQ(told.status._length, 3u);
-  const auto* status = told.status._buffer;
-  EXPECT_EQ(status[0].level, 0);
-  EXPECT_EQ(status[1].level, 2);
-  EXPECT_STREQ(status[1].message, "its camera is gone");
-  EXPECT_THAT(values_of(status[1]),
-              HasSubstr("device_gone=its camera is gone|device_gone, remedy=Look at the cable.|"));
-  EXPECT_EQ(status[2].level, 1);
-  EXPECT_STREQ(status[2].message, "clock: nobody sets it");
-  EXPECT_EQ(values_of(status[2]),
-            "clock: unsynchronised=nobody sets it|clock: unsynchronised, remedy=Start chrony.|");
-  events_.end("rover", "device_gone", "is back");
-  events_.end("clock", "unsynchronised", "is set again");
-  for (int i = 0; i < 20; ++i) publish();
-  const auto calm = reader.take();
-  ASSERT_TRUE(calm);
-  const auto& after = calm.as<diagnostic_msgs_msg_dds__DiagnosticArray_>();
-  EXPECT_EQ(after.status._buffer[1].level, 0);
-  EXPECT_STREQ(after.status._buffer[1].message, "tracking");
-  EXPECT_STREQ(after.status._buffer[2].message, "runs");
-}
-
 TEST_F(DdsServerTest, ListsWhoListensToWhat) {
   start({});
   std::vector<ClientStatus> clients;
@@ -385,7 +261,7 @@ TEST_F(DdsServerTest, AfterStopNothingIsWrittenAndNothingBreaks) {
 TEST_F(DdsServerTest, TheDomainCannotBeEnteredTwiceAndAWrongInterfaceIsNamed) {
   start({});
   NetworkConfig network;
-  network.domain = kDomain;
+  network.domain = kTestDomain;
   auto again = Participant::open(network);
   ASSERT_FALSE(again);
   EXPECT_THAT(again.error().text(), HasSubstr("dds.domain"));

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <utility>
+
+#include <dds/dds.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "middleware/reader.hpp"
+#include "streaming/dds/dds_server.hpp"
+#include "support/fake_clock.hpp"
+#include "support/scene_builder.hpp"
+
+namespace fiducap::dds {
+
+inline constexpr int kTestDomain = 42;
+
+/// A server of two bodies and what it publishes, written and read through the middleware in one
+/// process.
+class DdsServerTest : public testing::Test {
+ protected:
+  void start(const DdsConfig& config) {
+    NetworkConfig network;
+    network.domain = kTestDomain;
+    auto participant = Participant::open(network);
+    ASSERT_TRUE(participant) << participant.error().text();
+    participant_ = *participant;
+    auto server =
+        start_dds_server([this] { return Expected<std::shared_ptr<Participant>>(participant_); },
+                         config, frame_->model, clock_, &events_);
+    ASSERT_TRUE(server) << server.error().text();
+    server_ = std::move(*server);
+  }
+  Reader read(const std::string& topic, const dds_topic_descriptor_t& type,
+              const Qos& qos = {true, false, 100, 0}) {
+    auto reader = Reader::make(*participant_, {topic, &type, {}}, qos);
+    EXPECT_TRUE(reader) << reader.error().text();
+    return std::move(*reader);
+  }
+  void publish() {
+    auto next = std::make_shared<SceneFrame>(*frame_);
+    ++next->number;
+    next->at += std::chrono::milliseconds(10);
+    frame_ = next;
+    server_->publish(frame_);
+  }
+
+  /// A later frame of another model: the rover, with id 7.
+  void only_rover_is_left() {
+    frame_ = make_scene_frame({"rover"}, 500);
+    auto model = std::make_shared<SceneModel>(*frame_->model);
+    model->generation = 2;
+    model->bodies[0].id = frame_->bodies[0].body_id = 7;
+    frame_->model = model;
+  }
+
+  std::shared_ptr<SceneFrame> frame_ = make_scene_frame({"big-drone", "rover"});
+  FakeClock clock_;
+  EventBoard events_{[] { return std::int64_t{0}; }};
+  std::shared_ptr<Participant> participant_;
+  std::unique_ptr<Streamer> server_;
+};
+
+}  // namespace fiducap::dds
