@@ -167,6 +167,14 @@ std::string motion_in(const std::string& world) {
   return world == "pavillon" ? "loop" : world;
 }
 
+ImuNoise scaled(ImuNoise noise, double factor) {
+  noise.gyro_noise_rad_s_rtHz *= factor;
+  noise.gyro_walk_rad_s2_rtHz *= factor;
+  noise.accel_noise_m_s2_rtHz *= factor;
+  noise.accel_walk_m_s3_rtHz *= factor;
+  return noise;
+}
+
 /// Fills in the samples. @pre everything that a filter must know is there
 void collect(EstimationData& data, const SimulatedDataSetup& setup,
              const simulation::RoomConfig& room, simulation::SimulatedSource& source) {
@@ -275,6 +283,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.trajectory.duration_s = 0;
   body.faults = setup.faults;
   body.seed = setup.seed;
+  const ImuNoise told = body.imu.noise;
+  body.imu.noise = scaled(told, setup.imu_noise_factor);
   auto source = simulation::make_simulated_source(room, body, kStart, nullptr);
   if (!source) throw std::runtime_error(source.error().text());
 
@@ -287,7 +297,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.camera.readout_s = setup.readout_told_s;
   data.camera.readout_sigma_s = setup.readout_sigma_s;
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
-  if (setup.has_imu) data.imu = body.imu.noise;
+  if (setup.has_imu) data.imu = told;
   data.gravity_m_s2 = room.gravity_m_s2;
   collect(data, setup, room, **source);
   data.reference_tag = first_tag(data);

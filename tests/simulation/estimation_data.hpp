@@ -63,6 +63,7 @@ struct SimulatedDataSetup {
   double readout_s{0};                    ///< Rolling shutter as it is …
   double readout_told_s{0};               ///< … and as the filter is told …
   double readout_sigma_s{0};              ///< … with this sigma.
+  double imu_noise_factor{1};             ///< Of all densities, beyond what the filter is told.
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

@@ -6,6 +6,7 @@
 
 #include "base/assert.hpp"
 #include "base/so3.hpp"
+#include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
 #include "support/memory_source.hpp"
 
@@ -35,6 +36,14 @@ double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
   return e.dot(P.ldlt().solve(e));
 }
 
+/// As BodyTracker decides it.
+bool may_be_shown(const Matrix15d& P) {
+  const BodyLimits limits;
+  const auto sigmas = P.diagonal().head<6>().cwiseSqrt();
+  return P.diagonal().allFinite() && sigmas.head<3>().maxCoeff() <= limits.max_position_sigma_m &&
+         sigmas.tail<3>().maxCoeff() <= limits.max_rotation_sigma_rad;
+}
+
 /// Compares one body with the truth, image by image.
 class Run {
  public:
@@ -51,8 +60,10 @@ class Run {
     update_ = &update;
     count(update.report);
     close_loop(update.corners);
-    for (const BodyEvent& event : update.events)
+    for (const BodyEvent& event : update.events) {
       result_.resets += event.kind == BodyEvent::Kind::kReset ? 1 : 0;
+      note_said(event.text);
+    }
     if (!update.is_placed()) return;
     const BodyEstimate& estimate = *update.estimate;
     result_.frames_with_pose += update.seen.tags.empty() ? 0 : 1;
@@ -74,6 +85,7 @@ class Run {
     result_.clock = pipeline.filter().clock(0);
     result_.seconds = to_seconds(time_of(data_.samples.back()) - time_of(data_.samples.front()));
     finish_map(pipeline.filter());
+    for (const std::string& doubt : pipeline.doubts()) note_said(doubt);
     return std::move(result_);
   }
 
@@ -81,6 +93,12 @@ class Run {
 
  private:
   [[nodiscard]] const RecordedTag& reference() const { return *data_.tag(data_.reference_tag); }
+
+  void note_said(const std::string& text) {
+    const bool known =
+        std::find(result_.said.begin(), result_.said.end(), text) != result_.said.end();
+    if (!text.empty() && !known) result_.said.push_back(text);
+  }
 
   void count(const UpdateReport& report) {
     ++result_.frames;
@@ -127,6 +145,7 @@ class Run {
     at.rate_rad_s = (estimate.w_WB_B - data_.rate_at(estimate.at)).norm();
     at.sigma_m = std::sqrt(estimate.covariance.topLeftCorner<3, 3>().trace());
     const Matrix15d& P = estimate.covariance;
+    at.valid = may_be_shown(P);
     const int n = data_.imu ? 15 : 9;
     at.nees.whole = normalised(e.head(n), P.topLeftCorner(n, n));
     at.nees.pose = normalised(e.head<6>(), P.topLeftCorner<6, 6>());

@@ -61,6 +61,7 @@ struct FilterRun {
     double velocity_m_s{};  ///< Body axes.
     double rate_rad_s{};    ///< Body axes.
     double sigma_m{};       ///< What the filter says about level_position_m: root of the trace.
+    bool valid{};           ///< Certain enough to be shown (BodyLimits).
     Nees nees;
     double nis{};
     int nis_dof{};
@@ -92,7 +93,8 @@ struct FilterRun {
   double seconds{};          ///< Of data.
   double propagate_cpu_s{};  ///< IMU samples.
   double update_cpu_s{};
-  int resets{};  ///< The filter has forgotten everything.
+  int resets{};                   ///< The filter has forgotten everything.
+  std::vector<std::string> said;  ///< Each sentence of the body's events and doubts once.
 
   [[nodiscard]] FilterRun scored_after(double t_s) const;
   /// Root of the mean square of one figure over the images.

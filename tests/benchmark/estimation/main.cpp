@@ -54,6 +54,13 @@ const std::vector<Verb>& verbs() {
        "A",
        10,
        bench_faults},
+      {"mismatch",
+       "a world that is not as the configuration says: errors against the same seeds in one that "
+       "is",
+       {"table", "sparse", "loop"},
+       "A",
+       20,
+       bench_mismatch},
       {"starloc",
        "real stereo runs with Vicon: clocks, and tag centres as measurements",
        {},
@@ -94,6 +101,8 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_option("--seconds", options.seconds, "of data per run");
   app.add_option("--data", options.data, "folder with sim_table, sim_sparse, …");
   app.add_flag("--each", options.each, "a line for every seed");
+  app.add_option("--only", options.only, "rows of mismatch that begin like this: \"prints;door\"")
+      ->delimiter(';');
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
 }
 

@@ -24,7 +24,8 @@ struct EstimationOptions {
   std::string data;   ///< Folder with the recordings.
   int threads{2};
   bool quick{false};
-  bool each{false};  ///< A line for every seed.
+  bool each{false};               ///< A line for every seed.
+  std::vector<std::string> only;  ///< Rows whose names begin like that; empty: all.
   EstimatorConfig estimator{};
 };
 
@@ -71,6 +72,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_mismatch(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_sizes(const EstimationOptions& options);
 
 }  // namespace fiducap::bench

@@ -1,0 +1,280 @@
+// A world that is not as the configuration says, one mismatch at a time: what it costs against the
+// same seeds in a world that is, whether the sigma covers it, and what is said.
+#include "simulation/mismatch_worlds.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <map>
+
+#include "estimation/filter/chi_square.hpp"
+#include "estimation/options.hpp"
+#include "estimation/parallel.hpp"
+
+namespace fiducap::bench {
+
+namespace {
+
+using At = FilterRun::At;
+
+constexpr double kElsewhere_m = 1.0;  // a valid pose so far off is of another place
+constexpr double kWrong_m = 0.1;      // so far off, and so many sigmas, is wrong and sure
+constexpr double kSure = 5.0;
+constexpr double kTableSeconds = 30.0;  // its camera sees all there is within two
+constexpr std::size_t kSentence = 100;  // letters of what was said
+constexpr std::size_t kSentences = 3;   // of a row
+
+struct Score {
+  std::uint64_t seed{};
+  double median_m{Nees::kNone}, rms_m{Nees::kNone};  // after kSettled_s
+  double nees{Nees::kNone}, inside{Nees::kNone};     // the same
+  double largest_m{};                                // of the whole run
+  double with_pose{};
+  int resets{}, dropped{};
+  bool elsewhere{}, silent{};
+  std::vector<std::string> said;
+};
+
+double median(std::vector<double> values) {
+  std::erase_if(values, [](double x) { return std::isnan(x); });
+  if (values.empty()) return Nees::kNone;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double largest(const std::vector<double>& values) {
+  double most = Nees::kNone;
+  for (const double x : values) {
+    if (!(x <= most) && !std::isnan(x)) most = x;
+  }
+  return most;
+}
+
+Score score_of(FilterRun run, std::uint64_t seed) {
+  static const double kInside = chi_square_quantile(6, 0.95);
+  Score score;
+  score.seed = seed;
+  score.resets = run.resets;
+  score.dropped = run.tags_dropped;
+  score.said = run.said;
+  std::erase_if(run.at, [](const At& at) { return !at.valid; });
+  score.with_pose = static_cast<double>(run.at.size()) / std::max(1, run.frames);
+  for (const At& at : run.at) {
+    const double error_m = at.level_position_m;
+    score.largest_m = std::max(score.largest_m, error_m);
+    score.elsewhere |= error_m > kElsewhere_m;
+    score.silent |= error_m > kWrong_m && error_m > kSure * at.sigma_m && run.said.empty();
+  }
+  const FilterRun settled = run.scored_after(kSettled_s);
+  std::vector<double> errors;
+  for (const At& at : settled.at) errors.push_back(at.level_position_m);
+  score.median_m = median(errors);
+  score.rms_m = settled.rms([](const At& at) { return at.level_position_m; });
+  score.nees = settled.mean([](const At& at) { return at.nees.pose / 6; });
+  score.inside = settled.mean([](const At& at) { return at.nees.pose < kInside ? 1.0 : 0.0; });
+  return score;
+}
+
+std::vector<double> each(const std::vector<Score>& scores, double Score::*figure) {
+  std::vector<double> values;
+  for (const Score& score : scores) values.push_back(score.*figure);
+  return values;
+}
+
+template <class T>
+int sum(const std::vector<Score>& scores, T Score::*figure) {
+  int all = 0;
+  for (const Score& score : scores) all += score.*figure;
+  return all;
+}
+
+double median_ratio(const std::vector<Score>& scores, const std::vector<Score>& unmodified) {
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < scores.size(); ++i)
+    ratios.push_back(scores[i].median_m / unmodified[i].median_m);
+  return median(ratios);
+}
+
+/// Numbers differ from run to run, sentences do not.
+std::string without_numbers(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    const bool digit = std::isdigit(static_cast<unsigned char>(c)) != 0;
+    if (!digit || out.empty() || out.back() != '#') out += digit ? '#' : c;
+  }
+  return out;
+}
+
+std::string shortened(const std::string& text) {
+  std::size_t letters = 0;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const bool begins = (static_cast<unsigned char>(text[i]) & 0xC0) != 0x80;
+    if (begins && ++letters > kSentence) return text.substr(0, i) + "…";
+  }
+  return text;
+}
+
+struct Sentence {
+  std::string text;  ///< As the first run has it.
+  int runs{};
+};
+
+/// What most runs say first.
+std::vector<Sentence> sentences(const std::vector<Score>& scores) {
+  std::map<std::string, Sentence> by_words;
+  for (const Score& score : scores) {
+    std::map<std::string, std::string> of_run;
+    for (const std::string& text : score.said) of_run.try_emplace(without_numbers(text), text);
+    for (const auto& [words, text] : of_run) {
+      Sentence& one = by_words.try_emplace(words, Sentence{text, 0}).first->second;
+      ++one.runs;
+    }
+  }
+  std::vector<Sentence> all;
+  for (const auto& [words, sentence] : by_words) all.push_back(sentence);
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Sentence& a, const Sentence& b) { return a.runs > b.runs; });
+  all.resize(std::min(all.size(), kSentences));
+  return all;
+}
+
+void print_each(const std::string& what, const std::vector<Score>& scores) {
+  for (const Score& s : scores) {
+    fmt::print(
+        "{} seed {}: median {:.2f} mm, NEES {:.2f}, inside {:.1f} %, largest {:.3f} m, "
+        "pose {:.1f} %, {} resets",
+        what, s.seed, kMm * s.median_m, s.nees, 100 * s.inside, s.largest_m, 100 * s.with_pose,
+        s.resets);
+    for (const std::string& text : s.said) fmt::print(" [{}]", shortened(text));
+    fmt::print("\n");
+  }
+  std::fflush(stdout);
+}
+
+/// All rows of one class with one filter.
+class Rows {
+ public:
+  Rows(const EstimationOptions& options, std::string world, std::string filter)
+      : options_(options), world_(std::move(world)), filter_(std::move(filter)) {}
+
+  void add(const Mismatch& mismatch, Table& figures, Table& said) {
+    const std::vector<Score>& unmodified = unmodified_of(mismatch);
+    const bool is_unmodified = !mismatch.faults && !mismatch.data;
+    const std::vector<Score> scores =
+        is_unmodified ? unmodified
+                      : run([&](const auto& setup) { return mismatched_world(setup, mismatch); });
+    if (options_.each) print_each(world_ + " " + filter_ + " " + mismatch.name, scores);
+    figures.rows.push_back(row(mismatch.name, scores, unmodified));
+    for (const Sentence& sentence : sentences(scores))
+      said.rows.push_back({world_, filter_, mismatch.name, std::to_string(sentence.runs),
+                           shortened(sentence.text)});
+    if (mismatch.name == "outages") figures.remarks.push_back(summary(scores));
+  }
+
+ private:
+  std::vector<Score> run(
+      const std::function<EstimationData(const SimulatedDataSetup&)>& data_of) const {
+    std::vector<Score> scores(static_cast<std::size_t>(options_.seeds));
+    FilterChoice choice = choice_of(options_, filter_, options_.cases.front());
+    choice.live = true;
+    in_parallel(options_.seeds, options_.threads, [&](int i) {
+      const std::uint64_t seed = options_.first_seed + static_cast<std::uint64_t>(i);
+      const EstimationData data = data_of({.world = world_, .seconds = seconds(), .seed = seed});
+      scores[static_cast<std::size_t>(i)] = score_of(run_filter(data, choice), seed);
+    });
+    return scores;
+  }
+
+  const std::vector<Score>& unmodified_of(const Mismatch& mismatch) {
+    const auto found = unmodified_.find(mismatch.base);
+    if (found != unmodified_.end()) return found->second;
+    return unmodified_[mismatch.base] =
+               run([&](const auto& setup) { return unmodified_world(setup, mismatch); });
+  }
+
+  [[nodiscard]] double seconds() const {
+    if (options_.seconds > 0) return options_.seconds;
+    return world_ == "table" ? kTableSeconds : seconds_of(options_, world_);
+  }
+
+  [[nodiscard]] std::vector<Cell> row(const std::string& name, const std::vector<Score>& scores,
+                                      const std::vector<Score>& unmodified) const {
+    const auto worst =
+        std::max_element(scores.begin(), scores.end(),
+                         [](const Score& a, const Score& b) { return a.largest_m < b.largest_m; });
+    int speaking = 0;
+    for (const Score& score : scores) speaking += score.said.empty() ? 0 : 1;
+    return {world_,
+            filter_,
+            name,
+            Figure{kMm * median(each(scores, &Score::median_m)), 2},
+            Figure{median_ratio(scores, unmodified), 2},
+            Figure{kMm * largest(each(scores, &Score::median_m)), 1},
+            Figure{worst->largest_m, 3},
+            std::to_string(worst->seed),
+            Figure{median(each(scores, &Score::nees)), 2},
+            Figure{100 * median(each(scores, &Score::inside)), 1},
+            Figure{100 * median(each(scores, &Score::with_pose)), 1},
+            std::to_string(sum(scores, &Score::resets)),
+            std::to_string(sum(scores, &Score::dropped)),
+            std::to_string(sum(scores, &Score::elsewhere)),
+            std::to_string(sum(scores, &Score::silent)),
+            std::to_string(speaking)};
+  }
+
+  [[nodiscard]] std::string summary(const std::vector<Score>& scores) const {
+    constexpr double kLost_m = 0.1;
+    const auto above = std::count_if(scores.begin(), scores.end(),
+                                     [](const Score& s) { return !(s.rms_m <= kLost_m); });
+    return fmt::format(
+        "outages, {}, {}: run medians {:.1f} mm, worst {:.1f} mm; run RMS {:.1f} mm, worst {:.1f} "
+        "mm; {} of {} runs above {:.0f} mm RMS",
+        world_, filter_, kMm * median(each(scores, &Score::median_m)),
+        kMm * largest(each(scores, &Score::median_m)), kMm * median(each(scores, &Score::rms_m)),
+        kMm * largest(each(scores, &Score::rms_m)), above, scores.size(), kMm * kLost_m);
+  }
+
+  const EstimationOptions& options_;
+  std::string world_;
+  std::string filter_;
+  std::map<std::string, std::vector<Score>> unmodified_;  ///< By what they have in common.
+};
+
+bool is_wanted(const EstimationOptions& options, const std::string& name) {
+  if (options.quick) return name == "nothing" || name == "stamps 3 ms";
+  const auto begins = [&](const std::string& start) { return name.starts_with(start); };
+  return options.only.empty() || name == "nothing" ||
+         std::any_of(options.only.begin(), options.only.end(), begins);
+}
+
+}  // namespace
+
+std::vector<Table> bench_mismatch(const EstimationOptions& options) {
+  Table figures{
+      fmt::format("Mismatches, {} seeds from {}: the live path, valid poses in level axes",
+                  options.seeds, options.first_seed),
+      {"class", "filter", "wrong", "median mm", "x", "worst mm", "largest m", "of seed",
+       "pose NEES", "inside %", "with pose %", "resets", "dropped", "> 1 m", "silent", "speak"}};
+  Table said{"What was said, and in how many runs",
+             {"class", "filter", "wrong", "runs", "sentence"}};
+  for (const std::string& world : options.classes) {
+    for (const std::string& filter : options.filters) {
+      Rows rows(options, world, filter);
+      for (const Mismatch& mismatch : mismatches()) {
+        if (is_wanted(options, mismatch.name)) rows.add(mismatch, figures, said);
+      }
+    }
+  }
+  figures.remarks.emplace_back(
+      "median, NEES, inside: medians over runs, after 5 s. x: median over seeds of median error / "
+      "that without the mismatch. largest, > 1 m: from the first pose on.");
+  figures.remarks.emplace_back(
+      "inside: the pose's 95 % ellipsoid. > 1 m, silent, speak: runs. silent: more than 0.1 m and "
+      "5 sigma off, and not a word in the whole run.");
+  return {figures, said};
+}
+
+}  // namespace fiducap::bench

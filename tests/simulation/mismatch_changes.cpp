@@ -1,0 +1,328 @@
+#include "simulation/mismatch_changes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+
+#include "base/so3.hpp"
+#include "simulation/corner_camera.hpp"
+#include "simulation/random.hpp"
+#include "simulation/room_shape.hpp"
+
+namespace fiducap::mismatch {
+
+namespace {
+
+using simulation::Purpose;
+using simulation::Random;
+
+// Keys of random numbers, apart from those of the simulator.
+constexpr std::uint64_t kStamps = 9'001;
+constexpr std::uint64_t kDoor = 9'002;
+constexpr std::uint64_t kSecondPrint = 9'003;
+constexpr std::uint64_t kBlur = 9'004;
+constexpr std::uint64_t kMisread = 9'005;
+
+constexpr double kHinge_m = 0.8;
+constexpr double kDoorOpens_rad = std::numbers::pi / 3;
+constexpr double kDoorPeriod_s = 4;
+constexpr double kElsewhere_m = 2.0;
+// A corner of a smeared side is found a tenth of the smear off, and a tag that smears over two of
+// its eight cells is not read.
+constexpr double kSmearFound = 0.1;
+constexpr double kSmearRead = 2.0 / 8;
+constexpr double kFirstSecond_s = 1.0;
+constexpr double kLater_s = 3.0;
+
+/// Where the camera is at an instant of the IMU's clock.
+Pose camera_at(const EstimationData& data, Instant at) {
+  return data.truth_near(at).X_WB * data.camera.X_BV;
+}
+
+/// How the tag is seen in an image, by the simulator's own rules; nullopt: it is not.
+std::optional<TagSighting> sight(const EstimationData& data, const CornerFrame& image,
+                                 const RecordedTag& tag, const simulation::ImageKey& key) {
+  const Pose X_WV = camera_at(data, image.exposed_at);
+  std::vector<TagSighting> seen;
+  simulation::CameraSimulation rules;
+  rules.corner_noise_px = data.corner_noise_px;
+  sight_corners(
+      data.camera.model, [&](double) { return X_WV; }, {tag}, rules, key, seen);
+  return seen.empty() ? std::nullopt : std::optional(seen.front());
+}
+
+void forget(CornerFrame& image, int tag_id) {
+  std::erase_if(image.tags, [&](const TagSighting& t) { return t.tag_id == tag_id; });
+}
+
+bool shows(const CornerFrame& image, int tag_id) {
+  return std::any_of(image.tags.begin(), image.tags.end(),
+                     [&](const TagSighting& t) { return t.tag_id == tag_id; });
+}
+
+void insert(CornerFrame& image, const TagSighting& tag) {
+  image.tags.push_back(tag);
+  std::sort(image.tags.begin(), image.tags.end(),
+            [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
+}
+
+/// The door is closed at the beginning and after each period.
+Pose swung(const Pose& X_WT, double since_s) {
+  const double share = 0.5 * (1 - std::cos(2 * std::numbers::pi * since_s / kDoorPeriod_s));
+  const Pose X_TH{Eigen::Quaterniond::Identity(), {kHinge_m, 0, 0}};
+  const Pose turn{exp_so3({0, kDoorOpens_rad * share, 0}), Eigen::Vector3d::Zero()};
+  return X_WT * X_TH * turn * X_TH.inverse();
+}
+
+/// A place somewhere ahead of the camera at some time, turned to it.
+Pose place_ahead(const EstimationData& data, Random& random) {
+  const double t_s = random.uniform(0, length_s(data));
+  const double ahead_m = random.uniform(1.0, 4.0);
+  const double tilt_x = random.uniform(-0.3, 0.3);
+  const double tilt_y = random.uniform(-0.3, 0.3);
+  const Pose X_WV = camera_at(data, time_of(data.samples.front()) + from_seconds(t_s));
+  const Eigen::Quaterniond facing = exp_so3({std::numbers::pi, 0, 0});
+  return X_WV * Pose{facing * exp_so3({tilt_x, tilt_y, 0}), {0, 0, ahead_m}};
+}
+
+/// How many of a sample of the images show it.
+int count_seen(EstimationData& data, const RecordedTag& tag) {
+  constexpr std::size_t kEvery = 20;
+  int count = 0;
+  for_images(data, [&](CornerFrame& image, std::size_t k, double) {
+    if (k % kEvery == 0 && sight(data, image, tag, {kSecondPrint, 0, k})) ++count;
+  });
+  return count;
+}
+
+/// Of some places far from the first print the one that is seen most.
+RecordedTag second_print(EstimationData& data, const RecordedTag& first, std::uint64_t seed) {
+  constexpr int kTries = 60;
+  Random random(seed, Purpose::kRoom, kSecondPrint);
+  RecordedTag best = first;
+  int most = -1;
+  for (int i = 0; i < kTries; ++i) {
+    RecordedTag tag = first;
+    tag.X_WT = place_ahead(data, random);
+    if ((tag.X_WT.p - first.X_WT.p).norm() < kElsewhere_m) continue;
+    const int seen = count_seen(data, tag);
+    if (seen <= most) continue;
+    most = seen;
+    best = tag;
+  }
+  return best;
+}
+
+/// When each tag of the room is seen first.
+std::map<int, double> first_seen(EstimationData& data) {
+  std::map<int, double> first;
+  for_images(data, [&](const CornerFrame& image, std::size_t, double t_s) {
+    for (const TagSighting& tag : image.tags) first.try_emplace(tag.tag_id, t_s);
+  });
+  std::erase_if(first, [&](const auto& one) { return data.tag(one.first) == nullptr; });
+  return first;
+}
+
+}  // namespace
+
+void for_images(EstimationData& data,
+                const std::function<void(CornerFrame&, std::size_t k, double t_s)>& work) {
+  const Instant first = time_of(data.samples.front());
+  std::size_t k = 0;
+  for (SensorSample& sample : data.samples) {
+    auto* image = std::get_if<CornerFrame>(&sample);
+    if (image == nullptr) continue;
+    work(*image, k++, to_seconds(image->exposed_at - first));
+  }
+}
+
+double length_s(const EstimationData& data) {
+  return to_seconds(time_of(data.samples.back()) - time_of(data.samples.front()));
+}
+
+std::vector<int> often_seen(const EstimationData& data, std::size_t count) {
+  std::map<int, int> images;
+  for (const SensorSample& sample : data.samples) {
+    const auto* image = std::get_if<CornerFrame>(&sample);
+    if (image == nullptr) continue;
+    for (const TagSighting& tag : image->tags) ++images[tag.tag_id];
+  }
+  images.erase(data.reference_tag);
+  std::vector<int> ids;
+  for (const auto& [id, seen] : images) ids.push_back(id);
+  std::stable_sort(ids.begin(), ids.end(), [&](int a, int b) { return images[a] > images[b]; });
+  ids.resize(std::min(count, ids.size()));
+  return ids;
+}
+
+void shift_stamps(EstimationData& data, double from_s, double by_s) {
+  for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
+    if (t_s >= from_s) image.exposed_at += from_seconds(by_s);
+  });
+}
+
+void jitter_stamps(EstimationData& data, double sigma_s, std::uint64_t seed) {
+  Random random(seed, Purpose::kStampFaults, kStamps);
+  const double most_s = 0.45 / data.camera.rate_hz;  // neighbours keep their order
+  for_images(data, [&](CornerFrame& image, std::size_t, double) {
+    image.exposed_at += from_seconds(std::clamp(sigma_s * random.normal(), -most_s, most_s));
+  });
+}
+
+void print_larger(EstimationData& data, double factor, std::optional<int> only) {
+  if (!only) data.tag_set.size_m /= factor;
+  for (auto& [id, size_m] : data.tag_set.sizes_m) size_m /= !only || id == *only ? factor : 1;
+}
+
+void lengthen_told_lens(EstimationData& data, double factor) {
+  data.camera.model.fu *= factor;
+  data.camera.model.fv *= factor;
+}
+
+void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px) {
+  data.camera.model.cu += by_px.x();
+  data.camera.model.cv += by_px.y();
+}
+
+void blind(EstimationData& data, double every_s, double length_s) {
+  for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
+    if (t_s >= every_s && std::fmod(t_s, every_s) < length_s) image.tags.clear();
+  });
+}
+
+void show_no_tag(EstimationData& data) {
+  for_images(data, [](CornerFrame& image, std::size_t, double) { image.tags.clear(); });
+}
+
+void drop_every(EstimationData& data, std::size_t nth) {
+  std::size_t k = 0;
+  std::erase_if(data.samples, [&](const SensorSample& sample) {
+    return std::holds_alternative<CornerFrame>(sample) && ++k % nth == 0;
+  });
+}
+
+void clip_gyro(EstimationData& data, double range_rad_s) {
+  for (SensorSample& sample : data.samples) {
+    auto* imu = std::get_if<ImuSample>(&sample);
+    if (imu == nullptr) continue;
+    imu->w_WB_B = imu->w_WB_B.cwiseMax(-range_rad_s).cwiseMin(range_rad_s).eval();
+  }
+}
+
+void swap_imu_axes(EstimationData& data) {
+  for (SensorSample& sample : data.samples) {
+    auto* imu = std::get_if<ImuSample>(&sample);
+    if (imu == nullptr) continue;
+    std::swap(imu->w_WB_B.x(), imu->w_WB_B.y());
+    std::swap(imu->f_B.x(), imu->f_B.y());
+  }
+}
+
+void turn_told_camera(EstimationData& data, double angle_rad) {
+  data.nominal_X_BV.q = data.nominal_X_BV.q * exp_so3({0, 0, angle_rad});
+}
+
+void swap_ids(EstimationData& data, int a, int b, double from_s) {
+  for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
+    if (t_s < from_s) return;
+    for (TagSighting& tag : image.tags) {
+      if (tag.tag_id == a || tag.tag_id == b) tag.tag_id = a + b - tag.tag_id;
+    }
+    std::sort(image.tags.begin(), image.tags.end(),
+              [](const TagSighting& s, const TagSighting& t) { return s.tag_id < t.tag_id; });
+  });
+}
+
+void hang_on_door(EstimationData& data, int tag_id, double from_s, std::uint64_t seed) {
+  const RecordedTag closed = *data.tag(tag_id);
+  for_images(data, [&](CornerFrame& image, std::size_t k, double t_s) {
+    if (t_s < from_s) return;
+    RecordedTag tag = closed;
+    tag.X_WT = swung(closed.X_WT, t_s - from_s);
+    forget(image, tag_id);
+    if (const auto seen = sight(data, image, tag, {seed + kDoor, 0, k})) insert(image, *seen);
+  });
+}
+
+void print_again(EstimationData& data, int tag_id, std::uint64_t seed) {
+  const RecordedTag tag = second_print(data, *data.tag(tag_id), seed);
+  for_images(data, [&](CornerFrame& image, std::size_t k, double) {
+    const auto seen = sight(data, image, tag, {seed + kSecondPrint, 0, k});
+    if (!seen) return;
+    // As a detector does it: an id that appears twice is left out.
+    if (shows(image, tag_id)) {
+      forget(image, tag_id);
+    } else {
+      insert(image, *seen);
+    }
+  });
+}
+
+void blur(EstimationData& data, double exposure_s, std::uint64_t seed) {
+  Random random(seed, Purpose::kCornerFaults, kBlur);
+  const Duration half = from_seconds(0.5 * exposure_s);
+  const auto smear = [&](CornerFrame& image, TagSighting& seen) {
+    const RecordedTag* tag = data.tag(seen.tag_id);
+    if (tag == nullptr) return true;
+    const Pose before = camera_at(data, image.exposed_at - half).inverse();
+    const Pose after = camera_at(data, image.exposed_at + half).inverse();
+    const auto corners = simulation::corners_of(*tag);
+    const double side_px = (seen.corners_px[1] - seen.corners_px[0]).norm();
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const auto from = data.camera.model.project(before * corners[i]);
+      const auto to = data.camera.model.project(after * corners[i]);
+      if (!from || !to || (*to - *from).norm() > kSmearRead * side_px) return false;
+      seen.corners_px[i] += kSmearFound * random.normal() * (*to - *from);
+    }
+    return true;
+  };
+  for_images(data, [&](CornerFrame& image, std::size_t, double) {
+    std::vector<TagSighting> read;
+    for (TagSighting tag : image.tags) {
+      if (smear(image, tag)) read.push_back(tag);
+    }
+    image.tags = std::move(read);
+  });
+}
+
+int late_tag(const EstimationData& data, std::uint64_t seed) {
+  EstimationData copy = data;
+  const std::map<int, double> first = first_seen(copy);
+  std::vector<int> late;
+  int last = data.reference_tag;
+  for (const auto& [id, t_s] : first) {
+    if (t_s > kLater_s) late.push_back(id);
+    if (id != data.reference_tag && (last == data.reference_tag || t_s > first.at(last))) last = id;
+  }
+  if (late.empty()) return last;
+  Random random(seed, Purpose::kTagFaults, kMisread);
+  return late[static_cast<std::size_t>(random.below(static_cast<int>(late.size())))];
+}
+
+void hide_until(EstimationData& data, int tag_id, double until_s) {
+  for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
+    if (t_s < until_s) forget(image, tag_id);
+  });
+}
+
+void misread_as(EstimationData& data, int tag_id, std::uint64_t seed) {
+  Random random(seed, Purpose::kTagFaults, kMisread, 1);
+  std::vector<CornerFrame*> early;
+  for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
+    if (t_s < kFirstSecond_s && !image.tags.empty()) early.push_back(&image);
+  });
+  if (early.empty()) return;
+  const auto first = static_cast<std::size_t>(random.below(static_cast<int>(early.size())));
+  const auto images = static_cast<std::size_t>(1 + random.below(2));
+  const auto which = random.below(1'000);
+  for (std::size_t i = first; i < std::min(first + images, early.size()); ++i) {
+    auto& tags = early[i]->tags;
+    tags[static_cast<std::size_t>(which) % tags.size()].tag_id = tag_id;
+    std::sort(tags.begin(), tags.end(),
+              [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
+  }
+}
+
+}  // namespace fiducap::mismatch

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "simulation/estimation_data.hpp"
+
+// What can be done to simulated samples so that they, or what a filter is told, are not as the
+// configuration says.
+namespace fiducap::mismatch {
+
+/// Every image with its number and its time since the first sample.
+void for_images(EstimationData& data,
+                const std::function<void(CornerFrame&, std::size_t k, double t_s)>& work);
+/// Seconds from the first sample to the last.
+[[nodiscard]] double length_s(const EstimationData& data);
+/// The tags that are seen most, without the reference; fewer when there are not so many.
+[[nodiscard]] std::vector<int> often_seen(const EstimationData& data, std::size_t count);
+
+void shift_stamps(EstimationData& data, double from_s, double by_s);
+void jitter_stamps(EstimationData& data, double sigma_s, std::uint64_t seed);
+/// Prints are so much larger than the filter is told. @param only  nullopt: all
+void print_larger(EstimationData& data, double factor, std::optional<int> only = {});
+void lengthen_told_lens(EstimationData& data, double factor);
+void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px);
+/// No tags in [k · every, k · every + length), k > 0.
+void blind(EstimationData& data, double every_s, double length_s);
+void show_no_tag(EstimationData& data);
+void drop_every(EstimationData& data, std::size_t nth);
+void clip_gyro(EstimationData& data, double range_rad_s);
+void swap_imu_axes(EstimationData& data);
+void turn_told_camera(EstimationData& data, double angle_rad);
+/// From a time on each of the two tags is reported with the other one's id.
+void swap_ids(EstimationData& data, int a, int b, double from_s);
+/// A tag on a hinge beside it, that opens and closes from a time on.
+void hang_on_door(EstimationData& data, int tag_id, double from_s, std::uint64_t seed);
+/// A second print of an id hangs elsewhere, where it is often seen.
+void print_again(EstimationData& data, int tag_id, std::uint64_t seed);
+/// Moving corners smear: they scatter along their way, and tags that smear too much are not read.
+void blur(EstimationData& data, double exposure_s, std::uint64_t seed);
+
+/// One of the tags that come into view after three seconds, or else the one that does so last.
+[[nodiscard]] int late_tag(const EstimationData& data, std::uint64_t seed);
+/// It is not seen before a time.
+void hide_until(EstimationData& data, int tag_id, double until_s);
+/// In one or two images of the first second another tag is read as this one.
+void misread_as(EstimationData& data, int tag_id, std::uint64_t seed);
+
+}  // namespace fiducap::mismatch
