@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <utility>
@@ -34,7 +35,15 @@ constexpr double kElsewhere_m = 2.0;
 constexpr double kSmearFound = 0.1;
 constexpr double kSmearRead = 2.0 / 8;
 constexpr double kFirstSecond_s = 1.0;
-constexpr double kLater_s = 3.0;
+// A tag that is misread before comes into view in between:
+constexpr double kLater_s = 1.1;
+constexpr double kLatest_s = 2.6;
+
+void for_imu(EstimationData& data, const std::function<void(ImuSample&)>& work) {
+  for (SensorSample& sample : data.samples) {
+    if (auto* imu = std::get_if<ImuSample>(&sample)) work(*imu);
+  }
+}
 
 /// Where the camera is at an instant of the IMU's clock.
 Pose camera_at(const EstimationData& data, Instant at) {
@@ -203,21 +212,22 @@ void drop_every(EstimationData& data, std::size_t nth) {
   });
 }
 
-void clip_gyro(EstimationData& data, double range_rad_s) {
-  for (SensorSample& sample : data.samples) {
-    auto* imu = std::get_if<ImuSample>(&sample);
-    if (imu == nullptr) continue;
-    imu->w_WB_B = imu->w_WB_B.cwiseMax(-range_rad_s).cwiseMin(range_rad_s).eval();
-  }
+void clip_gyro(EstimationData& data, double share) {
+  double most_rad_s = 0;
+  for_imu(data, [&](const ImuSample& imu) {
+    most_rad_s = std::max(most_rad_s, imu.w_WB_B.cwiseAbs().maxCoeff());
+  });
+  const double range_rad_s = share * most_rad_s;
+  for_imu(data, [&](ImuSample& imu) {
+    imu.w_WB_B = imu.w_WB_B.cwiseMax(-range_rad_s).cwiseMin(range_rad_s).eval();
+  });
 }
 
 void swap_imu_axes(EstimationData& data) {
-  for (SensorSample& sample : data.samples) {
-    auto* imu = std::get_if<ImuSample>(&sample);
-    if (imu == nullptr) continue;
-    std::swap(imu->w_WB_B.x(), imu->w_WB_B.y());
-    std::swap(imu->f_B.x(), imu->f_B.y());
-  }
+  for_imu(data, [](ImuSample& imu) {
+    std::swap(imu.w_WB_B.x(), imu.w_WB_B.y());
+    std::swap(imu.f_B.x(), imu.f_B.y());
+  });
 }
 
 void turn_told_camera(EstimationData& data, double angle_rad) {
@@ -287,21 +297,30 @@ void blur(EstimationData& data, double exposure_s, std::uint64_t seed) {
   });
 }
 
-int late_tag(const EstimationData& data, std::uint64_t seed) {
+int late_tag(const EstimationData& data) {
   EstimationData copy = data;
-  const std::map<int, double> first = first_seen(copy);
-  std::vector<int> late;
   int last = data.reference_tag;
-  for (const auto& [id, t_s] : first) {
-    if (t_s > kLater_s) late.push_back(id);
-    if (id != data.reference_tag && (last == data.reference_tag || t_s > first.at(last))) last = id;
+  int soonest = data.reference_tag;
+  double last_s = 0;
+  double soonest_s = std::numeric_limits<double>::infinity();
+  for (const auto& [id, t_s] : first_seen(copy)) {
+    if (id == data.reference_tag) continue;
+    if (t_s >= last_s) {
+      last = id;
+      last_s = t_s;
+    }
+    if (t_s >= kLater_s && t_s < soonest_s) {
+      soonest = id;
+      soonest_s = t_s;
+    }
   }
-  if (late.empty()) return last;
-  Random random(seed, Purpose::kTagFaults, kMisread);
-  return late[static_cast<std::size_t>(random.below(static_cast<int>(late.size())))];
+  return soonest != data.reference_tag ? soonest : last;
 }
 
-void hide_until(EstimationData& data, int tag_id, double until_s) {
+void hide_at_first(EstimationData& data, int tag_id, std::uint64_t seed) {
+  if (first_seen(data).at(tag_id) >= kLater_s) return;
+  Random random(seed, Purpose::kTagFaults, kMisread);
+  const double until_s = random.uniform(kLater_s, kLatest_s);
   for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
     if (t_s < until_s) forget(image, tag_id);
   });

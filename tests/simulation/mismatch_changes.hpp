@@ -31,7 +31,8 @@ void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px);
 void blind(EstimationData& data, double every_s, double length_s);
 void show_no_tag(EstimationData& data);
 void drop_every(EstimationData& data, std::size_t nth);
-void clip_gyro(EstimationData& data, double range_rad_s);
+/// The gyro's range ends at a share of the largest rate of the run.
+void clip_gyro(EstimationData& data, double share);
 void swap_imu_axes(EstimationData& data);
 void turn_told_camera(EstimationData& data, double angle_rad);
 /// From a time on each of the two tags is reported with the other one's id.
@@ -43,10 +44,11 @@ void print_again(EstimationData& data, int tag_id, std::uint64_t seed);
 /// Moving corners smear: they scatter along their way, and tags that smear too much are not read.
 void blur(EstimationData& data, double exposure_s, std::uint64_t seed);
 
-/// One of the tags that come into view after three seconds, or else the one that does so last.
-[[nodiscard]] int late_tag(const EstimationData& data, std::uint64_t seed);
-/// It is not seen before a time.
-void hide_until(EstimationData& data, int tag_id, double until_s);
+/// The tag that comes into view next after the first second; when all are there by then, the one
+/// that does so last.
+[[nodiscard]] int late_tag(const EstimationData& data);
+/// One that is there at once is seen only from between 1.1 and 2.6 s on.
+void hide_at_first(EstimationData& data, int tag_id, std::uint64_t seed);
 /// In one or two images of the first second another tag is read as this one.
 void misread_as(EstimationData& data, int tag_id, std::uint64_t seed);
 

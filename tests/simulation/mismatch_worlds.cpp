@@ -12,8 +12,6 @@ namespace {
 using namespace mismatch;
 
 constexpr double kDegree = std::numbers::pi / 180;
-// A tag that is misread as another one, which is not there before:
-constexpr double kNotBefore_s = 3.0;
 
 void outages(SimulatedDataSetup& setup, const EstimationData& clean) {
   setup.faults.wrong_id = 0.02;
@@ -60,10 +58,10 @@ std::vector<Mismatch> of_images() {
       {"outages", outages, [](EstimationData& d, std::uint64_t) { blind(d, 12, 2); }},
       {"misread id",
        {},
-       [](EstimationData& d, std::uint64_t s) { misread_as(d, late_tag(d, s), s); },
+       [](EstimationData& d, std::uint64_t s) { misread_as(d, late_tag(d), s); },
        "late tag",
        {},
-       [](EstimationData& d, std::uint64_t s) { hide_until(d, late_tag(d, s), kNotBefore_s); }},
+       [](EstimationData& d, std::uint64_t s) { hide_at_first(d, late_tag(d), s); }},
       // The tag that comes late is the reference.
       {"misread reference",
        {},
@@ -71,13 +69,14 @@ std::vector<Mismatch> of_images() {
        "late reference",
        {},
        [](EstimationData& d, std::uint64_t s) {
-         d.reference_tag = late_tag(d, s);
-         hide_until(d, d.reference_tag, kNotBefore_s);
+         d.reference_tag = late_tag(d);
+         hide_at_first(d, d.reference_tag, s);
        }},
       {"35 ms", thirty_five_ms},
       {"blur 20 ms", {}, [](EstimationData& d, std::uint64_t s) { blur(d, 0.02, s); }},
       {"3rd image dropped", {}, [](EstimationData& d, std::uint64_t) { drop_every(d, 3); }},
-      {"IMU clipped", {}, [](EstimationData& d, std::uint64_t) { clip_gyro(d, 500 * kDegree); }},
+      // A range of 500 deg/s in motions of 700 deg/s. These worlds turn at 30 to 110 deg/s.
+      {"IMU clipped", {}, [](EstimationData& d, std::uint64_t) { clip_gyro(d, 0.7); }},
       {"jump 0.2 s",
        {},
        [](EstimationData& d, std::uint64_t) { shift_stamps(d, length_s(d) / 2, 0.2); }},
