@@ -46,6 +46,12 @@ const std::vector<Verb>& verbs() {
        "A",
        10,
        bench_live},
+      {"live-branches",
+       "real recordings without IMU: live poses against the settled ones (--class: which)",
+       {},
+       "A",
+       1,
+       bench_live_branches},
       {"cpu", "CPU per second of data by local and by mapped tags", {}, "A", 1, bench_cpu},
       {"outages", "1, 2 and 5 s without tags", {"table", "hall"}, "A", 10, bench_outages},
       {"faults",
@@ -110,7 +116,8 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
 std::vector<Table> run_quick(const EstimationOptions& base) {
   std::vector<Table> tables;
   for (const Verb& verb : verbs()) {
-    if (verb.run == bench_starloc) continue;  // takes a minute by itself
+    // Take a minute by themselves.
+    if (verb.run == bench_starloc || verb.run == bench_live_branches) continue;
     EstimationOptions options = base;
     options.quick = true;
     options.classes = verb.classes.empty() ? verb.classes : std::vector<std::string>{"table"};
