@@ -22,6 +22,12 @@ constexpr double kMostReach_px = 3.0;
 constexpr double kGradient = 0.4;
 constexpr double kLeastGradient_px = 0.5;
 constexpr double kMostGradient_px = 1.0;
+// A border narrower than this shares its pixels with what lies on both sides of it. The pull is
+// that of a step between two modules, each pixel a mean over its area; below kNarrow_px it is not
+// known.
+constexpr double kAlone_px = 3.6;
+constexpr double kNarrow_px = 1.5;
+constexpr double kPull = 0.045;  // per px, times the square of what is missing
 
 /// A line n·x = c.
 struct Line {
@@ -68,13 +74,31 @@ struct Scan {
     if (weight <= 0) return std::nullopt;
     return sum / weight;
   }
+
+  /// How far the next modules pull the edge outwards: white bits inside of the border let the rise
+  /// begin late, a dark wall beyond the quiet zone lets it end early.
+  [[nodiscard]] double pull_px(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
+                               double module_px) const {
+    if (module_px >= kAlone_px) return 0;
+    const Eigen::Vector2d module = module_px * outward;
+    const Eigen::Vector2d bit = px - 1.5 * module;
+    const Eigen::Vector2d wall = px + 1.5 * module;
+    if (!holds(bit) || !holds(wall)) return 0;
+    const double black = gray(px - 0.5 * module);
+    const double white = gray(px + 0.5 * module);
+    if (!(white > black)) return 0;
+    const double unlike = (gray(bit) - black) - (white - gray(wall));
+    const double missing_px = kAlone_px - std::max(kNarrow_px, module_px);
+    return kPull * missing_px * missing_px * std::clamp(unlike / (white - black), -1.0, 1.0);
+  }
 };
 
 std::optional<Line> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                             const Eigen::Vector2d& middle) {
+                             const Eigen::Vector2d& middle, int modules) {
   const Eigen::Vector2d along = (b - a).normalized();
   Eigen::Vector2d outward(-along.y(), along.x());
   if (outward.dot(a - middle) < 0) outward = -outward;
+  const double module_px = 2 * outward.dot(a - middle) / modules;
   const int points = std::max(kFewestPoints, static_cast<int>((b - a).norm() / kPointEvery_px));
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
@@ -83,7 +107,8 @@ std::optional<Line> fit_side(const Scan& scan, const Eigen::Vector2d& a, const E
     const Eigen::Vector2d px = a + (k + 1.0) / (points + 1) * (b - a);
     const auto at = scan.edge(px, outward);
     if (!at) continue;
-    const Eigen::Vector2d edge = px + *at * outward - a;
+    const double pull_px = scan.pull_px(px, outward, module_px);
+    const Eigen::Vector2d edge = px + (*at - pull_px) * outward - a;
     sum += edge;
     squares += edge * edge.transpose();
     ++seen;
@@ -109,7 +134,7 @@ std::optional<std::array<Eigen::Vector2d, 4>> fit_sides(
       0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
   std::array<Line, 4> sides;
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto side = fit_side(scan, corners_px[i], corners_px[(i + 1) % 4], middle);
+    const auto side = fit_side(scan, corners_px[i], corners_px[(i + 1) % 4], middle, modules);
     if (!side) return std::nullopt;
     sides[i] = *side;
   }

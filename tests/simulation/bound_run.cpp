@@ -15,6 +15,12 @@ std::vector<int> ids_in(const CornerFrame& image, const EstimationData& data) {
 }
 
 BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge) {
+  return run_bound(data, knowledge,
+                   [&](const CornerFrame&, const TagSighting&) { return data.corner_noise_px; });
+}
+
+BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
+                   const CornerSigma& sigma_px) {
   FIDUCAP_ASSERT(data.imu.has_value());
   bound::BoundProblem problem;
   problem.camera = data.camera;
@@ -41,7 +47,11 @@ BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge) {
       if (returns && !run.gap && !run.at.empty()) run.gap = run.at.back();
       reference_seen = image->exposed_at;
     }
-    bound.see(ids);
+    std::vector<double> noise_px;
+    for (const TagSighting& seen : image->tags) {
+      if (data.tag(seen.tag_id) != nullptr) noise_px.push_back(sigma_px(*image, seen));
+    }
+    bound.see(ids, noise_px);
     if (const auto now = bound.now()) run.at.push_back(*now);
   }
   run.map = bound.map();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -33,5 +34,11 @@ inline constexpr double kAway_s = 30.0;
 
 /// @pre data has an IMU and its ids are right
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge);
+
+/// 1-sigma of each coordinate of the corners of one sighting, raw pixels.
+using CornerSigma = std::function<double(const CornerFrame&, const TagSighting&)>;
+/// The same with corners of which each tag's are differently good.
+[[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
+                                 const CornerSigma& sigma_px);
 
 }  // namespace fiducap

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/so3.hpp"
+#include "detection/corner_sigma.hpp"
 #include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
@@ -39,6 +40,11 @@ PaperRun run_one(const PaperOptions& options, SimulatedDataSetup setup, const st
   choice.estimator = options.estimator;
   choice.watch = [&](const FilterMoment& m) { out.at.push_back(moment_of(m, out.data)); };
   out.run = run_filter(out.data, choice);
+  out.corners = corner_scatter(corner_errors(out.data));
+  out.bound =
+      run_bound(out.data, choice.knowledge, [&](const CornerFrame& image, const TagSighting& tag) {
+        return out.corners.excess() * corner_sigma_px(tag, image.pixel_noise);
+      });
   return out;
 }
 
@@ -52,6 +58,19 @@ const Pose* PaperRun::At::tag(int tag_id) const {
 
 double PaperRun::share_without_tag() const {
   return 1 - static_cast<double>(run.frames_with_tags) / std::max(1, run.frames);
+}
+
+double PaperRun::position_by_bound() const {
+  const Instant first = time_of(data.samples.front());
+  double square = 0;
+  int count = 0;
+  for (const bound::BoundAt& now : bound.at) {
+    if (to_seconds(now.at - first) < kSettled_s) continue;
+    square += now.position_m * now.position_m;
+    ++count;
+  }
+  return run.scored_after(kSettled_s).rms([](const auto& a) { return a.position_m; }) /
+         std::sqrt(square / count);
 }
 
 double PaperRun::extrinsics_position_m(const At& moment) const {
@@ -101,6 +120,14 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
       [](const PaperRun& r) {
         return r.run.scored_after(kSettled_s).mean([](const auto& at) { return at.nees.pose / 6; });
       });
+  add_figure(result, {"position RMSE / bound", "", "-", "-", {}, 2}, runs,
+             [](const PaperRun& r) { return r.position_by_bound(); });
+  add_figure(result, {"corner scatter", "px", "-", "-", {}, 3}, runs,
+             [](const PaperRun& r) { return r.corners.rms_px; });
+  add_figure(result, {"corner scatter / detector's sigma", "", "-", "-", {}, 2}, runs,
+             [](const PaperRun& r) { return r.corners.excess(); });
+  add_figure(result, {"corner error that lasts to the next image", "%", "-", "-", {}, 0}, runs,
+             [](const PaperRun& r) { return 100 * r.corners.lasting; });
 }
 
 const char* color_of(const std::string& filter) {

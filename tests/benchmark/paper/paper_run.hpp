@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "simulation/corner_scatter.hpp"
 #include "simulation/filter_run.hpp"
 
 namespace fiducap::bench {
@@ -29,8 +30,12 @@ struct PaperRun {
   EstimationData data;
   FilterRun run;
   std::vector<At> at;
+  CornerScatter corners;  ///< As found.
+  BoundRun bound;         ///< For corners that scatter so, if their errors were white.
 
   [[nodiscard]] double share_without_tag() const;
+  /// RMSE of the position in the reference tag's axes after kSettled_s, by the bound's.
+  [[nodiscard]] double position_by_bound() const;
   [[nodiscard]] double extrinsics_position_m(const At& moment) const;
   [[nodiscard]] double extrinsics_rotation_rad(const At& moment) const;
 };

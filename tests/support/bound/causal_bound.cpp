@@ -95,7 +95,11 @@ std::size_t CausalBound::index_of(int tag_id) const {
 }
 
 void CausalBound::see(std::span<const int> ids) {
-  FIDUCAP_ASSERT(truth_.has_value());
+  see(ids, std::vector<double>(ids.size(), problem_.corner_noise_px));
+}
+
+void CausalBound::see(std::span<const int> ids, std::span<const double> noise_px) {
+  FIDUCAP_ASSERT(truth_.has_value() && ids.size() == noise_px.size());
   apply_motion();
   struct Newcomer {
     Place* place;
@@ -104,10 +108,9 @@ void CausalBound::see(std::span<const int> ids) {
   };
   std::vector<Newcomer> newcomers;
   std::vector<Row> rows;
-  for (const int id : ids) {
-    Place& place = places_[index_of(id)];
-    const CornerRows corner =
-        corner_rows(truth_->X_WB, problem_.camera, *place.tag, problem_.corner_noise_px);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    Place& place = places_[index_of(ids[k])];
+    const CornerRows corner = corner_rows(truth_->X_WB, problem_.camera, *place.tag, noise_px[k]);
     const Eigen::Matrix<double, 8, 21> H = body_rows(corner);
     if (problem_.map_known) {
       rows.push_back({H, {}, -1});

@@ -61,6 +61,8 @@ class CausalBound final {
   void move_to(const TruthSample& truth);
   /// An image at the instant of the last move. @param ids  tags of the problem, any order
   void see(std::span<const int> ids);
+  /// The same with a noise of each tag's own, px.
+  void see(std::span<const int> ids, std::span<const double> noise_px);
   /// nullopt before the reference tag was seen.
   [[nodiscard]] std::optional<BoundAt> now() const;
   [[nodiscard]] MapBound map() const;

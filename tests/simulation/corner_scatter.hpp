@@ -1,0 +1,36 @@
+#pragma once
+
+#include <vector>
+
+#include "detection/corner_projection.hpp"
+#include "simulation/estimation_data.hpp"
+
+namespace fiducap {
+
+/// What the corners of one tag in one image were off.
+struct CornerError {
+  Instant at{};
+  int tag_id{};
+  Vector8d off_px{Vector8d::Zero()};  ///< Seen − true, raw pixels.
+  double sigma_px{};                  ///< What the detector says of it; 0: nothing.
+};
+
+/// Of all sightings of tags whose place is known, in order of time; true extrinsics, true lens.
+[[nodiscard]] std::vector<CornerError> corner_errors(const EstimationData& data);
+
+/// How corners scatter in truth. Misread tags (off by more than a pixel and ten sigmas) are not in
+/// it.
+struct CornerScatter {
+  double rms_px{};      ///< Of a coordinate.
+  double chi_square{};  ///< Of a coordinate, by the detector's sigma; NaN where it says none.
+  /// Correlation of a coordinate with the same one in the next image: 0 is white noise, 1 an error
+  /// that stays.
+  double lasting{};
+  int sightings{};
+
+  /// What to multiply the detector's sigma by.
+  [[nodiscard]] double excess() const;
+};
+[[nodiscard]] CornerScatter corner_scatter(const std::vector<CornerError>& errors);
+
+}  // namespace fiducap
