@@ -11,16 +11,25 @@ constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
 // cent.
 constexpr double kFirstStep = 0.02;
 constexpr double kLastStep = 0.003;
-constexpr double kStepShrinks = 0.99;
-// No lens model is exact, and what it leaves is no white noise: f stays above this part of where it
-// starts.
-constexpr double kLeast = 0.25;
+constexpr double kStepShrinks = 0.985;
+// What the best lens model and the flattest print leave is no white noise: averaged over a
+// recording it would be believed to nothing. On rendered images errors that last are half as large.
+constexpr double kLeast_px = 0.02;
 constexpr double kMost = 20.0;
+// A tag that has moved so far lies anew on the grid of pixels, which the detector's error goes by.
+constexpr double kMoved_px = 1.0;
+
+Eigen::Vector2d middle_of(const TagObservation& seen) {
+  const auto& px = seen.corners_px;
+  return 0.25 * (px[0] + px[1] + px[2] + px[3]);
+}
+
 }  // namespace
 
 CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns)
     : start_px_(config.corner_noise_px),
       unexplained_px_(config.corner_noise_px),
+      least_px_(config.corner_noise_px),
       step_(kFirstStep),
       learns_(learns) {}
 
@@ -32,11 +41,25 @@ double CornerNoise::growth(const TagObservation& seen) const {
   return learns_ ? of(seen) / std::hypot(seen.corner_sigma_px, start_px_) : 1.0;
 }
 
-void CornerNoise::learn(double distance, double share) {
+bool CornerNoise::has_moved(const TagObservation& seen) {
+  Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
+  const Eigen::Vector2d now = middle_of(seen);
+  const bool is_same = place.tag_id == seen.tag_id;
+  if (is_same && (now - place.px).norm() < kMoved_px) return false;
+  place = {seen.tag_id, now};
+  return is_same;
+}
+
+void CornerNoise::learn(const TagObservation& seen, double distance, double share) {
   if (!learns_ || !(share > 0) || std::isnan(distance)) return;
   unexplained_px_ *= std::exp(distance > kMedian ? step_ * share : -step_ * share);
-  unexplained_px_ = std::clamp(unexplained_px_, kLeast * start_px_, kMost * start_px_);
-  step_ = std::max(kLastStep, step_ * kStepShrinks);
+  const bool moved = has_moved(seen);
+  const double least_px = moved ? std::min(kLeast_px, start_px_) : least_px_;
+  unexplained_px_ = std::clamp(unexplained_px_, least_px, kMost * start_px_);
+  if (moved) least_px_ = unexplained_px_;
+  // Far from what it should be, a distance says that there is still a way to go.
+  const double nearness = std::min(distance / kMedian, kMedian / distance);
+  step_ = std::max(kLastStep, step_ * std::pow(kStepShrinks, nearness));
 }
 
 }  // namespace fiducap

@@ -1,5 +1,9 @@
 #pragma once
 
+#include <array>
+
+#include <Eigen/Core>
+
 #include "detection/tag_observation.hpp"
 #include "estimation/estimator_config.hpp"
 
@@ -11,6 +15,9 @@ namespace fiducap {
 /// TagObservation::corner_sigma_px). The rest f, what lens model and print leave, is learned: it
 /// starts at `corner_noise_px` and follows the median of the tags' Mahalanobis distances, which
 /// wrong ids and covered corners do not move.
+///
+/// A tag that stands still in the image repeats its error, which the filter takes for the tag's
+/// place: its small distances say nothing. f does not sink by a tag that has not moved.
 class CornerNoise final {
  public:
   /// @param learns  false: `corner_noise_px` for every corner, as in the paper
@@ -22,15 +29,26 @@ class CornerNoise final {
   /// What one tag of an image says, used or not.
   /// @param distance  its squared Mahalanobis distance, 8 degrees of freedom
   /// @param share     of its innovation covariance that is corner noise, 0 … 1
-  void learn(double distance, double share);
+  void learn(const TagObservation& seen, double distance, double share);
   /// f
   [[nodiscard]] double unexplained_px() const { return unexplained_px_; }
 
  private:
+  /// Where a tag was when it last taught something new.
+  struct Place {
+    int tag_id{-1};
+    Eigen::Vector2d px{Eigen::Vector2d::Zero()};
+  };
+  static constexpr std::size_t kPlaces = 64;
+
+  [[nodiscard]] bool has_moved(const TagObservation& seen);
+
   double start_px_;
   double unexplained_px_;
+  double least_px_;  ///< f when a tag last moved.
   double step_;
   bool learns_;
+  std::array<Place, kPlaces> places_;
 };
 
 }  // namespace fiducap

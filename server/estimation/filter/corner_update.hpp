@@ -43,7 +43,8 @@ class CornerUpdate final {
     if (moves) image_.take_off(state.error_to(prior_));
     update_.prepare(state.P(), image_);
     update_.gate(state.P(), image_, options.gate, accepted);
-    for (const auto& tag : update_.judged()) noise.learn(tag.distance, tag.noise_share);
+    for (std::size_t i = 0; i < tags.size(); ++i)
+      noise.learn(*tags[i].seen, update_.judged()[i].distance, update_.judged()[i].noise_share);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
     if (update_.empty()) {

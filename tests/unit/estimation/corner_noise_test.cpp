@@ -8,6 +8,15 @@ namespace fiducap {
 namespace {
 
 constexpr int kTags = 4000;
+constexpr double kWalks_px = 3.0;  // from image to image
+
+/// A tag of an image; `k` images later it has moved.
+TagObservation tag_at(int k, double sigma_px = 0) {
+  TagObservation seen;
+  seen.corner_sigma_px = sigma_px;
+  for (auto& px : seen.corners_px) px.x() = kWalks_px * k;
+  return seen;
+}
 
 /// Distances of tags whose corners scatter with `true_px`, as a filter sees them that is sure of
 /// everything else.
@@ -16,13 +25,14 @@ void learn(CornerNoise& noise, double true_px, double outliers) {
   std::chi_squared_distribution<double> distance(8);
   std::uniform_real_distribution<double> chance;
   for (int i = 0; i < kTags; ++i) {
-    const double ratio = true_px / noise.of(TagObservation{});
-    noise.learn(chance(random) < outliers ? 1e4 : distance(random) * ratio * ratio, 1.0);
+    const TagObservation seen = tag_at(i);
+    const double ratio = true_px / noise.of(seen);
+    noise.learn(seen, chance(random) < outliers ? 1e4 : distance(random) * ratio * ratio, 1.0);
   }
 }
 
 TEST(CornerNoise, FindsTheTrueScatterFromBothSides) {
-  for (const double true_px : {0.15, 0.4, 1.6}) {
+  for (const double true_px : {0.04, 0.15, 0.4, 1.6}) {
     CornerNoise noise(EstimatorConfig{}, true);
     learn(noise, true_px, 0.0);
     EXPECT_NEAR(noise.of(TagObservation{}) / true_px, 1.0, 0.06);
@@ -45,10 +55,37 @@ TEST(CornerNoise, ADetectorsOwnShareComesOnTop) {
 TEST(CornerNoise, WhatSaysNothingTeachesNothing) {
   CornerNoise noise(EstimatorConfig{}, true);
   for (int i = 0; i < kTags; ++i) {
-    noise.learn(100.0, 0.0);
-    noise.learn(std::numeric_limits<double>::quiet_NaN(), 1.0);
+    noise.learn(tag_at(i), 100.0, 0.0);
+    noise.learn(tag_at(i), std::numeric_limits<double>::quiet_NaN(), 1.0);
   }
   EXPECT_EQ(noise.unexplained_px(), EstimatorConfig{}.corner_noise_px);
+}
+
+TEST(CornerNoise, IsNeverBelievedBetterThanLensAndPrintAre) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  learn(noise, 0.001, 0.0);
+  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.02);
+}
+
+TEST(CornerNoise, ATagThatStandsStillIsNotProvenGood) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1, 0.3), 0.1, 1.0);
+  EXPECT_NEAR(noise.of(tag_at(1, 0.3)), 0.5, 1e-12);
+}
+
+TEST(CornerNoise, WhatIsLearnedInMotionIsNotUnlearnedAtRest) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  learn(noise, 0.15, 0.0);
+  const double in_motion = noise.of(TagObservation{});
+  for (int i = 0; i < kTags; ++i) noise.learn(tag_at(kTags), 0.1, 1.0);
+  // The first sighting after the last step may still count as moved: one step.
+  EXPECT_NEAR(noise.of(TagObservation{}) / in_motion, 1.0, 0.004);
+}
+
+TEST(CornerNoise, ATagThatStandsStillAndFitsBadlyIsCalledNoisy) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  for (int i = 0; i < kTags; ++i) noise.learn(tag_at(1), 50.0, 1.0);
+  EXPECT_GT(noise.of(TagObservation{}), 1.6);
 }
 
 TEST(CornerNoise, ThePapersFilterKeepsItsNumber) {
