@@ -54,6 +54,13 @@ std::unique_ptr<BodyFilter> filter_of(const PipelineSetup& setup) {
   return make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator);
 }
 
+bool is_sound(const CornerFrame& corners) {
+  return std::all_of(corners.tags.begin(), corners.tags.end(), [](const TagSighting& tag) {
+    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
+                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
+  });
+}
+
 /// Adds the CPU time between its birth and its death.
 class CpuMeter final {
  public:
@@ -73,13 +80,29 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
     : setup_(std::move(setup)),
       merger_(merger_of(setup_)),
       filter_(filter ? std::move(filter) : filter_of(setup_)),
-      doubts_(setup_.sensors, setup_.estimator) {
+      doubts_(setup_.sensors, setup_.estimator),
+      agreement_(setup_.sensors, setup_.estimator.corner_noise_px) {
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
 }
 
-bool BodyPipeline::push(SensorSample sample) { return merger_.push(std::move(sample)); }
+bool BodyPipeline::push(SensorSample sample) {
+  watch_turns(sample);
+  return merger_.push(std::move(sample));
+}
+
+/// As it came: what the merger drops as late may be late by a clock that is wrong. Tags of images
+/// are found later.
+void BodyPipeline::watch_turns(const SensorSample& sample) {
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) return agreement_.add(*imu);
+  const auto* corners = std::get_if<CornerFrame>(&sample);
+  if (corners == nullptr || !is_sound(*corners)) return;
+  if (!agreement_.wants(corners->camera, corners->exposed_at - corners->clock_shift)) return;
+  const auto camera = static_cast<std::size_t>(corners->camera);
+  observe(*corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector, delivered_);
+  agreement_.add(delivered_);
+}
 
 void BodyPipeline::finish() { merger_.finish(); }
 
@@ -121,6 +144,7 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
 }
 
 const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
+  const bool was_found_here = std::holds_alternative<CameraFrame>(*next_);
   find_corners(view);
   const CpuMeter meter(statistics_.update_cpu);
   const CornerFrame& corners = update_.corners;
@@ -129,16 +153,19 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   observe(corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector,
           update_.seen);
   plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
+  if (was_found_here) agreement_.add(update_.seen);
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
   update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
-  merger_.set_clock_shift(corners.camera,
-                          shift_to_apply(filter_->clock(corners.camera), corners.clock_shift));
+  const ClockEstimate clock = filter_->clock(corners.camera);
+  merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
+  agreement_.set_used_shift(corners.camera, clock.shift_s);
   note_contradicted();
   filter_->tag_beliefs(update_.beliefs);
   hand_over_tags(*view.map);
-  update_.estimate =
-      filter_->running() ? std::optional(filter_->estimate()) : std::optional<BodyEstimate>();
+  note_turns();
+  update_.estimate = filter_->running() && !update_.withheld ? std::optional(filter_->estimate())
+                                                             : std::optional<BodyEstimate>();
   refresh_cameras();
   if (search_) search_->learn(update_.estimate, update_.cameras);
   note_events();
@@ -209,7 +236,7 @@ void BodyPipeline::refresh_cameras() {
 }
 
 void BodyPipeline::note(BodyEvent::Kind kind, int tag_id) {
-  update_.events.push_back({kind, update_.seen.exposed_at, tag_id, {}, {}});
+  update_.events.push_back({kind, update_.seen.exposed_at, tag_id, {}, {}, {}});
 }
 
 void BodyPipeline::note_events() {
@@ -232,6 +259,22 @@ void BodyPipeline::note_events() {
   if (doubt.empty()) return;
   note(BodyEvent::Kind::kDoubt);
   update_.events.back().text = std::move(doubt);
+}
+
+void BodyPipeline::note_turns() {
+  while (const auto news = agreement_.take_news()) {
+    using Found = AgreementFinding::Kind;
+    if (news->finding.kind == Found::kAgree) continue;  // said when poses are shown again
+    const bool jumped = news->finding.kind == Found::kJumped;
+    note(jumped ? BodyEvent::Kind::kClockJumped : BodyEvent::Kind::kTurnsDisagree);
+    update_.events.back().text = news->text;
+    if (jumped) update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
+  }
+  const bool withheld = agreement_.withholds();
+  if (std::exchange(update_.withheld, withheld) && !withheld) {
+    note(BodyEvent::Kind::kTurnsAgree);
+    update_.events.back().text = "cameras and gyro agree again: poses are shown";
+  }
 }
 
 void BodyPipeline::note_imu() {

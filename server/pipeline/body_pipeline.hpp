@@ -9,6 +9,7 @@
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
 #include "mapping/map_builder.hpp"
+#include "pipeline/agreement/rotation_agreement.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
@@ -86,10 +87,13 @@ class BodyPipeline final {
   /// The cameras as they are known now.
   [[nodiscard]] std::vector<ExtrinsicsEstimate> cameras() const { return filter_->extrinsics(); }
   [[nodiscard]] const BodyFilter& filter() const { return *filter_; }
+  /// Whether cameras and gyro see the same turns, and by how much a clock has jumped.
+  [[nodiscard]] const RotationAgreement& agreement() const { return agreement_; }
   /// No image has come so far whose tags had to be found.
   [[nodiscard]] bool source_gives_corners() const { return !search_; }
 
  private:
+  void watch_turns(const SensorSample& sample);
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
   void find_corners(const MapView& view);
@@ -101,6 +105,7 @@ class BodyPipeline final {
   void note_events();
   void note_imu();
   void note_imu_faults();
+  void note_turns();
   void note(BodyEvent::Kind kind, int tag_id = -1);
 
   PipelineSetup setup_;
@@ -110,6 +115,8 @@ class BodyPipeline final {
       search_;  // built with the first image: recordings of corners need none
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
+  RotationAgreement agreement_;
+  TagObservations delivered_;  ///< Corners as they came, before the merger puts them in order.
   std::optional<SensorSample> next_;
   BodyUpdate update_;
   PipelineStatistics statistics_;

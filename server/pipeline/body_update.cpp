@@ -26,6 +26,12 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "imu_doubtful";
     case BodyEvent::Kind::kImuPlausible:
       return "imu_plausible";
+    case BodyEvent::Kind::kTurnsDisagree:
+      return "turns_disagree";
+    case BodyEvent::Kind::kTurnsAgree:
+      return "turns_agree";
+    case BodyEvent::Kind::kClockJumped:
+      return "clock_jumped";
     case BodyEvent::Kind::kDoubt:
       return "doubt";
   }
@@ -33,6 +39,8 @@ std::string_view name_of(BodyEvent::Kind kind) {
 }
 
 MapContribution contribution_of(int body_id, const BodyUpdate& update) {
+  // What a body makes of sensors that contradict each other is no knowledge.
+  if (update.withheld) return {.body_id = body_id, .at = update.seen.exposed_at, .anchored = false};
   return {.body_id = body_id,
           .at = update.seen.exposed_at,
           .anchored = update.estimate && update.estimate->anchored,

@@ -25,12 +25,17 @@ struct BodyEvent {
     kImuUnusable,    ///< Its readings cannot be in the right unit: `text` says what they look like.
     kImuDoubtful,    ///< They look odd: `text` says how.
     kImuPlausible,   ///< … and are as they should be again.
+    kTurnsDisagree,  ///< A camera contradicts the gyro, poses are withheld: `text` says how.
+    kTurnsAgree,     ///< … and does so no more.
+    kClockJumped,    ///< A camera's clock, by `clock_jump`: `text` says how far.
     kDoubt,          ///< Tags do not fit together: `text` says how.
   } kind{Kind::kDoubt};
   Instant at{};
   int tag_id{-1};
   Pose shift;        ///< Of kGaugeShift.
-  std::string text;  ///< Of kDoubt and those about the IMU.
+  std::string text;  ///< Of kDoubt and those about the IMU and the clocks.
+  Duration clock_jump{
+      0};  ///< Of kClockJumped: what is to be added to the camera's stamps has grown by it.
 };
 
 /// `anchored`, `gauge_shift`, …
@@ -42,7 +47,8 @@ struct BodyUpdate {
   CornerFrame corners;  ///< As detected or delivered.
   TagObservations seen;
   UpdateReport report;
-  std::optional<BodyEstimate> estimate;     ///< nullopt: the filter does not run.
+  std::optional<BodyEstimate> estimate;  ///< nullopt: the filter does not run, or is not believed.
+  bool withheld{false};  ///< A camera contradicts the gyro: there is no estimate for that reason.
   std::vector<TagBelief> beliefs;           ///< The tags in the body's own state.
   std::vector<int> contradicted;            ///< Tags that are not where the *map* has them.
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.

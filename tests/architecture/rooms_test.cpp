@@ -36,6 +36,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"estimation/world", {"imu", "filter", "start", "conversation"}},
     {"mapping/formats", {}},
     {"mapping/store", {}},
+    {"pipeline/agreement", {}},
     {"pipeline/replay", {}},
     {"simulation/motion", {}},
     {"simulation/images", {}},

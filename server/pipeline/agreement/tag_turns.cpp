@@ -1,0 +1,148 @@
+#include "pipeline/agreement/tag_turns.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "base/so3.hpp"
+#include "detection/corner_projection.hpp"
+#include "detection/tag_pose.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// Sum of squares by which the other planar pose must be worse, in units of the corners' variance.
+constexpr double kDecisive = 20;
+// Two tags whose turns differ by more of their common sigma are not both right.
+constexpr double kSameBySigmas = 4;
+// A tag whose attitude is known no better tells nothing.
+constexpr double kWorstSigma_rad = 0.08;
+// Beyond, first orders do not hold, and images are blurred.
+constexpr double kLargestTurn_rad = 1.0;
+constexpr double kSmallestSide_px = 12;
+
+double side_px(const TagObservation& tag) {
+  double sum = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    sum += (tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm();
+  return sum / 4;
+}
+
+double noise_px(const TagObservation& tag, double otherwise_px) {
+  return tag.corner_sigma_px > 0 ? tag.corner_sigma_px : otherwise_px;
+}
+
+/// Information of the attitude (rotation vector in V axes) when the position is unknown.
+Eigen::Matrix3d attitude_information(const TagObservation& tag, const Pose& X_VT,
+                                     const CameraModel& camera, double sigma_px) {
+  const CornerResidual residual = corner_residual(tag, X_VT, camera);
+  if (!residual.in_front) return Eigen::Matrix3d::Zero();
+  const Eigen::Matrix<double, 6, 6> all = residual.H.transpose() * residual.H;
+  const Eigen::Matrix3d pp = all.topLeftCorner<3, 3>();
+  const Eigen::Matrix3d pr = all.topRightCorner<3, 3>();
+  const Eigen::Matrix3d rest = all.bottomRightCorner<3, 3>() - pr.transpose() * pp.ldlt().solve(pr);
+  return rest / (sigma_px * sigma_px);
+}
+
+struct TagTurn {
+  Eigen::Vector3d turn_V;
+  Eigen::Matrix3d covariance;
+};
+
+/// The turn V1 ← V2 that a tag's attitudes in both show.
+Eigen::Vector3d turn_of(const TagPose& before, const TagPose& after) {
+  return log_so3((before.X_VT.q * after.X_VT.q.conjugate()).normalized());
+}
+
+bool is_decided(const std::array<TagPose, 2>& poses, double sigma_px) {
+  const double worse = poses[1].rms_px * poses[1].rms_px - poses[0].rms_px * poses[0].rms_px;
+  return !std::isfinite(worse) || 4 * worse > kDecisive * sigma_px * sigma_px;
+}
+
+/// Which of both planar poses is right shows in one of the images, or not at all. A camera that
+/// only turns sees the wrong one turn alike; so the mean is taken then, and half of the difference
+/// is what it may be off.
+std::optional<TagTurn> turn_of_tag(const TagObservation& before, const TagObservation& after,
+                                   const CameraModel& camera, double corner_noise_px) {
+  const double sigma_before_px = noise_px(before, corner_noise_px);
+  const double sigma_after_px = noise_px(after, corner_noise_px);
+  const auto a = solve_tag_pose(before, camera);
+  const auto b = solve_tag_pose(after, camera);
+  if (!std::isfinite(a[0].rms_px) || !std::isfinite(b[0].rms_px)) return {};
+  const bool a_is_decided = is_decided(a, sigma_before_px);
+  const bool b_is_decided = is_decided(b, sigma_after_px);
+  // A pose does not jump to the other one from one image to the next.
+  const bool crossed = turn_of(a[0], b[1]).norm() + turn_of(a[1], b[0]).norm() <
+                       turn_of(a[0], b[0]).norm() + turn_of(a[1], b[1]).norm();
+  const std::size_t first = b_is_decided && !a_is_decided && crossed ? 1 : 0;
+  const std::size_t of_first = !b_is_decided && crossed ? 1 : 0;
+  TagTurn turn{turn_of(a[first], b[of_first]), Eigen::Matrix3d::Zero()};
+  turn.covariance = attitude_information(before, a[first].X_VT, camera, sigma_before_px).inverse() +
+                    attitude_information(after, b[of_first].X_VT, camera, sigma_after_px).inverse();
+  if (!a_is_decided && !b_is_decided) {
+    const Eigen::Vector3d half = 0.5 * (turn_of(a[1], b[1 - of_first]) - turn.turn_V);
+    turn.turn_V += half;
+    turn.covariance += half * half.transpose();
+  }
+  const bool is_good = turn.covariance.allFinite() &&
+                       turn.covariance.trace() < 3 * kWorstSigma_rad * kWorstSigma_rad &&
+                       turn.turn_V.norm() < kLargestTurn_rad;
+  return is_good ? std::optional(turn) : std::nullopt;
+}
+
+CameraTurn as_camera_turn(const Eigen::Vector3d& turn_V, const Eigen::Matrix3d& covariance) {
+  return {turn_V, std::sqrt(covariance.trace() / 3)};
+}
+
+}  // namespace
+
+void Look::take(const TagObservations& seen) {
+  at = seen.exposed_at - seen.clock_shift;
+  count = 0;
+  std::array<double, kTags> sides_px{};
+  for (const TagObservation& tag : seen.tags) {
+    const double side = side_px(tag);
+    if (side < kSmallestSide_px) continue;
+    std::size_t place = count;
+    for (; place > 0 && sides_px[place - 1] < side; --place) {
+      if (place == kTags) continue;
+      tags[place] = tags[place - 1];
+      sides_px[place] = sides_px[place - 1];
+    }
+    if (place == kTags) continue;
+    tags[place] = tag;
+    sides_px[place] = side;
+    count = std::min(count + 1, kTags);
+  }
+}
+
+std::optional<CameraTurn> turn_between(const Look& before, const Look& after,
+                                       const CameraModel& camera, double corner_noise_px) {
+  std::optional<TagTurn> first;
+  for (std::size_t i = 0; i < after.count; ++i) {
+    const TagObservation& tag = after.tags[i];
+    const auto end = before.tags.begin() + static_cast<std::ptrdiff_t>(before.count);
+    const auto same = std::find_if(before.tags.begin(), end, [&](const TagObservation& other) {
+      return other.tag_id == tag.tag_id;
+    });
+    if (same == end) continue;
+    const auto turn = turn_of_tag(*same, tag, camera, corner_noise_px);
+    if (!turn) continue;
+    if (!first) {
+      first = turn;
+      continue;
+    }
+    const Eigen::Matrix3d both = first->covariance + turn->covariance;
+    const Eigen::Vector3d apart = turn->turn_V - first->turn_V;
+    const Eigen::Vector3d weighted = both.ldlt().solve(apart);
+    if (apart.dot(weighted) > kSameBySigmas * kSameBySigmas) return {};
+    return as_camera_turn(
+        first->turn_V + first->covariance * weighted,
+        first->covariance - first->covariance * both.inverse() * first->covariance);
+  }
+  if (!first) return {};
+  return as_camera_turn(first->turn_V, first->covariance);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,183 @@
+#include "pipeline/agreement/turn_fit.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/assert.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr double kKept = 0.75;
+constexpr int kRounds = 3;
+// Gyro, rolling shutter and jitter of stamps are no better than this.
+constexpr double kFloor_rad = 0.01;
+// The quarter that was left out would have made the scatter larger, and turns that share an image
+// share its noise.
+constexpr double kVarianceOfKept = 3.0;
+constexpr double kLeastMisfit = 0.5;
+// Beyond, a turn is not one of the others.
+constexpr double kInlierSigmas = 4.0;
+
+double weight(const TurnPair& pair) {
+  return 1 / (pair.sigma_rad * pair.sigma_rad + kFloor_rad * kFloor_rad);
+}
+
+/// The turns at one shift, of which the better ones count.
+struct Scratch {
+  struct Turn {
+    Eigen::Vector3d camera;
+    Eigen::Vector3d gyro;
+    double weight{};
+    double misfit{};
+  };
+  std::array<Turn, kMostPairs> turns;
+  std::size_t count{};
+  std::size_t kept{};
+  Eigen::Matrix3d A{Eigen::Matrix3d::Identity()};
+  double cost{};
+
+  Scratch(std::span<const TurnPair> pairs, double shift_s)
+      : count(pairs.size()), kept(pairs.size()) {
+    for (std::size_t i = 0; i < count; ++i)
+      turns[i] = {pairs[i].camera, pairs[i].gyro_at(shift_s), weight(pairs[i]), 0};
+  }
+  [[nodiscard]] std::span<const Turn> better() const { return {turns.data(), kept}; }
+
+  void keep_better() {
+    for (std::size_t i = 0; i < count; ++i)
+      turns[i].misfit = turns[i].weight * (turns[i].gyro - A * turns[i].camera).squaredNorm();
+    kept = static_cast<std::size_t>(std::ceil(kKept * static_cast<double>(count)));
+    std::nth_element(turns.begin(), turns.begin() + static_cast<std::ptrdiff_t>(kept) - 1,
+                     turns.begin() + static_cast<std::ptrdiff_t>(count),
+                     [](const Turn& a, const Turn& b) { return a.misfit < b.misfit; });
+    cost = 0;
+    for (const Turn& turn : better()) cost += turn.misfit;
+  }
+
+  /// Kabsch's rotation, or the reflection that fits best.
+  void turn_axes(double determinant) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    for (const Turn& turn : better()) H += turn.weight * turn.gyro * turn.camera.transpose();
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::Matrix3d UVt = svd.matrixU() * svd.matrixV().transpose();
+    const double sign = UVt.determinant() * determinant < 0 ? -1 : 1;
+    A = svd.matrixU() * Eigen::Vector3d(1, 1, sign).asDiagonal() * svd.matrixV().transpose();
+  }
+};
+
+Scratch scratch_at(std::span<const TurnPair> pairs, AxesTried axes, double shift_s) {
+  Scratch scratch(pairs, shift_s);
+  if (axes != AxesTried::kAsConfigured) {
+    for (int round = 0; round < kRounds; ++round) {
+      scratch.turn_axes(axes == AxesTried::kReflected ? -1 : 1);
+      scratch.keep_better();
+    }
+  } else {
+    scratch.keep_better();
+  }
+  return scratch;
+}
+
+/// Where the parabola through three costs has its lowest point, in steps from the middle.
+double vertex(double before, double middle, double after) {
+  const double bend = before - 2 * middle + after;
+  return bend > 0 ? std::clamp(0.5 * (before - after) / bend, -1.0, 1.0) : 0.0;
+}
+
+double best_shift(std::span<const TurnPair> pairs, AxesTried axes, double from_s, double to_s) {
+  double best_s = from_s;
+  double least = std::numeric_limits<double>::infinity();
+  const auto consider = [&](double shift_s) {
+    const double cost = scratch_at(pairs, axes, shift_s).cost;
+    if (cost >= least) return;
+    least = cost;
+    best_s = shift_s;
+  };
+  consider(from_s);
+  for (std::size_t lag = 0; lag < lags::kCount; ++lag) {
+    const double shift_s = lags::seconds(lag);
+    if (shift_s > from_s && shift_s < to_s) consider(shift_s);
+  }
+  consider(to_s);
+  constexpr double kStep_s = 0.5 * lags::kStep_s;
+  const double before_s = std::max(best_s - kStep_s, lags::seconds(0));
+  const double after_s = std::min(best_s + kStep_s, lags::seconds(lags::kCount - 1));
+  const double step =
+      vertex(scratch_at(pairs, axes, before_s).cost, least, scratch_at(pairs, axes, after_s).cost);
+  return std::clamp(best_s + kStep_s * step, from_s, to_s);
+}
+
+void describe_motion(const Scratch& scratch, TurnFit& fit) {
+  double motion = 0;
+  Eigen::Matrix3d gg = Eigen::Matrix3d::Zero();
+  for (const auto& turn : scratch.better()) {
+    motion += turn.weight * 0.5 * (turn.camera.squaredNorm() + turn.gyro.squaredNorm());
+    gg += turn.gyro * turn.gyro.transpose() / static_cast<double>(scratch.kept);
+  }
+  fit.kept = scratch.kept;
+  fit.misfit = scratch.cost / (3 * static_cast<double>(scratch.kept));
+  fit.unexplained = motion > 0 ? scratch.cost / motion : 2;
+  fit.excitation_rad2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(gg, Eigen::EigenvaluesOnly)
+                            .eigenvalues()
+                            .reverse();
+}
+
+/// @return variance of a turn with weight 1, as it scatters about the fit
+double scatter_of(const Scratch& scratch) {
+  return kVarianceOfKept *
+         std::max(scratch.cost / (3 * static_cast<double>(scratch.kept)), kLeastMisfit);
+}
+
+void describe_certainty(std::span<const TurnPair> pairs, const Scratch& scratch, TurnFit& fit) {
+  const double scatter = scatter_of(scratch);
+  double by_time = 0;
+  for (const TurnPair& pair : pairs) {
+    const Eigen::Vector3d rate =
+        (pair.gyro_at(fit.shift_s + lags::kStep_s) - pair.gyro_at(fit.shift_s - lags::kStep_s)) /
+        (2 * lags::kStep_s);
+    by_time += weight(pair) * rate.squaredNorm();
+  }
+  fit.shift_sigma_s = std::sqrt(scatter / std::max(by_time, 1e-12));
+  Eigen::Matrix3d by_axes = Eigen::Matrix3d::Zero();
+  for (const auto& turn : scratch.better())
+    by_axes += turn.weight * (turn.gyro.squaredNorm() * Eigen::Matrix3d::Identity() -
+                              turn.gyro * turn.gyro.transpose());
+  const double least =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(by_axes, Eigen::EigenvaluesOnly)
+          .eigenvalues()(0);
+  fit.axes_sigma_rad = std::sqrt(scatter / std::max(least, 1e-12));
+  std::size_t inliers = 0;
+  for (std::size_t i = 0; i < scratch.count; ++i)
+    inliers += scratch.turns[i].misfit < kInlierSigmas * kInlierSigmas * scatter ? 1 : 0;
+  fit.inliers = static_cast<double>(inliers) / static_cast<double>(scratch.count);
+}
+
+}  // namespace
+
+Eigen::Vector3d TurnPair::gyro_at(double shift_s) const {
+  const double place =
+      std::clamp(shift_s / lags::kStep_s + lags::kSide, 0.0, static_cast<double>(lags::kCount - 1));
+  const auto before = std::min(static_cast<std::size_t>(place), lags::kCount - 2);
+  const double share = place - static_cast<double>(before);
+  return (1 - share) * gyro[before].cast<double>() + share * gyro[before + 1].cast<double>();
+}
+
+TurnFit fit_turns(std::span<const TurnPair> pairs, AxesTried axes, double shift_from_s,
+                  double shift_to_s) {
+  FIDUCAP_ASSERT(!pairs.empty() && pairs.size() <= kMostPairs && shift_from_s <= shift_to_s);
+  TurnFit fit;
+  fit.shift_s = best_shift(pairs, axes, shift_from_s, shift_to_s);
+  const Scratch scratch = scratch_at(pairs, axes, fit.shift_s);
+  fit.A = scratch.A;
+  describe_motion(scratch, fit);
+  describe_certainty(pairs, scratch, fit);
+  return fit;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,170 @@
+// Cameras and gyros that do not fit together, before a whole pipeline: what is said, when, and that
+// no pose is given afterwards. Seeds by the hundred are in the report of the change.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "base/so3.hpp"
+#include "pipeline/body_pipeline.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap {
+namespace {
+
+using std::numbers::pi;
+using testing::HasSubstr;
+
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+constexpr double kSeconds = 25;
+// The motion begins after a second at rest; then a few seconds have to do.
+constexpr double kSaidWithin_s = 12;
+
+/// What is wrong between the sensors and what is told of them.
+struct Mistake {
+  Eigen::Quaterniond camera_turn{
+      Eigen::Quaterniond::Identity()};  ///< True camera axes → told ones.
+  Eigen::Matrix3d imu_axes{Eigen::Matrix3d::Identity()};
+  double stamp_error_s{0};
+  double stamp_error_from_s{0};
+};
+
+struct Outcome {
+  struct Said {
+    double at_s{};
+    BodyEvent event;
+  };
+  std::vector<Said> said;  ///< About turns and clocks.
+  int poses{0};
+  int poses_after{0};  ///< … that were given after the first word.
+  bool is_established{false};
+  std::optional<ClockJump> jump;
+};
+
+bool is_about_turns(BodyEvent::Kind kind) {
+  return kind == BodyEvent::Kind::kTurnsDisagree || kind == BodyEvent::Kind::kTurnsAgree ||
+         kind == BodyEvent::Kind::kClockJumped;
+}
+
+class Body {
+ public:
+  Body(const std::string& world, std::uint64_t seed, Mistake mistake)
+      : mistake_(std::move(mistake)) {
+    room_.preset = world;
+    CameraMount mount;
+    mount.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
+    mount.X_BV = simulation::forward_camera();
+    body_.cameras = {mount};
+    body_.camera.images = false;
+    body_.trajectory.kind = world;
+    body_.trajectory.seed = body_.seed = seed;
+  }
+
+  Outcome run() {
+    BodyPipeline pipeline(setup());
+    auto source = simulation::make_simulated_source(room_, body_, kStart, nullptr);
+    if (!source) throw std::runtime_error(source.error().text());
+    Outcome out;
+    for (;;) {
+      auto sample = (*source)->next({});
+      if (!sample || !*sample) break;
+      const double t_s = to_seconds(time_of(**sample) - kStart);
+      if (t_s > kSeconds) break;
+      (void)pipeline.push(mistaken(std::move(**sample), t_s));
+      while (pipeline.next() != nullptr)
+        if (const BodyUpdate* update = pipeline.take(view_)) note(*update, t_s, out);
+    }
+    out.is_established = pipeline.agreement().is_established();
+    out.jump = pipeline.agreement().clock_jump();
+    return out;
+  }
+
+ private:
+  [[nodiscard]] PipelineSetup setup() const {
+    PipelineSetup setup;
+    setup.sensors.cameras = body_.cameras;
+    setup.sensors.cameras[0].X_BV.q = setup.sensors.cameras[0].X_BV.q * mistake_.camera_turn;
+    setup.sensors.imu = body_.imu.noise;
+    for (const RecordedTag& tag : simulation::tags_of(room_))
+      setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
+    return setup;
+  }
+  [[nodiscard]] SensorSample mistaken(SensorSample sample, double t_s) const {
+    if (auto* imu = std::get_if<ImuSample>(&sample)) {
+      imu->w_WB_B = mistake_.imu_axes * imu->w_WB_B;
+    } else if (t_s >= mistake_.stamp_error_from_s) {
+      std::get<CornerFrame>(sample).exposed_at += from_seconds(mistake_.stamp_error_s);
+    }
+    return sample;
+  }
+  static void note(const BodyUpdate& update, double t_s, Outcome& out) {
+    for (const BodyEvent& event : update.events)
+      if (is_about_turns(event.kind)) out.said.push_back({t_s, event});
+    if (!update.is_placed()) return;
+    ++out.poses;
+    out.poses_after += out.said.empty() ? 0 : 1;
+  }
+
+  Mistake mistake_;
+  simulation::RoomConfig room_;
+  simulation::SimulatedBodyConfig body_;
+  MapView view_{std::make_shared<const TagMap>()};
+};
+
+Outcome run(const Mistake& mistake, const std::string& world = "table", std::uint64_t seed = 2) {
+  return Body(world, seed, mistake).run();
+}
+
+TEST(AgreementSimulation, SaysNothingOfABodyThatIsAsConfigured) {
+  for (const char* world : {"table", "sparse", "loop"}) {
+    const Outcome clean = run({}, world);
+    EXPECT_TRUE(clean.said.empty()) << world << ": " << clean.said.front().event.text;
+    EXPECT_GT(clean.poses, 200) << world;
+  }
+  EXPECT_TRUE(run({}).is_established);
+}
+
+TEST(AgreementSimulation, RefusesACameraThatIsTurnedInTheConfiguration) {
+  for (const char* world : {"table", "sparse"}) {
+    const Outcome turned = run({.camera_turn = exp_so3({0, 0, pi / 2})}, world);
+    ASSERT_FALSE(turned.said.empty());
+    EXPECT_LT(turned.said.front().at_s, kSaidWithin_s);
+    EXPECT_EQ(turned.said.back().event.kind, BodyEvent::Kind::kTurnsDisagree);
+    EXPECT_THAT(turned.said.back().event.text, HasSubstr("about its optical axis"));
+    EXPECT_EQ(turned.poses_after, 0);
+  }
+}
+
+TEST(AgreementSimulation, RefusesAGyroWithSwappedAxes) {
+  Mistake swapped;
+  swapped.imu_axes << 0, 1, 0, 1, 0, 0, 0, 0, 1;
+  const Outcome outcome = run(swapped);
+  ASSERT_FALSE(outcome.said.empty());
+  EXPECT_LT(outcome.said.front().at_s, kSaidWithin_s);
+  EXPECT_THAT(outcome.said.back().event.text, HasSubstr("(y, x, z)"));
+  EXPECT_EQ(outcome.poses_after, 0);
+}
+
+TEST(AgreementSimulation, SaysHowFarStampsAreOffThatTheMergerWouldDrop) {
+  for (const double error_s : {0.5, -0.5}) {
+    const Outcome late = run({.stamp_error_s = error_s});
+    ASSERT_FALSE(late.said.empty()) << error_s;
+    EXPECT_LT(late.said.front().at_s, kSaidWithin_s);
+    EXPECT_THAT(late.said.front().event.text,
+                HasSubstr(error_s > 0 ? "stamped 0.50 s late" : "stamped 0.50 s early"));
+  }
+}
+
+TEST(AgreementSimulation, OffersTheJumpOfAClock) {
+  const Outcome jumped = run({.stamp_error_s = 0.2, .stamp_error_from_s = 12});
+  ASSERT_FALSE(jumped.said.empty());
+  EXPECT_EQ(jumped.said.front().event.kind, BodyEvent::Kind::kClockJumped);
+  EXPECT_GT(jumped.said.front().at_s, 12);
+  ASSERT_TRUE(jumped.jump);
+  EXPECT_NEAR(to_seconds(jumped.jump->change), -0.2, 0.03);
+}
+
+}  // namespace
+}  // namespace fiducap
