@@ -20,6 +20,8 @@ constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
 // A body that should have an IMU is told about after so long without a reading.
 constexpr Duration kSilent = std::chrono::milliseconds(500);
+// Images of one camera without one between them that came in time: no stall, but its clock.
+constexpr int kAllAreLate = 50;
 
 // Further apart, two places of a tag are not the same place.
 constexpr double kSamePlace_m = 0.1;
@@ -54,6 +56,11 @@ std::unique_ptr<BodyFilter> filter_of(const PipelineSetup& setup) {
   return make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator);
 }
 
+int camera_of(const SensorSample& image) {
+  if (const auto* frame = std::get_if<CameraFrame>(&image)) return frame->camera;
+  return std::get<CornerFrame>(image).camera;
+}
+
 bool is_sound(const CornerFrame& corners) {
   return std::all_of(corners.tags.begin(), corners.tags.end(), [](const TagSighting& tag) {
     return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
@@ -81,7 +88,8 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
       merger_(merger_of(setup_)),
       filter_(filter ? std::move(filter) : filter_of(setup_)),
       doubts_(setup_.sensors, setup_.estimator),
-      agreement_(setup_.sensors, setup_.estimator.corner_noise_px) {
+      agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
+      late_(setup_.sensors.cameras.size()) {
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
@@ -89,7 +97,31 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
 
 bool BodyPipeline::push(SensorSample sample) {
   watch_turns(sample);
-  return merger_.push(std::move(sample));
+  if (const auto* imu = std::get_if<ImuSample>(&sample)) {
+    newest_imu_ = imu->sampled_at;
+    return merger_.push(std::move(sample));
+  }
+  const int camera = camera_of(sample);
+  const Instant stamp = time_of(sample);
+  const std::uint64_t late_before = merger_.statistics().late_dropped;
+  const bool has_room = merger_.push(std::move(sample));
+  note_late(camera, stamp, merger_.statistics().late_dropped > late_before);
+  return has_room;
+}
+
+/// A clock that is told far too early makes every image late, and nobody would learn why: from then
+/// on they come when they arrive, for their turns to be compared with the gyro's.
+void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
+  if (!newest_imu_ || camera < 0 || static_cast<std::size_t>(camera) >= late_.size()) return;
+  Late& late = late_[static_cast<std::size_t>(camera)];
+  late.in_a_row = was_dropped ? late.in_a_row + 1 : 0;
+  if (late.in_a_row < kAllAreLate) return;
+  late = {.in_a_row = 0, .only_watched = true};
+  merger_.set_clock_shift(camera, *newest_imu_ - stamp);
+}
+
+bool BodyPipeline::only_watches(int camera) const {
+  return late_[static_cast<std::size_t>(camera)].only_watched;
 }
 
 /// As it came: what the merger drops as late may be late by a clock that is wrong. Tags of images
@@ -154,6 +186,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
           update_.seen);
   plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
   if (was_found_here) agreement_.add(update_.seen);
+  if (only_watches(corners.camera)) return watched_image();
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
   update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
@@ -173,6 +206,18 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   ++statistics_.frames;
   statistics_.tags_used += static_cast<std::uint64_t>(update_.report.tags_used);
   if (anchored_ && update_.report.tags_used > 0) ++statistics_.frames_with_pose;
+  return &update_;
+}
+
+/// Its time is not known, so it must not touch the filter.
+const BodyUpdate* BodyPipeline::watched_image() {
+  update_.report = {};
+  update_.report.exposed_at = update_.seen.exposed_at;
+  update_.known.clear();
+  update_.contradicted.clear();
+  note_turns();
+  update_.estimate.reset();
+  ++statistics_.frames;
   return &update_;
 }
 
@@ -270,7 +315,9 @@ void BodyPipeline::note_turns() {
     update_.events.back().text = news->text;
     if (jumped) update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
   }
-  const bool withheld = agreement_.withholds();
+  const bool withheld =
+      agreement_.withholds() ||
+      std::any_of(late_.begin(), late_.end(), [](const Late& late) { return late.only_watched; });
   if (std::exchange(update_.withheld, withheld) && !withheld) {
     note(BodyEvent::Kind::kTurnsAgree);
     update_.events.back().text = "cameras and gyro agree again: poses are shown";

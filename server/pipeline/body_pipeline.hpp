@@ -94,6 +94,9 @@ class BodyPipeline final {
 
  private:
   void watch_turns(const SensorSample& sample);
+  void note_late(int camera, Instant stamp, bool was_dropped);
+  [[nodiscard]] bool only_watches(int camera) const;
+  const BodyUpdate* watched_image();
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
   void find_corners(const MapView& view);
@@ -116,6 +119,14 @@ class BodyPipeline final {
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;
+  /// A camera whose images all came later than what was given out already: they are looked at
+  /// after all, but not used.
+  struct Late {
+    int in_a_row{0};
+    bool only_watched{false};
+  };
+  std::vector<Late> late_;
+  std::optional<Instant> newest_imu_;
   TagObservations delivered_;  ///< Corners as they came, before the merger puts them in order.
   std::optional<SensorSample> next_;
   BodyUpdate update_;

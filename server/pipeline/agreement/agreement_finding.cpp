@@ -96,6 +96,8 @@ std::optional<AgreementFinding> find_axes(std::span<const TurnPair> pairs, const
 
 }  // namespace
 
+double AgreementFinding::angle_rad() const { return angle_of(A); }
+
 std::optional<AgreementFinding> find_cause(std::span<const TurnPair> pairs,
                                            const ExpectedShift& expected) {
   const Range told{std::max(expected.shift_s - expected.tolerance_s, -furthest_s()),

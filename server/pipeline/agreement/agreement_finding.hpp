@@ -23,6 +23,9 @@ struct AgreementFinding {
   double shift_s{};         ///< t_imu = stamp + shift, beyond what is configured.
   double shift_sigma_s{};
   double jump_s{};  ///< Of kJumped: how much `shift_s` has changed.
+
+  /// By which A turns. @pre it reflects nothing
+  [[nodiscard]] double angle_rad() const;
 };
 
 /// What is known of a camera's clock before its turns are looked at.

@@ -2,18 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <utility>
-
-#include "base/so3.hpp"
 
 namespace fiducap {
 
 namespace {
 
 using Kind = AgreementFinding::Kind;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // Turns are taken over about this: longer ones are better known, up to where first orders end.
 constexpr Duration kShortest = std::chrono::milliseconds(190);
@@ -23,7 +18,7 @@ constexpr Duration kLookPeriod = std::chrono::milliseconds(90);
 constexpr Duration kFurthest = std::chrono::milliseconds(800);
 constexpr Duration kOnTheWay = std::chrono::milliseconds(250);
 // A turn that says something: above what noise makes of none.
-constexpr double kSmallestTurn_rad = 3 * kDegree;
+constexpr double kSmallestTurn_rad = 0.05;
 
 constexpr std::size_t kFewestPairs = 10;
 constexpr std::size_t kPairsPerJudgement = 3;
@@ -32,17 +27,13 @@ constexpr int kSure = 2;
 constexpr int kVerySure = 6;
 constexpr double kShiftTolerance_s = 0.06;
 constexpr double kSureShift_s = 0.035;
-constexpr double kSureAxes_rad = 8 * kDegree;
-constexpr double kAxesTolerance_rad = 15 * kDegree;
+constexpr double kSureAxes_rad = 0.14;
+constexpr double kRightAxes_rad = 0.26;
 // Of a clock's drift: what the last turns say moves what is known by this share.
 constexpr double kFollow = 0.1;
 constexpr double kDrift_s = 0.03;
 constexpr double kSameShift_s = 0.05;
-constexpr double kSameAxes_rad = 15 * kDegree;
-
-double angle_of(const Eigen::Matrix3d& rotation) {
-  return log_so3(Eigen::Quaterniond(rotation)).norm();
-}
+constexpr double kSameAxes_rad = 0.26;
 
 bool are_the_same(const AgreementFinding& a, const AgreementFinding& b) {
   return a.kind == b.kind && std::abs(a.shift_s - b.shift_s) < kSameShift_s &&
@@ -151,8 +142,7 @@ void CameraAgreement::conclude(const AgreementFinding& found) {
 /// A body that turns about few axes agrees with much: that does not end a contradiction.
 void CameraAgreement::note_agreement(const AgreementFinding& found) {
   const bool is_sure = found.shift_sigma_s < kSureShift_s && found.axes_sigma_rad < kSureAxes_rad;
-  const bool is_over =
-      is_sure && found_again_ >= kVerySure && angle_of(found.A) < kAxesTolerance_rad;
+  const bool is_over = is_sure && found_again_ >= kVerySure && found.angle_rad() < kRightAxes_rad;
   if (axes_are_wrong_ && !is_over) return;
   if (is_sure && !known_shift_s_) known_shift_s_ = found.shift_s;
   if (is_sure && std::abs(found.shift_s - *known_shift_s_) < kDrift_s)
