@@ -72,7 +72,7 @@ bool is_far_turned(const TurnFit& turned, const TurnFit& configured) {
 }
 
 AgreementFinding finding_of(Kind kind, const TurnFit& fit) {
-  return {kind, fit.A, fit.axes_sigma_rad, fit.shift_s, fit.shift_sigma_s, 0};
+  return {kind, fit.A, fit.axes_sigma_rad, fit.shift_s, fit.shift_sigma_s, false, 0};
 }
 
 struct Range {
@@ -114,6 +114,8 @@ std::optional<AgreementFinding> find_cause(std::span<const TurnPair> pairs,
     AgreementFinding agree = finding_of(Kind::kAgree, as_told);
     agree.A = fit_turns(pairs, AxesTried::kTurned, all.shift_s, all.shift_s).A;
     agree.axes_sigma_rad = all.axes_sigma_rad;
+    agree.is_not_reflected = evidence(all, fit_turns(pairs, AxesTried::kReflected, all.shift_s,
+                                                     all.shift_s)) > kEvidence;
     return agree;
   }
   if (!clock_is_right && explains(shifted)) {

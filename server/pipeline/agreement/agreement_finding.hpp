@@ -22,7 +22,8 @@ struct AgreementFinding {
   double axes_sigma_rad{};  ///< About the axis that is known worst.
   double shift_s{};         ///< t_imu = stamp + shift, beyond what is configured.
   double shift_sigma_s{};
-  double jump_s{};  ///< Of kJumped: how much `shift_s` has changed.
+  bool is_not_reflected{false};  ///< Of kAgree: the body turns about enough axes to know.
+  double jump_s{};               ///< Of kJumped: how much `shift_s` has changed.
 
   /// By which A turns. @pre it reflects nothing
   [[nodiscard]] double angle_rad() const;
