@@ -72,7 +72,7 @@ bool is_far_turned(const TurnFit& turned, const TurnFit& configured) {
 }
 
 AgreementFinding finding_of(Kind kind, const TurnFit& fit) {
-  return {kind, fit.A, fit.axes_sigma_rad, fit.shift_s, fit.shift_sigma_s, false, 0};
+  return {kind, fit.A, fit.axes_sigma_rad, fit.shift_s, fit.shift_sigma_s, 0};
 }
 
 struct Range {
@@ -92,6 +92,13 @@ std::optional<AgreementFinding> find_axes(std::span<const TurnPair> pairs, const
   if (evidence(better, is_turned ? reflected : turned) < kSomeEvidence)
     return finding_of(Kind::kAxesApart, better);
   return finding_of(is_turned ? Kind::kAxesTurned : Kind::kAxesReflected, better);
+}
+
+/// The body turns about enough axes to know that the gyro is not mirrored.
+bool excludes_reflection(std::span<const TurnPair> pairs, const Range& range,
+                         const TurnFit& configured) {
+  const auto reflected = fit_turns(pairs, AxesTried::kReflected, range.from_s, range.to_s);
+  return evidence(configured, reflected) > kEvidence;
 }
 
 }  // namespace
@@ -114,8 +121,7 @@ std::optional<AgreementFinding> find_cause(std::span<const TurnPair> pairs,
     AgreementFinding agree = finding_of(Kind::kAgree, as_told);
     agree.A = fit_turns(pairs, AxesTried::kTurned, all.shift_s, all.shift_s).A;
     agree.axes_sigma_rad = all.axes_sigma_rad;
-    agree.is_not_reflected = evidence(all, fit_turns(pairs, AxesTried::kReflected, all.shift_s,
-                                                     all.shift_s)) > kEvidence;
+    if (expected.axes_were_wrong && !excludes_reflection(pairs, told, all)) return {};
     return agree;
   }
   if (!clock_is_right && explains(shifted)) {

@@ -22,8 +22,7 @@ struct AgreementFinding {
   double axes_sigma_rad{};  ///< About the axis that is known worst.
   double shift_s{};         ///< t_imu = stamp + shift, beyond what is configured.
   double shift_sigma_s{};
-  bool is_not_reflected{false};  ///< Of kAgree: the body turns about enough axes to know.
-  double jump_s{};               ///< Of kJumped: how much `shift_s` has changed.
+  double jump_s{};  ///< Of kJumped: how much `shift_s` has changed.
 
   /// By which A turns. @pre it reflects nothing
   [[nodiscard]] double angle_rad() const;
@@ -33,7 +32,8 @@ struct AgreementFinding {
 struct ExpectedShift {
   double shift_s{};
   double tolerance_s{};
-  bool was_measured{false};  ///< Not only told: what differs now has changed.
+  bool was_measured{false};     ///< Not only told: what differs now has changed.
+  bool axes_were_wrong{false};  ///< Agreement has to exclude what was found before.
 };
 
 /// The simplest single cause that explains what camera and gyro say of the same turns: as expected;

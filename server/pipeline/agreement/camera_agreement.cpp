@@ -113,9 +113,10 @@ void CameraAgreement::pair(const Look& now, std::size_t number, const GyroIntegr
 
 void CameraAgreement::judge() {
   new_pairs_ = 0;
-  const std::optional<AgreementFinding> found = find_cause(
-      pairs_, {known_shift_s_.value_or(told_shift_s_),
-               known_shift_s_ ? kShiftTolerance_s : tolerance_s_, known_shift_s_.has_value()});
+  const std::optional<AgreementFinding> found =
+      find_cause(pairs_, {known_shift_s_.value_or(told_shift_s_),
+                          known_shift_s_ ? kShiftTolerance_s : tolerance_s_,
+                          known_shift_s_.has_value(), axes_are_wrong_});
   const bool again = found && candidate_ && are_the_same(*found, *candidate_);
   found_again_ = again ? found_again_ + 1 : 1;
   candidate_ = found;
