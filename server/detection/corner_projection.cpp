@@ -17,11 +17,11 @@ Eigen::Vector3d tag_corner(int i, double edge_m) {
 }
 
 CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
-                               const CameraModel& camera) {
+                               const CameraModel& camera, double size) {
   CornerResidual out;
   const Eigen::Matrix3d R_VT = X_VT.rotation();
   for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector3d arm = R_VT * tag_corner(i, seen.edge_m);
+    const Eigen::Vector3d arm = R_VT * tag_corner(i, size * seen.edge_m);
     const Eigen::Vector3d p = X_VT.p + arm;
     if (p.z() < kMinDepth_m) {
       out.in_front = false;
@@ -37,6 +37,7 @@ CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
     const Eigen::Matrix<double, 2, 3> J = raw_from_ideal * d_pixel_d_point;
     out.H.block<2, 3>(2 * i, 0) = J;
     out.H.block<2, 3>(2 * i, 3) = -J * skew(arm);
+    out.H_size.segment<2>(2 * i) = J * arm / size;
   }
   return out;
 }

@@ -22,12 +22,15 @@ struct CornerResidual {
   Vector8d y{Vector8d::Zero()};
   /// ∂ predicted / ∂ (p_VT, rotation vector of the tag in V axes), raw pixels.
   Matrix86d H{Matrix86d::Zero()};
+  /// ∂ predicted / ∂ size, relative to the one reckoned with, raw pixels.
+  Vector8d H_size{Vector8d::Zero()};
   bool in_front{true};  ///< False: a corner lies behind the camera, y and H mean nothing.
 
   [[nodiscard]] double rms_px() const { return std::sqrt(y.squaredNorm() / 4.0); }
 };
 
+/// @param size  so many times the configured edge
 [[nodiscard]] CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
-                                             const CameraModel& camera);
+                                             const CameraModel& camera, double size = 1.0);
 
 }  // namespace fiducap

@@ -27,6 +27,7 @@ bool undistort_corners(const std::array<Eigen::Vector2d, 4>& raw_px, const Camer
     if (!pixel) return false;
     out.corners_px[i] = pixel->px;
     out.ideal_from_raw[i] = pixel->ideal_from_raw;
+    out.raw_px[i] = raw_px[i];
   }
   return is_front_view(out.corners_px);
 }

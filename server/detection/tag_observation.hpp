@@ -21,6 +21,7 @@ struct TagObservation {
   std::array<Eigen::Vector2d, 4> corners_px{};
   /// Per corner ∂ ideal / ∂ raw: noise is white in raw pixels, this carries it through the lens.
   std::array<Eigen::Matrix2d, 4> ideal_from_raw{};
+  std::array<Eigen::Vector2d, 4> raw_px{};  ///< As they stand in the image, lens and all.
   /// Raw row of each corner, −0.5 at the first … +0.5 at the last row of the image: a rolling
   /// shutter exposes them in turn.
   std::array<double, 4> rows{};

@@ -11,6 +11,7 @@
 #include "detection/tag_observation.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/estimator_config.hpp"
+#include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
 #include "estimation/tag_belief.hpp"
 
@@ -75,6 +76,10 @@ class BodyFilter {
   /// Tags in the state, extrinsics and biases stay.
   virtual void lose_motion() = 0;
 
+  /// The camera's clock has jumped: so much is to be added to its stamps from now on, beyond what
+  /// is configured. The body is found anew in what was learned.
+  virtual void note_clock_jump(int /*camera*/, Duration /*shift*/) { lose_motion(); }
+
   /// The map has this tag and keeps it: the filter may forget it, and gets it back as a known one
   /// when it is seen again. Nothing happens to the tag that defines the workspace, nor while the
   /// filter is not anchored.
@@ -90,6 +95,9 @@ class BodyFilter {
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter
   /// bridges what is left.
   [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
+  /// Replaces `out` by what was found to be other than the configuration says. The estimate
+  /// reckons with it.
+  virtual void mismatches(std::vector<FoundMismatch>& out) const { out.clear(); }
 };
 
 /// @param name  `robocentric` or `world`

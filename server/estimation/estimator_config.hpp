@@ -16,7 +16,11 @@ struct EstimatorConfig {
   bool learn_corner_noise{true};   ///< False: corner_noise_px holds for every corner.
   bool estimate_extrinsics{true};  ///< False: X_BV is taken as exact.
   bool estimate_clocks{
-      true};              ///< False: each camera's time_shift_s and readout_s are taken as exact.
+      true};  ///< False: each camera's time_shift_s and readout_s are taken as exact.
+  /// Lens, shutter and print sizes are estimated once they are surely not as configured, and the
+  /// noises of IMU and stamps are learned; bodies with an IMU, filter `world`. False: all that is
+  /// configured is believed.
+  bool doubt_configuration{true};
   bool landmarks{false};  ///< Also follow points of the image that are no tags; needs images, an
                           ///< IMU and filter `world`.
   double gate_probability{

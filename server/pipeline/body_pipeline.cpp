@@ -299,11 +299,23 @@ void BodyPipeline::note_events() {
   for (const int tag_id : report.named_dropped()) note(BodyEvent::Kind::kTagDropped, tag_id);
   note_imu();
   note_imu_faults();
+  note_mismatches();
   std::string doubt =
       doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known);
   if (doubt.empty()) return;
   note(BodyEvent::Kind::kDoubt);
   update_.events.back().text = std::move(doubt);
+}
+
+void BodyPipeline::note_mismatches() {
+  const Instant now = update_.seen.exposed_at;
+  if (mismatches_at_ && now >= *mismatches_at_ && now - *mismatches_at_ < kCamerasPeriod) return;
+  mismatches_at_ = now;
+  filter_->mismatches(found_);
+  for (const FoundMismatch& news : mismatches_.take(found_, now)) {
+    note(BodyEvent::Kind::kMismatch, news.tag_id);
+    update_.events.back().text = mismatch_text(news, setup_.sensors.cameras);
+  }
 }
 
 void BodyPipeline::note_turns() {
@@ -313,7 +325,9 @@ void BodyPipeline::note_turns() {
     const bool jumped = news->finding.kind == Found::kJumped;
     note(jumped ? BodyEvent::Kind::kClockJumped : BodyEvent::Kind::kTurnsDisagree);
     update_.events.back().text = news->text;
-    if (jumped) update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
+    if (!jumped) continue;
+    update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
+    filter_->note_clock_jump(news->camera, from_seconds(news->finding.shift_s));
   }
   const bool withheld =
       agreement_.withholds() ||

@@ -14,6 +14,7 @@
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
 #include "pipeline/imu_plausibility.hpp"
+#include "pipeline/mismatch_words.hpp"
 #include "pipeline/tag_doubts.hpp"
 
 namespace fiducap {
@@ -109,6 +110,7 @@ class BodyPipeline final {
   void note_imu();
   void note_imu_faults();
   void note_turns();
+  void note_mismatches();
   void note(BodyEvent::Kind kind, int tag_id = -1);
 
   PipelineSetup setup_;
@@ -119,6 +121,8 @@ class BodyPipeline final {
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;
+  MismatchNews mismatches_;
+  std::vector<FoundMismatch> found_;  ///< Kept for its memory.
   /// A camera whose images all came later than what was given out already: they are looked at
   /// after all, but not used.
   struct Late {
@@ -132,6 +136,7 @@ class BodyPipeline final {
   BodyUpdate update_;
   PipelineStatistics statistics_;
   std::optional<Instant> cameras_at_;
+  std::optional<Instant> mismatches_at_;
   std::optional<Instant> carried_at_;  ///< The last used tag, or followed points in its stead.
   std::optional<Instant> imu_at_;
   bool imu_is_silent_{false};

@@ -32,6 +32,8 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "turns_agree";
     case BodyEvent::Kind::kClockJumped:
       return "clock_jumped";
+    case BodyEvent::Kind::kMismatch:
+      return "mismatch";
     case BodyEvent::Kind::kDoubt:
       return "doubt";
   }

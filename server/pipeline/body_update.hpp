@@ -28,12 +28,13 @@ struct BodyEvent {
     kTurnsDisagree,  ///< A camera contradicts the gyro, poses are withheld: `text` says how.
     kTurnsAgree,     ///< … and does so no more.
     kClockJumped,    ///< A camera's clock, by `clock_jump`: `text` says how far.
+    kMismatch,       ///< Something is not as configured, the estimate reckons with it: `text`.
     kDoubt,          ///< Tags do not fit together: `text` says how.
   } kind{Kind::kDoubt};
   Instant at{};
   int tag_id{-1};
   Pose shift;        ///< Of kGaugeShift.
-  std::string text;  ///< Of kDoubt and those about the IMU and the clocks.
+  std::string text;  ///< Of kDoubt, kMismatch and those about the IMU and the clocks.
   Duration clock_jump{
       0};  ///< Of kClockJumped: what is to be added to the camera's stamps has grown by it.
 };

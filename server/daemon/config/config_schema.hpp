@@ -43,6 +43,7 @@ template <class V>
 void describe(V& v, EstimatorConfig& c) {
   v.value("corner_noise_px", c.corner_noise_px);
   v.value("learn_corner_noise", c.learn_corner_noise);
+  v.value("doubt_configuration", c.doubt_configuration);
   v.value("estimate_extrinsics", c.estimate_extrinsics);
   v.value("estimate_clocks", c.estimate_clocks);
   v.value("landmarks", c.landmarks);

@@ -38,6 +38,11 @@ void FilterConversation<C>::meet_fresh_tags(const TagObservations& seen, UpdateR
     }
   }
   for (const auto& [tag, verdict] : decided_) {
+    if (!is_where_first_seen(seen, tag, verdict)) {
+      coordinates().forget_first_sight(tag.seen->tag_id);
+      ++report.tags_pending;
+      continue;
+    }
     if (!admit_late(tag, verdict, report) && !admit(seen, tag, verdict.X_VT, report))
       ++report.tags_pending;
   }
@@ -50,6 +55,31 @@ void FilterConversation<C>::wait(const TagObservations& seen, const TagToUse& ta
     const auto attitude = follower_.camera_attitude(seen.camera, seen.exposed_at);
     coordinates().memory().wait(tag.seen->tag_id, attitude->q_WV, state());
   }
+}
+
+/// Whether the image in which the tag was first seen, or said to be, shows it where it is now. A
+/// misread id is not: it must not say where the tag joins.
+template <class C>
+bool FilterConversation<C>::is_where_first_seen(const TagObservations& seen, const TagToUse& tag,
+                                                const TagVerdict& verdict) {
+  if constexpr (C::kRemembersImages) {
+    const int tag_id = tag.seen->tag_id;
+    auto& memory = coordinates().memory();
+    const auto first = memory.first_sight(tag_id);
+    if (!first || tag.known != nullptr || !is_following()) return true;
+    const TagObservations& then = memory.image(first->number).seen;
+    const auto found = std::find_if(then.tags.begin(), then.tags.end(),
+                                    [&](const auto& s) { return s.tag_id == tag_id; });
+    FIDUCAP_ASSERT(found != then.tags.end());
+    const Eigen::Vector3d p_VT = (memory.state_at(first->number)->X_WV(then.camera).inverse() *
+                                  (state().X_WV(seen.camera) * verdict.X_VT))
+                                     .p;
+    // How far the body may be from where it is thought to have been then.
+    const double strayed_m =
+        coordinates().speed_sigma_m_s() * to_seconds(seen.exposed_at - then.exposed_at);
+    return is_seen_at(*found, p_VT, strayed_m, follower_.model_of(then.camera));
+  }
+  return true;
 }
 
 template <class C>
@@ -88,6 +118,7 @@ template <class C>
 void FilterConversation<C>::follow_again(long from, UpdateReport& report) {
   if constexpr (C::kRemembersImages) {
     auto& memory = coordinates().memory();
+    coordinates().set_learning(false);
     coordinates().state() = *memory.state_at(from);
     for (long number = from; number <= memory.newest(); ++number) {
       auto& image = memory.image(number);
@@ -112,6 +143,7 @@ void FilterConversation<C>::follow_again(long from, UpdateReport& report) {
         join(image.seen, *tag, admission.X_VT);
       }
     }
+    coordinates().set_learning(true);
   }
 }
 

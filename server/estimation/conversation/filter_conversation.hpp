@@ -9,6 +9,7 @@
 #include "estimation/conversation/body_follower.hpp"
 #include "estimation/conversation/contradictions.hpp"
 #include "estimation/conversation/image_tags.hpp"
+#include "estimation/conversation/restless_tags.hpp"
 #include "estimation/conversation/workspace_anchor.hpp"
 #include "estimation/start/clock_hypothesis.hpp"
 
@@ -31,6 +32,7 @@ class FilterConversation final : public StartingFilter {
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override { lose_motion(false); }
+  void note_clock_jump(int camera, Duration shift) override;
   void release_tag(int tag_id) override;
   [[nodiscard]] bool running() const override;
   [[nodiscard]] BodyEstimate estimate() const override;
@@ -38,6 +40,10 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
   [[nodiscard]] ClockEstimate clock(int camera) const override {
     return coordinates().clock(camera);
+  }
+  void mismatches(std::vector<FoundMismatch>& out) const override {
+    out.clear();
+    coordinates().list_mismatches(out);
   }
 
   [[nodiscard]] Explanation explain(const TagObservations& seen,
@@ -69,8 +75,14 @@ class FilterConversation final : public StartingFilter {
   int move_to(const TagObservations& seen);
   UpdateReport correct(const TagObservations& seen, int iterations);
   void correct(const TagObservations& seen, int iterations, UpdateReport& report);
-  void answer_contradictions(const TagObservations& seen);
+  void answer_contradictions(const TagObservations& seen, UpdateReport& report);
+  void relocalise(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] bool is_one_tag_against_all() const;
+  [[nodiscard]] bool is_place_kept(Instant now) const;
+  [[nodiscard]] bool is_proven(const TagToUse& tag) const;
+  void give_up(int tag_id, Instant at, UpdateReport& report);
+  void note_witnesses();
+  void watch_return(const TagObservations& seen, UpdateReport& report);
   void shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report);
 
   void lose_motion(bool is_turn_lost);
@@ -88,6 +100,8 @@ class FilterConversation final : public StartingFilter {
   void admit_known(const TagObservations& seen, const TagToUse& tag, const Pose& X_VT,
                    UpdateReport& report);
   void join(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
+  [[nodiscard]] bool is_where_first_seen(const TagObservations& seen, const TagToUse& tag,
+                                         const TagVerdict& verdict);
   /// Where it was first seen, when past images are remembered.
   bool admit_late(const TagToUse& tag, const TagVerdict& verdict, UpdateReport& report);
   void wait(const TagObservations& seen, const TagToUse& tag);
@@ -106,6 +120,18 @@ class FilterConversation final : public StartingFilter {
   bool is_start_over_{false};
   bool may_define_workspace_{true};  ///< See MapKnowledge.
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
+  RestlessTags restless_;
+  std::vector<int> unwitnessed_;  ///< Given up by what the body alone knew.
+  /// The tag that alone brought the body back, and how often proven ones contradicted it since.
+  struct Return {
+    int tag_id{};
+    int against{};
+  };
+  std::optional<Return> returned_by_;
+  double gap_before_s_{0};    ///< Without a fit, before the present image.
+  double drift_before_m_{0};  ///< 1-sigma of the body's place, before it was corrected.
+  int relocalisations_{0};    ///< Since the filter was last trusted …
+  int images_trusted_{0};     ///< … for so many images in a row now.
   int generation_{0};
 };
 

@@ -9,10 +9,6 @@
 namespace fiducap {
 
 namespace filter_rules {
-// So many others, seen so often, say that the filter is right and a lone tag wrong, if it is not
-// young.
-inline constexpr int kProvenOthers = 2;
-inline constexpr int kSightingsToBeProven = 20;
 // A sighting that nothing explains yet costs a little more than one that is explained well.
 inline constexpr double kNumbersOfTag = 8.0;
 inline constexpr double kUnexplained = 10.0;
@@ -38,6 +34,10 @@ void FilterConversation<C>::restart() {
   anchor_.forget();
   contradictions_.forget_all();
   candidates_.forget_all();
+  restless_.forget_all();
+  unwitnessed_.clear();
+  returned_by_.reset();
+  relocalisations_ = 0;
 }
 
 template <class C>
@@ -93,6 +93,11 @@ template <class C>
 void FilterConversation<C>::sort(const TagObservations& seen, std::span<const KnownTag> known) {
   coordinates().hold_map_tags(seen, known, anchor_.is_anchored());
   tags_.sort(seen, known, state(), anchor_.is_anchored());
+  const auto is_barred = [&](const TagToUse& tag) {
+    return restless_.is_barred(tag.seen->tag_id, seen.exposed_at);
+  };
+  std::erase_if(tags_.usable, is_barred);
+  std::erase_if(tags_.fresh, is_barred);
 }
 
 template <class C>
@@ -113,6 +118,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
     coordinates().take_back();
     is_at_image = false;
   }
+  if (is_at_image) coordinates().doubt(seen, report);
   if constexpr (C::kRemembersImages) {
     if (is_at_image) {
       coordinates().memory().add(seen, known);
@@ -124,7 +130,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   if (is_at_image || is_in_mode(FilterMode::kStarting) ||
       (is_in_mode(FilterMode::kAdrift) && tags_.usable.empty()))
     meet_fresh_tags(seen, report);
-  answer_contradictions(seen);
+  answer_contradictions(seen, report);
   if (is_following())
     shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
   return report;
@@ -142,6 +148,7 @@ void FilterConversation<C>::meet(const TagObservations& seen, std::span<const Kn
     }
   }
   sort(seen, known);
+  gap_before_s_ = contradictions_.seconds_without_fit(seen.exposed_at);
   const double longest_s = has_imu() ? kAdriftWithImu_s : kAdriftWithoutImu_s;
   if (contradictions_.seconds_without_fit(seen.exposed_at) > longest_s) lose_motion(false);
   coordinates().forget_aim();
@@ -183,53 +190,18 @@ UpdateReport FilterConversation<C>::correct(const TagObservations& seen, int ite
 template <class C>
 void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
                                     UpdateReport& report) {
+  drift_before_m_ = coordinates().drift_m();
   const UpdateReport done = correct(seen, iterations);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
-  for (const int tag_id : contradictions_.count(seen.exposed_at, tags_.usable, tags_.accepted)) {
-    const int tag = state().find(tag_id);
-    if (tag >= 0) coordinates().state().remove_tag(static_cast<std::size_t>(tag));
-    coordinates().forget_past_of(tag_id);
-    anchor_.forget_tag(tag_id);
-    report.name_dropped(tag_id);
-  }
-}
-
-template <class C>
-void FilterConversation<C>::answer_contradictions(const TagObservations& seen) {
-  using namespace filter_rules;  // NOLINT: short names for what filters go by
-  // A young filter that contradicts itself is started again from another hypothesis; an old one had
-  // a good clock, which must have jumped.
-  if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
-    const auto camera = static_cast<std::size_t>(seen.camera);
-    coordinates().open_clock(seen.camera, follower_.sensors().cameras[camera].time_shift_sigma_s);
-    contradictions_.pardon_tags();
-    coordinates().forget_past();
-  }
-  if (contradictions_.images_without_fit() < kRejectedToRestart) return;
-  const bool is_patient = contradictions_.has_ever_fit() &&
-                          contradictions_.seconds_without_fit(seen.exposed_at) < kOneTagPatience_s;
-  if (!is_patient || !is_one_tag_against_all()) restart();
-}
-
-/// Images contradict, but all by the same tag.
-template <class C>
-bool FilterConversation<C>::is_one_tag_against_all() const {
-  using namespace filter_rules;  // NOLINT: short names for what filters go by
-  const TagScores& scores = contradictions_.scores();
-  std::ptrdiff_t proven = 0;
-  for (std::size_t i = 0; i < state().tags.size(); ++i) {
-    const auto& tag = state().tags[i];
-    const bool is_proven = !coordinates().is_own(i) || tag.sightings >= kSightingsToBeProven;
-    proven += is_proven && !scores.is_suspect(tag.tag_id) ? 1 : 0;
-  }
-  return has_imu() && is_start_over_ &&
-         std::all_of(tags_.usable.begin(), tags_.usable.end(),
-                     [](const TagToUse& tag) { return tag.local >= 0; }) &&
-         scores.suspects() == 1 && proven >= kProvenOthers;
+  const auto given_up = contradictions_.count(seen.exposed_at, tags_.usable, tags_.accepted);
+  for (const int tag_id : std::vector<int>(given_up.begin(), given_up.end()))
+    give_up(tag_id, seen.exposed_at, report);
+  note_witnesses();
+  watch_return(seen, report);
 }
 
 template <class C>
@@ -238,48 +210,6 @@ void FilterConversation<C>::shift_axes(const std::optional<Pose>& X_new_old, Upd
   report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});
   coordinates().moved_axes(*X_new_old);
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
-}
-
-template <class C>
-void FilterConversation<C>::lose_motion(bool is_turn_lost) {
-  if (!is_following()) return;
-  if (!running()) return restart();
-  follower_.lose_motion(is_turn_lost);
-  candidates_.forget_all();
-  return_attempts_ = 0;
-}
-
-template <class C>
-bool FilterConversation<C>::come_back(const TagObservations& seen) {
-  using namespace filter_rules;  // NOLINT: short names for what filters go by
-  if (!follower_.knows_attitude()) return false;
-  const auto found = follower_.find_place(seen, tags_.usable);
-  ++return_attempts_;
-  const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
-  if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
-    jump(found->X_AB, seen.exposed_at);
-    return true;
-  }
-  return has_imu() && come_back_by_views(seen);
-}
-
-template <class C>
-bool FilterConversation<C>::come_back_by_views(const TagObservations& seen) {
-  for (const TagToUse& tag : tags_.usable) {
-    const auto verdict = judge(seen, tag, Patience{});
-    if (!verdict) continue;
-    const Pose X_BT = state().X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
-    jump(coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse()), seen.exposed_at);
-    return true;
-  }
-  return false;
-}
-
-template <class C>
-void FilterConversation<C>::jump(const Pose& X_AB, Instant at) {
-  follower_.jump(X_AB, at);
-  candidates_.forget_all();
-  contradictions_.pardon();
 }
 
 template <class C>

@@ -15,6 +15,23 @@ namespace fiducap {
   return found == known.end() ? nullptr : &*found;
 }
 
+/// Whether a sighting may be of a tag at this place in camera axes, which is known to `sigma_m`:
+/// two tags never overlap.
+[[nodiscard]] inline bool is_seen_at(const TagObservation& seen, const Eigen::Vector3d& p_VT,
+                                     double sigma_m, const CameraModel& camera) {
+  constexpr double kLeast_px = 10.0;
+  constexpr double kSigmas = 3.0;
+  if (!(p_VT.z() > 0)) return false;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  double side_px = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    centre += 0.25 * seen.corners_px[i];
+    side_px = std::max(side_px, (seen.corners_px[i] - seen.corners_px[(i + 1) % 4]).norm());
+  }
+  return (centre - camera.pinhole(p_VT)).norm() <
+         std::max(kLeast_px, 0.8 * side_px) + kSigmas * sigma_m * camera.fu / p_VT.z();
+}
+
 /// The tags of one image. Kept between images, for its memory.
 struct ImageTags {
   std::vector<TagToUse> usable;  ///< They correct the state …

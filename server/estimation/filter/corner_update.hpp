@@ -47,6 +47,9 @@ class CornerUpdate final {
       noise.learn(*tags[i].seen, update_.judged()[i].distance, update_.judged()[i].noise_share);
     report.tags_used = static_cast<int>(update_.used().size());
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
+    has_score_ = false;
+    // What the accepted ones say of noises is too good when many are rejected.
+    if (2 * report.tags_rejected >= static_cast<int>(tags.size())) score_all(state);
     if (update_.empty()) {
       if (moves) state.copy_mean(prior_);
       return report;
@@ -60,7 +63,10 @@ class CornerUpdate final {
         update_.prepare(state.P(), image_);
       }
       const double nis = update_.solve(state.P(), image_, state.held_tags());
-      if (iteration == 0) report.nis = nis;
+      if (iteration == 0) {
+        report.nis = nis;
+        if (!has_score_) note_score();
+      }
       if (moves) state.copy_mean(prior_);
       state.add_error(update_.correction());
     }
@@ -72,10 +78,33 @@ class CornerUpdate final {
     return report;
   }
 
+  /// Of the last image: what its tags said of the camera's pose; of all of them when none was
+  /// accepted.
+  [[nodiscard]] bool has_score() const { return has_score_; }
+  [[nodiscard]] const StackedUpdate::SharedScore& shared_score() const { return score_; }
+
  private:
+  void score_all(const State& state) {
+    gated_.assign(update_.used().begin(), update_.used().end());
+    update_.use_all(image_);
+    if (!update_.empty()) {
+      (void)update_.solve(state.P(), image_, state.held_tags());
+      note_score();
+    }
+    update_.use(gated_);
+  }
+
+  void note_score() {
+    score_ = update_.shared_score(image_);
+    has_score_ = true;
+  }
+
   State prior_;  ///< mean only
   ImageMeasurement image_;
   StackedUpdate update_;
+  std::vector<std::size_t> gated_;
+  StackedUpdate::SharedScore score_;
+  bool has_score_{false};
 };
 
 }  // namespace fiducap

@@ -29,8 +29,9 @@ inline constexpr int kCornerStepIterations = 2;
 // Images in a row in which at least half of the usable tags contradict, before the camera's clock
 // is thought to have jumped.
 inline constexpr int kContradictionsToReopenClock = 5;
-// Images in a row with usable tags and none accepted, before everything is given up …
-inline constexpr int kRejectedToRestart = 20;
+// Images in a row with usable tags and none accepted, before tags are given up, or the body is
+// looked for anew …
+inline constexpr int kRejectedToRelocalise = 20;
 // … but not so soon when they all show one and the same tag, which may just have been moved, and an
 // IMU bridges the time.
 inline constexpr double kOneTagPatience_s = 8.0;

@@ -17,7 +17,9 @@ constexpr Eigen::Index rows_of(const TagMeasurement& m) { return m.relative ? kT
 
 /// Turns (H, y) by Householder reflections until H is upper triangular. Whole columns, of which the
 /// part above the diagonal is left out by zeros: of fixed size that is quicker than leaving it out.
-void triangularise(Matrix86d& H, Vector8d& y) {
+/// @param y  and whatever else is turned with it, 8 × k
+template <class Rest>
+void triangularise(Matrix86d& H, Rest& y) {
   for (Eigen::Index c = 0; c < H.cols(); ++c) {
     Vector8d axis = H.col(c);
     for (Eigen::Index above = 0; above < c; ++above) axis(above) = 0;
@@ -28,7 +30,7 @@ void triangularise(Matrix86d& H, Vector8d& y) {
     if (scale == 0) continue;
     const Vector8d scaled = (2 / scale) * axis;
     for (Eigen::Index k = c + 1; k < H.cols(); ++k) H.col(k) -= scaled.dot(H.col(k)) * axis;
-    y -= scaled.dot(y) * axis;
+    for (Eigen::Index k = 0; k < y.cols(); ++k) y.col(k) -= scaled.dot(y.col(k)) * axis;
     H(c, c) = diagonal;
   }
 }
@@ -52,11 +54,21 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
     const TagMeasurement& m = image.tags[i];
     if (!m.relative || !m.in_front) continue;
     Matrix86d H = m.H;
+    Turned& turned = turned_[i];
     Vector8d y = m.y;
-    triangularise(H, y);
-    turned_[i].H = H.topRows<6>().triangularView<Eigen::Upper>();
-    turned_[i].y = y.head<6>();
-    turned_[i].rest_square = y.tail<2>().squaredNorm() / (m.noise_px * m.noise_px);
+    if (image.suspects.are_there()) {
+      Matrix86d rest;
+      rest << m.y, m.H_size, m.H_camera;
+      triangularise(H, rest);
+      y = rest.col(0);
+      turned.H_size = rest.col(1).head<6>();
+      turned.H_camera = rest.block<6, 4>(0, 2);
+    } else {
+      triangularise(H, y);
+    }
+    turned.H = H.topRows<6>().triangularView<Eigen::Upper>();
+    turned.y = y.head<6>();
+    turned.rest_square = y.tail<2>().squaredNorm() / (m.noise_px * m.noise_px);
   }
 }
 
@@ -68,22 +80,68 @@ void StackedUpdate::gate(ConstCovariance P, const ImageMeasurement& image, doubl
   for (std::size_t i = 0; i < image.tags.size(); ++i) {
     const TagMeasurement& m = image.tags[i];
     if (!m.in_front) continue;
-    judged_[i] = m.relative ? judge(P, m, turned_[i]) : judge(P, m);
+    judged_[i] = m.relative ? judge(P, image, m, turned_[i]) : judge(P, image, m);
     if (!(judged_[i].distance < limit)) continue;  // NaN stays out as well
     accepted[i] = true;
     used_.push_back(i);
   }
 }
 
-StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const TagMeasurement& m,
-                                           const Turned& turned) const {
-  Matrix6d apart = shared_own_;
+void StackedUpdate::use_all(const ImageMeasurement& image) {
+  used_.clear();
+  for (std::size_t i = 0; i < image.tags.size(); ++i)
+    if (image.tags[i].in_front) used_.push_back(i);
+}
+
+StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& image) const {
+  const auto H = shared_H_.leftCols(rows_);
+  SharedScore out;
+  out.information.noalias() = H * H.transpose();
+  out.score.noalias() = H * y_.head(rows_);
+  out.by_known_tags.setZero();
+  for (const std::size_t i : used_) {
+    const TagMeasurement& m = image.tags[i];
+    out.by_known_tags.noalias() += m.H.transpose() * m.H / (m.noise_px * m.noise_px);
+  }
+  return out;
+}
+
+/// What the suspects add to the covariance of a turned measurement.
+void StackedUpdate::add_suspects(ConstCovariance P, const SuspectColumns& suspects,
+                                 const TagMeasurement& m, const Turned& turned, Matrix6d& S) const {
+  // Of all five together: the camera's four, and the size of this print.
+  Eigen::Matrix<double, 6, 5> H;
+  H << turned.H_camera, turned.H_size;
+  Eigen::Matrix<double, 6, 5> cross;  // with (own − shared)
+  Eigen::Matrix<double, 5, 5> own;
+  const int at = suspects.camera;
+  const auto size_column = [&](Eigen::Index row) {
+    return P(row, suspects.size) + (m.own_size < 0 ? 0.0 : P(row, m.own_size));
+  };
+  cross.leftCols<4>() = -shared_.middleRows<4>(at).transpose();
+  cross.col(4) = -shared_.row(suspects.size).transpose();
+  if (m.own_size >= 0) cross.col(4) -= shared_.row(m.own_size).transpose();
+  if (m.own != TagMeasurement::kGiven) {
+    cross.leftCols<4>() += P.block<6, 4>(m.own, at);
+    for (Eigen::Index k = 0; k < 6; ++k) cross(k, 4) += size_column(m.own + k);
+  }
+  own.topLeftCorner<4, 4>() = P.block<4, 4>(at, at);
+  for (Eigen::Index k = 0; k < 4; ++k) own(k, 4) = own(4, k) = size_column(at + k);
+  own(4, 4) = size_column(suspects.size) + (m.own_size < 0 ? 0.0 : size_column(m.own_size));
+  const Matrix6d mixed = turned.H * cross * H.transpose();
+  S += mixed + mixed.transpose() + H * own * H.transpose();
+}
+
+StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasurement& image,
+                                           const TagMeasurement& m, const Turned& turned) const {
+  Matrix6d apart = shared_own_ + image.shared.noise;
   if (m.own != TagMeasurement::kGiven) {
     const Matrix6d cross = shared_.middleRows<6>(m.own);
     apart += P.block<6, 6>(m.own, m.own) - cross - cross.transpose();
   }
   const double noise = m.noise_px * m.noise_px;
   Matrix6d S = turned.H * apart * turned.H.transpose();
+  if (image.suspects.are_there()) add_suspects(P, image.suspects, m, turned, S);
   S.diagonal().array() += noise;
   const Eigen::LLT<Matrix6d> llt(S);
   if (llt.info() != Eigen::Success) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
@@ -91,8 +149,9 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const TagMeasureme
   return {distance, kRows * noise / (S.trace() + (kRows - kTurnedRows) * noise)};
 }
 
-StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const TagMeasurement& m) const {
-  Matrix8d S = m.R;
+StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasurement& image,
+                                           const TagMeasurement& m) const {
+  Matrix8d S = m.R + m.H * image.shared.noise * m.H.transpose();
   for (std::size_t a = 0; a < m.block_count; ++a) {
     for (std::size_t b = 0; b < m.block_count; ++b) {
       S.noalias() +=
@@ -106,6 +165,7 @@ void StackedUpdate::reserve(Eigen::Index rows) {
   if (PHt_.rows() >= n_ && PHt_.cols() >= rows) return;
   PHt_.resize(n_ + n_ / 2, rows * 2);
   shared_PHt_.resize(6, rows * 2);
+  shared_H_.resize(6, rows * 2);
   S_.resize(rows * 2, rows * 2);
   y_.resize(rows * 2);
   dx_.resize(n_ + n_ / 2);
@@ -119,6 +179,12 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
     m.relative ? stack_gain(P, m, turned_[i], at) : stack_gain(P, m, at);
+    if (m.relative && image.suspects.are_there())
+      stack_suspects(P, image.suspects, m, turned_[i], at);
+    if (m.relative)
+      shared_H_.middleCols<kTurnedRows>(at) = -turned_[i].H.transpose();
+    else
+      shared_H_.middleCols<kRows>(at) = -m.H.transpose();
     at += rows_of(m);
   }
   for (Eigen::Index k = 0; k < rows_; ++k) {
@@ -132,9 +198,23 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
   at = 0;
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
-    m.relative ? stack_scatter(m, turned_[i], at) : stack_scatter(m, at);
+    m.relative ? stack_scatter(image.suspects, m, turned_[i], at) : stack_scatter(m, at);
     at += rows_of(m);
   }
+  if (image.shared.noise.isZero(0)) return;
+  const auto H = shared_H_.leftCols(rows_);
+  for (Eigen::Index k = 0; k < rows_; ++k) {
+    const Vector6d noisy = image.shared.noise * H.col(k);
+    S_.col(k).head(rows_).noalias() += H.transpose() * noisy;
+  }
+}
+
+void StackedUpdate::stack_suspects(ConstCovariance P, const SuspectColumns& suspects,
+                                   const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
+  auto PHt = PHt_.middleCols<kTurnedRows>(at).topRows(n_);
+  PHt += P.middleCols<4>(suspects.camera).lazyProduct(turned.H_camera.transpose());
+  PHt += P.col(suspects.size).lazyProduct(turned.H_size.transpose());
+  if (m.own_size >= 0) PHt += P.col(m.own_size).lazyProduct(turned.H_size.transpose());
 }
 
 void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, const Turned& turned,
@@ -155,11 +235,17 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen
   }
 }
 
-void StackedUpdate::stack_scatter(const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
+void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasurement& m,
+                                  const Turned& turned, Eigen::Index at) {
   for (Eigen::Index k = 0; k < at + kTurnedRows; ++k) {
     Vector6d apart = -shared_PHt_.col(k);
     if (m.own != TagMeasurement::kGiven) apart += PHt_.col(k).segment<kTurnedRows>(m.own);
     S_.col(k).segment<kTurnedRows>(at).noalias() = turned.H * apart;
+    if (!suspects.are_there()) continue;
+    const auto column = PHt_.col(k);
+    const double size = column(suspects.size) + (m.own_size < 0 ? 0.0 : column(m.own_size));
+    S_.col(k).segment<kTurnedRows>(at).noalias() +=
+        turned.H_camera * column.segment<4>(suspects.camera) + size * turned.H_size;
   }
   S_.diagonal().segment<kTurnedRows>(at).array() += m.noise_px * m.noise_px;
 }
@@ -178,8 +264,10 @@ double StackedUpdate::solve(ConstCovariance P, const ImageMeasurement& image,
   stack(P, image);
   double rest = 0;
   for (const std::size_t i : used_) rest += image.tags[i].relative ? turned_[i].rest_square : 0;
-  return rest + kalman::solve(PHt_.topLeftCorner(n_, rows_), S_.topLeftCorner(rows_, rows_),
-                              y_.head(rows_), held, dx_.head(n_));
+  rest += kalman::solve(PHt_.topLeftCorner(n_, rows_), S_.topLeftCorner(rows_, rows_),
+                        y_.head(rows_), held, dx_.head(n_));
+  dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), 6);
+  return rest;
 }
 
 void StackedUpdate::shrink(Covariance P, std::span<const int> held) {

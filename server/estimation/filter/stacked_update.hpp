@@ -51,6 +51,21 @@ class StackedUpdate final {
   double solve(ConstCovariance P, const ImageMeasurement& image, std::span<const int> held);
   [[nodiscard]] Eigen::Ref<const Eigen::VectorXd> correction() const { return dx_.head(n_); }
 
+  /// What the last solve() says of the shared pose, whatever its covariance: with H the derivative
+  /// of all innovations by that pose, Hᵀ S⁻¹ H and Hᵀ S⁻¹ y.
+  struct SharedScore {
+    Matrix6d information;
+    Vector6d score;
+    /// Hᵀ R⁻¹ H: what the image would say of the pose if its tags' places were exact.
+    Matrix6d by_known_tags;
+  };
+  [[nodiscard]] SharedScore shared_score(const ImageMeasurement& image) const;
+  /// Takes in all that lies before the camera, for the score alone: solve() may follow, shrink()
+  /// may not.
+  void use_all(const ImageMeasurement& image);
+  /// Back to these.
+  void use(const std::vector<std::size_t>& measurements) { used_ = measurements; }
+
   /// P ← P − K S Kᵀ of the last solve(): symmetric by construction. What held blocks know of each
   /// other stays; their correlation with the rest follows, so that their uncertainty is neither
   /// forgotten nor counted twice.
@@ -64,6 +79,8 @@ class StackedUpdate final {
   struct Turned {
     Matrix6d H;  ///< upper triangular
     Vector6d y;
+    Eigen::Matrix<double, 6, 4> H_camera;
+    Vector6d H_size;
     double rest_square{};  ///< of the two numbers that hold nothing but noise, in variances of it
   };
 
@@ -72,11 +89,17 @@ class StackedUpdate final {
   void stack_gain(ConstCovariance P, const TagMeasurement& m, const Turned& turned,
                   Eigen::Index at);
   void stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen::Index at);
-  void stack_scatter(const TagMeasurement& m, const Turned& turned, Eigen::Index at);
+  void stack_suspects(ConstCovariance P, const SuspectColumns& suspects, const TagMeasurement& m,
+                      const Turned& turned, Eigen::Index at);
+  void stack_scatter(const SuspectColumns& suspects, const TagMeasurement& m, const Turned& turned,
+                     Eigen::Index at);
   void stack_scatter(const TagMeasurement& m, Eigen::Index at);
-  [[nodiscard]] Judged judge(ConstCovariance P, const TagMeasurement& m,
-                             const Turned& turned) const;
-  [[nodiscard]] Judged judge(ConstCovariance P, const TagMeasurement& m) const;
+  [[nodiscard]] Judged judge(ConstCovariance P, const ImageMeasurement& image,
+                             const TagMeasurement& m, const Turned& turned) const;
+  [[nodiscard]] Judged judge(ConstCovariance P, const ImageMeasurement& image,
+                             const TagMeasurement& m) const;
+  void add_suspects(ConstCovariance P, const SuspectColumns& suspects, const TagMeasurement& m,
+                    const Turned& turned, Matrix6d& S) const;
 
   Eigen::Index n_{0};
   Eigen::Index rows_{0};  ///< of the stack
@@ -89,7 +112,9 @@ class StackedUpdate final {
   Matrix6d shared_own_;  ///< covariance of the shared pose itself
   Eigen::MatrixXd PHt_;  ///< n × rows; after solve() the square-root gain K S^{1/2}
   Eigen::Matrix<double, 6, Eigen::Dynamic> shared_PHt_;  ///< the same of the shared pose, 6 × rows
-  Eigen::MatrixXd S_;                                    ///< its lower triangle
+  Eigen::Matrix<double, 6, Eigen::Dynamic>
+      shared_H_;       ///< Hᵀ by the shared pose; after solve() L⁻¹ H, 6 × rows
+  Eigen::MatrixXd S_;  ///< its lower triangle
   Eigen::VectorXd y_;
   Eigen::VectorXd dx_;
   std::vector<unsigned char> held_mask_;

@@ -15,6 +15,7 @@
 namespace fiducap {
 
 using Matrix83d = Eigen::Matrix<double, 8, 3>;
+using Matrix84d = Eigen::Matrix<double, 8, 4>;
 using Matrix8d = Eigen::Matrix<double, 8, 8>;
 
 /// One tag of an image with what is known about its place: in the state, or given.
@@ -31,11 +32,22 @@ struct SharedPose {
 
   std::array<LinearTerm, kMostTerms> terms{};
   std::size_t term_count{0};  ///< 0: nothing is shared.
+  /// Of the pose at this image alone: what its stamp is off moves all its tags alike.
+  Matrix6d noise{Matrix6d::Zero()};
 
   void add(int at, const Eigen::Matrix<double, 6, 3>& J) {
     FIDUCAP_ASSERT(term_count < kMostTerms);
     terms[term_count++] = {at, J};
   }
+};
+
+/// First columns of numbers that all tags of an image depend on beside the poses: what may be wrong
+/// about the camera, four of them, and the size of all prints. -1: none of this is in the state.
+struct SuspectColumns {
+  int camera{-1};
+  int size{-1};
+
+  [[nodiscard]] bool are_there() const { return camera >= 0; }
 };
 
 /// The innovation of one tag and how it depends on the state, in one of two forms.
@@ -44,7 +56,7 @@ struct TagMeasurement {
     int at{};  ///< First column in the state.
     Matrix83d H;
   };
-  static constexpr std::size_t kMaxBlocks = 10;
+  static constexpr std::size_t kMaxBlocks = 13;
   static constexpr int kGiven = -1;
 
   int tag_id{};
@@ -52,10 +64,14 @@ struct TagMeasurement {
   bool in_front{true};
 
   /// Relative: all eight numbers see the six of one pose, the tag's against the shared one, by H
-  /// (ξ_own − ξ_shared), with white noise. Else by `blocks` and `R`.
+  /// (ξ_own − ξ_shared), with white noise, and the suspects. Else by `blocks` and `R`, and H only
+  /// says how the shared pose's own noise enters.
   bool relative{false};
   int own{kGiven};  ///< First of the tag's own six columns, or kGiven.
   Matrix86d H{Matrix86d::Zero()};
+  Matrix84d H_camera;  ///< On the camera's suspects; only set when there are any …
+  Vector8d H_size;     ///< … and on the size of all prints and the tag's own one.
+  int own_size{-1};    ///< Column of the latter, or -1.
   double noise_px{};
 
   std::array<Block, kMaxBlocks> blocks{};
@@ -77,6 +93,7 @@ struct TagMeasurement {
 /// All tags of one image. Kept between images, for its memory.
 struct ImageMeasurement {
   SharedPose shared;
+  SuspectColumns suspects;
   std::vector<TagMeasurement> tags;
 
   /// Takes H `error` off every innovation.

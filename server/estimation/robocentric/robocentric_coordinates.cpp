@@ -111,6 +111,10 @@ void RobocentricCoordinates::augment(const TagObservations& seen, const TagObser
                        config_.corner_noise_px);
 }
 
+double RobocentricCoordinates::drift_m() const {
+  return std::sqrt(body().covariance.topLeftCorner<3, 3>().trace());
+}
+
 void RobocentricCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {
   anchor_to_reference(state_, tag, rule, sensors_.imu.has_value());
 }

@@ -51,6 +51,7 @@ class RobocentricCoordinates final {
   /// @param q_WB  nullopt: without IMU
   void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
   void open_clock(int, double) {}
+  void set_clock(int, double, double) {}
 
   void step(const InertialInput& input, double dt);
   void finish_motion() { transition_.apply(state_, motion_); }
@@ -80,10 +81,16 @@ class RobocentricCoordinates final {
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   void keep_defined(std::size_t tag, const HeadingRule& rule);
   void moved_axes(const Pose&) {}
+  [[nodiscard]] double drift_m() const;
+  [[nodiscard]] double speed_sigma_m_s() const { return 0; }  // remembers no first sights
+  /// The paper believes its configuration.
+  void doubt(const TagObservations&, const UpdateReport&) {}
+  void list_mismatches(std::vector<FoundMismatch>&) const {}
 
   [[nodiscard]] const CornerNoise& noise(int) const { return corner_noise_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return std::nullopt; }
   void forget_past() {}
+  void forget_first_sight(int) {}
   void forget_past_of(int) {}
 
  private:

@@ -21,9 +21,58 @@ Matrix86d on_tag(const Matrix86d& H_VT, const Eigen::Matrix3d& R_VW, const Eigen
   return H;
 }
 
+/// What the camera's lens and the print make of the corners.
+CornerResidual residual_of(const FilterState& state, int camera, const CameraModel& model,
+                           const TagToUse& tag, const Pose& X_VT) {
+  CornerResidual out =
+      corner_residual(*tag.seen, X_VT, model, state.sizes.factor(tag.seen->tag_id));
+  const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
+  if (lens.is_none()) return out;
+  const Eigen::Vector2d centre(model.cu, model.cv);
+  // What is predicted stands (1 + focal) times as far from the centre as the configured lens says.
+  out.y *= 1 + lens.focal;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector2d& px = tag.seen->raw_px[static_cast<std::size_t>(i)];
+    out.y.segment<2>(2 * i) -= lens.focal * (px - centre) + lens.centre_px;
+  }
+  out.H *= 1 + lens.focal;
+  out.H_size *= 1 + lens.focal;
+  return out;
+}
+
+/// ∂ predicted / ∂ (readout, focal length, principal point).
+/// @param y  seen − predicted
+Matrix84d on_camera_suspects(const FilterState& state, int camera, const CameraModel& model,
+                             const TagObservation& seen, const Vector8d& y,
+                             const Vector8d& on_shift) {
+  const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
+  const Eigen::Vector2d centre = Eigen::Vector2d(model.cu, model.cv) + lens.centre_px;
+  Matrix84d H;
+  for (int i = 0; i < 4; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    H.col(0).segment<2>(2 * i) = seen.rows[k] * on_shift.segment<2>(2 * i);
+    H.col(1).segment<2>(2 * i) = (seen.raw_px[k] - y.segment<2>(2 * i) - centre) / (1 + lens.focal);
+    H.block<2, 2>(2 * i, 2).setIdentity();
+  }
+  return H;
+}
+
+void add_sizes(const FilterState& state, const CornerResidual& residual, const TagToUse& tag,
+               Eigen::Index first, Eigen::Index rows, TagMeasurement& m) {
+  const auto add = [&](int column) {
+    const int in_block = (column - layout::sizes(state.cameras())) % 3;
+    Matrix83d H = Matrix83d::Zero();
+    H.col(in_block).segment(first, rows) = residual.H_size.segment(first, rows);
+    m.add(column - in_block, H);
+  };
+  add(layout::sizes(state.cameras()));
+  const int own = state.print_at(tag.seen->tag_id);
+  if (own >= 0) add(own);
+}
+
 /// Compares some corners (rows `first` … of the measurement) with the camera as it stood when they
 /// were exposed.
-void compare(const FilterState& state, int camera, const CameraAt& at,
+void compare(const FilterState& state, int camera, const CameraModel& model, const CameraAt& at,
              const CornerResidual& residual, const TagToUse& tag, Eigen::Index first,
              Eigen::Index rows, TagMeasurement& m) {
   m.in_front = m.in_front && residual.in_front;
@@ -32,6 +81,7 @@ void compare(const FilterState& state, int camera, const CameraAt& at,
   H.middleRows(first, rows) =
       on_tag(residual.H, at.X_WV.rotation().transpose(), place_of(state, tag).p)
           .middleRows(first, rows);
+  m.H.middleRows(first, rows) = H.middleRows(first, rows);
   if (tag.local >= 0) add_pose(m, state.tag_at(static_cast<std::size_t>(tag.local)), H);
   add_pose(m, layout::camera(camera), at.moved() ? Matrix86d(-H * at.on_camera) : Matrix86d(-H));
   if (at.moved()) {
@@ -39,19 +89,22 @@ void compare(const FilterState& state, int camera, const CameraAt& at,
     m.add(layout::kVelocity, -H * at.on_velocity);
     m.add(layout::kBiasW, -H * at.on_gyro_bias);
   }
-  if (!state.clock_is_open(camera)) return;
+  if (!state.clock_is_open(camera) && !state.has_suspects()) return;
   Matrix83d clock = Matrix83d::Zero();
   clock.col(0) = -H * at.on_time;
-  for (Eigen::Index k = first; k < first + rows; ++k)
-    clock(k, 1) = tag.seen->rows[static_cast<std::size_t>(k / 2)] * clock(k, 0);
+  Matrix84d suspects = Matrix84d::Zero();
+  suspects.middleRows(first, rows) =
+      on_camera_suspects(state, camera, model, *tag.seen, residual.y, clock.col(0))
+          .middleRows(first, rows);
+  clock.col(1) = suspects.col(0);
+  if (state.has_suspects()) {
+    clock.col(2) = suspects.col(1);
+    Matrix83d centre = Matrix83d::Zero();
+    centre.leftCols<2>() = suspects.rightCols<2>();
+    m.add(layout::centre(camera), centre);
+    add_sizes(state, residual, tag, first, rows, m);
+  }
   m.add(layout::clock(camera), clock);
-}
-
-/// Whether all rows of the camera's images are exposed at once, for certain.
-bool has_one_moment(const FilterState& state, int camera) {
-  const int readout = layout::clock(camera) + 1;
-  return state.clocks[static_cast<std::size_t>(camera)].readout_s == 0 &&
-         state.P()(readout, readout) == 0;
 }
 
 }  // namespace
@@ -64,13 +117,14 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
                        const TagToUse& tag, double corner_noise_px) {
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
+  m.noise_px = corner_noise_px;
   m.R = Matrix8d::Identity() * corner_noise_px * corner_noise_px;
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
   const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
     const CameraAt at = camera_at(state, camera, clock.seconds_to(row));
     const CornerResidual residual =
-        corner_residual(*tag.seen, at.X_WV.inverse() * place_of(state, tag), model);
-    compare(state, camera, at, residual, tag, first, rows, m);
+        residual_of(state, camera, model, tag, at.X_WV.inverse() * place_of(state, tag));
+    compare(state, camera, model, at, residual, tag, first, rows, m);
   };
   if (clock.readout_s == 0) {
     compare_at(0, 0, 8);
@@ -84,22 +138,25 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
 void measure_image(const FilterState& state, int camera, const CameraModel& model,
                    std::span<const TagToUse> tags, const CornerNoise& noise,
                    ImageMeasurement& out) {
-  out.shared.term_count = 0;
+  const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
+  const CameraAt at = camera_at(state, camera, clock.seconds_to(0));
+  out.shared = clock.rows_apart ? SharedPose{} : error_of(at, camera);
+  out.shared.noise = clock.jitter_s * clock.jitter_s * at.on_time * at.on_time.transpose();
   out.tags.resize(tags.size());
-  if (!has_one_moment(state, camera)) {
+  out.suspects = {};
+  if (clock.rows_apart) {
     for (std::size_t i = 0; i < tags.size(); ++i)
       out.tags[i] = measure(state, camera, model, tags[i], noise.of(*tags[i].seen));
     return;
   }
-  const CameraAt at =
-      camera_at(state, camera, state.clocks[static_cast<std::size_t>(camera)].seconds_to(0));
-  out.shared = error_of(at, camera);
+  if (state.has_suspects())
+    out.suspects = {layout::readout(camera), layout::sizes(state.cameras())};
   const Pose X_VW = at.X_WV.inverse();
   const Eigen::Matrix3d R_VW = X_VW.rotation();
   for (std::size_t i = 0; i < tags.size(); ++i) {
     const TagToUse& tag = tags[i];
     const Pose& X_WT = place_of(state, tag);
-    const CornerResidual residual = corner_residual(*tag.seen, X_VW * X_WT, model);
+    const CornerResidual residual = residual_of(state, camera, model, tag, X_VW * X_WT);
     TagMeasurement& m = out.tags[i];
     m.tag_id = tag.seen->tag_id;
     m.y = residual.y;
@@ -110,6 +167,11 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     m.H = on_tag(residual.H, R_VW, X_WT.p);
     m.noise_px = noise.of(*tag.seen);
     m.block_count = 0;
+    if (!out.suspects.are_there()) continue;
+    m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, m.y, -m.H * at.on_time);
+    m.H_size = residual.H_size;
+    m.own_size = state.print_at(m.tag_id);
+    m.y -= clock.readout_s * m.H_camera.col(0);
   }
 }
 

@@ -1,6 +1,7 @@
 #include "estimation/world/filter_state.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "base/so3.hpp"
 
@@ -40,12 +41,31 @@ Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::
 
 }  // namespace
 
+int PrintSizes::find(int tag_id) const {
+  const auto found = std::find_if(watched.begin(), watched.end(),
+                                  [&](const Watched& w) { return w.tag_id == tag_id; });
+  return found == watched.end() ? -1 : static_cast<int>(found - watched.begin());
+}
+
+double PrintSizes::factor(int tag_id) const {
+  const int own = find(tag_id);
+  return 1 + common + (own < 0 ? 0.0 : watched[static_cast<std::size_t>(own)].scale);
+}
+
 void FilterState::reset(std::vector<Pose> cameras, std::size_t clone_count) {
   *this = FilterState{};
   X_BV = std::move(cameras);
   clones.resize(clone_count);
   clocks.resize(X_BV.size());
+  lenses.resize(X_BV.size());
   covariance.reset(size());
+}
+
+void FilterState::clear_column(int at, double sigma) {
+  auto all = P();
+  all.row(at).setZero();
+  all.col(at).setZero();
+  all(at, at) = sigma * sigma;
 }
 
 void FilterState::forget_clones() {
@@ -71,6 +91,11 @@ void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
 }
 
 void FilterState::remove_tag(std::size_t i) {
+  const int watched = sizes.find(tags[i].tag_id);
+  if (watched >= 0) {
+    clear_column(layout::print(cameras(), watched), 0);
+    sizes.watched[static_cast<std::size_t>(watched)] = {};
+  }
   covariance.erase(tag_at(i));
   tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
   list_held();
@@ -85,6 +110,9 @@ void FilterState::copy_mean(const FilterState& other) {
   X_BV = other.X_BV;
   clones = other.clones;
   clocks = other.clocks;
+  lenses = other.lenses;
+  sizes = other.sizes;
+  suspicions = other.suspicions;
   gyro_B = other.gyro_B;
   a_WB = other.a_WB;
   tags = other.tags;
@@ -103,8 +131,14 @@ void FilterState::add_error(const ErrorRef& error) {
     X = X_WB.inverse() * X_WV;
     CameraClock& clock = clocks[static_cast<std::size_t>(c)];
     clock.shift_s += error(layout::clock(c));
-    clock.readout_s += error(layout::clock(c) + 1);
+    clock.readout_s += error(layout::readout(c));
+    LensOffset& lens = lenses[static_cast<std::size_t>(c)];
+    lens.focal += error(layout::focal(c));
+    lens.centre_px += error.segment<2>(layout::centre(c));
   }
+  sizes.common += error(layout::sizes(cameras()));
+  for (std::size_t k = 0; k < sizes.watched.size(); ++k)
+    sizes.watched[k].scale += error(layout::print(cameras(), static_cast<int>(k)));
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < clones.size(); ++i)
@@ -124,8 +158,16 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
     const CameraClock& here = clocks[static_cast<std::size_t>(c)];
     const CameraClock& there = other.clocks[static_cast<std::size_t>(c)];
+    const LensOffset& lens = lenses[static_cast<std::size_t>(c)];
+    const LensOffset& other_lens = other.lenses[static_cast<std::size_t>(c)];
     error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s,
-        there.readout_s - here.readout_s, 0;
+        there.readout_s - here.readout_s, other_lens.focal - lens.focal;
+    error.segment<3>(layout::centre(c)) << other_lens.centre_px - lens.centre_px, 0;
+  }
+  error(layout::sizes(cameras())) = other.sizes.common - sizes.common;
+  for (std::size_t k = 0; k < sizes.watched.size(); ++k) {
+    error(layout::print(cameras(), static_cast<int>(k))) =
+        other.sizes.watched[k].scale - sizes.watched[k].scale;
   }
   for (std::size_t i = 0; i < clones.size(); ++i) {
     world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));

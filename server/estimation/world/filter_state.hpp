@@ -10,6 +10,7 @@
 #include "estimation/body_estimate.hpp"
 #include "estimation/filter/growing_covariance.hpp"
 #include "estimation/filter/tag_record.hpp"
+#include "estimation/world/sensor_errors.hpp"
 #include "estimation/world/state_layout.hpp"
 
 namespace fiducap::world {
@@ -30,21 +31,6 @@ struct Clone {
   long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
 };
 
-/// When the rows of a camera's images were exposed.
-struct CameraClock {
-  double
-      shift_s{};  ///< t_imu = stamp + shift; what the configuration knows is in the stamps already.
-  double readout_s{};  ///< First row to last row; 0: global shutter. The shift is that of the
-                       ///< middle row.
-  double applied_s{};  ///< So much of the shift is already in the present image's time (not
-                       ///< estimated).
-
-  /// From the state's instant to the exposure of a row. @param row  −0.5 first … +0.5 last
-  [[nodiscard]] double seconds_to(double row) const {
-    return shift_s - applied_s + row * readout_s;
-  }
-};
-
 /// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity
 /// along −z when there is an IMU.
 struct FilterState {
@@ -55,6 +41,9 @@ struct FilterState {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   std::vector<Pose> X_BV;           ///< One per camera.
   std::vector<CameraClock> clocks;  ///< One per camera.
+  std::vector<LensOffset> lenses;   ///< One per camera.
+  PrintSizes sizes;
+  std::vector<Suspicion> suspicions;  ///< Per suspect; empty: nothing is doubted.
   std::vector<Clone>
       clones;  ///< A fixed number of them (none: points are not followed), in no order.
   std::vector<WorldTag> tags;  ///< Order of entry.
@@ -87,6 +76,15 @@ struct FilterState {
   }
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
+  /// Whether what the configuration says of lens, readout and prints is doubted at all.
+  [[nodiscard]] bool has_suspects() const { return !suspicions.empty(); }
+  /// Column of the tag's own print size, or -1.
+  [[nodiscard]] int print_at(int tag_id) const {
+    const int watched = sizes.find(tag_id);
+    return watched < 0 ? -1 : layout::print(cameras(), watched);
+  }
+  /// Nothing is known of this column, and nothing hangs on it.
+  void clear_column(int at, double sigma);
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
 

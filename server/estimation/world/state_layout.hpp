@@ -21,14 +21,24 @@ inline constexpr int kBiasW = 12;    ///< gyro bias, B axes, rad/s.
 inline constexpr int kBodySize = 15;
 
 inline constexpr int kPoseSize = 6;
-inline constexpr int kCameraSize = kPoseSize + 3;
+inline constexpr int kCameraSize = kPoseSize + 6;
 /// Camera c: ρ, φ of X_WV.
 [[nodiscard]] constexpr int camera(int camera) { return kBodySize + kCameraSize * camera; }
-/// Clock of camera c: time shift, s; readout, s; the third is not used (blocks are three wide).
+/// Clock of camera c: time shift, s; readout, s; then its lens's focal length, relative.
 [[nodiscard]] constexpr int clock(int camera) { return layout::camera(camera) + kPoseSize; }
+/// What may be wrong about camera c, one after the other: readout, s; focal length, relative;
+/// principal point u, v, px. (The column after them is not used: blocks are three wide.)
+inline constexpr int kSuspectsOfCamera = 4;
+[[nodiscard]] constexpr int readout(int camera) { return clock(camera) + 1; }
+[[nodiscard]] constexpr int focal(int camera) { return clock(camera) + 2; }
+[[nodiscard]] constexpr int centre(int camera) { return clock(camera) + 3; }
+/// Print sizes, relative: of all tags together, then of those that are watched one by one.
+inline constexpr int kWatchedPrints = 5;
+[[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }
+[[nodiscard]] constexpr int print(int cameras, int watched) { return sizes(cameras) + 1 + watched; }
 /// Tag i: ρ, φ.
 [[nodiscard]] constexpr int tag(int cameras, int i) {
-  return kBodySize + kCameraSize * cameras + kPoseSize * i;
+  return sizes(cameras) + 1 + kWatchedPrints + kPoseSize * i;
 }
 }  // namespace layout
 

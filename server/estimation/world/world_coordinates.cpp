@@ -6,6 +6,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/world/camera_moment.hpp"
 #include "estimation/world/tag_entry.hpp"
 
 namespace fiducap::world {
@@ -25,6 +26,17 @@ constexpr double kSamePlace = 1e-9;
 constexpr double kSameVariance = 0.01;
 // The attitude may be off by this, 1-sigma.
 constexpr double kUnknownTurn_rad = 0.4;
+// Noises are learned once a camera's clock is known and applied to its stamps.
+constexpr double kClockKnown_s = 0.003;
+constexpr double kClockApplied_s = 0.003;
+constexpr double kNisShare = 0.02;
+constexpr int kSightingsToBeOld = 10;
+// More images in a row without a tag that fits are no noise.
+constexpr int kUnfitToLearnFrom = 3;
+constexpr double kExactReadout_s = 5.1e-5;
+// Less is not worth a word.
+constexpr double kToldNoise = 2.0;
+constexpr double kToldJitter_s = 5e-4;
 // The reference tag defines W again when linearisation has let it slip this far (m and rad
 // together), or when it seems as unsure as that: every image makes it so by a micrometre, which is
 // nothing but what defining W costs.
@@ -47,7 +59,10 @@ bool is_news(const FilterState& state, std::size_t i, const KnownTag& now) {
 }  // namespace
 
 WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorConfig& config)
-    : sensors_(sensors), config_(config), gravity_W_(0, 0, -sensors.gravity_m_s2) {
+    : sensors_(sensors),
+      config_(config),
+      gravity_W_(0, 0, -sensors.gravity_m_s2),
+      suspects_(sensors.cameras) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
   corner_noise_.assign(sensors.cameras.size(), CornerNoise(config, config.learn_corner_noise));
 }
@@ -62,6 +77,9 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) reset_camera(c, clocks);
+  if (sensors_.imu && config_.doubt_configuration) suspects_.begin(state_);
+  noise_watch_.restart();
+  nis_ = 1;
   motion_.restart();
   memory_.forget_all();
 }
@@ -78,7 +96,9 @@ void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
     P.block<6, 6>(layout::camera(camera), layout::camera(camera)) =
         J * plain * J.transpose();  // the body is at the origin
   }
-  state_.clocks[k] = {.shift_s = clocks.shifts_s[k], .readout_s = mount.readout_s};
+  state_.clocks[k] = {.shift_s = clocks.shifts_s[k],
+                      .readout_s = mount.readout_s,
+                      .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0};
   // Without an IMU there is no other clock to compare with.
   if (!config_.estimate_clocks || !sensors_.imu) return;
   P(layout::clock(camera) + 1, layout::clock(camera) + 1) =
@@ -98,8 +118,11 @@ void WorldCoordinates::open_clock(int camera, double sigma_s) {
 ClockEstimate WorldCoordinates::clock(int camera) const {
   const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
   const int at = layout::clock(camera);
-  return {clock.shift_s, std::sqrt(state_.P()(at, at)), clock.readout_s,
-          std::sqrt(state_.P()(at + 1, at + 1))};
+  const double readout_sigma_s = std::sqrt(state_.P()(at + 1, at + 1));
+  // One that is as configured, by all that is known.
+  const bool is_exact = !clock.rows_apart && readout_sigma_s < kExactReadout_s;
+  return {clock.shift_s, std::sqrt(state_.P()(at, at)), is_exact ? 0.0 : clock.readout_s,
+          is_exact ? 0.0 : readout_sigma_s};
 }
 
 bool WorldCoordinates::is_attitude_unknown() const {
@@ -129,17 +152,35 @@ void WorldCoordinates::start(Instant at, const std::optional<Eigen::Quaterniond>
 }
 
 void WorldCoordinates::step(const InertialInput& input, double dt) {
-  world::propagate(state_, motion_, input, gravity_W_, dt);
+  InertialInput noisy = input;
+  const double factor = std::sqrt(noise_watch_.imu_variance());
+  noisy.gyro_noise *= factor;
+  noisy.accel_noise *= factor;
+  noisy.gyro_walk *= factor;
+  noisy.accel_walk *= factor;
+  world::propagate(state_, motion_, noisy, gravity_W_, dt);
+}
+
+void WorldCoordinates::finish_motion() {
+  if (is_learning_) noise_watch_.follow(motion_);
+  apply(state_, motion_);
 }
 
 void WorldCoordinates::lose_motion() {
   motion_.restart();
+  noise_watch_.lose_motion();
   memory_.forget_all();
   state_.forget_clones();
 }
 
+double WorldCoordinates::drift_m() const {
+  const BodyEstimate now = body();
+  return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
+}
+
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
   forget_motion(state_, X_AB, sensors_.imu.has_value());
+  noise_watch_.lose_motion();
   motion_.restart();
   state_.time = at;
 }
@@ -233,9 +274,58 @@ std::vector<SightedTag> WorldCoordinates::sighted(int camera,
 
 UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<const TagToUse> tags,
                                        double gate, int iterations, std::vector<bool>& accepted) {
-  return corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
-                              {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
-                              corner_noise_[static_cast<std::size_t>(seen.camera)], accepted);
+  const auto camera = static_cast<std::size_t>(seen.camera);
+  const bool learns = is_learning_ && may_learn_noise(seen.camera) && are_old(tags);
+  const Vector6d on_time =
+      camera_at(state_, seen.camera, state_.clocks[camera].seconds_to(0)).on_time;
+  const UpdateReport report =
+      corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
+                           {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
+                           corner_noise_[camera], accepted);
+  images_without_fit_ = report.tags_used > 0 ? 0 : images_without_fit_ + 1;
+  if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
+    noise_watch_.learn(corner_update_.shared_score(), on_time);
+    for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
+  }
+  if (is_learning_ && report.tags_used > 0)
+    noise_watch_.correct(corner_update_.shared_score(), on_time);
+  return report;
+}
+
+/// A clock that is not known yet, or not applied yet, looks like noise.
+bool WorldCoordinates::may_learn_noise(int camera) const {
+  if (!sensors_.imu || !config_.doubt_configuration) return false;
+  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
+  const double variance = state_.P()(layout::clock(camera), layout::clock(camera));
+  return std::abs(clock.seconds_to(0)) < kClockApplied_s &&
+         variance < kClockKnown_s * kClockKnown_s;
+}
+
+/// A tag that has just joined shares the body's error: against it, the motion shows no noise.
+bool WorldCoordinates::are_old(std::span<const TagToUse> tags) const {
+  return std::all_of(tags.begin(), tags.end(), [&](const TagToUse& tag) {
+    return tag.local < 0 ||
+           state_.tags[static_cast<std::size_t>(tag.local)].sightings >= kSightingsToBeOld ||
+           state_.tags[static_cast<std::size_t>(tag.local)].held;
+  });
+}
+
+void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& report) {
+  if (!state_.has_suspects() || report.nis_dof == 0) return;
+  nis_ += kNisShare * (report.nis / report.nis_dof - nis_);
+  suspects_.look(state_, seen.camera, nis_);
+}
+
+void WorldCoordinates::list_mismatches(std::vector<FoundMismatch>& out) const {
+  suspects_.list(state_, out);
+  using Kind = FoundMismatch::Kind;
+  const double density = std::sqrt(noise_watch_.imu_variance());
+  if (density > kToldNoise)
+    out.push_back({.kind = Kind::kImuNoise,
+                   .value = density,
+                   .sigma = noise_watch_.imu_variance_sigma() / (2 * density)});
+  if (noise_watch_.jitter_s() > kToldJitter_s)
+    out.push_back({.kind = Kind::kStampJitter, .value = noise_watch_.jitter_s()});
 }
 
 void WorldCoordinates::correct_by_points(const TagObservations& seen, long image,
@@ -243,7 +333,7 @@ void WorldCoordinates::correct_by_points(const TagObservations& seen, long image
   if (!window_) return;
   const CameraClock& clock = state_.clocks[static_cast<std::size_t>(seen.camera)];
   // A clone is one moment: not for images whose rows are exposed in turn.
-  if (seen.points.size() < kFewestPoints || clock.readout_s != 0) return;
+  if (seen.points.size() < kFewestPoints || clock.rows_apart) return;
   CloneWindow::clone(state_, seen.camera, image);
   const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
   report.landmarks_used = done.used;
@@ -255,6 +345,7 @@ void WorldCoordinates::correct_by_points(const TagObservations& seen, long image
 void WorldCoordinates::augment(const TagObservations& seen, const TagObservation& tag,
                                const Pose& X_VT) {
   world::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, noise(seen.camera).of(tag));
+  suspects_.watch_print(state_, tag.tag_id);
 }
 
 void WorldCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {

@@ -11,7 +11,9 @@
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "estimation/world/image_memory.hpp"
+#include "estimation/world/noise_watch.hpp"
 #include "estimation/world/propagation.hpp"
+#include "estimation/world/suspects.hpp"
 #include "estimation/world/workspace_axes.hpp"
 
 namespace fiducap::world {
@@ -52,11 +54,22 @@ class WorldCoordinates final {
   /// @param q_WB  nullopt: without IMU
   void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
   void open_clock(int camera, double sigma_s);
+  void set_clock(int camera, double shift_s, double sigma_s) {
+    if (!config_.estimate_clocks || !sensors_.imu) return;
+    state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
+    open_clock(camera, sigma_s);
+  }
 
   void step(const InertialInput& input, double dt);
   /// Moves the covariance over the steps since the last image.
-  void finish_motion() { apply(state_, motion_); }
+  void finish_motion();
   void lose_motion();
+  /// How far the body has strayed from the tags since it saw one, 1-sigma: of its place beyond that
+  /// of the tag that is known best.
+  [[nodiscard]] double drift_m() const;
+  [[nodiscard]] double speed_sigma_m_s() const {
+    return std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum());
+  }
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
 
@@ -85,10 +98,19 @@ class WorldCoordinates final {
   UpdateReport correct(const TagObservations& seen, std::span<const TagToUse> tags, double gate,
                        int iterations, std::vector<bool>& accepted);
   void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
+  /// Looks whether what the image said accuses the configuration. Once per image, when it is new.
+  void doubt(const TagObservations& seen, const UpdateReport& report);
+  /// What is not as the configuration says.
+  void list_mismatches(std::vector<FoundMismatch>& out) const;
+  /// While past images are followed again nothing is learned of noises: they have said it already.
+  void set_learning(bool is_learning) { is_learning_ = is_learning; }
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.
   void keep_defined(std::size_t tag, const HeadingRule& rule);
-  void moved_axes(const Pose& X_new_old) { memory_.move_axes(X_new_old); }
+  void moved_axes(const Pose& X_new_old) {
+    memory_.move_axes(X_new_old);
+    noise_watch_.lose_motion();  // its covariance was in the old axes
+  }
 
   [[nodiscard]] const CornerNoise& noise(int camera) const {
     return corner_noise_[static_cast<std::size_t>(camera)];
@@ -96,10 +118,13 @@ class WorldCoordinates final {
   [[nodiscard]] ImageMemory& memory() { return memory_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return memory_.needed_since(); }
   void forget_past() { memory_.forget_all(); }
+  void forget_first_sight(int tag_id) { memory_.stop_waiting(tag_id); }
   void forget_past_of(int tag_id) { memory_.forget_tag(tag_id); }
 
  private:
   [[nodiscard]] const CameraModel& model_of(int camera) const;
+  [[nodiscard]] bool may_learn_noise(int camera) const;
+  [[nodiscard]] bool are_old(std::span<const TagToUse> tags) const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
   void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
 
@@ -111,6 +136,11 @@ class WorldCoordinates final {
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
+  Suspects suspects_;
+  NoiseWatch noise_watch_;
+  bool is_learning_{true};
+  int images_without_fit_{0};  ///< In a row.
+  double nis_{1.0};            ///< Innovations squared over what was expected, of the last images.
   ImageMemory memory_;
   std::optional<CloneWindow> window_;  ///< Only when points are followed.
   FilterState before_;

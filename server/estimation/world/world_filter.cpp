@@ -5,6 +5,7 @@
 #include "estimation/conversation/admission_impl.hpp"
 #include "estimation/conversation/body_follower_impl.hpp"
 #include "estimation/conversation/filter_conversation_impl.hpp"
+#include "estimation/conversation/relocalisation_impl.hpp"
 #include "estimation/world/tag_entry.hpp"
 
 namespace fiducap {

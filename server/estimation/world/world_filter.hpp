@@ -24,6 +24,9 @@ class WorldFilter final : public BodyFilter {
   UpdateReport update(const TagObservations& seen, const MapKnowledge& map) override;
   void set_tag_priors(std::vector<KnownTag> priors) override;
   void lose_motion() override;
+  void note_clock_jump(int camera, Duration shift) override {
+    present_->note_clock_jump(camera, shift);
+  }
   void release_tag(int tag_id) override { present_->release_tag(tag_id); }
   [[nodiscard]] bool running() const override { return present_->running(); }
   [[nodiscard]] BodyEstimate estimate() const override { return present_->estimate(); }
@@ -33,6 +36,8 @@ class WorldFilter final : public BodyFilter {
     return present_->extrinsics();
   }
   [[nodiscard]] ClockEstimate clock(int camera) const override { return present_->clock(camera); }
+
+  void mismatches(std::vector<FoundMismatch>& out) const override { present_->mismatches(out); }
 
   [[nodiscard]] const FilterState& state() const {
     return static_cast<const WorldConversation&>(*present_).state();  // make() makes no other

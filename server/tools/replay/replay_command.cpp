@@ -219,10 +219,11 @@ Expected<void> check_inputs(const ReplayArguments& arguments, const Inputs& inpu
   return {};
 }
 
-void print_imu_events(const Terminal& terminal, const std::string& name,
-                      const OfflineResult& result) {
+/// What sensors and configuration do not agree about. Tags that do not fit are told elsewhere.
+void print_warnings(const Terminal& terminal, const std::string& name,
+                    const OfflineResult& result) {
   for (const BodyEvent& event : result.events)
-    if (event.kind == BodyEvent::Kind::kImuUnusable || event.kind == BodyEvent::Kind::kImuDoubtful)
+    if (!event.text.empty() && event.kind != BodyEvent::Kind::kDoubt)
       terminal.err << "fiducap: warning: " << name << ": " << event.text << "\n";
 }
 
@@ -247,7 +248,7 @@ int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& 
   for (std::size_t i = 0; i < inputs.bodies.size(); ++i) {
     const OfflineStatistics& s = session.bodies[i].statistics;
     const std::string& folder = inputs.bodies[i].info.folder;
-    print_imu_events(terminal, inputs.bodies[i].info.name, session.bodies[i]);
+    print_warnings(terminal, inputs.bodies[i].info.name, session.bodies[i]);
     const bool must_be_sound = !inputs.is_session && !anyway;
     if (must_be_sound && imu_is_unusable(session.bodies[i])) exit_code = kExitFailed;
     if (must_be_sound && contradicts_itself(s))

@@ -98,6 +98,7 @@ class Tracker final {
     tag.tag_id = id;
     tag.edge_m = edge_m;
     tag.corners_px = corners_px;
+    tag.raw_px = corners_px;
     tag.ideal_from_raw.fill(Eigen::Matrix2d::Identity());
     return tag;
   }

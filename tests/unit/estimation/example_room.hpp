@@ -92,6 +92,7 @@ class ExampleRoom {
       for (std::size_t k = 0; k < 4; ++k) {
         tag.ideal_from_raw[k].setIdentity();
         tag.corners_px[k] += Eigen::Vector2d(pixel(random_), pixel(random_));
+        tag.raw_px[k] = tag.corners_px[k];
       }
       out.tags.push_back(tag);
     }

@@ -26,6 +26,7 @@ inline TagObservation example_observation(int tag_id, double edge_m, const Pose&
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
     seen.corners_px[k] = camera.pinhole(X_VT * tag_corner(i, edge_m));
+    seen.raw_px[k] = seen.corners_px[k];
     seen.ideal_from_raw[k] << 1.1, 0.02, -0.03, 0.95;
   }
   return seen;

@@ -11,7 +11,7 @@ namespace fiducap::world {
 
 /// A body with two cameras, three clones and three tags in front of camera 0, far from the origin,
 /// nothing aligned with anything. Camera 0 stands at its image; camera 1 has a rolling shutter and
-/// a clock that is off.
+/// a clock that is off. Lenses and prints are doubted, two prints are watched.
 inline FilterState example_state() {
   FilterState state;
   state.reset({{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}},
@@ -38,11 +38,15 @@ inline FilterState example_state() {
   std::normal_distribution<double> gauss;
   Eigen::MatrixXd A(state.size(), state.size());
   for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss(random);
-  for (int c = 0; c < state.cameras(); ++c) A.row(layout::clock(c) + 2).setZero();  // not used
+  for (int c = 0; c < state.cameras(); ++c) A.row(layout::centre(c) + 2).setZero();  // not used
   state.P() = 0.01 * A * A.transpose();
   state.gyro_B = {0.8, -1.2, 0.5};
   state.clocks[0] = {.shift_s = 0.013, .readout_s = 0.0, .applied_s = 0.013};
-  state.clocks[1] = {.shift_s = -0.021, .readout_s = 0.016, .applied_s = -0.024};
+  state.clocks[1] = {
+      .shift_s = -0.021, .readout_s = 0.016, .applied_s = -0.024, .rows_apart = true};
+  state.sizes.watched[1] = {11, 0.0};
+  state.sizes.watched[3] = {12, 0.0};
+  state.suspicions.resize(1);
   return state;
 }
 

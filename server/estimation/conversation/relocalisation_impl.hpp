@@ -1,0 +1,220 @@
+#pragma once
+
+// What a filter does when images contradict it: which tags it gives up, and how a body that is lost
+// is found again in what was learned; a part of FilterConversation.
+#include <algorithm>
+
+#include "estimation/conversation/filter_conversation.hpp"
+
+namespace fiducap {
+
+namespace filter_rules {
+// So many others, seen so often, say that the filter is right and a lone tag wrong, if it is not
+// young.
+inline constexpr int kProvenOthers = 2;
+inline constexpr int kSightingsToBeProven = 20;
+// The IMU alone carries a body for so long without losing its place by more than a tag's move.
+inline constexpr double kPlaceKept_s = 2.5;
+inline constexpr double kPlaceKept_m = 0.1;
+// So many tags may be given up by what the body itself knows, until a proven one fits again: more
+// of them, and it is the body that is wrong.
+inline constexpr std::size_t kMostUnwitnessed = 2;
+// A body that one tag alone brought back is not there when proven tags contradict so often.
+inline constexpr int kAgainstReturn = 5;
+// It is on probation when it could have moved the body so far: after a gap, and by the body's own
+// uncertainty before it was used.
+inline constexpr double kGap_s = 0.5;
+inline constexpr double kMayBeMoved_m = 0.06;
+// A body that was found anew so often, and never fitted for long, is wrong in a way that what was
+// learned cannot mend.
+inline constexpr int kMostRelocalisations = 4;
+inline constexpr int kImagesToTrust = 40;
+}  // namespace filter_rules
+
+template <class C>
+void FilterConversation<C>::answer_contradictions(const TagObservations& seen,
+                                                  UpdateReport& report) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  // A young filter that contradicts itself is started again from another hypothesis; an old one had
+  // a good clock, which must have jumped.
+  if (is_start_over_ && contradictions_.contradicting_images() == kContradictionsToReopenClock) {
+    const auto camera = static_cast<std::size_t>(seen.camera);
+    coordinates().open_clock(seen.camera, follower_.sensors().cameras[camera].time_shift_sigma_s);
+    contradictions_.pardon_tags();
+    coordinates().forget_past();
+  }
+  if (contradictions_.images_without_fit() < kRejectedToRelocalise) return;
+  if (!has_imu() || !is_start_over_) return restart();
+  if (is_place_kept(seen.exposed_at) &&
+      unwitnessed_.size() + tags_.usable.size() <= kMostUnwitnessed) {
+    for (const TagToUse& tag : tags_.usable) {
+      unwitnessed_.push_back(tag.seen->tag_id);
+      give_up(tag.seen->tag_id, seen.exposed_at, report);
+    }
+    return contradictions_.pardon();
+  }
+  const bool is_patient = contradictions_.has_ever_fit() &&
+                          contradictions_.seconds_without_fit(seen.exposed_at) < kOneTagPatience_s;
+  if (is_patient && is_one_tag_against_all()) return;
+  relocalise(seen, report);
+}
+
+template <class C>
+void FilterConversation<C>::note_clock_jump(int camera, Duration shift) {
+  constexpr double kJumpSigma_s = 0.01;
+  coordinates().set_clock(camera, to_seconds(shift), kJumpSigma_s);
+  coordinates().forget_past();
+  // Tags that were given up since were in the right place.
+  restless_.forget_all();
+  unwitnessed_.clear();
+  returned_by_.reset();
+  contradictions_.forget_all();
+  lose_motion(false);
+}
+
+/// Everything that was learned stays, but for tags that were placed by a body that is wrong.
+template <class C>
+void FilterConversation<C>::relocalise(const TagObservations& seen, UpdateReport& report) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (++relocalisations_ > kMostRelocalisations) return restart();
+  images_trusted_ = 0;
+  const std::vector<int> doubtful = std::move(unwitnessed_);
+  unwitnessed_.clear();
+  for (const int tag_id : doubtful) give_up(tag_id, seen.exposed_at, report);
+  lose_motion(false);
+  contradictions_.pardon();
+}
+
+/// Images contradict, but all by the same tag.
+template <class C>
+bool FilterConversation<C>::is_one_tag_against_all() const {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  const TagScores& scores = contradictions_.scores();
+  std::ptrdiff_t proven = 0;
+  for (std::size_t i = 0; i < state().tags.size(); ++i) {
+    const auto& tag = state().tags[i];
+    const bool is_proven = !coordinates().is_own(i) || tag.sightings >= kSightingsToBeProven;
+    proven += is_proven && !scores.is_suspect(tag.tag_id) ? 1 : 0;
+  }
+  return has_imu() && is_start_over_ &&
+         std::all_of(tags_.usable.begin(), tags_.usable.end(),
+                     [](const TagToUse& tag) { return tag.local >= 0; }) &&
+         scores.suspects() == 1 && proven >= kProvenOthers;
+}
+
+/// The body knows where it is better than a moved tag could say.
+template <class C>
+bool FilterConversation<C>::is_place_kept(Instant now) const {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  return is_following() && contradictions_.has_ever_fit() &&
+         contradictions_.seconds_without_fit(now) < kPlaceKept_s &&
+         coordinates().drift_m() < kPlaceKept_m;
+}
+
+template <class C>
+void FilterConversation<C>::give_up(int tag_id, Instant at, UpdateReport& report) {
+  const int tag = state().find(tag_id);
+  if (tag >= 0) {
+    // What the map holds, the map takes back.
+    if (coordinates().is_own(static_cast<std::size_t>(tag))) restless_.note_given_up(tag_id, at);
+    coordinates().state().remove_tag(static_cast<std::size_t>(tag));
+  }
+  coordinates().forget_past_of(tag_id);
+  candidates_.forget(tag_id);
+  anchor_.forget_tag(tag_id);
+  report.name_dropped(tag_id);
+}
+
+/// A proven tag that fits bears witness to all that was done without one.
+template <class C>
+void FilterConversation<C>::note_witnesses() {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  bool fits = false;
+  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
+    const TagToUse& tag = tags_.usable[i];
+    fits = fits || tags_.accepted[i];
+    if (tags_.accepted[i] && is_proven(tag) &&
+        std::find(unwitnessed_.begin(), unwitnessed_.end(), tag.seen->tag_id) == unwitnessed_.end())
+      unwitnessed_.clear();
+  }
+  images_trusted_ = fits ? images_trusted_ + 1 : 0;
+  if (images_trusted_ >= kImagesToTrust) relocalisations_ = 0;
+}
+
+template <class C>
+bool FilterConversation<C>::is_proven(const TagToUse& tag) const {
+  const int local = state().find(tag.seen->tag_id);
+  if (local < 0) return tag.known != nullptr;
+  return !coordinates().is_own(static_cast<std::size_t>(local)) ||
+         state().tags[static_cast<std::size_t>(local)].sightings >=
+             filter_rules::kSightingsToBeProven;
+}
+
+/// One tag alone said where the body is after a gap: it may have been moved meanwhile. Proven ones
+/// decide.
+template <class C>
+void FilterConversation<C>::watch_return(const TagObservations& seen, UpdateReport& report) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (!has_imu() || !is_start_over_) return;
+  if (!returned_by_ && tags_.usable.size() == 1 && tags_.accepted.front() &&
+      gap_before_s_ > kGap_s && drift_before_m_ > kMayBeMoved_m)
+    returned_by_ = Return{tags_.usable.front().seen->tag_id, 0};
+  if (!returned_by_) return;
+  bool is_contradicted = false;
+  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
+    if (tags_.usable[i].seen->tag_id == returned_by_->tag_id || !is_proven(tags_.usable[i]))
+      continue;
+    if (tags_.accepted[i]) return returned_by_.reset();
+    is_contradicted = true;
+  }
+  if (!is_contradicted || ++returned_by_->against < kAgainstReturn) return;
+  give_up(returned_by_->tag_id, seen.exposed_at, report);
+  returned_by_.reset();
+  relocalise(seen, report);
+}
+
+template <class C>
+void FilterConversation<C>::lose_motion(bool is_turn_lost) {
+  if (!is_following()) return;
+  if (!running()) return restart();
+  follower_.lose_motion(is_turn_lost);
+  candidates_.forget_all();
+  return_attempts_ = 0;
+}
+
+template <class C>
+bool FilterConversation<C>::come_back(const TagObservations& seen) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (!follower_.knows_attitude()) return false;
+  const auto found = follower_.find_place(seen, tags_.usable);
+  ++return_attempts_;
+  const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
+    jump(found->X_AB, seen.exposed_at);
+    if (tags_.usable.size() == 1) returned_by_ = Return{tags_.usable.front().seen->tag_id, 0};
+    return true;
+  }
+  return has_imu() && come_back_by_views(seen);
+}
+
+template <class C>
+bool FilterConversation<C>::come_back_by_views(const TagObservations& seen) {
+  for (const TagToUse& tag : tags_.usable) {
+    const auto verdict = judge(seen, tag, Patience{});
+    if (!verdict) continue;
+    const Pose X_BT = state().X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
+    jump(coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse()), seen.exposed_at);
+    returned_by_ = Return{tag.seen->tag_id, 0};
+    return true;
+  }
+  return false;
+}
+
+template <class C>
+void FilterConversation<C>::jump(const Pose& X_AB, Instant at) {
+  follower_.jump(X_AB, at);
+  candidates_.forget_all();
+  contradictions_.pardon();
+}
+
+}  // namespace fiducap

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "estimation/filter/stacked_update.hpp"
+#include "estimation/world/propagation.hpp"
+
+namespace fiducap::world {
+
+/// Whether the IMU is noisier than it is said to be, and whether the images' stamps jitter.
+///
+/// Both make the camera's pose at an image less certain than the filter reckons: the covariance of
+/// its innovations is S + κ H D Hᵀ + τ² (H o)(H o)ᵀ, with D what a unit of the IMU's variance adds
+/// to the pose and o the twist of the camera. The likelihood's derivatives by κ and τ² and their
+/// expected curvature need no more than 6 × 6 numbers (Fisher scoring; R. K. Mehra, IEEE
+/// Trans. Autom. Control 15, 1970). D = ∂P/∂κ of the body is followed by a small filter of its own
+/// that takes the tags' places as exact: what an image corrects is the body against the tags.
+///
+/// A noise above the declared one is applied once it is significant; never one below.
+class NoiseWatch final {
+ public:
+  NoiseWatch() { lose_motion(); }
+  void restart() { *this = NoiseWatch{}; }
+  /// What is known of the motion ends here; what was learned of the noises stays.
+  void lose_motion();
+
+  /// The variance of the IMU's noises is so many times the declared one.
+  [[nodiscard]] double imu_variance() const { return applied_(kImu); }
+  [[nodiscard]] double jitter_s() const { return std::sqrt(applied_(kStamps)); }
+  /// 1-sigma of imu_variance().
+  [[nodiscard]] double imu_variance_sigma() const { return sigma_of(kImu); }
+
+  /// The body has moved to an image.
+  void follow(const MotionSinceImage& motion);
+  /// What an image says. @param on_time  twist of the camera, W axes
+  void learn(const StackedUpdate::SharedScore& said, const Vector6d& on_time);
+  /// The image has corrected the body.
+  void correct(const StackedUpdate::SharedScore& said, const Vector6d& on_time);
+
+ private:
+  enum Noise { kImu, kStamps };
+
+  [[nodiscard]] Eigen::Matrix2d curvature() const;
+  [[nodiscard]] double sigma_of(Noise noise) const;
+  void apply_estimate();
+  void weigh_anew();
+
+  BodyMatrix P_;  ///< Of the body against tags at exact places …
+  BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
+  // About the noises that are applied, forgetting slowly: Σ of the derivatives and of their
+  // expected curvature.
+  Eigen::Vector2d derivative_{Eigen::Vector2d::Zero()};
+  Eigen::Matrix2d information_{Eigen::Matrix2d::Zero()};
+  Eigen::Vector2d applied_{1.0, 0.0};
+  Eigen::Vector2d weighed_at_{1.0, 0.0};
+};
+
+}  // namespace fiducap::world

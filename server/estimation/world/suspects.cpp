@@ -1,0 +1,206 @@
+#include "estimation/world/suspects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace fiducap::world {
+
+namespace {
+
+using Kind = FoundMismatch::Kind;
+
+// While closed: less than any lab notices, enough to see where the data pull.
+constexpr double kTightScale = 4e-4;
+constexpr double kTightFocal = 2e-4;
+constexpr double kTightCentre_px = 0.1;
+constexpr double kTightReadout_s = 5e-5;
+// Once open: what a guessed lens, a careless print or a cheap camera is off.
+constexpr double kOpenCommon = 0.05;
+constexpr double kOpenPrint = 0.1;
+constexpr double kOpenFocal = 0.05;
+constexpr double kOpenCentre_px = 20.0;
+constexpr double kOpenReadout_s = 0.02;
+// As configured after all, when it is known to be so to this, 1-sigma.
+constexpr double kSettledScale = 5e-4;
+constexpr double kSettledFocal = 1e-3;
+constexpr double kSettledCentre_px = 0.5;
+constexpr double kSettledReadout_s = 3e-4;
+
+constexpr double kOpen_sigma = 5.0;
+constexpr int kOpenImages = 20;
+constexpr double kClosed_sigma = 2.0;
+constexpr int kLeastOpenImages = 100;
+// A lone print that the data know this well and do not accuse is cleared; the next one is watched.
+constexpr double kCleared = 5e-4;
+constexpr double kCleared_sigma = 3.0;
+// What is told is known to this many sigmas.
+constexpr double kTold_sigma = 4.0;
+
+/// What the data alone know of it: 1/σ².
+double information_of(const FilterState& state, int column, double prior_sigma) {
+  const double variance = state.P()(column, column);
+  return variance > 0 ? 1 / variance - 1 / (prior_sigma * prior_sigma) : 0.0;
+}
+
+/// Exchanges the prior of one column, whose mean is zero: a measurement of zero whose information
+/// is the difference of both. Held tags keep what they know.
+void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
+                    double to_sigma) {
+  const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
+  auto P = state.P();
+  const double S = 1 + gained * P(column, column);
+  if (!(S > 1e-9)) return;
+  const Eigen::VectorXd p = P.col(column);
+  std::vector<bool> is_held(static_cast<std::size_t>(P.rows()), false);
+  for (const int at : state.held_tags()) std::fill_n(is_held.begin() + at, 6, true);
+  const double factor = gained / S;
+  for (Eigen::Index k = 0; k < P.cols(); ++k) {
+    for (Eigen::Index i = 0; i < P.rows(); ++i) {
+      const bool both =
+          is_held[static_cast<std::size_t>(i)] && is_held[static_cast<std::size_t>(k)];
+      if (!both) P(i, k) -= factor * p(i) * p(k);
+    }
+  }
+  Eigen::VectorXd correction = -factor * value * p;
+  for (const int at : state.held_tags()) correction.segment<6>(at).setZero();
+  state.add_error(correction);
+  transport_covariance(state, correction, camera);
+}
+
+}  // namespace
+
+void Suspects::begin(FilterState& state) {
+  all_.clear();
+  for (int c = 0; c < state.cameras(); ++c) {
+    all_.push_back(
+        {Kind::kFocalLength, c, -1, layout::focal(c), kTightFocal, kOpenFocal, kSettledFocal});
+    all_.push_back({Kind::kCentreU, c, -1, layout::centre(c), kTightCentre_px, kOpenCentre_px,
+                    kSettledCentre_px});
+    all_.push_back({Kind::kCentreV, c, -1, layout::centre(c) + 1, kTightCentre_px, kOpenCentre_px,
+                    kSettledCentre_px});
+    if (cameras_[static_cast<std::size_t>(c)].readout_sigma_s == 0 &&
+        !state.clocks[static_cast<std::size_t>(c)].rows_apart)
+      all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kTightReadout_s, kOpenReadout_s,
+                      kSettledReadout_s});
+  }
+  all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kTightScale,
+                  kOpenCommon, kSettledScale});
+  for (const Suspect& suspect : all_) state.clear_column(suspect.column, suspect.tight_sigma);
+  for (int k = 0; k < layout::kWatchedPrints; ++k) {
+    all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kTightScale,
+                    kOpenPrint, kSettledScale});
+  }
+  state.suspicions.assign(all_.size(), {});
+}
+
+void Suspects::watch_print(FilterState& state, int tag_id) const {
+  const int free = state.sizes.find(-1);
+  if (free < 0 || !state.has_suspects()) return;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (all_[i].print == free) state.suspicions[i] = {};
+  }
+  state.sizes.watched[static_cast<std::size_t>(free)] = {tag_id, 0.0};
+  state.clear_column(layout::print(state.cameras(), free), kTightScale);
+}
+
+double Suspects::value(const FilterState& state, const Suspect& suspect) {
+  const auto camera = static_cast<std::size_t>(std::max(0, suspect.camera));
+  switch (suspect.kind) {
+    case Kind::kFocalLength:
+      return state.lenses[camera].focal;
+    case Kind::kCentreU:
+      return state.lenses[camera].centre_px.x();
+    case Kind::kCentreV:
+      return state.lenses[camera].centre_px.y();
+    case Kind::kReadout:
+      return state.clocks[camera].readout_s;
+    case Kind::kAllPrints:
+      return state.sizes.common;
+    default:
+      return state.sizes.watched[static_cast<std::size_t>(suspect.print)].scale;
+  }
+}
+
+double Suspects::score(const FilterState& state, const Suspect& suspect) {
+  if (suspect.print >= 0 &&
+      state.sizes.watched[static_cast<std::size_t>(suspect.print)].tag_id < 0) {
+    return 0;
+  }
+  const double information = information_of(state, suspect.column, suspect.tight_sigma);
+  // Less is rounding.
+  if (information * suspect.tight_sigma * suspect.tight_sigma < 1e-6) return 0;
+  return value(state, suspect) /
+         (state.P()(suspect.column, suspect.column) * std::sqrt(information));
+}
+
+void Suspects::look(FilterState& state, int camera, double dispersion) const {
+  std::size_t worst = all_.size();
+  double worst_score = 0;
+  const double scale = std::sqrt(std::max(1.0, dispersion));
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    Suspicion& suspicion = state.suspicions[i];
+    if (suspicion.is_open) {
+      ++suspicion.images_open;
+      const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
+      if (suspicion.images_open > kLeastOpenImages && sigma < suspect.settled &&
+          std::abs(value(state, suspect)) < kClosed_sigma * sigma) {
+        close(state, camera, i);
+      }
+      continue;
+    }
+    const double beyond = std::abs(score(state, suspect)) / scale;
+    suspicion.images_beyond = beyond > kOpen_sigma ? suspicion.images_beyond + 1 : 0;
+    if (suspicion.images_beyond >= kOpenImages && beyond > worst_score) {
+      worst = i;
+      worst_score = beyond;
+    }
+  }
+  if (worst < all_.size()) open(state, camera, worst);
+  release_cleared_prints(state);
+}
+
+void Suspects::open(FilterState& state, int camera, std::size_t suspect) const {
+  const Suspect& one = all_[suspect];
+  exchange_prior(state, camera, one.column, value(state, one), one.tight_sigma, one.open_sigma);
+  // What the others were accused of may have been this one's.
+  for (Suspicion& other : state.suspicions) other.images_beyond = 0;
+  state.suspicions[suspect] = {.is_open = true};
+}
+
+void Suspects::close(FilterState& state, int camera, std::size_t suspect) const {
+  const Suspect& one = all_[suspect];
+  exchange_prior(state, camera, one.column, value(state, one), one.open_sigma, one.tight_sigma);
+  state.suspicions[suspect] = {};
+}
+
+void Suspects::release_cleared_prints(FilterState& state) const {
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    if (suspect.print < 0 || state.suspicions[i].is_open) continue;
+    auto& watched = state.sizes.watched[static_cast<std::size_t>(suspect.print)];
+    if (watched.tag_id < 0) continue;
+    const double information = information_of(state, suspect.column, suspect.tight_sigma);
+    if (information < 1 / (kCleared * kCleared) || std::abs(score(state, suspect)) > kCleared_sigma)
+      continue;
+    watched = {};
+    state.clear_column(suspect.column, 0);
+  }
+}
+
+void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    if (!state.suspicions[i].is_open) continue;
+    const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
+    const double found = value(state, suspect);
+    if (!(std::abs(found) > kTold_sigma * sigma)) continue;
+    const int tag_id = suspect.print < 0
+                           ? -1
+                           : state.sizes.watched[static_cast<std::size_t>(suspect.print)].tag_id;
+    if (suspect.print >= 0 && tag_id < 0) continue;
+    out.push_back({suspect.kind, suspect.camera, tag_id, found, sigma});
+  }
+}
+
+}  // namespace fiducap::world

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "estimation/found_mismatch.hpp"
+#include "estimation/world/filter_state.hpp"
+
+namespace fiducap::world {
+
+/// What the configuration says of lens, shutter and prints is doubted, and corrected once it is
+/// surely wrong.
+///
+/// Each of these numbers stands in the state with a prior so tight that it teaches the rest nothing
+/// while the configuration is right. The posterior shows what the data would say without the prior:
+/// information λ = 1/P − 1/σ², z = b̂ / (P √λ) (a score test; B. Friedland, IEEE
+/// Trans. Autom. Control 14, 1969, treats such a bias apart from the state). When the most
+/// suspicious one stays beyond `kOpen_sigma` it is opened: the tight prior is exchanged for the
+/// honest one, as if it had been there from the beginning (a measurement of zero with negative
+/// information takes the difference back). One that turns out to be as configured is closed again.
+/// The prints of single tags are watched a few at a time, from the moment they join.
+class Suspects final {
+ public:
+  /// @param cameras  their readout is only doubted where the configuration calls it exact
+  explicit Suspects(const std::vector<CameraMount>& cameras) : cameras_(cameras) {}
+
+  /// Into a state that has just been reset.
+  void begin(FilterState& state);
+  /// A tag has joined. Its print is watched if there is room.
+  void watch_print(FilterState& state, int tag_id) const;
+  /// After an image of `camera` has corrected the state.
+  /// @param dispersion  innovations squared over what was expected; 1: as they should be
+  void look(FilterState& state, int camera, double dispersion) const;
+  /// What was opened and is settled well enough to be told.
+  void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
+
+ private:
+  struct Suspect {
+    FoundMismatch::Kind kind{};
+    int camera{-1};
+    int print{-1};  ///< Of kOnePrint: which watched one.
+    int column{};
+    double tight_sigma{};  ///< Closed …
+    double open_sigma{};   ///< … and open.
+    double settled{};      ///< Known so well it may be closed again.
+  };
+
+  [[nodiscard]] static double score(const FilterState& state, const Suspect& suspect);
+  [[nodiscard]] static double value(const FilterState& state, const Suspect& suspect);
+  void open(FilterState& state, int camera, std::size_t suspect) const;
+  void close(FilterState& state, int camera, std::size_t suspect) const;
+  void release_cleared_prints(FilterState& state) const;
+
+  const std::vector<CameraMount>& cameras_;
+  std::vector<Suspect> all_;
+};
+
+}  // namespace fiducap::world

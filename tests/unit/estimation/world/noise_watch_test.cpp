@@ -1,0 +1,96 @@
+// The noises of IMU and stamps, learned from innovations that are drawn with them.
+#include "estimation/world/noise_watch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <random>
+
+namespace fiducap::world {
+namespace {
+
+constexpr int kSeeds = 20;
+constexpr int kImages = 800;
+
+/// Images whose innovations the filter reckons to have covariance S, with what `imu` times the
+/// declared variance and a jitter of `jitter_s` add.
+struct Drawn {
+  double imu_variance{};
+  double jitter_s{};
+};
+
+Drawn learned(const Drawn& truth, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> gauss;
+  NoiseWatch watch;
+  for (int i = 0; i < kImages; ++i) {
+    MotionSinceImage motion;
+    motion.begun = true;
+    // A millimetre and a millirad since the last image, which the image corrects again.
+    motion.Q.topLeftCorner<6, 6>().diagonal().setConstant(1e-6 * watch.imu_variance());
+    Vector6d on_time;
+    on_time << 0.5 * gauss(random), 0.5 * gauss(random), 0.5, gauss(random), gauss(random), 1.0;
+    // Of the camera's pose, were it seen directly: what the filter reckons with …
+    const double variance = 1e-6 + 1e-6 * watch.imu_variance();
+    Matrix6d S = Matrix6d::Identity() * variance;
+    S += watch.jitter_s() * watch.jitter_s() * on_time * on_time.transpose();
+    // … and what it is.
+    Matrix6d S_true = Matrix6d::Identity() * (1e-6 + 1e-6 * truth.imu_variance);
+    S_true += truth.jitter_s * truth.jitter_s * on_time * on_time.transpose();
+    const Vector6d y =
+        S_true.llt().matrixL() * Vector6d::NullaryExpr([&] { return gauss(random); });
+    StackedUpdate::SharedScore said;
+    said.information = S.inverse();
+    said.score = said.information * y;
+    said.by_known_tags = Matrix6d::Identity() * 1e12;  // corrected to a micrometre
+    watch.follow(motion);
+    watch.learn(said, on_time);
+    watch.correct(said, on_time);
+  }
+  return {watch.imu_variance(), watch.jitter_s()};
+}
+
+TEST(NoiseWatch, LeavesNoisesThatAreAsDeclaredAlone) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Drawn found = learned({1.0, 0.0}, seed);
+    EXPECT_EQ(found.imu_variance, 1.0) << "seed " << seed;
+    EXPECT_EQ(found.jitter_s, 0.0) << "seed " << seed;
+  }
+}
+
+TEST(NoiseWatch, LearnsAnImuThatIsFiveTimesAsNoisy) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Drawn found = learned({25.0, 0.0}, seed);
+    EXPECT_NEAR(found.imu_variance, 25.0, 8.0) << "seed " << seed;
+    EXPECT_LT(found.jitter_s, 1.5e-3) << "seed " << seed;
+  }
+}
+
+TEST(NoiseWatch, LearnsStampsThatJitter) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Drawn found = learned({1.0, 3e-3}, seed);
+    EXPECT_NEAR(found.jitter_s, 3e-3, 0.6e-3) << "seed " << seed;
+    EXPECT_LT(found.imu_variance, 2.0) << "seed " << seed;
+  }
+}
+
+TEST(NoiseWatch, TellsBothApart) {
+  for (unsigned seed = 0; seed < kSeeds; ++seed) {
+    const Drawn found = learned({9.0, 5e-3}, seed);
+    EXPECT_NEAR(found.imu_variance, 9.0, 4.0) << "seed " << seed;
+    EXPECT_NEAR(found.jitter_s, 5e-3, 1.2e-3) << "seed " << seed;
+  }
+}
+
+TEST(NoiseWatch, IsNotMovedByNumbersThatAreNone) {
+  NoiseWatch watch;
+  StackedUpdate::SharedScore said;
+  said.information.setConstant(std::numeric_limits<double>::quiet_NaN());
+  said.score.setConstant(1.0);
+  said.by_known_tags.setIdentity();
+  watch.learn(said, Vector6d::Ones());
+  EXPECT_EQ(watch.imu_variance(), 1.0);
+}
+
+}  // namespace
+}  // namespace fiducap::world

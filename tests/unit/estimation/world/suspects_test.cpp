@@ -1,0 +1,123 @@
+// What the configuration says is doubted, opened when the data contradict it, closed when they do
+// not.
+#include "estimation/world/suspects.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+
+#include "world/example_state.hpp"
+
+namespace fiducap::world {
+namespace {
+
+constexpr int kLongEnough = 25;  // images that a suspicion has to last for
+
+/// A body with one camera and one tag, all doubted, correlated with the size of all prints as a
+/// linear measurement of both makes them.
+class SuspectsTest : public testing::Test {
+ protected:
+  SuspectsTest() : suspects_(mounts_) {
+    mounts_.resize(1);
+    state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
+    state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
+    suspects_.begin(state_);
+    size_ = layout::sizes(1);
+  }
+
+  /// Kalman update by `h` x, known to `sigma`, that says `y`; the mean is that of the size and of
+  /// the body's place alone.
+  void measure(double on_size, double y, double sigma) {
+    auto P = state_.P();
+    Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
+    h(size_) = on_size;
+    h(layout::kPosition) = 1;
+    const double predicted = on_size * state_.sizes.common + place_;
+    const double S = h.dot(P * h) + sigma * sigma;
+    const Eigen::VectorXd K = P * h / S;
+    P -= (K * K.transpose() * S).eval();
+    state_.sizes.common += K(size_) * (y - predicted);
+    place_ += K(layout::kPosition) * (y - predicted);
+  }
+
+  std::vector<CameraMount> mounts_;
+  Suspects suspects_;
+  FilterState state_;
+  int size_{};
+  double place_{0};
+};
+
+TEST_F(SuspectsTest, OneThatIsSurelyWrongIsOpenedAsIfItHadBeenFromTheBeginning) {
+  FilterState from_the_beginning = state_;
+  from_the_beginning.clear_column(size_, 0.05);
+  std::swap(state_, from_the_beginning);
+  measure(1e-3, 2e-5, 1e-6);
+  const double size = state_.sizes.common;
+  const Eigen::MatrixXd P = state_.P();
+  std::swap(state_, from_the_beginning);
+  place_ = 0;
+  measure(1e-3, 2e-5, 1e-6);
+  EXPECT_LT(std::abs(state_.sizes.common), 0.1 * size) << "the prior holds it";
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  EXPECT_NEAR(state_.sizes.common, size, 1e-3 * size);
+  EXPECT_LT((state_.P() - P).cwiseAbs().maxCoeff(), 1e-3 * P.cwiseAbs().maxCoeff());
+  std::vector<FoundMismatch> found;
+  suspects_.list(state_, found);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].kind, FoundMismatch::Kind::kAllPrints);
+  EXPECT_NEAR(found[0].value, 0.02, 0.003);
+}
+
+TEST_F(SuspectsTest, OneImageAccusesNobody) {
+  measure(1e-3, 2e-5, 1e-6);
+  suspects_.look(state_, 0, 1.0);
+  EXPECT_FALSE(state_.suspicions.empty());
+  for (const Suspicion& suspicion : state_.suspicions) EXPECT_FALSE(suspicion.is_open);
+}
+
+TEST_F(SuspectsTest, WhatScattersMoreThanItShouldAccusesNobody) {
+  measure(1e-3, 1.2e-5, 1e-6);
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 9.0);
+  for (const Suspicion& suspicion : state_.suspicions) EXPECT_FALSE(suspicion.is_open);
+}
+
+TEST_F(SuspectsTest, OneThatIsAsConfiguredAfterAllIsClosedAgain) {
+  measure(1e-3, 2e-5, 1e-6);
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  ASSERT_GT(std::sqrt(state_.P()(size_, size_)), 5e-4);
+  for (int i = 0; i < 2000; ++i) measure(1.0, 0.0, 1e-3);
+  for (int i = 0; i < 200; ++i) suspects_.look(state_, 0, 1.0);
+  for (const Suspicion& suspicion : state_.suspicions) EXPECT_FALSE(suspicion.is_open);
+  EXPECT_LT(std::sqrt(state_.P()(size_, size_)), 4e-4) << "the tight prior holds again";
+}
+
+TEST_F(SuspectsTest, WatchesATagFromTheMomentItJoinsWhileThereIsRoom) {
+  for (int tag = 0; tag < layout::kWatchedPrints + 2; ++tag) suspects_.watch_print(state_, tag);
+  for (int tag = 0; tag < layout::kWatchedPrints; ++tag) {
+    const int column = state_.print_at(tag);
+    ASSERT_GE(column, 0);
+    EXPECT_GT(state_.P()(column, column), 0);
+  }
+  EXPECT_EQ(state_.print_at(layout::kWatchedPrints), -1);
+  // Known well and not accused: the place is free for another.
+  const int column = state_.print_at(2);
+  state_.clear_column(column, 2e-4);
+  suspects_.look(state_, 0, 1.0);
+  EXPECT_EQ(state_.print_at(2), -1);
+  suspects_.watch_print(state_, 99);
+  EXPECT_EQ(state_.print_at(99), column);
+}
+
+TEST_F(SuspectsTest, ATagThatLeavesTakesItsPrintAlong) {
+  WorldTag tag;
+  tag.tag_id = 7;
+  state_.add_tag(tag, Matrix6d::Identity());
+  suspects_.watch_print(state_, 7);
+  const int column = state_.print_at(7);
+  state_.remove_tag(0);
+  EXPECT_EQ(state_.print_at(7), -1);
+  EXPECT_EQ(state_.P()(column, column), 0);
+}
+
+}  // namespace
+}  // namespace fiducap::world

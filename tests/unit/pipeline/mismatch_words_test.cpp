@@ -1,0 +1,86 @@
+#include "pipeline/mismatch_words.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace fiducap {
+namespace {
+
+using Kind = FoundMismatch::Kind;
+using testing::HasSubstr;
+
+Instant at_s(double seconds) { return Instant{} + from_seconds(seconds); }
+
+std::vector<CameraMount> one_camera() {
+  CameraMount mount;
+  mount.model.fu = 460;
+  mount.model.cu = 376;
+  mount.model.cv = 240;
+  return {mount};
+}
+
+struct Words {
+  FoundMismatch found;
+  std::vector<const char*> parts;
+};
+
+class MismatchText : public testing::TestWithParam<Words> {};
+
+TEST_P(MismatchText, SaysWhatHowMuchAndWhatToDo) {
+  const std::string text = mismatch_text(GetParam().found, one_camera());
+  for (const char* part : GetParam().parts) EXPECT_THAT(text, HasSubstr(part));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    AllKinds, MismatchText,
+    testing::Values(
+        Words{{Kind::kFocalLength, 0, -1, 0.009, 0.001},
+              {"camera 0", "0.9 ± 0.1 % longer", "fu 460.0, seems 464.1", "calibrate camera"}},
+        Words{{Kind::kCentreU, 0, -1, -4.2, 0.3}, {"4.2 ± 0.3 px left", "cu 376.0, seems 371.8"}},
+        Words{{Kind::kCentreV, 0, -1, 3.0, 0.3}, {"3.0 ± 0.3 px below", "cv 240.0"}},
+        Words{{Kind::kReadout, 0, -1, 0.0151, 0.0004}, {"15.1 ± 0.4 ms", "readout_s"}},
+        Words{{Kind::kAllPrints, -1, -1, 0.021, 0.002}, {"2.1 ± 0.2 % larger", "tags.size_m"}},
+        Words{{Kind::kOnePrint, -1, 12, -0.03, 0.004},
+              {"tag 12", "3.0 ± 0.4 % smaller", "sizes_m"}},
+        Words{{Kind::kImuNoise, -1, -1, 5.1, 0.2}, {"5.1 times as noisy", "calibrate imu"}},
+        Words{{Kind::kStampJitter, -1, -1, 0.0031, 0}, {"jitter by 3.1 ms"}}));
+
+const FoundMismatch kPrints{Kind::kAllPrints, -1, -1, 0.02, 0.002};
+
+TEST(MismatchNews, SaysWhatLastsOnce) {
+  MismatchNews news;
+  EXPECT_TRUE(news.take({kPrints}, at_s(0)).empty());
+  EXPECT_TRUE(news.take({kPrints}, at_s(1)).empty());
+  EXPECT_EQ(news.take({kPrints}, at_s(3)).size(), 1u);
+  for (int t = 4; t < 100; ++t) EXPECT_TRUE(news.take({kPrints}, at_s(t)).empty());
+}
+
+TEST(MismatchNews, DoesNotSayWhatDoesNotLast) {
+  MismatchNews news;
+  for (int t = 0; t < 100; t += 2) {
+    EXPECT_TRUE(news.take({kPrints}, at_s(t)).empty());
+    EXPECT_TRUE(news.take({}, at_s(t + 1)).empty());
+  }
+}
+
+TEST(MismatchNews, SaysItAgainWhenItHasChangedForGood) {
+  MismatchNews news;
+  (void)news.take({kPrints}, at_s(0));
+  ASSERT_EQ(news.take({kPrints}, at_s(3)).size(), 1u);
+  FoundMismatch more = kPrints;
+  more.value = 0.04;
+  EXPECT_TRUE(news.take({more}, at_s(4)).empty());
+  EXPECT_EQ(news.take({more}, at_s(8)).size(), 1u);
+  EXPECT_TRUE(news.take({more}, at_s(9)).empty());
+}
+
+TEST(MismatchNews, KeepsCamerasAndTagsApart) {
+  MismatchNews news;
+  const FoundMismatch one{Kind::kOnePrint, -1, 1, 0.02, 0.002};
+  const FoundMismatch other{Kind::kOnePrint, -1, 2, 0.02, 0.002};
+  (void)news.take({one, other}, at_s(0));
+  EXPECT_EQ(news.take({one, other}, at_s(3)).size(), 2u);
+}
+
+}  // namespace
+}  // namespace fiducap
