@@ -64,8 +64,7 @@ class WorldCoordinates final {
   /// Moves the covariance over the steps since the last image.
   void finish_motion();
   void lose_motion();
-  /// How far the body has strayed from the tags since it saw one, 1-sigma: of its place beyond that
-  /// of the tag that is known best.
+  /// 1-sigma of the body's place, m, and of its speed.
   [[nodiscard]] double drift_m() const;
   [[nodiscard]] double speed_sigma_m_s() const {
     return std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum());
