@@ -60,9 +60,18 @@ struct UpdateReport {
   bool running{};        ///< The filter has started.
   bool start_is_open{};  ///< The start may still be taken back; what follows from it may not be
                          ///< told.
+  /// Images contradicted so long that the body is looked for anew in what was learned.
+  bool relocalised{};
   /// How often the filter has forgotten everything. Poses of different generations share no axes
   /// unless both are anchored.
   int generation{};
+  /// A camera's clock that was found to have jumped.
+  struct ClockJump {
+    int camera{};
+    double shift_s{};   ///< To be added to its stamps from now on, beyond what is configured …
+    double change_s{};  ///< … and by how much that has changed.
+  };
+  std::optional<ClockJump> clock_jump;
   /// Set when W was re-defined (first reference or known tag): poses of this generation given out
   /// before are X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;

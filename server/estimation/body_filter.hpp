@@ -13,6 +13,7 @@
 #include "estimation/estimator_config.hpp"
 #include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
+#include "estimation/lens_estimate.hpp"
 #include "estimation/tag_belief.hpp"
 
 namespace fiducap {
@@ -46,6 +47,7 @@ struct ExtrinsicsEstimate {
   Matrix6d covariance{
       Matrix6d::Zero()};  ///< Position (B axes), attitude (rotation vector in B axes).
   ClockEstimate clock{};
+  LensEstimate lens{};
 };
 
 /// The filter of one rigid body. Two implementations stand side by side and are measured against

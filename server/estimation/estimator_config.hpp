@@ -18,9 +18,12 @@ struct EstimatorConfig {
   bool estimate_clocks{
       true};  ///< False: each camera's time_shift_s and readout_s are taken as exact.
   /// Lens, shutter and print sizes are estimated once they are surely not as configured, and the
-  /// noises of IMU and stamps are learned; bodies with an IMU, filter `world`. False: all that is
+  /// noises of IMU and stamps are learned; filter `world`, bodies with an IMU. False: all that is
   /// configured is believed.
   bool doubt_configuration{true};
+  /// Focal length and centre of every camera are estimated from the first image on, for good;
+  /// filter `world`. False: only those whose sigmas are told (CameraMount).
+  bool refine_intrinsics{false};
   bool landmarks{false};  ///< Also follow points of the image that are no tags; needs images, an
                           ///< IMU and filter `world`.
   double gate_probability{

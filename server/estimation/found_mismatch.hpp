@@ -1,5 +1,7 @@
 #pragma once
 
+#include "estimation/lens_estimate.hpp"
+
 namespace fiducap {
 
 /// Something that is not as the configuration says, as a filter found it. It reckons with it.
@@ -8,6 +10,7 @@ struct FoundMismatch {
     kFocalLength,  ///< `value`: relative; 0.01: the lens is 1 % longer.
     kCentreU,      ///< Principal point, px to the right …
     kCentreV,      ///< … and down.
+    kLens,         ///< Not doubted but refined: `lens` is what came out. `value`: its focal length.
     kReadout,      ///< Rolling shutter, first row to last, s; as configured: 0.
     kAllPrints,    ///< All tags are so much larger, relative …
     kOnePrint,     ///< … or this one, beyond what all are.
@@ -18,6 +21,7 @@ struct FoundMismatch {
   int tag_id{-1};
   double value{};
   double sigma{};
+  LensEstimate lens{};
 };
 
 }  // namespace fiducap

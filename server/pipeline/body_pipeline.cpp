@@ -278,6 +278,7 @@ void BodyPipeline::refresh_cameras() {
   if (cameras_at_ && now >= *cameras_at_ && now - *cameras_at_ < kCamerasPeriod) return;
   cameras_at_ = now;
   update_.cameras = filter_->extrinsics();
+  doubts_.learn(update_.cameras);
 }
 
 void BodyPipeline::note(BodyEvent::Kind kind, int tag_id) {
@@ -319,6 +320,11 @@ void BodyPipeline::note_mismatches() {
 }
 
 void BodyPipeline::note_turns() {
+  if (const auto& jump = update_.report.clock_jump) {
+    note(BodyEvent::Kind::kClockJumped);
+    update_.events.back().text = agreement_.note_jump(*jump);
+    update_.events.back().clock_jump = from_seconds(jump->change_s);
+  }
   while (const auto news = agreement_.take_news()) {
     using Found = AgreementFinding::Kind;
     if (news->finding.kind == Found::kAgree) continue;  // said when poses are shown again
@@ -329,13 +335,25 @@ void BodyPipeline::note_turns() {
     update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
     filter_->note_clock_jump(news->camera, from_seconds(news->finding.shift_s));
   }
+  const bool is_established = agreement_.is_established() || !setup_.sensors.imu;
+  trust_.add(update_.report, is_established, !update_.known.empty());
+  if (trust_.take_news()) {
+    note(BodyEvent::Kind::kTurnsDisagree);
+    update_.events.back().text = contradiction_text(is_established);
+  }
   const bool withheld =
       agreement_.withholds() ||
       std::any_of(late_.begin(), late_.end(), [](const Late& late) { return late.only_watched; });
-  if (std::exchange(update_.withheld, withheld) && !withheld) {
-    note(BodyEvent::Kind::kTurnsAgree);
-    update_.events.back().text = "cameras and gyro agree again: poses are shown";
-  }
+  const auto is_told = [](const BodyEvent& event) {
+    return event.kind == BodyEvent::Kind::kTurnsDisagree ||
+           event.kind == BodyEvent::Kind::kClockJumped;
+  };
+  disagreement_told_ |= std::any_of(update_.events.begin(), update_.events.end(), is_told);
+  update_.withheld = withheld;
+  update_.doubted = trust_.withholds();
+  if (withheld || update_.doubted || !std::exchange(disagreement_told_, false)) return;
+  note(BodyEvent::Kind::kTurnsAgree);
+  update_.events.back().text = "images and IMU agree again: poses are shown";
 }
 
 void BodyPipeline::note_imu() {
@@ -369,21 +387,6 @@ void BodyPipeline::note_carried() {
   const UpdateReport& report = update_.report;
   const bool by_points = report.landmarks_used >= filter_rules::kLandmarksToStay && carried_at_;
   if (by_points || report.tags_used + report.tags_added > 0) carried_at_ = report.exposed_at;
-}
-
-PipelineStatistics& PipelineStatistics::operator+=(const PipelineStatistics& other) {
-  imu_samples += other.imu_samples;
-  frames += other.frames;
-  frames_with_pose += other.frames_with_pose;
-  tags_used += other.tags_used;
-  motion_losses += other.motion_losses;
-  propagate_cpu += other.propagate_cpu;
-  detect_cpu += other.detect_cpu;
-  update_cpu += other.update_cpu;
-  skipped += other.skipped;
-  merger += other.merger;
-  search += other.search;
-  return *this;
 }
 
 PipelineStatistics BodyPipeline::statistics() const {

@@ -9,12 +9,14 @@
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
 #include "mapping/map_builder.hpp"
+#include "pipeline/agreement/pose_trust.hpp"
 #include "pipeline/agreement/rotation_agreement.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "pipeline/mismatch_words.hpp"
+#include "pipeline/pipeline_statistics.hpp"
 #include "pipeline/tag_doubts.hpp"
 
 namespace fiducap {
@@ -30,23 +32,6 @@ struct PipelineSetup {
   std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
   MergerConfig merger;           ///< `has_imu`, `cameras` and more images follow from the sensors.
   double lose_after_s{BodyLimits{}.lose_after_s};
-};
-
-/// What a body did and what it cost.
-struct PipelineStatistics {
-  std::uint64_t imu_samples{};
-  std::uint64_t frames{};
-  std::uint64_t frames_with_pose{};  ///< … in the workspace, and used tags.
-  std::uint64_t tags_used{};
-  std::uint64_t motion_losses{};
-  Duration propagate_cpu{};
-  Duration detect_cpu{};
-  Duration update_cpu{};    ///< Correction with the corners and everything after it.
-  std::uint64_t skipped{};  ///< Images left out by `skip`.
-  MergerStatistics merger{};
-  SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
-
-  PipelineStatistics& operator+=(const PipelineStatistics& other);
 };
 
 /// One body's samples in, one estimate per image out: merger, detection with its forecast, filter
@@ -121,6 +106,8 @@ class BodyPipeline final {
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;
+  PoseTrust trust_;
+  bool disagreement_told_{false};  ///< Since poses were shown last.
   MismatchNews mismatches_;
   std::vector<FoundMismatch> found_;  ///< Kept for its memory.
   /// A camera whose images all came later than what was given out already: they are looked at

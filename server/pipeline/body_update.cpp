@@ -40,6 +40,11 @@ std::string_view name_of(BodyEvent::Kind kind) {
   return "doubt";
 }
 
+const std::optional<BodyEstimate>& BodyUpdate::shown() const {
+  static const std::optional<BodyEstimate> kNone;
+  return doubted ? kNone : estimate;
+}
+
 MapContribution contribution_of(int body_id, const BodyUpdate& update) {
   // What a body makes of sensors that contradict each other is no knowledge.
   if (update.withheld) return {.body_id = body_id, .at = update.seen.exposed_at, .anchored = false};

@@ -50,15 +50,20 @@ struct BodyUpdate {
   UpdateReport report;
   std::optional<BodyEstimate> estimate;  ///< nullopt: the filter does not run, or is not believed.
   bool withheld{false};  ///< A camera contradicts the gyro: there is no estimate for that reason.
+  bool doubted{false};   ///< The estimate is not to be shown (PoseTrust).
   std::vector<TagBelief> beliefs;           ///< The tags in the body's own state.
   std::vector<int> contradicted;            ///< Tags that are not where the *map* has them.
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.
   std::vector<ExtrinsicsEstimate> cameras;  ///< What was learned about them, at most a second old.
   std::vector<BodyEvent> events;
 
-  [[nodiscard]] bool is_placed() const {
+  /// What clients may see of the estimate.
+  [[nodiscard]] const std::optional<BodyEstimate>& shown() const;
+  [[nodiscard]] bool has_place() const {
     return estimate && estimate->anchored && estimate->at == seen.exposed_at;
   }
+  /// … and may be shown.
+  [[nodiscard]] bool is_placed() const { return has_place() && !doubted; }
 };
 
 /// What the map hears of it. Refers to the update.

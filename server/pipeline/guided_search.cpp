@@ -65,7 +65,7 @@ void GuidedSearch::learn(const std::optional<BodyEstimate>& estimate,
       forecast_.aim(with_points_.camera, estimate->at)) {
     points_->corrected(with_points_.camera, forecast_.q_WV());
   }
-  for (std::size_t k = 0; k < cameras.size(); ++k) forecast_.set_extrinsics(k, cameras[k].X_BV);
+  for (std::size_t k = 0; k < cameras.size(); ++k) forecast_.set_camera(k, cameras[k]);
 }
 
 }  // namespace fiducap

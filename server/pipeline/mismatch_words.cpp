@@ -17,6 +17,8 @@ constexpr double kMilli = 1e3;
 // or more.
 constexpr Duration kLasting = std::chrono::seconds(3);
 constexpr double kChanged = 1.5;
+// A refined number when it has moved by so many of the sigmas that were told.
+constexpr double kMoved_sigma = 4.0;
 
 std::string percent(double value, double sigma) {
   return fmt::format("{:.1f} ± {:.1f} %", kInPercent * std::abs(value), kInPercent * sigma);
@@ -24,7 +26,8 @@ std::string percent(double value, double sigma) {
 
 std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
   constexpr const char* kAdvice =
-      "; the estimate reckons with it. Run fiducap calibrate camera, or correct the configuration";
+      "; the estimate reckons with it. Run fiducap calibrate camera, or set "
+      "estimator.refine_intrinsics: true";
   if (found.kind == Kind::kFocalLength) {
     return fmt::format(
         "camera {}: the lens seems {} {} than configured (fu {:.1f}, seems {:.1f}){}", found.camera,
@@ -41,11 +44,26 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
       is_u ? "cu" : "cv", configured, configured + found.value, kAdvice);
 }
 
+std::string refined_text(const FoundMismatch& found, const CameraModel& configured) {
+  const LensEstimate& lens = found.lens;
+  const CameraModel now = lens.offset.applied_to(configured);
+  return fmt::format(
+      "camera {}: the lens is refined: fu {:.1f} ± {:.1f} (configured {:.1f}), cu {:.1f} ± {:.1f} "
+      "({:.1f}), cv {:.1f} ± {:.1f} ({:.1f}). Run fiducap calibrate camera before you measure: "
+      "distortion stays as configured",
+      found.camera, now.fu, configured.fu * lens.focal_sigma, configured.fu, now.cu,
+      lens.centre_sigma_px.x(), configured.cu, now.cv, lens.centre_sigma_px.y(), configured.cv);
+}
+
 bool is_same(const FoundMismatch& a, const FoundMismatch& b) {
   return a.kind == b.kind && a.camera == b.camera && a.tag_id == b.tag_id;
 }
 
-bool has_changed(double value, double said) {
+/// @param said  when it was told last
+bool has_changed(const FoundMismatch& now, const FoundMismatch& told) {
+  const double value = now.value;
+  const double said = told.value;
+  if (now.kind == Kind::kLens) return std::abs(value - said) > kMoved_sigma * told.sigma;
   return value * said <= 0 || std::abs(value) > kChanged * std::abs(said) ||
          std::abs(said) > kChanged * std::abs(value);
 }
@@ -59,6 +77,8 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
     case Kind::kCentreU:
     case Kind::kCentreV:
       return lens_text(found, cameras[static_cast<std::size_t>(found.camera)].model);
+    case Kind::kLens:
+      return refined_text(found, cameras[static_cast<std::size_t>(found.camera)].model);
     case Kind::kReadout:
       return fmt::format(
           "camera {}: its rows seem to be exposed in turn, {:.1f} ± {:.1f} ms from first to last "
@@ -102,18 +122,18 @@ std::vector<FoundMismatch> MismatchNews::take(const std::vector<FoundMismatch>& 
     auto known = std::find_if(known_.begin(), known_.end(),
                               [&](const Known& k) { return is_same(k.found, one); });
     if (known == known_.end()) {
-      known_.push_back({one, now, false, 0.0});
+      known_.push_back({one, now, false});
       continue;
     }
     const bool is_due =
-        known->is_said ? has_changed(one.value, known->said_value) : now - known->since >= kLasting;
+        known->is_said ? has_changed(one, known->found) : now - known->since >= kLasting;
     if (!is_due) {
       if (known->is_said) known->since = now;
       continue;
     }
     if (known->is_said && now - known->since < kLasting) continue;
     known->is_said = true;
-    known->said_value = one.value;
+    known->found = one;
     known->since = now;
     news.push_back(one);
   }

@@ -25,10 +25,9 @@ class MismatchNews final {
  private:
   /// What was said, or waits to be: a finding that does not last is none.
   struct Known {
-    FoundMismatch found;
+    FoundMismatch found;  ///< As it was when it was said.
     Instant since{};
     bool is_said{false};
-    double said_value{};
   };
   std::vector<Known> known_;
 };

@@ -24,6 +24,10 @@ class TagDoubts final {
       : sizes_(sensors, config.corner_noise_px), has_imu_(sensors.imu.has_value()) {}
 
   void add(const ImuSample& imu) { sizes_.add(imu); }
+  /// What was learned about the cameras.
+  void learn(std::span<const ExtrinsicsEstimate> cameras) {
+    for (std::size_t k = 0; k < cameras.size(); ++k) sizes_.set_lens(k, cameras[k].lens.offset);
+  }
   /// @param estimate  nullopt: the filter does not run
   /// @return what is new, as one line; empty most of the time
   [[nodiscard]] std::string add(const TagObservations& seen, const UpdateReport& report,

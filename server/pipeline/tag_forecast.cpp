@@ -32,7 +32,7 @@ double mean_var(const Matrix15d& P, int block) {
 TagForecast::TagForecast(const BodySensors& sensors, const EstimatorConfig& config)
     : predictor_(sensors, config) {
   for (const CameraMount& mount : sensors.cameras)
-    cameras_.push_back({mount, kFirstError_px, {}, {}, Pose{}});
+    cameras_.push_back({mount, mount.model, kFirstError_px, {}, {}, Pose{}});
 }
 
 void TagForecast::set_estimate(const BodyEstimate& estimate) {

@@ -25,7 +25,11 @@ class TagForecast final {
   /// After every update. An estimate outside of the workspace is as good as none.
   void set_estimate(const BodyEstimate& estimate);
   void clear();
-  void set_extrinsics(std::size_t camera, const Pose& X_BV) { cameras_[camera].mount.X_BV = X_BV; }
+  /// What was learned about a camera.
+  void set_camera(std::size_t camera, const ExtrinsicsEstimate& learned) {
+    cameras_[camera].mount.X_BV = learned.X_BV;
+    cameras_[camera].mount.model = learned.lens.offset.applied_to(cameras_[camera].configured);
+  }
 
   /// Points a camera at what it will see at `at`. @return false when it is not known where the body
   /// is
@@ -43,7 +47,8 @@ class TagForecast final {
 
  private:
   struct Camera {
-    CameraMount mount;
+    CameraMount mount;  ///< As it is known now.
+    CameraModel configured;
     double error_px;        ///< Of late: the median over the tags of an image, forgotten slowly.
     std::vector<int> seen;  ///< Ids of the last image, sorted.
     std::vector<TagSighting> strangers;  ///< Of the last image …

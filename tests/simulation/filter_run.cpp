@@ -64,7 +64,8 @@ class Run {
       result_.resets += event.kind == BodyEvent::Kind::kReset ? 1 : 0;
       note_said(event.text);
     }
-    if (!update.is_placed()) return;
+    // The filter's, whether it may be shown or not.
+    if (!update.has_place()) return;
     const BodyEstimate& estimate = *update.estimate;
     result_.frames_with_pose += update.seen.tags.empty() ? 0 : 1;
     FilterRun::At at = compare(estimate);
@@ -72,6 +73,7 @@ class Run {
     at.has_tags = !update.seen.tags.empty();
     at.nis = update.report.nis;
     at.nis_dof = update.report.nis_dof;
+    at.valid &= !update.doubted;
     result_.at.push_back(at);
     if (choice_.watch)
       choice_.watch({at.t_s, pipeline.filter(), estimate, data_.truth_near(estimate.at), X_WR_,

@@ -77,6 +77,12 @@ std::vector<Mismatch> of_images() {
       {"3rd image dropped", {}, [](EstimationData& d, std::uint64_t) { drop_every(d, 3); }},
       // A range of 500 deg/s in motions of 700 deg/s. These worlds turn at 30 to 110 deg/s.
       {"IMU clipped", {}, [](EstimationData& d, std::uint64_t) { clip_gyro(d, 0.7); }},
+      {"jump -0.2 s",
+       {},
+       [](EstimationData& d, std::uint64_t) { shift_stamps(d, length_s(d) / 2, -0.2); }},
+      {"jump 0.6 s",
+       {},
+       [](EstimationData& d, std::uint64_t) { shift_stamps(d, length_s(d) / 2, 0.6); }},
       {"jump 0.2 s",
        {},
        [](EstimationData& d, std::uint64_t) { shift_stamps(d, length_s(d) / 2, 0.2); }},

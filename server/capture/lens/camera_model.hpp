@@ -65,6 +65,10 @@ struct CameraMount {
   double readout_s{0.0};  ///< Rolling shutter: first row to last row; the stamp is that of the
                           ///< middle row. 0: global.
   double readout_sigma_s{0.0};  ///< 0: readout_s is exact.
+  /// How far the model may be off, 1-sigma: a guessed lens says so, and is learned. 0: as
+  /// calibrated.
+  double focal_sigma{0.0};      ///< Of fu and fv together, relative.
+  double centre_sigma_px{0.0};  ///< Of cu and cv, each.
   double rate_hz{20.0};
 };
 

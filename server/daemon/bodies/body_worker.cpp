@@ -217,7 +217,7 @@ void BodyWorker::count(const BodyUpdate& update) {
   const std::uint64_t dropped = images_left_out();
   const Instant now = shared_.clock.now();
   const Instant stamp = update.corners.exposed_at - update.corners.clock_shift;
-  shared_.scene.ingest(index_, update.estimate, update.report, now - arrival_of(stamp), dropped);
+  shared_.scene.ingest(index_, update.shown(), update.report, now - arrival_of(stamp), dropped);
   const Duration lateness = now - update.seen.exposed_at;
   statistics_.lateness.add(lateness);
   pulse_.lateness_ns = lateness.count();

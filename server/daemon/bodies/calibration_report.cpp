@@ -19,6 +19,16 @@ std::string part(const char* what, double sigma, double told_sigma, double unit,
   return fmt::format("{} ±{:.2g} {}", what, sigma * unit, unit_name);
 }
 
+/// Of a lens that is estimated.
+std::string lens_part(const LensEstimate& learned, const CameraMount& told) {
+  constexpr double kPercent = 100;
+  if (learned.focal_sigma == 0) return {};
+  if (told.focal_sigma > 0 && learned.focal_sigma > kNothingLearned * told.focal_sigma)
+    return ", lens not shown by this motion (see several tags from different places)";
+  return fmt::format(", focal length {:+.2f} ±{:.2g} %", kPercent * learned.offset.focal,
+                     kPercent * learned.focal_sigma);
+}
+
 }  // namespace
 
 std::string calibration_text(std::size_t camera, const ExtrinsicsEstimate& learned,
@@ -43,7 +53,7 @@ std::string calibration_text(std::size_t camera, const ExtrinsicsEstimate& learn
   if (clock.readout_sigma_s > 0)
     text += fmt::format(", readout {:.2f} ±{:.2g} ms", clock.readout_s * kMilli,
                         clock.readout_sigma_s * kMilli);
-  return text;
+  return text + lens_part(learned.lens, told);
 }
 
 }  // namespace fiducap

@@ -41,6 +41,9 @@ void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
 }
 
 constexpr double kLargestClockError_s = 0.2;
+// A lens that is known worse than this says nothing of where anything is.
+constexpr double kLargestFocalError = 0.3;
+constexpr double kLargestCentreError_px = 1000;
 
 void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
   append(all,
@@ -50,6 +53,8 @@ void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std
              .within("time_shift_sigma_s", mount.time_shift_sigma_s, 0, kLargestClockError_s)
              .within("readout_s", mount.readout_s, 0, kLargestClockError_s)
              .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
+             .within("focal_sigma", mount.focal_sigma, 0, kLargestFocalError)
+             .within("centre_sigma_px", mount.centre_sigma_px, 0, kLargestCentreError_px)
              .positive("rate_hz", mount.rate_hz)
              .errors,
          prefix);

@@ -46,6 +46,7 @@ void describe(V& v, EstimatorConfig& c) {
   v.value("doubt_configuration", c.doubt_configuration);
   v.value("estimate_extrinsics", c.estimate_extrinsics);
   v.value("estimate_clocks", c.estimate_clocks);
+  v.value("refine_intrinsics", c.refine_intrinsics);
   v.value("landmarks", c.landmarks);
   v.value("gate_probability", c.gate_probability);
   v.value("max_local_tags", c.max_local_tags);
@@ -94,6 +95,8 @@ void describe(V& v, CameraMount& c) {
   v.value("time_shift_sigma_s", c.time_shift_sigma_s);
   v.value("readout_s", c.readout_s);
   v.value("readout_sigma_s", c.readout_sigma_s);
+  v.value("focal_sigma", c.focal_sigma);
+  v.value("centre_sigma_px", c.centre_sigma_px);
   v.value("rate_hz", c.rate_hz);
 }
 

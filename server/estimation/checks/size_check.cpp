@@ -107,6 +107,7 @@ std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& mode
 
 SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
     : sensors_(std::move(sensors)),
+      configured_(sensors_.cameras),
       corner_noise_px_(corner_noise_px),
       motion_(sensors_.imu.value_or(ImuNoise{})) {
   scores_.reserve(kFirstTags);

@@ -37,6 +37,10 @@ class SizeCheck final {
   SizeCheck(BodySensors sensors, double corner_noise_px);
 
   void add(const ImuSample& imu);
+  /// A camera's lens as it is known now: looks from here on go by it.
+  void set_lens(std::size_t camera, const LensOffset& lens) {
+    sensors_.cameras[camera].model = lens.applied_to(configured_[camera].model);
+  }
 
   /// What the filter made of an image.
   struct Image {
@@ -101,6 +105,7 @@ class SizeCheck final {
   [[nodiscard]] std::optional<SizeFinding> news_of_one();
 
   BodySensors sensors_;
+  std::vector<CameraMount> configured_;
   double corner_noise_px_;
   MotionWindow motion_;
   bool open_{false};                       ///< A look is going on …

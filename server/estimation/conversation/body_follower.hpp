@@ -8,6 +8,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/body_filter.hpp"
+#include "estimation/conversation/jump_search.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/filter/tag_measurement.hpp"
@@ -58,6 +59,7 @@ class BodyFollower final {
   [[nodiscard]] bool is_turn_lost() const { return is_turn_lost_; }
 
   void reset(const ClockHypothesis& clocks) {
+    jump_search_.forget_all();
     coordinates_.reset(clocks);
     mode_ = FilterMode::kStarting;
     attitude_.restart();
@@ -83,10 +85,14 @@ class BodyFollower final {
   }
 
   void jump(const Pose& X_AB, Instant at) {
+    jump_search_.forget_all();
     coordinates_.jump(X_AB, at);
     mode_ = FilterMode::kRunning;
     is_turn_lost_ = false;
   }
+
+  /// Whether a camera's clock has jumped, by where the body was.
+  [[nodiscard]] JumpSearch& jump_search() { return jump_search_; }
 
   /// Moves the state to the image.
   /// @return false when it does not get there: without IMU and usable tags
@@ -114,6 +120,7 @@ class BodyFollower final {
   FilterMode mode_{FilterMode::kStarting};
   ImuBuffer imu_;
   AttitudeStart attitude_;
+  JumpSearch jump_search_;
   bool is_turn_lost_{false};
 };
 

@@ -97,6 +97,7 @@ void BodyFollower<C>::step_to(Instant to, const InertialInput& input, double lon
     const Instant end = std::min(to, state.time + from_seconds(longest_s));
     coordinates_.step(input, to_seconds(end - state.time));
     state.time = end;
+    if (has_imu()) jump_search_.note_motion(end, coordinates_.X_WB());
   }
 }
 

@@ -52,6 +52,10 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] int contradicting_images() const override {
     return contradictions_.contradicting_images();
   }
+  [[nodiscard]] LearnedNoise learned_noise() const override {
+    return coordinates().learned_noise();
+  }
+  void begin_with(const LearnedNoise& noise) override { coordinates().begin_with(noise); }
   void end_start() override;
   [[nodiscard]] Axes axes() const override { return {anchor_.is_anchored(), anchor_.defined_by()}; }
   [[nodiscard]] int generation() const override { return generation_; }
@@ -75,6 +79,8 @@ class FilterConversation final : public StartingFilter {
   int move_to(const TagObservations& seen);
   UpdateReport correct(const TagObservations& seen, int iterations);
   void correct(const TagObservations& seen, int iterations, UpdateReport& report);
+  void pardon_all();
+  void look_for_jump(const TagObservations& seen, UpdateReport& report);
   void answer_contradictions(const TagObservations& seen, UpdateReport& report);
   void relocalise(const TagObservations& seen, UpdateReport& report);
   [[nodiscard]] bool is_one_tag_against_all() const;
@@ -128,10 +134,13 @@ class FilterConversation final : public StartingFilter {
     int against{};
   };
   std::optional<Return> returned_by_;
-  double gap_before_s_{0};    ///< Without a fit, before the present image.
-  double drift_before_m_{0};  ///< 1-sigma of the body's place, before it was corrected.
-  int relocalisations_{0};    ///< Since the filter was last trusted …
-  int images_trusted_{0};     ///< … for so many images in a row now.
+  std::optional<Instant>
+      suspected_at_;             ///< When images contradicted last: a clock may have jumped.
+  bool may_have_jumped_{false};  ///< That, or a tag was moved.
+  double gap_before_s_{0};       ///< Without a fit, before the present image.
+  double drift_before_m_{0};     ///< 1-sigma of the body's place, before it was corrected.
+  int relocalisations_{0};       ///< Since the filter was last trusted …
+  int images_trusted_{0};        ///< … for so many images in a row now.
   int generation_{0};
 };
 

@@ -130,6 +130,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   if (is_at_image || is_in_mode(FilterMode::kStarting) ||
       (is_in_mode(FilterMode::kAdrift) && tags_.usable.empty()))
     meet_fresh_tags(seen, report);
+  look_for_jump(seen, report);
   answer_contradictions(seen, report);
   if (is_following())
     shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
@@ -209,6 +210,7 @@ void FilterConversation<C>::shift_axes(const std::optional<Pose>& X_new_old, Upd
   if (!X_new_old) return;
   report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});
   coordinates().moved_axes(*X_new_old);
+  follower_.jump_search().forget_all();
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
 }
 
@@ -237,7 +239,7 @@ std::vector<ExtrinsicsEstimate> FilterConversation<C>::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state().cameras(); ++c) {
     out.push_back({state().X_BV[static_cast<std::size_t>(c)],
-                   coordinates().extrinsics_covariance(c), clock(c)});
+                   coordinates().extrinsics_covariance(c), clock(c), coordinates().lens(c)});
   }
   return out;
 }

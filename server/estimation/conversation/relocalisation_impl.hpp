@@ -14,7 +14,7 @@ namespace filter_rules {
 inline constexpr int kProvenOthers = 2;
 inline constexpr int kSightingsToBeProven = 20;
 // The IMU alone carries a body for so long without losing its place by more than a tag's move.
-inline constexpr double kPlaceKept_s = 2.5;
+inline constexpr double kPlaceKept_s = 6.0;
 inline constexpr double kPlaceKept_m = 0.1;
 // So many tags may be given up by what the body itself knows, until a proven one fits again: more
 // of them, and it is the body that is wrong.
@@ -29,7 +29,53 @@ inline constexpr double kMayBeMoved_m = 0.06;
 // learned cannot mend.
 inline constexpr int kMostRelocalisations = 4;
 inline constexpr int kImagesToTrust = 40;
+// Readings alone say so long where the body was, to tell whether a clock has jumped.
+inline constexpr double kJumpBridged_s = 1.5;
+// After a contradiction images are kept for so long, to be looked at with the next ones.
+inline constexpr double kSuspected_s = 1.0;
+// Of a clock after it was found to have jumped.
+inline constexpr double kJumpSigma_s = 0.01;
 }  // namespace filter_rules
+
+/// The readings say where the body was: images that fit there at another time tell that their clock
+/// has jumped, long before tags or the body are doubted.
+template <class C>
+void FilterConversation<C>::look_for_jump(const TagObservations& seen, UpdateReport& report) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  may_have_jumped_ = false;
+  if (!C::kRemembersImages || !has_imu() || !is_start_over_ || !is_following()) return;
+  if (contradictions_.seconds_without_fit(seen.exposed_at) > kJumpBridged_s) return;
+  const int contradicting = contradictions_.contradicting_images();
+  if (contradicting > 0) suspected_at_ = seen.exposed_at;
+  if (!suspected_at_ || tags_.usable.empty()) return;
+  if (to_seconds(seen.exposed_at - *suspected_at_) > kSuspected_s) {
+    suspected_at_.reset();
+    return follower_.jump_search().forget_images();
+  }
+  follower_.jump_search().note_image(seen.camera, seen.exposed_at,
+                                     coordinates().sighted(seen.camera, tags_.usable));
+  if (contradicting < kContradictionsToReopenClock) return;
+  const auto found = follower_.jump_search().find(seen.camera);
+  may_have_jumped_ = found.has_value();
+  if (!found || !found->is_certain) return;
+  const double shift_s = coordinates().clock(seen.camera).shift_s + found->shift_s;
+  coordinates().set_clock(seen.camera, shift_s, kJumpSigma_s);
+  pardon_all();
+  report.clock_jump = UpdateReport::ClockJump{seen.camera, shift_s, found->shift_s};
+}
+
+/// The clock was wrong, not what was given up since.
+template <class C>
+void FilterConversation<C>::pardon_all() {
+  coordinates().forget_past();
+  restless_.forget_all();
+  unwitnessed_.clear();
+  returned_by_.reset();
+  contradictions_.pardon();
+  follower_.jump_search().forget_images();
+  suspected_at_.reset();
+  may_have_jumped_ = false;
+}
 
 template <class C>
 void FilterConversation<C>::answer_contradictions(const TagObservations& seen,
@@ -43,7 +89,8 @@ void FilterConversation<C>::answer_contradictions(const TagObservations& seen,
     contradictions_.pardon_tags();
     coordinates().forget_past();
   }
-  if (contradictions_.images_without_fit() < kRejectedToRelocalise) return;
+  const int patience = may_have_jumped_ ? 2 : 1;
+  if (contradictions_.images_without_fit() < patience * kRejectedToRelocalise) return;
   if (!has_imu() || !is_start_over_) return restart();
   if (is_place_kept(seen.exposed_at) &&
       unwitnessed_.size() + tags_.usable.size() <= kMostUnwitnessed) {
@@ -61,13 +108,8 @@ void FilterConversation<C>::answer_contradictions(const TagObservations& seen,
 
 template <class C>
 void FilterConversation<C>::note_clock_jump(int camera, Duration shift) {
-  constexpr double kJumpSigma_s = 0.01;
-  coordinates().set_clock(camera, to_seconds(shift), kJumpSigma_s);
-  coordinates().forget_past();
-  // Tags that were given up since were in the right place.
-  restless_.forget_all();
-  unwitnessed_.clear();
-  returned_by_.reset();
+  coordinates().set_clock(camera, to_seconds(shift), filter_rules::kJumpSigma_s);
+  pardon_all();
   contradictions_.forget_all();
   lose_motion(false);
 }
@@ -77,6 +119,7 @@ template <class C>
 void FilterConversation<C>::relocalise(const TagObservations& seen, UpdateReport& report) {
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   if (++relocalisations_ > kMostRelocalisations) return restart();
+  report.relocalised = true;
   images_trusted_ = 0;
   const std::vector<int> doubtful = std::move(unwitnessed_);
   unwitnessed_.clear();

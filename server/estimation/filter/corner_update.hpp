@@ -28,6 +28,8 @@ class CornerUpdate final {
     /// Where the first linearisation is done, when something better than the prior mean is known;
     /// nullptr: at the prior.
     const State* start{nullptr};
+    /// Whether shared_score() is asked for afterwards: it costs another division of the stack.
+    bool wants_score{false};
   };
 
   /// @param noise     of this camera's corners; learns from every tag
@@ -49,7 +51,8 @@ class CornerUpdate final {
     report.tags_rejected = static_cast<int>(tags.size()) - report.tags_used;
     has_score_ = false;
     // What the accepted ones say of noises is too good when many are rejected.
-    if (2 * report.tags_rejected >= static_cast<int>(tags.size())) score_all(state);
+    if (options.wants_score && 2 * report.tags_rejected >= static_cast<int>(tags.size()))
+      score_all(state);
     if (update_.empty()) {
       if (moves) state.copy_mean(prior_);
       return report;
@@ -65,7 +68,7 @@ class CornerUpdate final {
       const double nis = update_.solve(state.P(), image_, state.held_tags());
       if (iteration == 0) {
         report.nis = nis;
-        if (!has_score_) note_score();
+        if (options.wants_score && !has_score_) note_score();
       }
       if (moves) state.copy_mean(prior_);
       state.add_error(update_.correction());
@@ -78,8 +81,8 @@ class CornerUpdate final {
     return report;
   }
 
-  /// Of the last image: what its tags said of the camera's pose; of all of them when none was
-  /// accepted.
+  /// Of the last image, when it was asked for: what its tags said of the camera's pose; all of them
+  /// when half of them or more were rejected.
   [[nodiscard]] bool has_score() const { return has_score_; }
   [[nodiscard]] const StackedUpdate::SharedScore& shared_score() const { return score_; }
 

@@ -93,7 +93,8 @@ void StackedUpdate::use_all(const ImageMeasurement& image) {
     if (image.tags[i].in_front) used_.push_back(i);
 }
 
-StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& image) const {
+StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& image) {
+  dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), 6);
   const auto H = shared_H_.leftCols(rows_);
   SharedScore out;
   out.information.noalias() = H * H.transpose();
@@ -264,10 +265,8 @@ double StackedUpdate::solve(ConstCovariance P, const ImageMeasurement& image,
   stack(P, image);
   double rest = 0;
   for (const std::size_t i : used_) rest += image.tags[i].relative ? turned_[i].rest_square : 0;
-  rest += kalman::solve(PHt_.topLeftCorner(n_, rows_), S_.topLeftCorner(rows_, rows_),
-                        y_.head(rows_), held, dx_.head(n_));
-  dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), 6);
-  return rest;
+  return rest + kalman::solve(PHt_.topLeftCorner(n_, rows_), S_.topLeftCorner(rows_, rows_),
+                              y_.head(rows_), held, dx_.head(n_));
 }
 
 void StackedUpdate::shrink(Covariance P, std::span<const int> held) {

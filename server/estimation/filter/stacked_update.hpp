@@ -59,7 +59,8 @@ class StackedUpdate final {
     /// Hᵀ R⁻¹ H: what the image would say of the pose if its tags' places were exact.
     Matrix6d by_known_tags;
   };
-  [[nodiscard]] SharedScore shared_score(const ImageMeasurement& image) const;
+  /// Once per solve().
+  [[nodiscard]] SharedScore shared_score(const ImageMeasurement& image);
   /// Takes in all that lies before the camera, for the score alone: solve() may follow, shrink()
   /// may not.
   void use_all(const ImageMeasurement& image);

@@ -42,6 +42,7 @@ class RobocentricCoordinates final {
   }
   [[nodiscard]] BodyEstimate body() const { return body_in_workspace(state_); }
   [[nodiscard]] ClockEstimate clock(int) const { return {}; }
+  [[nodiscard]] LensEstimate lens(int) const { return {}; }
   [[nodiscard]] Matrix6d extrinsics_covariance(int camera) const {
     return state_.P().block<6, 6>(layout::extrinsics(camera), layout::extrinsics(camera));
   }
@@ -51,6 +52,8 @@ class RobocentricCoordinates final {
   /// @param q_WB  nullopt: without IMU
   void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
   void open_clock(int, double) {}
+  [[nodiscard]] static LearnedNoise learned_noise() { return {}; }
+  void begin_with(const LearnedNoise&) {}
   void set_clock(int, double, double) {}
 
   void step(const InertialInput& input, double dt);

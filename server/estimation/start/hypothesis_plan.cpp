@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "base/parabola.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -150,8 +152,7 @@ void HypothesisPlan::refine_from(ClockHypothesis hypothesis) {
 /// Of the parabola through the lowest and its neighbours.
 double HypothesisPlan::vertex(double step) const {
   const auto [below, above] = beside_cost_;
-  const double bend = below - 2.0 * lowest_cost_ + above;
-  return bend > 0 ? lowest_ + std::clamp(0.5 * (below - above) / bend, -1.0, 1.0) * step : lowest_;
+  return lowest_ + lowest_of_parabola(below, lowest_cost_, above) * step;
 }
 
 bool HypothesisPlan::is_poor() const {

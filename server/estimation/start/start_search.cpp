@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
 #include <utility>
 
@@ -20,6 +21,8 @@ constexpr int kMostFailedClockSearches = 6;
 // image of the past costs.
 constexpr double kWorkPerImage = 800.0;
 constexpr double kWorkOfReading = 0.1;
+// Noises that were learned with a clock so near are those of this one, too.
+constexpr double kSameClock_s = 0.003;
 
 /// An update grows with its tags, and with the tags of the state, of which there are as many at
 /// least.
@@ -102,10 +105,21 @@ void StartSearch::begin_plan(const StartingFilter& present) {
     clocks.push_back(present.clock(static_cast<int>(k)));
   plan_.emplace(prior_, clocks, failed_clock_searches_ < kMostFailedClockSearches);
   horizon_ = log_.images().size();
+  noise_ = present.learned_noise();
+  noise_clocks_s_.clear();
+  for (const ClockEstimate& clock : clocks) noise_clocks_s_.push_back(clock.shift_s);
+}
+
+/// With other clocks than these the images would have looked noisier, or less so.
+bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const {
+  return std::equal(hypothesis.shifts_s.begin(), hypothesis.shifts_s.end(), noise_clocks_s_.begin(),
+                    noise_clocks_s_.end(),
+                    [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
 }
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
   Trial trial{hypothesis, make_(hypothesis), {}, 0, 0, {}};
+  if (is_of_learned_clocks(hypothesis)) trial.filter->begin_with(noise_);
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
   const auto exposed_at = [&](std::size_t i) {

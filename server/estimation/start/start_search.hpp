@@ -51,6 +51,7 @@ class StartSearch final {
 
   [[nodiscard]] bool is_due(Instant now, const StartingFilter& present);
   void begin_plan(const StartingFilter& present);
+  [[nodiscard]] bool is_of_learned_clocks(const ClockHypothesis& hypothesis) const;
   [[nodiscard]] Trial begin_trial(const ClockHypothesis& hypothesis) const;
   void advance(Trial& trial, double& work) const;
   void take_image(Trial& trial, const StartLog::Image& image) const;
@@ -71,6 +72,8 @@ class StartSearch final {
 
   std::optional<HypothesisPlan> plan_;  ///< While a look lasts.
   std::size_t horizon_{0};              ///< Images that every hypothesis of the look is tried on.
+  LearnedNoise noise_;                  ///< By the filter in use, when the present plan began …
+  std::vector<double> noise_clocks_s_;  ///< … with these shifts.
   std::optional<Trial> trial_;
   std::optional<Trial> best_;
 };

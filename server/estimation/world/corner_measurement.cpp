@@ -1,5 +1,7 @@
 #include "estimation/world/corner_measurement.hpp"
 
+#include <cmath>
+
 #include "base/so3.hpp"
 #include "estimation/world/camera_moment.hpp"
 
@@ -55,6 +57,19 @@ Matrix84d on_camera_suspects(const FilterState& state, int camera, const CameraM
     H.block<2, 2>(2 * i, 2).setIdentity();
   }
   return H;
+}
+
+/// How far a corner stands from where it is linearised, 1-sigma, when the lens is as uncertain as
+/// it is: the focal length times all that hangs on it (depths), the second order.
+double beyond_linear_px(const FilterState& state, int camera, const CameraModel& model,
+                        const TagObservation& seen) {
+  constexpr double kSettledFocal = 1e-3;
+  const double variance = state.P()(layout::focal(camera), layout::focal(camera));
+  if (variance < kSettledFocal * kSettledFocal) return 0;
+  double radius_px = 0;
+  for (const Eigen::Vector2d& px : seen.raw_px)
+    radius_px += 0.25 * (px - Eigen::Vector2d(model.cu, model.cv)).norm();
+  return variance * radius_px;
 }
 
 void add_sizes(const FilterState& state, const CornerResidual& residual, const TagToUse& tag,
@@ -117,8 +132,8 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
                        const TagToUse& tag, double corner_noise_px) {
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
-  m.noise_px = corner_noise_px;
-  m.R = Matrix8d::Identity() * corner_noise_px * corner_noise_px;
+  m.noise_px = std::hypot(corner_noise_px, beyond_linear_px(state, camera, model, *tag.seen));
+  m.R = Matrix8d::Identity() * m.noise_px * m.noise_px;
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
   const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
     const CameraAt at = camera_at(state, camera, clock.seconds_to(row));
@@ -165,7 +180,7 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     m.own =
         tag.local >= 0 ? state.tag_at(static_cast<std::size_t>(tag.local)) : TagMeasurement::kGiven;
     m.H = on_tag(residual.H, R_VW, X_WT.p);
-    m.noise_px = noise.of(*tag.seen);
+    m.noise_px = std::hypot(noise.of(*tag.seen), beyond_linear_px(state, camera, model, *tag.seen));
     m.block_count = 0;
     if (!out.suspects.are_there()) continue;
     m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, m.y, -m.H * at.on_time);

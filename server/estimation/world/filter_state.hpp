@@ -87,6 +87,8 @@ struct FilterState {
   void clear_column(int at, double sigma);
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
+  /// Until a tag comes or goes, lenses (and clocks) are used and not corrected, as held tags are.
+  void hold_lenses(bool held);
 
   /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many
   /// clones.

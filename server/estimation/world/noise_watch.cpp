@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace fiducap::world {
 
@@ -23,6 +24,8 @@ const Eigen::Vector2d kTiny(1e-6, 1e4);
 // so once the noise is known to be large.
 constexpr double kMostOfOneImage_sigma = 5.0;
 constexpr double kMostOnceApplied_sigma = 10.0;
+// At least so many images can be taken back, at most twice as many.
+constexpr int kTakenBack = 40;
 // Variances change the curvature once they are as large, and have changed by this factor.
 constexpr double kLargeChange = 1.5;
 const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
@@ -30,7 +33,7 @@ const Eigen::Vector2d kNoticeable(0.0, 0.25e-6);
 }  // namespace
 
 Eigen::Matrix2d NoiseWatch::curvature() const {
-  Eigen::Matrix2d J = information_;
+  Eigen::Matrix2d J = now_.information;
   J.diagonal() += kPriorSigma.cwiseAbs2().cwiseInverse();
   return J;
 }
@@ -42,17 +45,25 @@ void NoiseWatch::lose_motion() {
   D_.setZero();
 }
 
+void NoiseWatch::begin_with(const LearnedNoise& learned) { now_ = earlier_ = before_ = learned; }
+
+void NoiseWatch::take_back() {
+  now_ = earlier_ = before_;
+  images_since_earlier_ = 0;
+}
+
 double NoiseWatch::sigma_of(Noise noise) const {
   return std::sqrt(curvature().inverse()(noise, noise));
 }
 
 void NoiseWatch::follow(const MotionSinceImage& motion) {
   if (!motion.begun) return;
-  const BodyMatrix moved = motion.Phi * D_;
-  D_.noalias() = moved * motion.Phi.transpose();
-  D_ += motion.Q / applied_(kImu);
-  const BodyMatrix moved_P = motion.Phi * P_;
-  P_.noalias() = moved_P * motion.Phi.transpose();
+  for (BodyMatrix* const M : {&D_, &P_}) {  // Φ M Φᵀ, both are symmetric
+    move_rows(motion.Phi, *M);
+    M->transposeInPlace();
+    move_rows(motion.Phi, *M);
+  }
+  D_ += motion.Q / now_.applied(kImu);
   P_ += motion.Q;
 }
 
@@ -74,59 +85,66 @@ void NoiseWatch::learn(const StackedUpdate::SharedScore& said, const Vector6d& o
   if (!derivative.allFinite() || !information.allFinite()) return;
   for (const Noise noise : {kImu, kStamps}) {
     const double sigmas =
-        applied_(noise) > kDeclared(noise) ? kMostOnceApplied_sigma : kMostOfOneImage_sigma;
+        now_.applied(noise) > kDeclared(noise) ? kMostOnceApplied_sigma : kMostOfOneImage_sigma;
     const double most = sigmas * std::sqrt(std::max(0.0, information(noise, noise)));
     derivative(noise) = std::clamp(derivative(noise), -most, most);
   }
-  derivative_ = kForget * derivative_ + derivative;
-  information_ = kForget * information_ + information;
+  now_.derivative = kForget * now_.derivative + derivative;
+  now_.information = kForget * now_.information + information;
   apply_estimate();
+  if (++images_since_earlier_ < kTakenBack) return;
+  images_since_earlier_ = 0;
+  before_ = std::exchange(earlier_, now_);
 }
 
 void NoiseWatch::apply_estimate() {
   const Eigen::Matrix2d J = curvature();
   const Eigen::Vector2d to_declared =
-      kPriorSigma.cwiseAbs2().cwiseInverse().cwiseProduct(kDeclared - applied_);
+      kPriorSigma.cwiseAbs2().cwiseInverse().cwiseProduct(kDeclared - now_.applied);
   const Eigen::Matrix2d covariance = J.inverse();
-  const Eigen::Vector2d estimate = applied_ + covariance * (derivative_ + to_declared);
-  const Eigen::Vector2d before = applied_;
+  const Eigen::Vector2d estimate = now_.applied + covariance * (now_.derivative + to_declared);
+  const Eigen::Vector2d before = now_.applied;
   for (const Noise noise : {kImu, kStamps}) {
     const bool was_beyond = before(noise) > kDeclared(noise);
     // A score test at the declared noise; once it is given up, the estimate alone decides.
-    const double score = derivative_(noise) / std::sqrt(information_(noise, noise) + kTiny(noise));
+    const double score =
+        now_.derivative(noise) / std::sqrt(now_.information(noise, noise) + kTiny(noise));
     const bool is_significant =
         estimate(noise) > kDeclared(noise) && (was_beyond || score > kSignificant_sigma);
-    applied_(noise) = is_significant ? std::min(estimate(noise), kMost(noise)) : kDeclared(noise);
+    now_.applied(noise) =
+        is_significant ? std::min(estimate(noise), kMost(noise)) : kDeclared(noise);
   }
-  derivative_ -= information_ * (applied_ - before);  // they are those at what is applied
+  now_.derivative -=
+      now_.information * (now_.applied - before);  // they are those at what is applied
   weigh_anew();
 }
 
 /// A variance that grows is known less well by what was seen before.
 void NoiseWatch::weigh_anew() {
   const Eigen::Array2d grown =
-      (applied_ + kNoticeable).array() / (weighed_at_ + kNoticeable).array();
+      (now_.applied + kNoticeable).array() / (now_.weighed_at + kNoticeable).array();
   if ((grown < kLargeChange && grown > 1 / kLargeChange).all()) return;
   const Eigen::Vector2d weight = grown.inverse().min(1.0).matrix();
-  derivative_ = weight.cwiseAbs2().cwiseProduct(derivative_).eval();
-  information_ = weight.asDiagonal() * information_ * weight.asDiagonal();
-  weighed_at_ = applied_;
+  now_.derivative = weight.cwiseAbs2().cwiseProduct(now_.derivative).eval();
+  now_.information = weight.asDiagonal() * now_.information * weight.asDiagonal();
+  now_.weighed_at = now_.applied;
 }
 
 void NoiseWatch::correct(const StackedUpdate::SharedScore& said, const Vector6d& on_time) {
   // The stamp's jitter is noise of the image: (R + τ² H o oᵀ Hᵀ)⁻¹ seen from the pose.
   const Vector6d Ao = said.by_known_tags * on_time;
-  const double jitter = applied_(kStamps) / (1 + applied_(kStamps) * on_time.dot(Ao));
+  const double jitter = now_.applied(kStamps) / (1 + now_.applied(kStamps) * on_time.dot(Ao));
   const Matrix6d A = said.by_known_tags - jitter * Ao * Ao.transpose();
   const Matrix6d S = Matrix6d::Identity() + A * P_.topLeftCorner<6, 6>();
   const Eigen::Matrix<double, layout::kBodySize, 6> gain =
       P_.leftCols<6>() * Eigen::PartialPivLU<Matrix6d>(S).solve(A);
-  BodyMatrix left = BodyMatrix::Identity();
-  left.leftCols<6>() -= gain;
-  const BodyMatrix half_P = left * P_;
-  const BodyMatrix half_D = left * D_;
-  P_ = 0.5 * (half_P + half_P.transpose());
-  D_.noalias() = half_D * left.transpose();
+  for (BodyMatrix* const M : {&P_, &D_}) {  // (1 − K H) M, of which only six columns are not 1
+    const Eigen::Matrix<double, 6, layout::kBodySize> rows = M->topRows<6>();
+    M->noalias() -= gain * rows;
+  }
+  P_ = 0.5 * (P_ + P_.transpose()).eval();
+  const Eigen::Matrix<double, layout::kBodySize, 6> columns = D_.leftCols<6>();
+  D_.noalias() -= columns * gain.transpose();
 }
 
 }  // namespace fiducap::world

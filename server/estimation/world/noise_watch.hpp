@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "estimation/filter/stacked_update.hpp"
+#include "estimation/start/learned_noise.hpp"
 #include "estimation/world/propagation.hpp"
 
 namespace fiducap::world {
@@ -21,12 +22,17 @@ class NoiseWatch final {
  public:
   NoiseWatch() { lose_motion(); }
   void restart() { *this = NoiseWatch{}; }
+  /// As it was learned from the same samples, once before.
+  void begin_with(const LearnedNoise& learned);
+  [[nodiscard]] const LearnedNoise& learned() const { return now_; }
   /// What is known of the motion ends here; what was learned of the noises stays.
   void lose_motion();
+  /// What was learned from the last images was another error's.
+  void take_back();
 
   /// The variance of the IMU's noises is so many times the declared one.
-  [[nodiscard]] double imu_variance() const { return applied_(kImu); }
-  [[nodiscard]] double jitter_s() const { return std::sqrt(applied_(kStamps)); }
+  [[nodiscard]] double imu_variance() const { return now_.applied(kImu); }
+  [[nodiscard]] double jitter_s() const { return std::sqrt(now_.applied(kStamps)); }
   /// 1-sigma of imu_variance().
   [[nodiscard]] double imu_variance_sigma() const { return sigma_of(kImu); }
 
@@ -47,12 +53,10 @@ class NoiseWatch final {
 
   BodyMatrix P_;  ///< Of the body against tags at exact places …
   BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
-  // About the noises that are applied, forgetting slowly: Σ of the derivatives and of their
-  // expected curvature.
-  Eigen::Vector2d derivative_{Eigen::Vector2d::Zero()};
-  Eigen::Matrix2d information_{Eigen::Matrix2d::Zero()};
-  Eigen::Vector2d applied_{1.0, 0.0};
-  Eigen::Vector2d weighed_at_{1.0, 0.0};
+  LearnedNoise now_;
+  LearnedNoise earlier_;  ///< As it was some images ago …
+  LearnedNoise before_;   ///< … and before those.
+  int images_since_earlier_{0};
 };
 
 }  // namespace fiducap::world

@@ -9,9 +9,11 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 namespace {
 // Two clocks drift apart with temperature; after an hour by a millisecond at most.
 constexpr double kShiftWalk_s_rts = 1e-5;
-/// M ← F M, in place: of F only the blocks that step_mean() fills differ from the identity, and no
-/// row needs one that is changed before it.
-void step(const BodyMatrix& F, BodyMatrix& M) {
+
+}  // namespace
+
+// No row needs one that is changed before it.
+void move_rows(const BodyMatrix& F, BodyMatrix& M) {
   const auto add = [&](int to, int from) {
     M.middleRows<3>(to) += F.block<3, 3>(to, from).lazyProduct(M.middleRows<3>(from));
   };
@@ -19,8 +21,6 @@ void step(const BodyMatrix& F, BodyMatrix& M) {
   for (const int from : {kAttitude, kBiasF, kBiasW}) add(kVelocity, from);
   add(kAttitude, kBiasW);
 }
-
-}  // namespace
 
 StepJacobians step_mean(FilterState& state, const InertialInput& input,
                         const Eigen::Vector3d& gravity_W, double dt) {
@@ -73,10 +73,10 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.begun = true;
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
   motion.seconds += dt;
-  step(j.F, motion.Phi);
-  step(j.F, motion.Q);
+  move_rows(j.F, motion.Phi);
+  move_rows(j.F, motion.Q);
   motion.Q.transposeInPlace();  // F (F Q)ᵀ is F Q Fᵀ, for Q is symmetric
-  step(j.F, motion.Q);
+  move_rows(j.F, motion.Q);
   motion.Q.noalias() += (input.gyro_noise * input.gyro_noise / dt) * j.G_w * j.G_w.transpose();
   motion.Q.noalias() += (input.accel_noise * input.accel_noise / dt) * j.G_f * j.G_f.transpose();
   motion.Q.diagonal().segment<3>(kBiasF).array() += input.accel_walk * input.accel_walk * dt;

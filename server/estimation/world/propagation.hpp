@@ -26,6 +26,10 @@ struct StepJacobians {
       G_f{};  ///< of white accelerometer noise, held over the step
 };
 
+/// M ← F M, in place: of F, or a product of several, only the blocks that step_mean() fills differ
+/// from the identity.
+void move_rows(const BodyMatrix& F, BodyMatrix& M);
+
 /// Moves the body's mean over dt under one reading: exact rotation, force turned by half of it.
 /// @param gravity_W  e.g. (0, 0, -9.81)
 StepJacobians step_mean(FilterState& state, const InertialInput& input,

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "capture/lens/lens_offset.hpp"
 #include "estimation/world/state_layout.hpp"
 
 /// How cameras and prints differ from what the configuration says of them, as the state has it.
@@ -26,15 +27,6 @@ struct CameraClock {
   [[nodiscard]] double seconds_to(double row) const {
     return shift_s - applied_s + row * readout_s;
   }
-};
-
-/// How the lens differs from the configured one: raw pixels stand (1 + focal) times as far from
-/// the principal point, and that is `centre_px` off.
-struct LensOffset {
-  double focal{};
-  Eigen::Vector2d centre_px{Eigen::Vector2d::Zero()};
-
-  [[nodiscard]] bool is_none() const { return focal == 0 && centre_px.isZero(0); }
 };
 
 /// How prints differ from their configured size, relative.

@@ -35,6 +35,14 @@ constexpr double kCleared = 5e-4;
 constexpr double kCleared_sigma = 3.0;
 // What is told is known to this many sigmas.
 constexpr double kTold_sigma = 4.0;
+// A refined lens is told once it is known like this.
+constexpr double kRefinedFocal = 5e-3;
+constexpr double kRefinedCentre_px = 5.0;
+
+/// What may be off when it is not told: as much as of one that turned out to be wrong.
+double told_or(double told_sigma, bool is_refined, double usual_sigma) {
+  return told_sigma > 0 ? told_sigma : (is_refined ? usual_sigma : 0.0);
+}
 
 /// What the data alone know of it: 1/σ².
 double information_of(const FilterState& state, int column, double prior_sigma) {
@@ -72,30 +80,49 @@ void exchange_prior(FilterState& state, int camera, int column, double value, do
 void Suspects::begin(FilterState& state) {
   all_.clear();
   for (int c = 0; c < state.cameras(); ++c) {
-    all_.push_back(
-        {Kind::kFocalLength, c, -1, layout::focal(c), kTightFocal, kOpenFocal, kSettledFocal});
-    all_.push_back({Kind::kCentreU, c, -1, layout::centre(c), kTightCentre_px, kOpenCentre_px,
-                    kSettledCentre_px});
-    all_.push_back({Kind::kCentreV, c, -1, layout::centre(c) + 1, kTightCentre_px, kOpenCentre_px,
-                    kSettledCentre_px});
-    if (cameras_[static_cast<std::size_t>(c)].readout_sigma_s == 0 &&
+    add_lens(c);
+    if (rules_.doubts && cameras_[static_cast<std::size_t>(c)].readout_sigma_s == 0 &&
         !state.clocks[static_cast<std::size_t>(c)].rows_apart)
       all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kTightReadout_s, kOpenReadout_s,
                       kSettledReadout_s});
   }
-  all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kTightScale,
-                  kOpenCommon, kSettledScale});
-  for (const Suspect& suspect : all_) state.clear_column(suspect.column, suspect.tight_sigma);
-  for (int k = 0; k < layout::kWatchedPrints; ++k) {
+  if (rules_.doubts)
+    all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kTightScale,
+                    kOpenCommon, kSettledScale});
+  for (const Suspect& suspect : all_)
+    state.clear_column(suspect.column,
+                       suspect.is_parameter ? suspect.open_sigma : suspect.tight_sigma);
+  for (int k = 0; rules_.doubts && k < layout::kWatchedPrints; ++k) {
     all_.push_back({Kind::kOnePrint, -1, k, layout::print(state.cameras(), k), kTightScale,
                     kOpenPrint, kSettledScale});
   }
   state.suspicions.assign(all_.size(), {});
+  for (std::size_t i = 0; i < all_.size(); ++i) state.suspicions[i].is_open = all_[i].is_parameter;
+}
+
+void Suspects::add_lens(int camera) {
+  const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
+  const double focal = told_or(mount.focal_sigma, rules_.refines, kOpenFocal);
+  const double centre = told_or(mount.centre_sigma_px, rules_.refines, kOpenCentre_px);
+  const auto add = [&](Suspect suspect, double told_sigma) {
+    suspect.is_parameter = told_sigma > 0;
+    if (suspect.is_parameter) suspect.open_sigma = told_sigma;
+    if (suspect.is_parameter || rules_.doubts) all_.push_back(suspect);
+  };
+  add({Kind::kFocalLength, camera, -1, layout::focal(camera), kTightFocal, kOpenFocal,
+       kSettledFocal},
+      focal);
+  add({Kind::kCentreU, camera, -1, layout::centre(camera), kTightCentre_px, kOpenCentre_px,
+       kSettledCentre_px},
+      centre);
+  add({Kind::kCentreV, camera, -1, layout::centre(camera) + 1, kTightCentre_px, kOpenCentre_px,
+       kSettledCentre_px},
+      centre);
 }
 
 void Suspects::watch_print(FilterState& state, int tag_id) const {
   const int free = state.sizes.find(-1);
-  if (free < 0 || !state.has_suspects()) return;
+  if (free < 0 || !state.has_suspects() || !rules_.doubts) return;
   for (std::size_t i = 0; i < all_.size(); ++i) {
     if (all_[i].print == free) state.suspicions[i] = {};
   }
@@ -140,6 +167,7 @@ void Suspects::look(FilterState& state, int camera, double dispersion) const {
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& suspect = all_[i];
     Suspicion& suspicion = state.suspicions[i];
+    if (suspect.is_parameter) continue;
     if (suspicion.is_open) {
       ++suspicion.images_open;
       const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
@@ -191,7 +219,7 @@ void Suspects::release_cleared_prints(FilterState& state) const {
 void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& suspect = all_[i];
-    if (!state.suspicions[i].is_open) continue;
+    if (!state.suspicions[i].is_open || suspect.is_parameter) continue;
     const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
     const double found = value(state, suspect);
     if (!(std::abs(found) > kTold_sigma * sigma)) continue;
@@ -199,8 +227,35 @@ void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) c
                            ? -1
                            : state.sizes.watched[static_cast<std::size_t>(suspect.print)].tag_id;
     if (suspect.print >= 0 && tag_id < 0) continue;
-    out.push_back({suspect.kind, suspect.camera, tag_id, found, sigma});
+    out.push_back({suspect.kind, suspect.camera, tag_id, found, sigma, {}});
   }
+  for (int c = 0; c < state.cameras() && state.has_suspects(); ++c) list_lens(state, c, out);
+}
+
+void Suspects::list_lens(const FilterState& state, int camera,
+                         std::vector<FoundMismatch>& out) const {
+  const bool is_refined = std::any_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
+    return suspect.is_parameter && suspect.camera == camera;
+  });
+  const LensEstimate now = lens(state, camera);
+  if (!is_refined || now.focal_sigma > kRefinedFocal ||
+      now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
+    return;
+  out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
+}
+
+LensEstimate Suspects::lens(const FilterState& state, int camera) const {
+  LensEstimate out;
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    if (suspect.camera != camera || !state.suspicions[i].is_open) continue;
+    const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
+    if (suspect.kind == Kind::kFocalLength) out.focal_sigma = sigma;
+    if (suspect.kind == Kind::kCentreU) out.centre_sigma_px.x() = sigma;
+    if (suspect.kind == Kind::kCentreV) out.centre_sigma_px.y() = sigma;
+  }
+  if (out.is_estimated()) out.offset = state.lenses[static_cast<std::size_t>(camera)];
+  return out;
 }
 
 }  // namespace fiducap::world

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimation/found_mismatch.hpp"
+#include "estimation/lens_estimate.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
@@ -19,10 +20,19 @@ namespace fiducap::world {
 /// honest one, as if it had been there from the beginning (a measurement of zero with negative
 /// information takes the difference back). One that turns out to be as configured is closed again.
 /// The prints of single tags are watched a few at a time, from the moment they join.
+///
+/// A lens whose sigma is told, or that shall be refined, is no suspect but a parameter: open from
+/// the beginning with its own prior, and never closed.
 class Suspects final {
  public:
+  struct Rules {
+    bool doubts{true};    ///< False: only what shall be refined stands in the state.
+    bool refines{false};  ///< Every lens, not only those whose sigmas are told.
+  };
+
   /// @param cameras  their readout is only doubted where the configuration calls it exact
-  explicit Suspects(const std::vector<CameraMount>& cameras) : cameras_(cameras) {}
+  Suspects(const std::vector<CameraMount>& cameras, const Rules& rules)
+      : cameras_(cameras), rules_(rules) {}
 
   /// Into a state that has just been reset.
   void begin(FilterState& state);
@@ -33,6 +43,8 @@ class Suspects final {
   void look(FilterState& state, int camera, double dispersion) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
+  /// A camera's lens as far as it is open.
+  [[nodiscard]] LensEstimate lens(const FilterState& state, int camera) const;
 
  private:
   struct Suspect {
@@ -40,18 +52,22 @@ class Suspects final {
     int camera{-1};
     int print{-1};  ///< Of kOnePrint: which watched one.
     int column{};
-    double tight_sigma{};  ///< Closed …
-    double open_sigma{};   ///< … and open.
-    double settled{};      ///< Known so well it may be closed again.
+    double tight_sigma{};      ///< Closed …
+    double open_sigma{};       ///< … and open.
+    double settled{};          ///< Known so well it may be closed again.
+    bool is_parameter{false};  ///< Open for good.
   };
 
   [[nodiscard]] static double score(const FilterState& state, const Suspect& suspect);
   [[nodiscard]] static double value(const FilterState& state, const Suspect& suspect);
+  void add_lens(int camera);
+  void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;
   void open(FilterState& state, int camera, std::size_t suspect) const;
   void close(FilterState& state, int camera, std::size_t suspect) const;
   void release_cleared_prints(FilterState& state) const;
 
   const std::vector<CameraMount>& cameras_;
+  Rules rules_;
   std::vector<Suspect> all_;
 };
 

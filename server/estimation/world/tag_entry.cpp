@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
@@ -17,6 +18,18 @@ namespace fiducap::world {
 
 namespace {
 
+// A lens that is off by more has put the tag, as its corners were first read, too far from where it
+// is for one linear step.
+constexpr double kFocalFarOff = 1e-3;
+constexpr double kCentreFarOff_px = 1.0;
+constexpr int kStepsWhenFarOff = 4;
+
+int steps_to_place(const LensOffset& lens) {
+  const bool is_far_off =
+      std::abs(lens.focal) > kFocalFarOff || lens.centre_px.norm() > kCentreFarOff_px;
+  return is_far_off ? kStepsWhenFarOff : 0;
+}
+
 Matrix86d pose_columns(const TagMeasurement& m, int at) {
   Matrix86d H = Matrix86d::Zero();
   for (std::size_t b = 0; b < m.block_count; ++b) {
@@ -24,6 +37,23 @@ Matrix86d pose_columns(const TagMeasurement& m, int at) {
     if (m.blocks[b].at == at + 3) H.rightCols<3>() = m.blocks[b].H;
   }
   return H;
+}
+
+/// Moves the newest tag to where its corners show it through the lens as it is thought to be: its
+/// place was found through the configured one.
+void place_by_corners(FilterState& state, int camera, const CameraModel& model,
+                      const TagToUse& tag) {
+  const int at = state.tag_at(static_cast<std::size_t>(tag.local));
+  const int steps = steps_to_place(state.lenses[static_cast<std::size_t>(camera)]);
+  for (int step = 0; step < steps; ++step) {
+    const TagMeasurement m = measure(state, camera, model, tag, 1.0);
+    const Matrix86d H = pose_columns(m, at);
+    const Matrix6d A = H.transpose() * H;
+    Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
+    error.tail<6>() = A.ldlt().solve(H.transpose() * m.y);
+    if (!m.in_front || !error.allFinite()) return;
+    state.add_error(error);
+  }
 }
 
 }  // namespace
@@ -41,8 +71,10 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   state.add_tag(tag, Matrix6d::Zero());
 
   // The corners say: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b. Solved for ξ_T.
-  const TagMeasurement m = measure(state, camera, model, {&seen, local, nullptr}, corner_noise_px);
+  const TagToUse use{&seen, local, nullptr};
   const int at = state.tag_at(static_cast<std::size_t>(local));
+  place_by_corners(state, camera, model, use);
+  const TagMeasurement m = measure(state, camera, model, use, corner_noise_px);
   const Matrix86d H_T = pose_columns(m, at);
   const Matrix6d inverse = (H_T.transpose() * H_T).inverse();
   const Eigen::Matrix<double, 6, 8> solve = inverse * H_T.transpose();

@@ -8,6 +8,7 @@
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/camera_moment.hpp"
 #include "estimation/world/tag_entry.hpp"
+#include "estimation/world/teaching_image.hpp"
 
 namespace fiducap::world {
 
@@ -26,14 +27,13 @@ constexpr double kSamePlace = 1e-9;
 constexpr double kSameVariance = 0.01;
 // The attitude may be off by this, 1-sigma.
 constexpr double kUnknownTurn_rad = 0.4;
-// Noises are learned once a camera's clock is known and applied to its stamps.
-constexpr double kClockKnown_s = 0.003;
-constexpr double kClockApplied_s = 0.003;
 constexpr double kNisShare = 0.02;
-constexpr int kSightingsToBeOld = 10;
 // More images in a row without a tag that fits are no noise.
 constexpr int kUnfitToLearnFrom = 3;
 constexpr double kExactReadout_s = 5.1e-5;
+// Without an IMU, images with fewer tags teach nothing about lenses: what one tag alone shows of
+// its tilt is no straight line, and the lens would be bent to make it one.
+constexpr std::size_t kTagsToSeeALens = 3;
 // Less is not worth a word.
 constexpr double kToldNoise = 2.0;
 constexpr double kToldJitter_s = 5e-4;
@@ -62,9 +62,17 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
     : sensors_(sensors),
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2),
-      suspects_(sensors.cameras) {
+      suspects_(sensors.cameras, doubts()) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
   corner_noise_.assign(sensors.cameras.size(), CornerNoise(config, config.learn_corner_noise));
+  for (const CameraMount& mount : sensors.cameras) lenses_.push_back(mount.model);
+}
+
+/// Without an IMU what is wrong elsewhere, a lens's distortion or one camera against another, is
+/// taken for what can be doubted.
+Suspects::Rules WorldCoordinates::doubts() const {
+  return {.doubts = config_.doubt_configuration && sensors_.imu.has_value(),
+          .refines = config_.refine_intrinsics};
 }
 
 const CameraModel& WorldCoordinates::model_of(int camera) const {
@@ -77,7 +85,7 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) reset_camera(c, clocks);
-  if (sensors_.imu && config_.doubt_configuration) suspects_.begin(state_);
+  suspects_.begin(state_);
   noise_watch_.restart();
   nis_ = 1;
   motion_.restart();
@@ -113,6 +121,14 @@ void WorldCoordinates::open_clock(int camera, double sigma_s) {
   P.row(at).setZero();
   P.col(at).setZero();
   P(at, at) = sigma_s * sigma_s;
+}
+
+Eigen::Vector3d WorldCoordinates::acceleration_W(const Eigen::Vector3d& f_B) const {
+  return state_.X_WB.q * f_B;
+}
+
+double WorldCoordinates::speed_sigma_m_s() const {
+  return std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum());
 }
 
 ClockEstimate WorldCoordinates::clock(int camera) const {
@@ -162,7 +178,7 @@ void WorldCoordinates::step(const InertialInput& input, double dt) {
 }
 
 void WorldCoordinates::finish_motion() {
-  if (is_learning_) noise_watch_.follow(motion_);
+  if (watches_noise()) noise_watch_.follow(motion_);
   apply(state_, motion_);
 }
 
@@ -207,7 +223,9 @@ void WorldCoordinates::finish_aimed_motion() {
 }
 
 void WorldCoordinates::look_at(const TagObservations& seen) {
-  state_.clocks[static_cast<std::size_t>(seen.camera)].applied_s = to_seconds(seen.clock_shift);
+  const auto camera = static_cast<std::size_t>(seen.camera);
+  state_.clocks[camera].applied_s = to_seconds(seen.clock_shift);
+  lenses_[camera] = state_.lenses[camera].applied_to(model_of(seen.camera));
 }
 
 /// What the map says of the tags that are held.
@@ -266,8 +284,8 @@ std::vector<SightedTag> WorldCoordinates::sighted(int camera,
                                                   std::span<const TagToUse> tags) const {
   std::vector<SightedTag> out;
   for (const TagToUse& tag : tags) {
-    out.push_back({tag.seen, &model_of(camera), state_.X_BV[static_cast<std::size_t>(camera)],
-                   place_of(state_, tag)});
+    out.push_back({tag.seen, &lenses_[static_cast<std::size_t>(camera)],
+                   state_.X_BV[static_cast<std::size_t>(camera)], place_of(state_, tag)});
   }
   return out;
 }
@@ -275,39 +293,43 @@ std::vector<SightedTag> WorldCoordinates::sighted(int camera,
 UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<const TagToUse> tags,
                                        double gate, int iterations, std::vector<bool>& accepted) {
   const auto camera = static_cast<std::size_t>(seen.camera);
-  const bool learns = is_learning_ && may_learn_noise(seen.camera) && are_old(tags);
+  const bool watches = watches_noise();
+  const bool learns = watches && teaches_of_noise(state_, seen.camera, tags);
   const Vector6d on_time =
       camera_at(state_, seen.camera, state_.clocks[camera].seconds_to(0)).on_time;
+  hold_lenses(state_.has_suspects() && !sensors_.imu && tags.size() < kTagsToSeeALens);
   const UpdateReport report =
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
-                           {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
+                           {.gate = gate,
+                            .iterations = iterations,
+                            .start = linearisation_ ? &*linearisation_ : nullptr,
+                            .wants_score = watches},
                            corner_noise_[camera], accepted);
+  hold_lenses(false);
   images_without_fit_ = report.tags_used > 0 ? 0 : images_without_fit_ + 1;
   if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
     noise_watch_.learn(corner_update_.shared_score(), on_time);
     for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
   }
-  if (is_learning_ && report.tags_used > 0)
-    noise_watch_.correct(corner_update_.shared_score(), on_time);
+  if (watches && report.tags_used > 0) noise_watch_.correct(corner_update_.shared_score(), on_time);
   return report;
 }
 
-/// A clock that is not known yet, or not applied yet, looks like noise.
-bool WorldCoordinates::may_learn_noise(int camera) const {
-  if (!sensors_.imu || !config_.doubt_configuration) return false;
-  const CameraClock& clock = state_.clocks[static_cast<std::size_t>(camera)];
-  const double variance = state_.P()(layout::clock(camera), layout::clock(camera));
-  return std::abs(clock.seconds_to(0)) < kClockApplied_s &&
-         variance < kClockKnown_s * kClockKnown_s;
+/// Contradicted until now, by images that were taken at another time.
+void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {
+  noise_watch_.take_back();
+  if (!config_.estimate_clocks || !sensors_.imu) return;
+  state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
+  open_clock(camera, sigma_s);
 }
 
-/// A tag that has just joined shares the body's error: against it, the motion shows no noise.
-bool WorldCoordinates::are_old(std::span<const TagToUse> tags) const {
-  return std::all_of(tags.begin(), tags.end(), [&](const TagToUse& tag) {
-    return tag.local < 0 ||
-           state_.tags[static_cast<std::size_t>(tag.local)].sightings >= kSightingsToBeOld ||
-           state_.tags[static_cast<std::size_t>(tag.local)].held;
-  });
+void WorldCoordinates::hold_lenses(bool held) {
+  state_.hold_lenses(held);
+  if (linearisation_) linearisation_->hold_lenses(held);
+}
+
+bool WorldCoordinates::watches_noise() const {
+  return is_learning_ && sensors_.imu && config_.doubt_configuration;
 }
 
 void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& report) {
@@ -335,7 +357,8 @@ void WorldCoordinates::correct_by_points(const TagObservations& seen, long image
   // A clone is one moment: not for images whose rows are exposed in turn.
   if (seen.points.size() < kFewestPoints || clock.rows_apart) return;
   CloneWindow::clone(state_, seen.camera, image);
-  const LandmarkReport done = window_->correct(state_, memory_, model_of(seen.camera), seen.camera);
+  const CameraModel& lens = lenses_[static_cast<std::size_t>(seen.camera)];
+  const LandmarkReport done = window_->correct(state_, memory_, lens, seen.camera);
   report.landmarks_used = done.used;
   report.landmarks_rejected = done.rejected;
   report.landmark_nis = done.nis;

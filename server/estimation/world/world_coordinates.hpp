@@ -39,26 +39,20 @@ class WorldCoordinates final {
   [[nodiscard]] Pose X_AB() const { return state_.X_WB; }
   [[nodiscard]] Pose X_AB_of(const Pose& X_WB) const { return X_WB; }
   [[nodiscard]] Eigen::Vector3d v_B() const { return state_.X_WB.q.conjugate() * state_.v_WB; }
-  [[nodiscard]] Eigen::Vector3d acceleration_W(const Eigen::Vector3d& f_B) const {
-    return state_.X_WB.q * f_B;
-  }
+  [[nodiscard]] Eigen::Vector3d acceleration_W(const Eigen::Vector3d& f_B) const;
   [[nodiscard]] BodyEstimate body() const { return body_in_workspace(state_); }
   [[nodiscard]] ClockEstimate clock(int camera) const;
   [[nodiscard]] Matrix6d extrinsics_covariance(int camera) const {
     return world::extrinsics_covariance(state_, camera);
   }
-  /// A gyro that was blind for long leaves nothing to linearise at.
   [[nodiscard]] bool is_attitude_unknown() const;
 
   void reset(const ClockHypothesis& clocks);
   /// @param q_WB  nullopt: without IMU
   void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
   void open_clock(int camera, double sigma_s);
-  void set_clock(int camera, double shift_s, double sigma_s) {
-    if (!config_.estimate_clocks || !sensors_.imu) return;
-    state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
-    open_clock(camera, sigma_s);
-  }
+  /// It has jumped: what the last images taught of noises was its error.
+  void set_clock(int camera, double shift_s, double sigma_s);
 
   void step(const InertialInput& input, double dt);
   /// Moves the covariance over the steps since the last image.
@@ -66,9 +60,7 @@ class WorldCoordinates final {
   void lose_motion();
   /// 1-sigma of the body's place, m, and of its speed.
   [[nodiscard]] double drift_m() const;
-  [[nodiscard]] double speed_sigma_m_s() const {
-    return std::sqrt(state_.P().diagonal().segment<3>(layout::kVelocity).sum());
-  }
+  [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
 
@@ -101,8 +93,12 @@ class WorldCoordinates final {
   void doubt(const TagObservations& seen, const UpdateReport& report);
   /// What is not as the configuration says.
   void list_mismatches(std::vector<FoundMismatch>& out) const;
+  /// A camera's lens, as far as it is estimated.
+  [[nodiscard]] LensEstimate lens(int camera) const { return suspects_.lens(state_, camera); }
   /// While past images are followed again nothing is learned of noises: they have said it already.
   void set_learning(bool is_learning) { is_learning_ = is_learning; }
+  [[nodiscard]] LearnedNoise learned_noise() const { return noise_watch_.learned(); }
+  void begin_with(const LearnedNoise& noise) { noise_watch_.begin_with(noise); }
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.
   void keep_defined(std::size_t tag, const HeadingRule& rule);
@@ -122,20 +118,21 @@ class WorldCoordinates final {
 
  private:
   [[nodiscard]] const CameraModel& model_of(int camera) const;
-  [[nodiscard]] bool may_learn_noise(int camera) const;
-  [[nodiscard]] bool are_old(std::span<const TagToUse> tags) const;
+  [[nodiscard]] Suspects::Rules doubts() const;
+  void hold_lenses(bool held);
+  [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
   void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
 
   const BodySensors& sensors_;
   const EstimatorConfig& config_;
   Eigen::Vector3d gravity_W_;
-  FilterState
-      state_;  ///< Always whole: mean and covariance at one instant, that of the last image.
+  FilterState state_;  ///< Always whole: mean and covariance at the instant of the last image.
   MotionSinceImage motion_;
   CornerUpdate<FilterState> corner_update_;
   std::vector<CornerNoise> corner_noise_;  ///< One per camera.
   Suspects suspects_;
+  std::vector<CameraModel> lenses_;  ///< One per camera: as it was known before the present image.
   NoiseWatch noise_watch_;
   bool is_learning_{true};
   int images_without_fit_{0};  ///< In a row.

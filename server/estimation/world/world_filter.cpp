@@ -96,6 +96,11 @@ void WorldFilter::take_over(std::unique_ptr<StartingFilter> better,
   present_ = std::move(better);
 }
 
+void WorldFilter::mismatches(std::vector<FoundMismatch>& out) const {
+  if (search_.is_open()) return out.clear();
+  present_->mismatches(out);
+}
+
 void WorldFilter::tag_beliefs(std::vector<TagBelief>& out) const {
   if (search_.is_open()) return out.clear();
   present_->tag_beliefs(out);

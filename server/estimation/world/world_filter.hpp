@@ -37,7 +37,8 @@ class WorldFilter final : public BodyFilter {
   }
   [[nodiscard]] ClockEstimate clock(int camera) const override { return present_->clock(camera); }
 
-  void mismatches(std::vector<FoundMismatch>& out) const override { present_->mismatches(out); }
+  /// None while the start may be taken back.
+  void mismatches(std::vector<FoundMismatch>& out) const override;
 
   [[nodiscard]] const FilterState& state() const {
     return static_cast<const WorldConversation&>(*present_).state();  // make() makes no other

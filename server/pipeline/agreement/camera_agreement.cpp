@@ -161,6 +161,17 @@ void CameraAgreement::note_wrong_axes(const AgreementFinding& found) {
   say(found);
 }
 
+/// Turns that were seen before tell of another clock.
+void CameraAgreement::note_jump(double shift_s) {
+  known_shift_s_ = used_shift_s_ = shift_s;
+  shift_was_named_ = true;
+  looks_taken_ = looks_paired_ = 0;
+  pairs_.clear();
+  new_pairs_ = 0;
+  candidate_.reset();
+  found_again_ = 0;
+}
+
 bool CameraAgreement::shift_is_wrong() const {
   return shift_was_named_ && known_shift_s_ &&
          std::abs(*known_shift_s_ - used_shift_s_) > kShiftTolerance_s;

@@ -29,6 +29,9 @@ class CameraAgreement final {
   /// What the filter adds to the stamps, when it is sure of it.
   void set_used_shift(double shift_s) { used_shift_s_ = shift_s; }
 
+  /// The filter has found out by itself: stamps are off by so much from now on.
+  void note_jump(double shift_s);
+
   [[nodiscard]] std::optional<AgreementFinding> take_news();
   /// Axes and clock were once found to agree.
   [[nodiscard]] bool is_established() const {

@@ -42,6 +42,19 @@ void RotationAgreement::set_used_shift(int camera, double shift_s) {
   if (has(camera)) cameras_[static_cast<std::size_t>(camera)].set_used_shift(shift_s);
 }
 
+std::string RotationAgreement::note_jump(const UpdateReport::ClockJump& jump) {
+  if (!has(jump.camera)) return {};
+  const auto camera = static_cast<std::size_t>(jump.camera);
+  cameras_[camera].note_jump(jump.shift_s);
+  clock_jump_ =
+      ClockJump{jump.camera, gyro_.end(), from_seconds(jump.shift_s), from_seconds(jump.change_s)};
+  AgreementFinding finding;
+  finding.kind = AgreementFinding::Kind::kJumped;
+  finding.shift_s = jump.shift_s;
+  finding.jump_s = jump.change_s;
+  return agreement_text(jump.camera, mounts_[camera], finding);
+}
+
 std::optional<AgreementNews> RotationAgreement::take_news() {
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const auto found = cameras_[i].take_news();

@@ -45,6 +45,10 @@ class RotationAgreement final {
   /// What the filter adds to a camera's stamps now.
   void set_used_shift(int camera, double shift_s);
 
+  /// A filter has found that a camera's clock has jumped.
+  /// @return what is to be said of it
+  std::string note_jump(const UpdateReport::ClockJump& jump);
+
   /// Once each.
   [[nodiscard]] std::optional<AgreementNews> take_news();
   /// A camera contradicts the gyro: no pose of this body may be believed.

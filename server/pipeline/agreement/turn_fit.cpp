@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/assert.hpp"
+#include "base/parabola.hpp"
 
 namespace fiducap {
 
@@ -84,12 +85,6 @@ Scratch scratch_at(std::span<const TurnPair> pairs, AxesTried axes, double shift
   return scratch;
 }
 
-/// Where the parabola through three costs has its lowest point, in steps from the middle.
-double vertex(double before, double middle, double after) {
-  const double bend = before - 2 * middle + after;
-  return bend > 0 ? std::clamp(0.5 * (before - after) / bend, -1.0, 1.0) : 0.0;
-}
-
 double best_shift(std::span<const TurnPair> pairs, AxesTried axes, double from_s, double to_s) {
   double best_s = from_s;
   double least = std::numeric_limits<double>::infinity();
@@ -108,8 +103,8 @@ double best_shift(std::span<const TurnPair> pairs, AxesTried axes, double from_s
   constexpr double kStep_s = 0.5 * lags::kStep_s;
   const double before_s = std::max(best_s - kStep_s, lags::seconds(0));
   const double after_s = std::min(best_s + kStep_s, lags::seconds(lags::kCount - 1));
-  const double step =
-      vertex(scratch_at(pairs, axes, before_s).cost, least, scratch_at(pairs, axes, after_s).cost);
+  const double step = lowest_of_parabola(scratch_at(pairs, axes, before_s).cost, least,
+                                         scratch_at(pairs, axes, after_s).cost);
   return std::clamp(best_s + kStep_s * step, from_s, to_s);
 }
 

@@ -101,6 +101,8 @@ class BodyNotes final {
     const std::optional<BodyEstimate>& estimate = update.estimate;
     if (!estimate || estimate->at != update.seen.exposed_at || !estimate->X_WB.p.allFinite())
       return;
+    // The first ones count as soon as they are believed; later ones that are doubted never do.
+    if (update.doubted && placed_poses_ > generation_begin_) return;
     ++unplaced_.frames;
     unplaced_.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
     // Cameras that expose together share one line; the last of them has corrected the pose.
@@ -111,7 +113,7 @@ class BodyNotes final {
     }
     result_.trajectory.push_back({estimate->at, estimate->X_WB});
     result_.covariances.push_back({estimate->at, estimate->covariance.topLeftCorner<6, 6>()});
-    if (estimate->anchored) place();
+    if (estimate->anchored && !update.doubted) place();
   }
 
   /// From here on W is the workspace: all poses of this generation up to here count.

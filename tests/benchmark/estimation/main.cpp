@@ -84,7 +84,13 @@ const std::vector<Verb>& verbs() {
        {"table", "sparse", "loop", "hall"},
        "A",
        10,
-       bench_sizes}};
+       bench_sizes},
+      {"first-day",
+       "config/one_robot.yaml on rendered images of a lens that is 8 % off",
+       {"table", "ceiling"},
+       "A",
+       1,
+       bench_first_day}};
   return all;
 }
 
@@ -107,7 +113,12 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_option("--seconds", options.seconds, "of data per run");
   app.add_option("--data", options.data, "folder with sim_table, sim_sparse, …");
   app.add_flag("--each", options.each, "a line for every seed");
-  app.add_option("--only", options.only, "rows of mismatch that begin like this: \"prints;door\"")
+  app.add_flag("--without-imu", options.without_imu, "mismatch: bodies with a camera alone");
+  app.add_flag("!--believe", options.estimator.doubt_configuration,
+               "all that is configured is believed");
+  app.add_flag("--refine", options.estimator.refine_intrinsics, "lenses are refined");
+  app.add_option("--only", options.only,
+                 "rows of mismatch or first-day that begin like this: \"prints;door\"")
       ->delimiter(';');
   app.add_option("--threads", options.threads, "at once")->check(CLI::Range(1, 64));
 }

@@ -182,7 +182,8 @@ class Rows {
     choice.live = true;
     in_parallel(options_.seeds, options_.threads, [&](int i) {
       const std::uint64_t seed = options_.first_seed + static_cast<std::uint64_t>(i);
-      const EstimationData data = data_of({.world = world_, .seconds = seconds(), .seed = seed});
+      const EstimationData data = data_of(
+          {.world = world_, .seconds = seconds(), .seed = seed, .has_imu = !options_.without_imu});
       scores[static_cast<std::size_t>(i)] = score_of(run_filter(data, choice), seed);
     });
     return scores;

@@ -25,6 +25,7 @@ struct EstimationOptions {
   int threads{2};
   bool quick{false};
   bool each{false};               ///< A line for every seed.
+  bool without_imu{false};        ///< Of mismatch.
   std::vector<std::string> only;  ///< Rows whose names begin like that; empty: all.
   EstimatorConfig estimator{};
 };
@@ -75,5 +76,6 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_mismatch(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_sizes(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_first_day(const EstimationOptions& options);
 
 }  // namespace fiducap::bench

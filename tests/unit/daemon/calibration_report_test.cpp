@@ -27,6 +27,18 @@ TEST(CalibrationReport, SaysHowWellEverythingIsKnown) {
             "camera 0: position ±2 mm, rotation ±0.4 mrad, clock +31.24 ±0.1 ms");
 }
 
+TEST(CalibrationReport, SaysWhatWasLearnedOfALens) {
+  ExtrinsicsEstimate camera = learned(0.002, 0.0004, 0.0001);
+  camera.lens = {{0.0812, {0, 0}}, 0.0012, {0.5, 0.5}};
+  EXPECT_EQ(calibration_text(0, camera, told()),
+            "camera 0: position ±2 mm, rotation ±0.4 mrad, clock +31.24 ±0.1 ms, focal length "
+            "+8.12 ±0.12 %");
+  CameraMount guessed = told();
+  guessed.focal_sigma = 0.1;
+  camera.lens.focal_sigma = 0.09;
+  EXPECT_NE(calibration_text(0, camera, guessed).find("lens not shown"), std::string::npos);
+}
+
 TEST(CalibrationReport, NamesWhatTheMotionDidNotShow) {
   const std::string text = calibration_text(1, learned(0.017, 0.0004, 0.019), told());
   EXPECT_NE(text.find("position not shown by this motion (turn the body about two axes)"),

@@ -35,9 +35,13 @@ INSTANTIATE_TEST_SUITE_P(
     AllKinds, MismatchText,
     testing::Values(
         Words{{Kind::kFocalLength, 0, -1, 0.009, 0.001},
-              {"camera 0", "0.9 ± 0.1 % longer", "fu 460.0, seems 464.1", "calibrate camera"}},
+              {"camera 0", "0.9 ± 0.1 % longer", "fu 460.0, seems 464.1", "calibrate camera",
+               "estimator.refine_intrinsics: true"}},
         Words{{Kind::kCentreU, 0, -1, -4.2, 0.3}, {"4.2 ± 0.3 px left", "cu 376.0, seems 371.8"}},
         Words{{Kind::kCentreV, 0, -1, 3.0, 0.3}, {"3.0 ± 0.3 px below", "cv 240.0"}},
+        Words{{Kind::kLens, 0, -1, 0.08, 0.002, {{0.08, {5, -3}}, 0.002, {1.5, 1.25}}},
+              {"camera 0", "refined", "fu 496.8 ± 0.9 (configured 460.0)", "cu 381.0 ± 1.5 (376.0)",
+               "cv 237.0 ± 1.2 (240.0)", "calibrate camera"}},
         Words{{Kind::kReadout, 0, -1, 0.0151, 0.0004}, {"15.1 ± 0.4 ms", "readout_s"}},
         Words{{Kind::kAllPrints, -1, -1, 0.021, 0.002}, {"2.1 ± 0.2 % larger", "tags.size_m"}},
         Words{{Kind::kOnePrint, -1, 12, -0.03, 0.004},
@@ -72,6 +76,17 @@ TEST(MismatchNews, SaysItAgainWhenItHasChangedForGood) {
   EXPECT_TRUE(news.take({more}, at_s(4)).empty());
   EXPECT_EQ(news.take({more}, at_s(8)).size(), 1u);
   EXPECT_TRUE(news.take({more}, at_s(9)).empty());
+}
+
+TEST(MismatchNews, SaysOfARefinedLensOnlyThatItHasMovedBeyondItsSigma) {
+  MismatchNews news;
+  FoundMismatch lens{Kind::kLens, 0, -1, 1e-3, 2e-3};
+  (void)news.take({lens}, at_s(0));
+  ASSERT_EQ(news.take({lens}, at_s(3)).size(), 1u);
+  lens.value = -1e-3;
+  for (int t = 4; t < 20; ++t) EXPECT_TRUE(news.take({lens}, at_s(t)).empty());
+  lens.value = 0.02;
+  EXPECT_EQ(news.take({lens}, at_s(30)).size(), 1u);
 }
 
 TEST(MismatchNews, KeepsCamerasAndTagsApart) {

@@ -161,9 +161,25 @@ TEST_F(TagForecastTest, FollowsTheExtrinsicsItIsGiven) {
   const auto before = expected(1.0, {tag});
   sensors_.cameras[0].X_BV =
       sensors_.cameras[0].X_BV * Pose{exp_so3({0, 0.05, 0}), Eigen::Vector3d::Zero()};
-  forecast_->set_extrinsics(0, sensors_.cameras[0].X_BV);
+  forecast_->set_camera(0, {.X_BV = sensors_.cameras[0].X_BV});
   const auto after = expected(1.0, {tag});
   EXPECT_NEAR((after[0].corners_px[0] - before[0].corners_px[0]).norm(), 460 * 0.05, 3.0);
+}
+
+TEST_F(TagForecastTest, SeesThroughTheLensThatWasLearned) {
+  start(1.0);
+  const KnownTag tag = tag_before(1.0, {0.5, 0, 1.5});
+  const auto before = expected(1.0, {tag});
+  ExtrinsicsEstimate learned{.X_BV = sensors_.cameras[0].X_BV};
+  learned.lens.offset.focal = 0.08;
+  forecast_->set_camera(0, learned);
+  const auto after = expected(1.0, {tag});
+  ASSERT_TRUE(before.size() == 1 && after.size() == 1);
+  const Eigen::Vector2d centre(sensors_.cameras[0].model.cu, sensors_.cameras[0].model.cv);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_LT((after[0].corners_px[i] - centre - 1.08 * (before[0].corners_px[i] - centre)).norm(),
+              1e-9);
+  }
 }
 
 TEST_F(TagForecastTest, FollowsTagsThatNobodyKnowsAsTheCameraTurns) {

@@ -60,6 +60,8 @@ class FakeFilter final : public StartingFilter {
   }
   [[nodiscard]] bool is_following() const override { return images_ > 0; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
+  [[nodiscard]] LearnedNoise learned_noise() const override { return noise; }
+  void begin_with(const LearnedNoise& begun) override { noise = begun; }
   void end_start() override { ++ends; }
   [[nodiscard]] Axes axes() const override { return {}; }
   [[nodiscard]] int generation() const override { return 1; }
@@ -67,6 +69,7 @@ class FakeFilter final : public StartingFilter {
   void set_restart_clocks(ClockHypothesis) override {}
 
   int contradicting{0};
+  LearnedNoise noise;
   int ends{0};
   [[nodiscard]] int images() const { return images_; }
   [[nodiscard]] Instant newest_image() const { return newest_image_; }
@@ -121,6 +124,21 @@ TEST_F(StartSearchTest, FindsTheClockAndEnds) {
   EXPECT_GE(taken_over_, 1);
   EXPECT_NEAR(present_->clock(0).shift_s, world_.truth_s, 0.005);
   EXPECT_EQ(present_->ends, 1);
+}
+
+TEST_F(StartSearchTest, ATrialBeginsWithTheNoiseThatTheOtherHasLearned) {
+  present_->noise.applied = {25.0, 1e-6};
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_GE(taken_over_, 1);
+  EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
+}
+
+TEST_F(StartSearchTest, NoiseThatWasLearnedWithAnotherClockIsForgotten) {
+  world_.truth_s = 0.05;
+  present_->noise.applied = {25.0, 1e-6};
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_GE(taken_over_, 1);
+  EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(1.0, 0.0));
 }
 
 TEST_F(StartSearchTest, NoImageCostsMoreThanSoManySightings) {

@@ -19,10 +19,9 @@ struct Drawn {
   double jitter_s{};
 };
 
-Drawn learned(const Drawn& truth, unsigned seed) {
+NoiseWatch watched(const Drawn& truth, unsigned seed, NoiseWatch watch = {}) {
   std::mt19937 random(seed);
   std::normal_distribution<double> gauss;
-  NoiseWatch watch;
   for (int i = 0; i < kImages; ++i) {
     MotionSinceImage motion;
     motion.begun = true;
@@ -47,7 +46,28 @@ Drawn learned(const Drawn& truth, unsigned seed) {
     watch.learn(said, on_time);
     watch.correct(said, on_time);
   }
+  return watch;
+}
+
+Drawn learned(const Drawn& truth, unsigned seed) {
+  const NoiseWatch watch = watched(truth, seed);
   return {watch.imu_variance(), watch.jitter_s()};
+}
+
+TEST(NoiseWatch, BeginsWithWhatAnotherHasLearned) {
+  const NoiseWatch before = watched({25.0, 0.0}, 1);
+  NoiseWatch after;
+  after.begin_with(before.learned());
+  EXPECT_EQ(after.imu_variance(), before.imu_variance());
+  EXPECT_NEAR(watched({25.0, 0.0}, 2, after).imu_variance(), 25.0, 5.0);
+}
+
+TEST(NoiseWatch, TakesBackTheLastImages) {
+  const NoiseWatch quiet = watched({1.0, 0.0}, 3);
+  NoiseWatch watch = quiet;
+  watch.take_back();
+  EXPECT_EQ(watch.imu_variance(), 1.0);
+  EXPECT_GT(watch.learned().information(0, 0), 0.0) << "what is older stays";
 }
 
 TEST(NoiseWatch, LeavesNoisesThatAreAsDeclaredAlone) {

@@ -17,7 +17,7 @@ constexpr int kLongEnough = 25;  // images that a suspicion has to last for
 /// linear measurement of both makes them.
 class SuspectsTest : public testing::Test {
  protected:
-  SuspectsTest() : suspects_(mounts_) {
+  SuspectsTest() : suspects_(mounts_, {}) {
     mounts_.resize(1);
     state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
     state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
@@ -66,6 +66,75 @@ TEST_F(SuspectsTest, OneThatIsSurelyWrongIsOpenedAsIfItHadBeenFromTheBeginning) 
   ASSERT_EQ(found.size(), 1u);
   EXPECT_EQ(found[0].kind, FoundMismatch::Kind::kAllPrints);
   EXPECT_NEAR(found[0].value, 0.02, 0.003);
+}
+
+class LensParameter : public testing::Test {
+ protected:
+  LensParameter() {
+    mounts_.resize(1);
+    state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
+  }
+  double sigma(int column) const { return std::sqrt(state_.P()(column, column)); }
+  bool is_open_among(const Suspects& suspects) const {
+    return suspects.lens(state_, 0).is_estimated();
+  }
+
+  std::vector<CameraMount> mounts_;
+  FilterState state_;
+};
+
+TEST_F(LensParameter, StandsOpenFromTheFirstImageWithTheSigmaThatIsTold) {
+  mounts_[0].focal_sigma = 0.1;
+  mounts_[0].centre_sigma_px = 15;
+  Suspects suspects(mounts_, {.doubts = false});
+  suspects.begin(state_);
+  EXPECT_NEAR(sigma(layout::focal(0)), 0.1, 1e-12);
+  EXPECT_NEAR(sigma(layout::centre(0)), 15, 1e-9);
+  EXPECT_NEAR(sigma(layout::centre(0) + 1), 15, 1e-9);
+  EXPECT_EQ(sigma(layout::sizes(1)), 0) << "nothing else is doubted";
+  EXPECT_EQ(sigma(layout::readout(0)), 0);
+  EXPECT_TRUE(is_open_among(suspects));
+}
+
+TEST_F(LensParameter, StandsOpenOfEveryCameraThatShallBeRefined) {
+  Suspects suspects(mounts_, {.doubts = false, .refines = true});
+  suspects.begin(state_);
+  EXPECT_GT(sigma(layout::focal(0)), 0.01);
+  EXPECT_GT(sigma(layout::centre(0)), 5);
+}
+
+TEST_F(LensParameter, IsNeverClosedAndToldOnceItIsKnown) {
+  Suspects suspects(mounts_, {.refines = true});
+  suspects.begin(state_);
+  std::vector<FoundMismatch> found;
+  suspects.list(state_, found);
+  EXPECT_TRUE(found.empty());
+  // Known well, and as configured: a suspect would be closed.
+  for (const int column : {layout::focal(0), layout::centre(0), layout::centre(0) + 1})
+    state_.clear_column(column, 3e-4);
+  for (int i = 0; i < 300; ++i) suspects.look(state_, 0, 1.0);
+  EXPECT_NEAR(sigma(layout::focal(0)), 3e-4, 1e-12);
+  EXPECT_TRUE(is_open_among(suspects));
+  suspects.list(state_, found);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].kind, FoundMismatch::Kind::kLens);
+  EXPECT_NEAR(found[0].lens.focal_sigma, 3e-4, 1e-12);
+}
+
+TEST_F(LensParameter, IsClosedWhereNothingIsToldOrWanted) {
+  Suspects suspects(mounts_, {});
+  suspects.begin(state_);
+  EXPECT_LT(sigma(layout::focal(0)), 1e-3);
+  EXPECT_FALSE(is_open_among(suspects));
+}
+
+TEST_F(SuspectsTest, WhereNothingIsDoubtedNothingStandsInTheState) {
+  Suspects trusting(mounts_, {.doubts = false});
+  state_.reset({Pose{}});
+  trusting.begin(state_);
+  EXPECT_EQ(state_.P()(size_, size_), 0) << "the size of all prints";
+  EXPECT_EQ(state_.P()(layout::readout(0), layout::readout(0)), 0);
+  EXPECT_EQ(state_.P()(layout::focal(0), layout::focal(0)), 0);
 }
 
 TEST_F(SuspectsTest, OneImageAccusesNobody) {

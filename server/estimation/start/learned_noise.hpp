@@ -1,0 +1,18 @@
+#pragma once
+
+#include <Eigen/Core>
+
+namespace fiducap {
+
+/// What a filter has learned of two variances, that of the IMU's noises (so many times the declared
+/// one) and that of the images' stamps, s².
+struct LearnedNoise {
+  Eigen::Vector2d applied{1.0, 0.0};
+  /// About `applied`, forgetting slowly: Σ of the likelihood's derivatives and of their expected
+  /// curvature.
+  Eigen::Vector2d derivative{Eigen::Vector2d::Zero()};
+  Eigen::Matrix2d information{Eigen::Matrix2d::Zero()};
+  Eigen::Vector2d weighed_at{1.0, 0.0};  ///< `applied`, when these were last weighed by it.
+};
+
+}  // namespace fiducap

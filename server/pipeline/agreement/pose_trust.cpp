@@ -1,0 +1,70 @@
+#include "pipeline/agreement/pose_trust.hpp"
+
+#include <bit>
+#include <utility>
+
+namespace fiducap {
+
+namespace {
+
+// Of the last ten images with tags to use, so many that contradict are not noise or a wrong id.
+constexpr unsigned kLastImages = (1U << 10U) - 1;
+constexpr int kContradicting = 3;
+// What is believed has not been contradicted for so long, and has fitted so many images.
+constexpr Duration kFitting = std::chrono::seconds(2);
+constexpr int kFittingImages = 10;
+constexpr Duration kWorthAWord = std::chrono::seconds(3);
+
+}  // namespace
+
+void PoseTrust::add(const UpdateReport& report, bool is_established, bool is_room_known) {
+  now_ = report.exposed_at;
+  const bool has_restarted = generation_ >= 0 && report.generation != generation_;
+  generation_ = report.generation;
+  was_lost_ |= has_restarted || report.relocalised;
+  if (has_restarted || report.relocalised) return contradict();
+  if (is_established && !was_lost_) return believe();
+  const int usable = report.tags_used + report.tags_rejected;
+  if (usable == 0) return;
+  const bool contradicts = 2 * report.tags_rejected > usable;
+  last_ = ((last_ << 1U) | (contradicts ? 1U : 0U)) & kLastImages;
+  fits_ += contradicts ? 0 : 1;
+  if (!first_fit_) first_fit_ = now_;
+  if (std::popcount(last_) >= kContradicting) return contradict();
+  if (stage_ == Stage::kBelieved) return;
+  const bool has_fitted = fits_ >= kFittingImages && now_ - *first_fit_ >= kFitting;
+  if (has_fitted || (stage_ == Stage::kNew && is_room_known)) believe();
+}
+
+void PoseTrust::believe() {
+  stage_ = Stage::kBelieved;
+  was_lost_ = false;
+  last_ = 0;
+}
+
+void PoseTrust::contradict() {
+  fits_ = 0;
+  first_fit_.reset();
+  if (std::exchange(stage_, Stage::kContradicted) == Stage::kContradicted) return;
+  contradicted_since_ = now_;
+  is_told_ = false;
+}
+
+bool PoseTrust::take_news() {
+  if (stage_ != Stage::kContradicted || is_told_ || now_ - contradicted_since_ < kWorthAWord)
+    return false;
+  return is_told_ = true;
+}
+
+std::string contradiction_text(bool is_established) {
+  if (is_established)
+    return "images contradicted where the body was: it is looked for anew in what it knows, and "
+           "poses are withheld until images fit for two seconds. Were tags moved, or is an id "
+           "there "
+           "twice?";
+  return "images contradict what the IMU says of the motion, and the body has not turned enough to "
+         "tell whether axes and clocks are right; poses are withheld. Turn the body about all "
+         "three axes: it will be said what is wrong, or poses come back";
+}
+
+}  // namespace fiducap
