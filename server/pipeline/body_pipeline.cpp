@@ -20,9 +20,6 @@ constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
 // A body that should have an IMU is told about after so long without a reading.
 constexpr Duration kSilent = std::chrono::milliseconds(500);
-// Images of one camera without one between them that came in time: no stall, but its clock.
-constexpr int kAllAreLate = 50;
-
 // Further apart, two places of a tag are not the same place.
 constexpr double kSamePlace_m = 0.1;
 constexpr double kSamePlace_rad = 0.1;
@@ -68,19 +65,6 @@ bool is_sound(const CornerFrame& corners) {
   });
 }
 
-/// Adds the CPU time between its birth and its death.
-class CpuMeter final {
- public:
-  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
-  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
-  CpuMeter(const CpuMeter&) = delete;
-  CpuMeter& operator=(const CpuMeter&) = delete;
-
- private:
-  Duration& sum_;
-  Duration begin_;
-};
-
 }  // namespace
 
 BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter)
@@ -109,19 +93,11 @@ bool BodyPipeline::push(SensorSample sample) {
   return has_room;
 }
 
-/// A clock that is told far too early makes every image late, and nobody would learn why: from then
-/// on they come when they arrive, for their turns to be compared with the gyro's.
+/// Nobody would learn why: from then on they come when they arrive, for their turns to be compared
+/// with the gyro's.
 void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
-  if (!newest_imu_ || camera < 0 || static_cast<std::size_t>(camera) >= late_.size()) return;
-  Late& late = late_[static_cast<std::size_t>(camera)];
-  late.in_a_row = was_dropped ? late.in_a_row + 1 : 0;
-  if (late.in_a_row < kAllAreLate) return;
-  late = {.in_a_row = 0, .only_watched = true};
-  merger_.set_clock_shift(camera, *newest_imu_ - stamp);
-}
-
-bool BodyPipeline::only_watches(int camera) const {
-  return late_[static_cast<std::size_t>(camera)].only_watched;
+  if (newest_imu_ && late_.note(camera, stamp, was_dropped))
+    merger_.set_clock_shift(camera, *newest_imu_ - stamp);
 }
 
 /// As it came: what the merger drops as late may be late by a clock that is wrong. Tags of images
@@ -186,7 +162,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
           update_.seen);
   plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
   if (was_found_here) agreement_.add(update_.seen);
-  if (only_watches(corners.camera)) return watched_image();
+  if (late_.only_watches(corners.camera)) return watched_image();
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
   update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
@@ -197,6 +173,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   filter_->tag_beliefs(update_.beliefs);
   hand_over_tags(*view.map);
   note_turns();
+  note_trust();
+  note_shown();
   update_.estimate = filter_->running() && !update_.withheld ? std::optional(filter_->estimate())
                                                              : std::optional<BodyEstimate>();
   refresh_cameras();
@@ -205,7 +183,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   note_carried();
   ++statistics_.frames;
   statistics_.tags_used += static_cast<std::uint64_t>(update_.report.tags_used);
-  if (anchored_ && update_.report.tags_used > 0) ++statistics_.frames_with_pose;
+  if (anchored_ && !update_.doubted && update_.report.tags_used > 0) ++statistics_.frames_with_pose;
   return &update_;
 }
 
@@ -216,6 +194,7 @@ const BodyUpdate* BodyPipeline::watched_image() {
   update_.known.clear();
   update_.contradicted.clear();
   note_turns();
+  note_shown();
   update_.estimate.reset();
   ++statistics_.frames;
   return &update_;
@@ -335,25 +314,36 @@ void BodyPipeline::note_turns() {
     update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
     filter_->note_clock_jump(news->camera, from_seconds(news->finding.shift_s));
   }
+}
+
+void BodyPipeline::note_trust() {
   const bool is_established = agreement_.is_established() || !setup_.sensors.imu;
-  trust_.add(update_.report, is_established, !update_.known.empty());
-  if (trust_.take_news()) {
-    note(BodyEvent::Kind::kTurnsDisagree);
-    update_.events.back().text = contradiction_text(is_established);
-  }
-  const bool withheld =
-      agreement_.withholds() ||
-      std::any_of(late_.begin(), late_.end(), [](const Late& late) { return late.only_watched; });
+  const auto is_own = [&](const KnownTag& known) {
+    return std::any_of(update_.beliefs.begin(), update_.beliefs.end(),
+                       [&](const TagBelief& own) { return own.tag.tag_id == known.tag_id; });
+  };
+  const bool is_room_known = !std::all_of(update_.known.begin(), update_.known.end(), is_own);
+  trust_.add(update_.report, is_established, is_room_known);
+  if (!trust_.take_news()) return;
+  note(BodyEvent::Kind::kTurnsDisagree);
+  update_.events.back().text = contradiction_text(is_established);
+}
+
+void BodyPipeline::note_shown() {
+  update_.withheld = agreement_.withholds() || late_.watches_any();
   const auto is_told = [](const BodyEvent& event) {
     return event.kind == BodyEvent::Kind::kTurnsDisagree ||
            event.kind == BodyEvent::Kind::kClockJumped;
   };
-  disagreement_told_ |= std::any_of(update_.events.begin(), update_.events.end(), is_told);
-  update_.withheld = withheld;
   update_.doubted = trust_.withholds();
-  if (withheld || update_.doubted || !std::exchange(disagreement_told_, false)) return;
+  update_.is_untested = trust_.is_new();
+  if (update_.withheld || update_.doubted) {
+    disagreement_told_ |= std::any_of(update_.events.begin(), update_.events.end(), is_told);
+    return;
+  }
+  if (!std::exchange(disagreement_told_, false)) return;
   note(BodyEvent::Kind::kTurnsAgree);
-  update_.events.back().text = "images and IMU agree again: poses are shown";
+  update_.events.back().text = "images fit again: poses are shown";
 }
 
 void BodyPipeline::note_imu() {

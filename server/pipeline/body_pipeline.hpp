@@ -15,6 +15,7 @@
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
 #include "pipeline/imu_plausibility.hpp"
+#include "pipeline/late_images.hpp"
 #include "pipeline/mismatch_words.hpp"
 #include "pipeline/pipeline_statistics.hpp"
 #include "pipeline/tag_doubts.hpp"
@@ -81,7 +82,6 @@ class BodyPipeline final {
  private:
   void watch_turns(const SensorSample& sample);
   void note_late(int camera, Instant stamp, bool was_dropped);
-  [[nodiscard]] bool only_watches(int camera) const;
   const BodyUpdate* watched_image();
   void take_imu(const ImuSample& imu);
   const BodyUpdate* take_image(const MapView& view);
@@ -95,6 +95,8 @@ class BodyPipeline final {
   void note_imu();
   void note_imu_faults();
   void note_turns();
+  void note_trust();
+  void note_shown();
   void note_mismatches();
   void note(BodyEvent::Kind kind, int tag_id = -1);
 
@@ -107,16 +109,10 @@ class BodyPipeline final {
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;
   PoseTrust trust_;
-  bool disagreement_told_{false};  ///< Since poses were shown last.
+  bool disagreement_told_{false};  ///< While poses were not shown.
   MismatchNews mismatches_;
   std::vector<FoundMismatch> found_;  ///< Kept for its memory.
-  /// A camera whose images all came later than what was given out already: they are looked at
-  /// after all, but not used.
-  struct Late {
-    int in_a_row{0};
-    bool only_watched{false};
-  };
-  std::vector<Late> late_;
+  LateImages late_;
   std::optional<Instant> newest_imu_;
   TagObservations delivered_;  ///< Corners as they came, before the merger puts them in order.
   std::optional<SensorSample> next_;

@@ -25,7 +25,7 @@ struct BodyEvent {
     kImuUnusable,    ///< Its readings cannot be in the right unit: `text` says what they look like.
     kImuDoubtful,    ///< They look odd: `text` says how.
     kImuPlausible,   ///< … and are as they should be again.
-    kTurnsDisagree,  ///< A camera contradicts the gyro, poses are withheld: `text` says how.
+    kTurnsDisagree,  ///< Images contradict gyro or estimate, poses are withheld: `text` says how.
     kTurnsAgree,     ///< … and does so no more.
     kClockJumped,    ///< A camera's clock, by `clock_jump`: `text` says how far.
     kMismatch,       ///< Something is not as configured, the estimate reckons with it: `text`.
@@ -50,7 +50,8 @@ struct BodyUpdate {
   UpdateReport report;
   std::optional<BodyEstimate> estimate;  ///< nullopt: the filter does not run, or is not believed.
   bool withheld{false};  ///< A camera contradicts the gyro: there is no estimate for that reason.
-  bool doubted{false};   ///< The estimate is not to be shown (PoseTrust).
+  bool doubted{false};   ///< The estimate is not to be shown (PoseTrust) …
+  bool is_untested{false};  ///< … but only because images have not yet fitted for long enough.
   std::vector<TagBelief> beliefs;           ///< The tags in the body's own state.
   std::vector<int> contradicted;            ///< Tags that are not where the *map* has them.
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.

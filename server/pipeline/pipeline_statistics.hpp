@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "base/this_thread.hpp"
 #include "base/time.hpp"
 #include "capture/sample_merger.hpp"
 #include "pipeline/guided_search.hpp"
@@ -23,6 +24,19 @@ struct PipelineStatistics {
   SearchStatistics search{};  ///< Of images; all zero when the source gives corners.
 
   PipelineStatistics& operator+=(const PipelineStatistics& other);
+};
+
+/// Adds the CPU time between its birth and its death.
+class CpuMeter final {
+ public:
+  explicit CpuMeter(Duration& sum) : sum_(sum), begin_(thread_cpu_time()) {}
+  ~CpuMeter() { sum_ += thread_cpu_time() - begin_; }
+  CpuMeter(const CpuMeter&) = delete;
+  CpuMeter& operator=(const CpuMeter&) = delete;
+
+ private:
+  Duration& sum_;
+  Duration begin_;
 };
 
 }  // namespace fiducap

@@ -14,7 +14,7 @@ class Contradictions final {
  public:
   /// Takes in what an update made of its tags.
   /// @return ids of the tags to give up
-  std::span<const int> count(Instant exposed_at, std::span<const TagToUse> used,
+  std::span<const int> count(int camera, Instant exposed_at, std::span<const TagToUse> used,
                              const std::vector<bool>& accepted);
   /// Something gave a pose, or was believed.
   void note_fit(Instant at) { last_fit_ = at; }
@@ -28,6 +28,11 @@ class Contradictions final {
   [[nodiscard]] int images_without_fit() const { return images_without_fit_; }
   /// … and with at least half of them not accepted.
   [[nodiscard]] int contradicting_images() const { return contradicting_images_; }
+  /// … of one camera.
+  [[nodiscard]] int contradicting_images_of(int camera) const {
+    const auto k = static_cast<std::size_t>(camera);
+    return k < contradicting_of_.size() ? contradicting_of_[k] : 0;
+  }
   [[nodiscard]] double seconds_without_fit(Instant now) const {
     return last_fit_ ? to_seconds(now - *last_fit_) : 0.0;
   }
@@ -39,6 +44,7 @@ class Contradictions final {
   std::optional<Instant> last_fit_;
   int images_without_fit_{0};
   int contradicting_images_{0};
+  std::vector<int> contradicting_of_;  ///< Per camera that was counted so far.
 };
 
 }  // namespace fiducap

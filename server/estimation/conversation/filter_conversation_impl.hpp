@@ -198,7 +198,8 @@ void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
-  const auto given_up = contradictions_.count(seen.exposed_at, tags_.usable, tags_.accepted);
+  const auto given_up =
+      contradictions_.count(seen.camera, seen.exposed_at, tags_.usable, tags_.accepted);
   for (const int tag_id : std::vector<int>(given_up.begin(), given_up.end()))
     give_up(tag_id, seen.exposed_at, report);
   note_witnesses();

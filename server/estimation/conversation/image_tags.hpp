@@ -50,6 +50,17 @@ struct ImageTags {
       (is_usable ? usable : fresh).push_back(use);
     }
   }
+
+  /// After tags were given up: the others stand elsewhere in the state.
+  template <class State>
+  void find_again(const State& state) {
+    for (std::size_t i = usable.size(); i-- > 0;) {
+      usable[i].local = state.find(usable[i].seen->tag_id);
+      if (usable[i].local >= 0 || usable[i].known != nullptr) continue;
+      usable.erase(usable.begin() + static_cast<std::ptrdiff_t>(i));
+      accepted.erase(accepted.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+  }
 };
 
 }  // namespace fiducap

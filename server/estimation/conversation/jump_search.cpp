@@ -36,15 +36,15 @@ void JumpSearch::note_motion(Instant at, const Pose& X_AB) {
   const auto last = [&](std::size_t back) { return motions_[(moments_ - back) % kMotions].at; };
   if (moments_ > 0 && at < last(1)) forget_all();
   // The newest one is always there, the others are so far apart.
-  if (moments_ > 1 && at - last(2) < from_seconds(kMotionPeriod_s)) --moments_;
+  if (moments_ > 1 && last(1) - last(2) < from_seconds(kMotionPeriod_s)) --moments_;
   motions_[moments_++ % kMotions] = {at, X_AB};
 }
 
-void JumpSearch::note_image(int camera, Instant at, std::span<const SightedTag> tags) {
+void JumpSearch::note_image(int camera, Instant stamp, std::span<const SightedTag> tags) {
   if (tags.empty()) return;
   Image& image = ring_[images_++ % kImages];
   image.camera = camera;
-  image.at = at;
+  image.stamp = stamp;
   image.X_BV = tags.front().X_BV;
   image.corners = 0;
   image.tag_id = tags.front().seen->tag_id;
@@ -80,13 +80,13 @@ std::optional<Pose> JumpSearch::body_at(Instant at) const {
 }
 
 /// Mean square angle; nullopt: too few images lie where the motion is known.
-std::optional<double> JumpSearch::misfit(int camera, double shift_s) const {
+std::optional<double> JumpSearch::misfit(int camera, Duration shift) const {
   double sum = 0;
   int images = 0;
   for (std::size_t i = 0; i < std::min(images_, kImages); ++i) {
     const Image& image = ring_[i];
     if (image.camera != camera || image.corners == 0) continue;
-    const auto X_AB = body_at(image.at + from_seconds(shift_s));
+    const auto X_AB = body_at(image.stamp + shift);
     if (!X_AB) continue;
     const Pose X_VA = (*X_AB * image.X_BV).inverse();
     double of_image = 0;
@@ -102,22 +102,26 @@ std::optional<double> JumpSearch::misfit(int camera, double shift_s) const {
   return sum / images;
 }
 
-bool JumpSearch::is_one_tag() const {
-  const std::span images(ring_.data(), std::min(images_, kImages));
-  return std::all_of(images.begin(), images.end(), [&](const Image& image) {
-    return image.tag_id == images.front().tag_id && image.corners <= 4;
-  });
+bool JumpSearch::is_one_tag(int camera) const {
+  const Image* first = nullptr;
+  for (std::size_t i = 0; i < std::min(images_, kImages); ++i) {
+    const Image& image = ring_[i];
+    if (image.camera != camera) continue;
+    if (first == nullptr) first = &image;
+    if (image.tag_id != first->tag_id || image.corners > 4) return false;
+  }
+  return true;
 }
 
 /// What a tag that was moved would leave, wherever it hangs now: least squares over its place.
-double JumpSearch::misfit_of_moved_tag(int camera) const {
+double JumpSearch::misfit_of_moved_tag(int camera, Duration known) const {
   Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   double sum = 0;
   int images = 0;
   for (std::size_t i = 0; i < std::min(images_, kImages); ++i) {
     const Image& image = ring_[i];
-    const auto X_AB = body_at(image.at);
+    const auto X_AB = body_at(image.stamp + known);
     if (image.camera != camera || image.corners < 4 || !X_AB) continue;
     const Pose X_VA = (*X_AB * image.X_BV).inverse();
     Eigen::Vector3d centre_A = Eigen::Vector3d::Zero();
@@ -141,11 +145,14 @@ double JumpSearch::misfit_of_moved_tag(int camera) const {
   return std::max(0.0, sum - b.dot(A.ldlt().solve(b))) / images;
 }
 
-std::optional<JumpSearch::Found> JumpSearch::find(int camera) const {
+std::optional<JumpSearch::Found> JumpSearch::find(int camera, Duration known) const {
   constexpr double kNone = std::numeric_limits<double>::infinity();
+  const auto cost_of = [&](double shift_s) {
+    return misfit(camera, known + from_seconds(shift_s)).value_or(kNone);
+  };
   std::array<double, 2 * kSide + 1> cost;
   for (std::size_t i = 0; i < cost.size(); ++i)
-    cost[i] = misfit(camera, (static_cast<double>(i) - kSide) * kStep_s).value_or(kNone);
+    cost[i] = cost_of((static_cast<double>(i) - kSide) * kStep_s);
   const auto least =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());
   if (least == 0 || least + 1 == cost.size()) return {};
@@ -154,13 +161,14 @@ std::optional<JumpSearch::Found> JumpSearch::find(int camera) const {
                          lowest_of_parabola(cost[least - 1], cost[least], cost[least + 1])) *
                         kStep_s;
   if (std::abs(best_s) < kLeastJump_s) return {};
-  const double floor = std::max(misfit(camera, best_s).value_or(kNone), kFloor_rad * kFloor_rad);
+  const double floor = std::max(cost_of(best_s), kFloor_rad * kFloor_rad);
   if (floor > kFits_rad * kFits_rad || cost[kSide] < kWorseWithout * floor) return {};
   for (std::size_t i = 0; i < cost.size(); ++i) {
     const double beside_s = std::abs((static_cast<double>(i) - kSide) * kStep_s - best_s);
     if (beside_s > kBeside_s && cost[i] < kWorseBeside * floor) return {};
   }
-  return Found{best_s, !is_one_tag() || misfit_of_moved_tag(camera) > kWorseBeside * floor};
+  return Found{best_s,
+               !is_one_tag(camera) || misfit_of_moved_tag(camera, known) > kWorseBeside * floor};
 }
 
 }  // namespace fiducap

@@ -24,18 +24,19 @@ class JumpSearch final {
 
   /// Where the body was by the readings. In order of time; what is older falls out.
   void note_motion(Instant at, const Pose& X_AB);
-  /// An image that contradicts. @param tags  at known places
-  void note_image(int camera, Instant at, std::span<const SightedTag> tags);
+  /// An image that contradicts. @param stamp  the device's @param tags  at known places
+  void note_image(int camera, Instant stamp, std::span<const SightedTag> tags);
   /// Other images are to be told apart from those before.
   void forget_images() { images_ = 0; }
   void forget_all();
 
   struct Found {
-    double shift_s{};   ///< By how much later than their stamps say the images were exposed.
+    double shift_s{};   ///< By how much later than was known the images were exposed.
     bool is_certain{};  ///< False: one tag that was moved would look the same so far.
   };
   /// nullopt: no shift explains the camera's images, or several do.
-  [[nodiscard]] std::optional<Found> find(int camera) const;
+  /// @param known  what is added to the camera's stamps already
+  [[nodiscard]] std::optional<Found> find(int camera, Duration known) const;
 
  private:
   static constexpr std::size_t kMotions = 320;  ///< 3.2 s …
@@ -49,7 +50,7 @@ class JumpSearch final {
   };
   struct Image {
     int camera{};
-    Instant at{};
+    Instant stamp{};
     Pose X_BV;
     std::size_t corners{0};
     int tag_id{-1};  ///< The first one's.
@@ -57,10 +58,10 @@ class JumpSearch final {
     std::array<Eigen::Vector3d, kCorners> ray_V;  ///< Unit length.
   };
 
-  [[nodiscard]] bool is_one_tag() const;
-  [[nodiscard]] double misfit_of_moved_tag(int camera) const;
+  [[nodiscard]] bool is_one_tag(int camera) const;
+  [[nodiscard]] double misfit_of_moved_tag(int camera, Duration known) const;
   [[nodiscard]] std::optional<Pose> body_at(Instant at) const;
-  [[nodiscard]] std::optional<double> misfit(int camera, double shift_s) const;
+  [[nodiscard]] std::optional<double> misfit(int camera, Duration shift) const;
 
   std::vector<Moment> motions_;  ///< A ring …
   std::size_t moments_{0};       ///< … and how many were ever put into it.

@@ -44,21 +44,23 @@ void FilterConversation<C>::look_for_jump(const TagObservations& seen, UpdateRep
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   may_have_jumped_ = false;
   if (!C::kRemembersImages || !has_imu() || !is_start_over_ || !is_following()) return;
+  if (!follower_.config().estimate_clocks) return;
   if (contradictions_.seconds_without_fit(seen.exposed_at) > kJumpBridged_s) return;
-  const int contradicting = contradictions_.contradicting_images();
+  if (report.tags_dropped > 0) tags_.find_again(state());
+  const int contradicting = contradictions_.contradicting_images_of(seen.camera);
   if (contradicting > 0) suspected_at_ = seen.exposed_at;
   if (!suspected_at_ || tags_.usable.empty()) return;
   if (to_seconds(seen.exposed_at - *suspected_at_) > kSuspected_s) {
     suspected_at_.reset();
     return follower_.jump_search().forget_images();
   }
-  follower_.jump_search().note_image(seen.camera, seen.exposed_at,
+  follower_.jump_search().note_image(seen.camera, seen.exposed_at - seen.clock_shift,
                                      coordinates().sighted(seen.camera, tags_.usable));
   if (contradicting < kContradictionsToReopenClock) return;
-  const auto found = follower_.jump_search().find(seen.camera);
+  const auto found = follower_.jump_search().find(seen.camera, seen.clock_shift);
   may_have_jumped_ = found.has_value();
   if (!found || !found->is_certain) return;
-  const double shift_s = coordinates().clock(seen.camera).shift_s + found->shift_s;
+  const double shift_s = to_seconds(seen.clock_shift) + found->shift_s;
   coordinates().set_clock(seen.camera, shift_s, kJumpSigma_s);
   pardon_all();
   report.clock_jump = UpdateReport::ClockJump{seen.camera, shift_s, found->shift_s};

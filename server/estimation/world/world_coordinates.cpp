@@ -309,7 +309,7 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   images_without_fit_ = report.tags_used > 0 ? 0 : images_without_fit_ + 1;
   if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
     noise_watch_.learn(corner_update_.shared_score(), on_time);
-    for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
+    apply_jitter();
   }
   if (watches && report.tags_used > 0) noise_watch_.correct(corner_update_.shared_score(), on_time);
   return report;
@@ -318,9 +318,14 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
 /// Contradicted until now, by images that were taken at another time.
 void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {
   noise_watch_.take_back();
+  apply_jitter();
   if (!config_.estimate_clocks || !sensors_.imu) return;
   state_.clocks[static_cast<std::size_t>(camera)].shift_s = shift_s;
   open_clock(camera, sigma_s);
+}
+
+void WorldCoordinates::apply_jitter() {
+  for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
 }
 
 void WorldCoordinates::hold_lenses(bool held) {

@@ -98,6 +98,8 @@ class WorldCoordinates final {
   /// While past images are followed again nothing is learned of noises: they have said it already.
   void set_learning(bool is_learning) { is_learning_ = is_learning; }
   [[nodiscard]] LearnedNoise learned_noise() const { return noise_watch_.learned(); }
+  /// Jitter of stamps counts from the first image on that teaches of it: while a clock is not yet
+  /// known, stamps that are called noisy would keep it so.
   void begin_with(const LearnedNoise& noise) { noise_watch_.begin_with(noise); }
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.
@@ -120,6 +122,7 @@ class WorldCoordinates final {
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   [[nodiscard]] Suspects::Rules doubts() const;
   void hold_lenses(bool held);
+  void apply_jitter();
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
   void follow_map(const TagObservations& seen, std::span<const KnownTag> known);

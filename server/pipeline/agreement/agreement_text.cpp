@@ -96,8 +96,8 @@ std::string agreement_text(int camera, const CameraMount& mount, const Agreement
     case Kind::kJumped:
       return fmt::format(
           "the clock of camera {} has jumped by {:.2f} s against the IMU (stamps are now {:.2f} s "
-          "{} than before); poses are withheld until the estimate has followed. Look at what sets "
-          "the clocks of camera and IMU",
+          "{} than before); the estimate follows, poses are withheld until it has. Look at what "
+          "sets the clocks of camera and IMU",
           camera, std::abs(finding.jump_s), std::abs(finding.jump_s),
           finding.jump_s < 0 ? "later" : "earlier");
   }

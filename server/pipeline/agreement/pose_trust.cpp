@@ -21,8 +21,11 @@ void PoseTrust::add(const UpdateReport& report, bool is_established, bool is_roo
   now_ = report.exposed_at;
   const bool has_restarted = generation_ >= 0 && report.generation != generation_;
   generation_ = report.generation;
-  was_lost_ |= has_restarted || report.relocalised;
-  if (has_restarted || report.relocalised) return contradict();
+  if (has_restarted || report.relocalised) {
+    was_lost_ = true;
+    last_ = 0;
+    return stage_ == Stage::kNew ? forget_fits() : contradict();
+  }
   if (is_established && !was_lost_) return believe();
   const int usable = report.tags_used + report.tags_rejected;
   if (usable == 0) return;
@@ -33,7 +36,7 @@ void PoseTrust::add(const UpdateReport& report, bool is_established, bool is_roo
   if (std::popcount(last_) >= kContradicting) return contradict();
   if (stage_ == Stage::kBelieved) return;
   const bool has_fitted = fits_ >= kFittingImages && now_ - *first_fit_ >= kFitting;
-  if (has_fitted || (stage_ == Stage::kNew && is_room_known)) believe();
+  if (has_fitted || (stage_ == Stage::kNew && is_room_known && !was_lost_)) believe();
 }
 
 void PoseTrust::believe() {
@@ -42,9 +45,13 @@ void PoseTrust::believe() {
   last_ = 0;
 }
 
-void PoseTrust::contradict() {
+void PoseTrust::forget_fits() {
   fits_ = 0;
   first_fit_.reset();
+}
+
+void PoseTrust::contradict() {
+  forget_fits();
   if (std::exchange(stage_, Stage::kContradicted) == Stage::kContradicted) return;
   contradicted_since_ = now_;
   is_told_ = false;
@@ -58,10 +65,8 @@ bool PoseTrust::take_news() {
 
 std::string contradiction_text(bool is_established) {
   if (is_established)
-    return "images contradicted where the body was: it is looked for anew in what it knows, and "
-           "poses are withheld until images fit for two seconds. Were tags moved, or is an id "
-           "there "
-           "twice?";
+    return "images contradicted where the body was: it is looked for anew, and poses are withheld "
+           "until images fit for two seconds. Were tags moved, or is an id there twice?";
   return "images contradict what the IMU says of the motion, and the body has not turned enough to "
          "tell whether axes and clocks are right; poses are withheld. Turn the body about all "
          "three axes: it will be said what is wrong, or poses come back";

@@ -18,16 +18,19 @@ class PoseTrust final {
  public:
   /// Every image.
   /// @param is_established  all cameras agree with the gyro
-  /// @param is_room_known   tags in view were in the map before
+  /// @param is_room_known   tags in view are in the map, and not by this body alone
   void add(const UpdateReport& report, bool is_established, bool is_room_known);
 
   [[nodiscard]] bool withholds() const { return stage_ != Stage::kBelieved; }
+  /// Only because too few images have come so far: nothing has contradicted.
+  [[nodiscard]] bool is_new() const { return stage_ == Stage::kNew; }
   /// Images have contradicted the IMU for so long that somebody has to hear of it. Once each time.
   [[nodiscard]] bool take_news();
 
  private:
   enum class Stage { kNew, kContradicted, kBelieved };
 
+  void forget_fits();
   void contradict();
   void believe();
 

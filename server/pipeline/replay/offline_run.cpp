@@ -44,8 +44,8 @@ class BodyNotes final {
   /// @param alone  no other body shares the map, so it may be refined with this one's images
   Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map, bool alone) {
     finish_statistics(pipeline.statistics());
-    result_.trajectory.resize(placed_poses_);  // the rest never learned where the workspace is
-    result_.covariances.resize(placed_poses_);
+    if (is_anchored_) place();  // shorter than the wait for trust, and nothing has contradicted
+    forget_unplaced();          // the rest never learned where the workspace is
     result_.known = setup_.known;
     result_.doubts = pipeline.doubts();
     result_.extrinsics = pipeline.cameras();
@@ -78,10 +78,15 @@ class BodyNotes final {
 
   /// Poses of before a reset stay where they are, if they ever were in the workspace.
   void begin_generation() {
+    forget_unplaced();
+    generation_begin_ = placed_poses_;
+  }
+
+  void forget_unplaced() {
     result_.trajectory.resize(placed_poses_);
     result_.covariances.resize(placed_poses_);
-    generation_begin_ = placed_poses_;
     unplaced_ = {};
+    is_anchored_ = false;
   }
 
   /// W was re-defined: the poses of this generation move with it. They stay causal, only their
@@ -101,8 +106,8 @@ class BodyNotes final {
     const std::optional<BodyEstimate>& estimate = update.estimate;
     if (!estimate || estimate->at != update.seen.exposed_at || !estimate->X_WB.p.allFinite())
       return;
-    // The first ones count as soon as they are believed; later ones that are doubted never do.
-    if (update.doubted && placed_poses_ > generation_begin_) return;
+    // The first ones count as soon as they are believed; what is contradicted never does.
+    if (update.doubted && !update.is_untested) return forget_unplaced();
     ++unplaced_.frames;
     unplaced_.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
     // Cameras that expose together share one line; the last of them has corrected the pose.
@@ -113,7 +118,8 @@ class BodyNotes final {
     }
     result_.trajectory.push_back({estimate->at, estimate->X_WB});
     result_.covariances.push_back({estimate->at, estimate->covariance.topLeftCorner<6, 6>()});
-    if (estimate->anchored && !update.doubted) place();
+    is_anchored_ = estimate->anchored;
+    if (is_anchored_ && !update.doubted) place();
   }
 
   /// From here on W is the workspace: all poses of this generation up to here count.
@@ -167,8 +173,11 @@ class BodyNotes final {
     const Duration begin = thread_cpu_time();
     SettlingStart start{
         setup_.sensors.cameras, result_.known, {}, setup_.priors, setup_.gauge.reference_tag};
-    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k)
-      start.cameras[k].X_BV = result_.extrinsics[k].X_BV;
+    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k) {
+      CameraMount& camera = start.cameras[k];
+      camera.X_BV = result_.extrinsics[k].X_BV;
+      camera.model = result_.extrinsics[k].lens.offset.applied_to(camera.model);
+    }
     std::erase_if(result_.tags, [&](const TagBelief& belief) {
       return std::any_of(setup_.known.begin(), setup_.known.end(),
                          [&](const KnownTag& known) { return known.tag_id == belief.tag.tag_id; });
@@ -195,6 +204,7 @@ class BodyNotes final {
     int frames_with_tags{};
   } unplaced_;
   std::size_t placed_poses_{0};
+  bool is_anchored_{false};  ///< By the last pose.
   std::size_t generation_begin_{0};
   OfflineResult result_;
 };

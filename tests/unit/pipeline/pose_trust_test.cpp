@@ -98,6 +98,17 @@ TEST(PoseTrust, NobodyWaitsForEverForImagesOfWhichEachFits) {
   EXPECT_FALSE(body.trust.withholds());
 }
 
+TEST(PoseTrust, ANewRoomsStartMayBeTriedAgainButFitsCountAnew) {
+  Body body;
+  body.images(30, true);
+  body.generation = 2;
+  body.images(30, true);
+  EXPECT_TRUE(body.trust.is_new());
+  EXPECT_FALSE(body.trust.take_news());
+  body.images(12, true);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
 TEST(PoseTrust, AFilterThatForgetsEverythingIsDoubtedAlsoInAKnownRoom) {
   Body body;
   body.is_room_known = true;

@@ -66,27 +66,44 @@ JumpSearch search_over(double jump_s, int tags, double images_s,
 
 TEST(JumpSearch, FindsWhenImagesWereExposed) {
   for (const double jump_s : {-0.5, -0.2, -0.06, 0.06, 0.2}) {
-    const auto found = search_over(jump_s, 2, 1.0).find(0);
+    const auto found = search_over(jump_s, 2, 1.0).find(0, Duration{0});
     ASSERT_TRUE(found) << jump_s;
     EXPECT_NEAR(found->shift_s, jump_s, 0.01);
     EXPECT_TRUE(found->is_certain);
   }
 }
 
+TEST(JumpSearch, SaysHowFarBeyondWhatIsAddedAlready) {
+  const auto found = search_over(0.3, 2, 1.0).find(0, from_seconds(0.1));
+  ASSERT_TRUE(found);
+  EXPECT_NEAR(found->shift_s, 0.2, 0.01);
+}
+
+TEST(JumpSearch, RemembersThreeSecondsAlsoOfFastReadings) {
+  JumpSearch search;
+  for (double t_s = 0; t_s <= kLength_s; t_s += 0.002) search.note_motion(at(t_s), body_at(t_s));
+  Scene scene;
+  for (double t_s = kLength_s - 2.5; t_s <= kLength_s - 1.5; t_s += 0.05) {
+    scene.look(t_s - 0.1, 2, Eigen::Vector3d::Zero());
+    search.note_image(0, at(t_s), scene.sighted);
+  }
+  EXPECT_TRUE(search.find(0, Duration{0}));
+}
+
 TEST(JumpSearch, FindsNothingWhereNothingJumped) {
-  EXPECT_FALSE(search_over(0.0, 2, 1.0).find(0));
-  EXPECT_FALSE(search_over(0.2, 2, 1.0).find(1));  // another camera
+  EXPECT_FALSE(search_over(0.0, 2, 1.0).find(0, Duration{0}));
+  EXPECT_FALSE(search_over(0.2, 2, 1.0).find(1, Duration{0}));  // another camera
 }
 
 TEST(JumpSearch, OneTagIsEnoughOnceTheBodyHasSwung) {
-  const auto found = search_over(-0.2, 1, 1.2).find(0);
+  const auto found = search_over(-0.2, 1, 1.2).find(0, Duration{0});
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->is_certain);
 }
 
 TEST(JumpSearch, AMovedTagIsNoJump) {
   for (const double images_s : {0.6, 0.8, 1.2}) {
-    const auto found = search_over(0.0, 1, images_s, {0.2, -0.2, 0.1}).find(0);
+    const auto found = search_over(0.0, 1, images_s, {0.2, -0.2, 0.1}).find(0, Duration{0});
     EXPECT_FALSE(found && found->is_certain) << images_s;
   }
 }
@@ -94,7 +111,7 @@ TEST(JumpSearch, AMovedTagIsNoJump) {
 TEST(JumpSearch, NeedsToKnowWhereTheBodyWas) {
   JumpSearch search = search_over(0.2, 2, 1.0);
   search.forget_all();
-  EXPECT_FALSE(search.find(0));
+  EXPECT_FALSE(search.find(0, Duration{0}));
 }
 
 }  // namespace

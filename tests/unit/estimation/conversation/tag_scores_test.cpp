@@ -53,14 +53,14 @@ TEST(ContradictionsTest, CountsImagesInARow) {
   const std::vector<TagToUse> used{{&seen, 0, nullptr}, {&seen, 1, nullptr}};
   Contradictions contradictions;
   const Instant at{std::chrono::seconds(5)};
-  contradictions.count(at, used, {true, false});
+  contradictions.count(0, at, used, {true, false});
   EXPECT_EQ(contradictions.contradicting_images(), 1);
   EXPECT_EQ(contradictions.images_without_fit(), 0);
-  contradictions.count(at + std::chrono::seconds(2), used, {false, false});
+  contradictions.count(0, at + std::chrono::seconds(2), used, {false, false});
   EXPECT_EQ(contradictions.contradicting_images(), 2);
   EXPECT_EQ(contradictions.images_without_fit(), 1);
   EXPECT_DOUBLE_EQ(contradictions.seconds_without_fit(at + std::chrono::seconds(3)), 3.0);
-  contradictions.count(at, used, {true, true});
+  contradictions.count(0, at, used, {true, true});
   EXPECT_EQ(contradictions.contradicting_images(), 0);
 }
 
