@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 namespace fiducap {
 
@@ -13,6 +14,13 @@ struct LearnedNoise {
   Eigen::Vector2d derivative{Eigen::Vector2d::Zero()};
   Eigen::Matrix2d information{Eigen::Matrix2d::Zero()};
   Eigen::Vector2d weighed_at{1.0, 0.0};  ///< `applied`, when these were last weighed by it.
+
+  [[nodiscard]] double imu_variance() const { return applied(0); }
+  [[nodiscard]] double imu_information() const { return information(0, 0); }
+  /// In sigmas: whether the images ask for a larger variance than the applied one.
+  [[nodiscard]] double imu_score() const {
+    return information(0, 0) > 0 ? derivative(0) / std::sqrt(information(0, 0)) : 0.0;
+  }
 };
 
 }  // namespace fiducap

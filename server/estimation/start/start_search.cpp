@@ -11,8 +11,16 @@
 namespace fiducap {
 
 namespace {
-// When the start is looked at, after the first tag.
-constexpr std::array kLooks_s{2.0, 4.0, 6.0};
+// When the start is looked at, after the first tag; the last time only for a noisy IMU.
+constexpr std::array kLooks_s{2.0, 4.0, 6.0, 12.0};
+constexpr std::size_t kUsualLooks = 3;
+// An IMU whose noise may yet turn out larger, or did by this factor of its variance since the last
+// look.
+constexpr double kMayBeNoisy_sigma = 2.0;
+constexpr double kNoisier = 1.5;
+// 1/σ² of the variance, in units of the declared one: a start of six seconds tells as much of an
+// IMU that is as declared.
+constexpr double kNoiseKnown = 0.1;
 // … and besides, when its images contradict each other.
 constexpr std::size_t kMostContradictedLooks = 5;
 // No search when so many in a row did not help: no clock is wrong then (but sizes or lens, say).
@@ -46,6 +54,7 @@ void StartSearch::begin() {
   plan_.reset();
   trial_.reset();
   best_.reset();
+  noise_ = {};
 }
 
 void StartSearch::close(StartingFilter& filter) {
@@ -67,7 +76,9 @@ std::unique_ptr<StartingFilter> StartSearch::add(const TagObservations& seen,
     present.is_following() ? close(present) : begin();
     return nullptr;
   }
-  if (!plan_ && due_looks_ == kLooks_s.size()) {
+  const bool was_last =
+      due_looks_ == kLooks_s.size() || (due_looks_ == kUsualLooks && is_noise_settled(present));
+  if (!plan_ && was_last) {
     close(present);
     return nullptr;
   }
@@ -108,6 +119,15 @@ void StartSearch::begin_plan(const StartingFilter& present) {
   noise_ = present.learned_noise();
   noise_clocks_s_.clear();
   for (const ClockEstimate& clock : clocks) noise_clocks_s_.push_back(clock.shift_s);
+}
+
+/// What was placed while a noisy IMU was believed is too sure. Noise that was taken for larger once
+/// is known less well from then on.
+bool StartSearch::is_noise_settled(const StartingFilter& present) const {
+  const LearnedNoise now = present.learned_noise();
+  return now.imu_information() > kNoiseKnown &&
+         now.imu_variance() < kNoisier * noise_.imu_variance() &&
+         now.imu_score() < kMayBeNoisy_sigma;
 }
 
 /// With other clocks than these the images would have looked noisier, or less so.

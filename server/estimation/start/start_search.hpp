@@ -14,11 +14,12 @@ namespace fiducap {
 /// Finds the hypothesis about the clocks that explains a start best, beside the filter that is in
 /// use.
 ///
-/// It keeps what came in since the first tag. After 2, 4 and 6 seconds, and when images contradict
-/// each other, it follows the start again with trial filters, one hypothesis after the other
-/// (HypothesisPlan), so much of it with each image and no more: the filter in use goes on giving
-/// poses meanwhile. The best trial then catches up with the present and takes over. At most two
-/// trials are kept. Work is counted by sightings, not by a clock, so that a replay does the same.
+/// It keeps what came in since the first tag. After 2, 4 and 6 seconds (after 12, too, when the IMU
+/// seems noisier than it was said to be), and when images contradict each other, it follows the
+/// start again with trial filters, one hypothesis after the other (HypothesisPlan), so much of it
+/// with each image and no more: the filter in use goes on giving poses meanwhile. The best trial
+/// then catches up with the present and takes over. At most two trials are kept. Work is counted by
+/// sightings, not by a clock, so that a replay does the same.
 class StartSearch final {
  public:
   using MakeFilter = std::function<std::unique_ptr<StartingFilter>(const ClockHypothesis&)>;
@@ -51,6 +52,7 @@ class StartSearch final {
 
   [[nodiscard]] bool is_due(Instant now, const StartingFilter& present);
   void begin_plan(const StartingFilter& present);
+  [[nodiscard]] bool is_noise_settled(const StartingFilter& present) const;
   [[nodiscard]] bool is_of_learned_clocks(const ClockHypothesis& hypothesis) const;
   [[nodiscard]] Trial begin_trial(const ClockHypothesis& hypothesis) const;
   void advance(Trial& trial, double& work) const;

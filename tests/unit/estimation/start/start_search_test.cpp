@@ -133,6 +133,21 @@ TEST_F(StartSearchTest, ATrialBeginsWithTheNoiseThatTheOtherHasLearned) {
   EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
 }
 
+TEST_F(StartSearchTest, IsOpenForLongerWhileTheImuMayBeNoisier) {
+  const Instant begin = now_;
+  while (now_ - begin < std::chrono::seconds(5)) show();
+  present_->noise.derivative(0) = 30;
+  present_->noise.information(0, 0) = 100;  // 3 sigma, and not yet applied
+  while (now_ - begin < std::chrono::seconds(9)) show();
+  ASSERT_TRUE(search_.is_open());
+  const int before = taken_over_;
+  present_->noise.applied(0) = 16;
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_LT(now_ - begin, std::chrono::seconds(15));
+  EXPECT_GT(taken_over_, before);
+  EXPECT_EQ(present_->noise.applied(0), 16) << "the start was followed again with it";
+}
+
 TEST_F(StartSearchTest, NoiseThatWasLearnedWithAnotherClockIsForgotten) {
   world_.truth_s = 0.05;
   present_->noise.applied = {25.0, 1e-6};
