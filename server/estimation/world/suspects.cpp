@@ -26,6 +26,8 @@ constexpr double kSettledFocal = 1e-3;
 constexpr double kSettledCentre_px = 0.5;
 constexpr double kSettledReadout_s = 3e-4;
 
+// Worth considering: what nine of ten numbers that are right never reach.
+constexpr double kSuspected_sigma = 2.0;
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
 constexpr double kClosed_sigma = 2.0;
@@ -242,6 +244,25 @@ void Suspects::list_lens(const FilterState& state, int camera,
       now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
     return;
   out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
+}
+
+Vector6d Suspects::pull(const FilterState& state) const {
+  const Suspect* worst = nullptr;
+  double worst_score = kSuspected_sigma;
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    if (state.suspicions[i].is_open) continue;
+    const double beyond = std::abs(score(state, all_[i]));
+    if (beyond <= worst_score) continue;
+    worst = &all_[i];
+    worst_score = beyond;
+  }
+  if (worst == nullptr) return Vector6d::Zero();
+  const auto p = state.P().col(worst->column);
+  const double gained =
+      1 / (worst->open_sigma * worst->open_sigma) - 1 / (worst->tight_sigma * worst->tight_sigma);
+  const double S = 1 + gained * p(worst->column);
+  if (!(S > 1e-9)) return Vector6d::Zero();
+  return -gained / S * value(state, *worst) * p.head<6>();
 }
 
 LensEstimate Suspects::lens(const FilterState& state, int camera) const {

@@ -43,6 +43,9 @@ class Suspects final {
   void look(FilterState& state, int camera, double dispersion) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
+  /// How far the body would move (world-side error) if the one most suspected, and not yet opened,
+  /// were as wrong as the data say. Zero while nothing is suspected.
+  [[nodiscard]] Vector6d pull(const FilterState& state) const;
   /// A camera's lens as far as it is open.
   [[nodiscard]] LensEstimate lens(const FilterState& state, int camera) const;
 

@@ -141,6 +141,13 @@ ClockEstimate WorldCoordinates::clock(int camera) const {
           is_exact ? 0.0 : readout_sigma_s};
 }
 
+BodyEstimate WorldCoordinates::body() const {
+  BodyEstimate out = body_in_workspace(state_);
+  const Vector6d pull = plain_from_world_error(out.X_WB.p) * suspects_.pull(state_);
+  out.covariance.topLeftCorner<6, 6>() += pull * pull.transpose();
+  return out;
+}
+
 bool WorldCoordinates::is_attitude_unknown() const {
   return state_.P().diagonal().segment<3>(kAttitude).maxCoeff() >
          kUnknownTurn_rad * kUnknownTurn_rad;

@@ -40,7 +40,8 @@ class WorldCoordinates final {
   [[nodiscard]] Pose X_AB_of(const Pose& X_WB) const { return X_WB; }
   [[nodiscard]] Eigen::Vector3d v_B() const { return state_.X_WB.q.conjugate() * state_.v_WB; }
   [[nodiscard]] Eigen::Vector3d acceleration_W(const Eigen::Vector3d& f_B) const;
-  [[nodiscard]] BodyEstimate body() const { return body_in_workspace(state_); }
+  /// As unsure as what is suspected would make it, before that is certain enough to be corrected.
+  [[nodiscard]] BodyEstimate body() const;
   [[nodiscard]] ClockEstimate clock(int camera) const;
   [[nodiscard]] Matrix6d extrinsics_covariance(int camera) const {
     return world::extrinsics_covariance(state_, camera);
@@ -98,8 +99,7 @@ class WorldCoordinates final {
   /// While past images are followed again nothing is learned of noises: they have said it already.
   void set_learning(bool is_learning) { is_learning_ = is_learning; }
   [[nodiscard]] LearnedNoise learned_noise() const { return noise_watch_.learned(); }
-  /// Jitter of stamps counts from the first image on that teaches of it: while a clock is not yet
-  /// known, stamps that are called noisy would keep it so.
+  /// Jitter counts from the first image on that teaches of it: a clock must be known before.
   void begin_with(const LearnedNoise& noise) { noise_watch_.begin_with(noise); }
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.

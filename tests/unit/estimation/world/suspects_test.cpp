@@ -137,6 +137,18 @@ TEST_F(SuspectsTest, WhereNothingIsDoubtedNothingStandsInTheState) {
   EXPECT_EQ(state_.P()(layout::focal(0), layout::focal(0)), 0);
 }
 
+TEST_F(SuspectsTest, TheSuspectedPullsTheBodyAsFarAsOpeningItWill) {
+  EXPECT_EQ(suspects_.pull(state_), Vector6d::Zero().eval());
+  state_.P()(layout::kPosition, layout::kPosition) = 1e-6;
+  measure(1.0, 0.02, 1e-3);
+  const Vector6d pull = suspects_.pull(state_);
+  const double before_m = state_.X_WB.p.x();
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  EXPECT_GT(pull.norm(), 1e-5);
+  EXPECT_NEAR(state_.X_WB.p.x() - before_m, pull(0), 1e-3 * pull.norm());
+  EXPECT_EQ(suspects_.pull(state_), Vector6d::Zero().eval()) << "it is corrected now";
+}
+
 TEST_F(SuspectsTest, OneImageAccusesNobody) {
   measure(1e-3, 2e-5, 1e-6);
   suspects_.look(state_, 0, 1.0);
