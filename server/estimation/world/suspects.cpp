@@ -30,6 +30,9 @@ constexpr double kSettledReadout_s = 3e-4;
 constexpr double kSuspected_sigma = 2.0;
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
+// What a number is, once it is known to be wrong, is known to such a share of it at best: until
+// then images were gated, and tags placed, by the wrong one. What comes from here on decides.
+constexpr double kUnsureShare = 0.5;
 constexpr double kClosed_sigma = 2.0;
 constexpr int kLeastOpenImages = 100;
 // A lone print that the data know this well and do not accuse is cleared; the next one is watched.
@@ -75,6 +78,16 @@ void exchange_prior(FilterState& state, int camera, int column, double value, do
   for (const int at : state.held_tags()) correction.segment<6>(at).setZero();
   state.add_error(correction);
   transport_covariance(state, correction, camera);
+}
+
+/// A column becomes less certain, and with it what hangs on it. Held tags keep what they know.
+void widen(FilterState& state, int column, double sigma) {
+  auto P = state.P();
+  const double variance = P(column, column);
+  if (!(variance > 0) || sigma * sigma <= variance) return;
+  Eigen::VectorXd along = P.col(column) / variance;
+  for (const int at : state.held_tags()) along.segment<6>(at).setZero();
+  P += (sigma * sigma - variance) * along * along.transpose();
 }
 
 }  // namespace
@@ -193,6 +206,7 @@ void Suspects::look(FilterState& state, int camera, double dispersion) const {
 void Suspects::open(FilterState& state, int camera, std::size_t suspect) const {
   const Suspect& one = all_[suspect];
   exchange_prior(state, camera, one.column, value(state, one), one.tight_sigma, one.open_sigma);
+  widen(state, one.column, kUnsureShare * std::abs(value(state, one)));
   // What the others were accused of may have been this one's.
   for (Suspicion& other : state.suspicions) other.images_beyond = 0;
   state.suspicions[suspect] = {.is_open = true};
