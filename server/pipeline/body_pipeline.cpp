@@ -18,8 +18,6 @@ constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
 // A tag unseen for so long has left the view.
 constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
-// A body that should have an IMU is told about after so long without a reading.
-constexpr Duration kSilent = std::chrono::milliseconds(500);
 // Further apart, two places of a tag are not the same place.
 constexpr double kSamePlace_m = 0.1;
 constexpr double kSamePlace_rad = 0.1;
@@ -83,10 +81,12 @@ bool BodyPipeline::push(SensorSample sample) {
   watch_turns(sample);
   if (const auto* imu = std::get_if<ImuSample>(&sample)) {
     newest_imu_ = imu->sampled_at;
+    imu_silence_.reading_came(imu->sampled_at);
     return merger_.push(std::move(sample));
   }
   const int camera = camera_of(sample);
   const Instant stamp = time_of(sample);
+  imu_silence_.image_came(stamp);
   const std::uint64_t late_before = merger_.statistics().late_dropped;
   const bool has_room = merger_.push(std::move(sample));
   note_late(camera, stamp, merger_.statistics().late_dropped > late_before);
@@ -147,7 +147,7 @@ void BodyPipeline::take_imu(const ImuSample& imu) {
   if (search_) search_->add_imu(imu);
   doubts_.add(imu);
   plausibility_.add(imu);
-  imu_at_ = imu.sampled_at;
+  imu_silence_.reading_used(imu.sampled_at);
   ++statistics_.imu_samples;
 }
 
@@ -172,6 +172,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   note_contradicted();
   filter_->tag_beliefs(update_.beliefs);
   hand_over_tags(*view.map);
+  if (setup_.sensors.imu)
+    imu_silence_.image_used(corners.exposed_at, corners.exposed_at - corners.clock_shift);
   note_turns();
   note_trust();
   note_shown();
@@ -330,7 +332,7 @@ void BodyPipeline::note_trust() {
 }
 
 void BodyPipeline::note_shown() {
-  update_.withheld = agreement_.withholds() || late_.watches_any();
+  update_.withheld = agreement_.withholds() || late_.watches_any() || imu_silence_.lags();
   const auto is_told = [](const BodyEvent& event) {
     return event.kind == BodyEvent::Kind::kTurnsDisagree ||
            event.kind == BodyEvent::Kind::kClockJumped;
@@ -347,18 +349,10 @@ void BodyPipeline::note_shown() {
 }
 
 void BodyPipeline::note_imu() {
-  if (!setup_.sensors.imu) return;
-  const Instant now = update_.seen.exposed_at;
-  if (!imu_at_) imu_at_ = now;
-  const bool silent = now - *imu_at_ > kSilent;
-  if (silent == imu_is_silent_) return;
-  imu_is_silent_ = silent;
-  note(silent ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack);
-  update_.events.back().text =
-      silent
-          ? "the IMU is silent: images are used without it, poses between them are guesses. Look "
-            "at its cable, driver and clock"
-          : "the IMU is back";
+  const std::string_view news = imu_silence_.take_news();
+  if (news.empty()) return;
+  note(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack);
+  update_.events.back().text = news;
 }
 
 void BodyPipeline::note_imu_faults() {

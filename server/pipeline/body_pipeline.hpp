@@ -15,6 +15,7 @@
 #include "pipeline/body_update.hpp"
 #include "pipeline/guided_search.hpp"
 #include "pipeline/imu_plausibility.hpp"
+#include "pipeline/imu_silence.hpp"
 #include "pipeline/late_images.hpp"
 #include "pipeline/mismatch_words.hpp"
 #include "pipeline/pipeline_statistics.hpp"
@@ -121,8 +122,7 @@ class BodyPipeline final {
   std::optional<Instant> cameras_at_;
   std::optional<Instant> mismatches_at_;
   std::optional<Instant> carried_at_;  ///< The last used tag, or followed points in its stead.
-  std::optional<Instant> imu_at_;
-  bool imu_is_silent_{false};
+  ImuSilence imu_silence_;
   bool anchored_{false};
   int generation_{-1};
 };

@@ -84,6 +84,8 @@ TEST_F(BodyPipelineTest, ImagesGoOnWithoutAnImuThatFellSilentAndThatIsSaid) {
     }
     const int before = images_;
     for (int t = 2000; t < 6000; t += period_ms) push(pipeline, frame_at(t));
+    ASSERT_TRUE(last_);
+    EXPECT_FALSE(last_->withheld);
     // All but those that wait at the end.
     EXPECT_GE(images_ - before, 4000 / period_ms - 9);
     EXPECT_EQ(count(BodyEvent::Kind::kImuSilent), 1);
@@ -93,6 +95,25 @@ TEST_F(BodyPipelineTest, ImagesGoOnWithoutAnImuThatFellSilentAndThatIsSaid) {
     }
     EXPECT_EQ(count(BodyEvent::Kind::kImuBack), 1);
   }
+}
+
+TEST_F(BodyPipelineTest, WhileReadingsComeAndAllAreOlderThanTheImagesNoPoseIsBelieved) {
+  BodyPipeline pipeline(setup_);
+  for (int t = 0; t < 6000; t += 5) {
+    push(pipeline, imu_at(t));
+    const bool jumped = t >= 2000 && t < 4000;
+    if (t % 50 == 0 && (t < 4000 || t > 4800)) push(pipeline, frame_at(t + (jumped ? 700 : 0)));
+    if (t == 1900 || t == 5900) {
+      ASSERT_TRUE(last_);
+      EXPECT_FALSE(last_->withheld);
+    }
+    if (t == 3900) {
+      ASSERT_TRUE(last_);
+      EXPECT_TRUE(last_->withheld);
+    }
+  }
+  EXPECT_EQ(count(BodyEvent::Kind::kImuSilent), 1);
+  EXPECT_EQ(count(BodyEvent::Kind::kImuBack), 1);
 }
 
 TEST_F(BodyPipelineTest, AnImuInAnotherUnitIsSaidOnce) {
