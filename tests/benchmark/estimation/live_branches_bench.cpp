@@ -54,15 +54,20 @@ struct Pair {
   Matrix6d covariance;
 };
 
+/// Only what was given out: before it stood in the workspace a body had no pose to show.
 std::vector<Pair> pairs_of(const OfflineResult& run) {
   std::vector<Pair> pairs;
+  const auto anchored =
+      std::find_if(run.events.begin(), run.events.end(),
+                   [](const BodyEvent& event) { return event.kind == BodyEvent::Kind::kAnchored; });
+  if (anchored == run.events.end()) return pairs;
   auto other = run.trajectory.begin();
   for (std::size_t i = 0; i < run.live.size(); ++i) {
     const StampedPose& pose = run.live[i];
     other = std::lower_bound(other, run.trajectory.end(), pose.at,
                              [](const StampedPose& s, Instant at) { return s.at < at; });
     if (other == run.trajectory.end()) break;
-    if (other->at != pose.at) continue;
+    if (other->at != pose.at || pose.at < anchored->at) continue;
     pairs.push_back({pose.at, pose.X_WB, other->X_WB, run.covariances[i].covariance});
   }
   return pairs;
@@ -177,6 +182,7 @@ std::vector<Cell> row_of(const Job& job) {
       Figure{100 * d.wrong_shape / compared, 2},
       Figure{100 * d.beyond_sigma / compared, 2},
       Figure{100 * d.wrong_beyond_sigma / compared, 2},
+      Figure{100 * d.gross / compared, 2},
       Figure{kMm * quantile(d.apart_m, 0.5), 1},
       Figure{kDegrees * quantile(d.apart_rad, 0.5), 2},
       Figure{kMm * quantile(d.apart_m, 0.95), 1},
