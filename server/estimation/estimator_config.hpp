@@ -43,10 +43,15 @@ struct EstimatorConfig {
 };
 
 /// What makes W the workspace when no tag is known yet: one tag's place and heading; up is
-/// gravity's business. Bodies without IMU take the whole pose.
+/// gravity's business. Bodies without IMU take the whole pose, unless tags say what is up.
 struct WorkspaceGauge {
   std::optional<int> reference_tag;  ///< nullopt: the first tag that is seen.
   std::optional<Pose> X_WT;  ///< Its surveyed pose; nullopt: origin, heading by the tag's x axis.
+  /// Tags that lie flat, face up: bodies without IMU wait for all of them, and stand upright by
+  /// them. Not looked at when X_WT says it.
+  std::vector<int> floor_tags{};
+
+  [[nodiscard]] bool stands_by_floor() const { return !X_WT && !floor_tags.empty(); }
 };
 
 }  // namespace fiducap

@@ -69,7 +69,7 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
     : setup_(std::move(setup)),
       merger_(merger_of(setup_)),
       filter_(filter ? std::move(filter) : filter_of(setup_)),
-      doubts_(setup_.sensors, setup_.estimator),
+      doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
   filter_->set_tag_priors(setup_.priors);

@@ -45,6 +45,8 @@ std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& repo
     if (const auto finding = sizes_.take_news())
       text += (text.empty() ? "" : "; ") + size_text(*finding);
   }
+  const std::string up = up_.add(seen.exposed_at, estimate, own, known);
+  if (!up.empty()) text += (text.empty() ? "" : "; ") + up;
   if (text.empty()) return text;
   const std::lock_guard lock(mutex_);
   if (said_.size() < kMostSaid) said_.push_back(text);

@@ -8,6 +8,7 @@
 
 #include "estimation/checks/rejection_watch.hpp"
 #include "estimation/checks/size_check.hpp"
+#include "pipeline/up_check.hpp"
 
 namespace fiducap {
 
@@ -20,8 +21,12 @@ namespace fiducap {
 /// What a person should look at when tags do not fit together, in words. Nothing is corrected.
 class TagDoubts final {
  public:
-  TagDoubts(const BodySensors& sensors, const EstimatorConfig& config)
-      : sizes_(sensors, config.corner_noise_px), has_imu_(sensors.imu.has_value()) {}
+  /// @param is_surveyed  tags' places were told
+  TagDoubts(const BodySensors& sensors, const EstimatorConfig& config,
+            const WorkspaceGauge& gauge = {}, bool is_surveyed = false)
+      : sizes_(sensors, config.corner_noise_px),
+        up_(sensors.imu.has_value(), gauge, is_surveyed),
+        has_imu_(sensors.imu.has_value()) {}
 
   void add(const ImuSample& imu) { sizes_.add(imu); }
   /// What was learned about the cameras.
@@ -39,6 +44,7 @@ class TagDoubts final {
  private:
   SizeCheck sizes_;
   RejectionWatch rejections_;
+  UpCheck up_;
   bool has_imu_;
   mutable std::mutex mutex_;
   std::vector<std::string> said_;

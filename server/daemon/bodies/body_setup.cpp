@@ -86,7 +86,7 @@ PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
   pipeline.tags = config.tags;
   pipeline.detector = config.detector;
   pipeline.estimator = config.estimator;
-  pipeline.gauge = {config.map.reference_tag, config.map.reference_pose};
+  pipeline.gauge = {config.map.reference_tag, config.map.reference_pose, config.map.floor_tags};
   pipeline.filter = body.filter;
   if (setup.recording) pipeline.priors = tag_priors(*setup.recording);
   pipeline.lose_after_s = body.limits.lose_after_s;

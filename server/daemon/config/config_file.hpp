@@ -49,6 +49,7 @@ struct MapSettings {
   double file_tag_size_m{0.1651};      ///< WPILib files do not carry sizes.
   std::optional<int> reference_tag;    ///< WorkspaceGauge
   std::optional<Pose> reference_pose;  ///< X_WT of the reference tag.
+  std::vector<int> floor_tags;         ///< WorkspaceGauge
   /// Start from what was learned about the cameras and stored beside the map.
   bool use_learned_extrinsics{true};
 };

@@ -165,13 +165,16 @@ void check_unique(Errors& all, const std::vector<BodyConfig>& bodies) {
 
 void check_map(Errors& all, const MapSettings& map) {
   append(all, map.builder.check(), "map.");
-  append(all,
-         Checker{"map."}
-             .positive("file_tag_size_m", map.file_tag_size_m)
-             .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
-                      "needs reference_tag: whose pose is it?")
-             .errors,
-         "map.");
+  append(
+      all,
+      Checker{"map."}
+          .positive("file_tag_size_m", map.file_tag_size_m)
+          .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
+                   "needs reference_tag: whose pose is it?")
+          .require(!map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",
+                   "is not looked at where reference_pose says what is up: leave one of them out")
+          .errors,
+      "map.");
 }
 
 }  // namespace

@@ -66,6 +66,7 @@ void describe(V& v, MapSettings& c) {
   v.value("file_tag_size_m", c.file_tag_size_m);
   v.value("reference_tag", c.reference_tag);
   v.value("reference_pose", c.reference_pose);
+  v.value("floor_tags", c.floor_tags);
   v.value("use_learned_extrinsics", c.use_learned_extrinsics);
   v.value("publish_position_sigma_m", c.builder.publish_position_sigma_m);
   v.value("publish_rotation_sigma_rad", c.builder.publish_rotation_sigma_rad);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "estimation/conversation/map_links.hpp"
+#include "estimation/filter/floor.hpp"
 #include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap {
@@ -79,13 +80,38 @@ class WorkspaceAnchor final {
     const int wanted = gauge_.reference_tag ? state.find(*gauge_.reference_tag) : 0;
     if (wanted < 0) return std::nullopt;
     const auto tag = static_cast<std::size_t>(wanted);
-    heading_rule_ = make_heading_rule(gauge_, tag_in_workspace(state, tag).X_WT.q);
+    WorkspaceGauge gauge = gauge_;
+    if (!level_ && gauge_.stands_by_floor()) {
+      gauge.X_WT = upright_by_floor(state, tag);
+      if (!gauge.X_WT) return std::nullopt;
+    }
+    heading_rule_ = make_heading_rule(gauge, tag_in_workspace(state, tag).X_WT.q);
     defined_by_ = state.tags[tag].tag_id;
     is_anchored_ = true;
     return anchor_to_reference(state, tag, *heading_rule_, level_);
   }
 
  private:
+  // What is up stays as it was defined: not by a tag that was hardly seen.
+  static constexpr int kSightingsOfFloor = 20;
+
+  /// Where the tag stands when the floor tags lie flat; nullopt: not all of them are known.
+  template <class State>
+  [[nodiscard]] std::optional<Pose> upright_by_floor(const State& state, std::size_t tag) const {
+    std::vector<Pose> floor;
+    for (const int tag_id : gauge_.floor_tags) {
+      const int own = state.find(tag_id);
+      if (own < 0) return std::nullopt;
+      const auto index = static_cast<std::size_t>(own);
+      if (state.tags[index].sightings < kSightingsOfFloor) return std::nullopt;
+      floor.push_back(tag_in_workspace(state, index).X_WT);
+    }
+    const auto up = up_by_floor(floor);
+    if (!up) return std::nullopt;
+    return Pose{upright_attitude(tag_in_workspace(state, tag).X_WT.q, *up),
+                Eigen::Vector3d::Zero()};
+  }
+
   WorkspaceGauge gauge_;
   bool level_;
   bool is_anchored_{false};

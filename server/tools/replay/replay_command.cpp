@@ -56,7 +56,8 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
   if (mentioned("tags", "ignore")) setup.tags.ignore = config->tags.ignore;
   if (mentioned("map", "reference_tag"))
-    setup.gauge = {config->map.reference_tag, config->map.reference_pose};
+    setup.gauge = {config->map.reference_tag, config->map.reference_pose, {}};
+  if (mentioned("map", "floor_tags")) setup.gauge.floor_tags = config->map.floor_tags;
   return {};
 }
 

@@ -144,6 +144,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"map: {reference_tag: 0, reference_pose: {q_wxyz: [1, 1, 0, 0]}}",
                  "with a unit quaternion"},
         BadValue{"map: {reference_pose: {p: [0, 0, 0]}}", "needs reference_tag"},
+        BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0, 0]}, floor_tags: [1]}",
+                 "reference_pose says what is up"},
         BadValue{"streaming: {vrpn: {port: 70000}}",
                  "streaming.vrpn.port = 70000: must be a whole number in [0, 65535]"},
         BadValue{"streaming: {web: {rate_hz: 0}}", "streaming.web.rate_hz = 0: must be"},

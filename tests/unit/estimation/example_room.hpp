@@ -29,6 +29,7 @@ class ExampleRoom {
     /// How the body moves; nullptr: about its place, at some 0.3 m/s.
     std::function<Pose(double t_s)> path{};
     double shift_sigma_s{0.02};
+    bool has_imu{true};
   };
 
   explicit ExampleRoom(Setup setup) : setup_(std::move(setup)), random_(setup_.seed) {
@@ -39,6 +40,8 @@ class ExampleRoom {
     sensors_.cameras = {mount};
     sensors_.imu = ImuNoise{};
     sensors_.imu->rate_hz = 1.0 / setup_.imu_period_s;
+    imu_on = setup_.has_imu;
+    if (!setup_.has_imu) sensors_.imu.reset();
     for (int i = 0; i < 6; ++i) {
       const Pose X_RT{exp_so3({0, 0, 0.35 * std::pow(-1.0, i)}) *
                           exp_so3({kQuarterTurn + 0.3 * std::pow(-1.0, i / 2), 0, 0}),
