@@ -49,8 +49,8 @@ constexpr double kWhite = 220;
 GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px, unsigned seed,
                  double smear_px = 0) {
   constexpr int kSize = 64;
-  constexpr int kFine = 8;
-  const int steps = 1 + static_cast<int>(4 * smear_px);
+  const int fine_steps = smear_px > 0 ? 4 : 8;
+  const int steps = 1 + static_cast<int>(2 * smear_px);
   std::mt19937 random(seed);
   std::array<std::array<bool, kModules - 2>, kModules - 2> bits{};
   for (auto& row : bits) {
@@ -72,14 +72,15 @@ GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px
   image.resize(kSize, kSize);
   for (int k = 0; k < kSize * kSize; ++k) {
     double sum = 0;
-    for (int fine = 0; fine < kFine * kFine * steps; ++fine) {
+    for (int fine = 0; fine < fine_steps * fine_steps * steps; ++fine) {
       const int place = fine / steps;
-      const Eigen::Vector2d within((place % kFine + 0.5) / kFine, (place / kFine + 0.5) / kFine);
+      const Eigen::Vector2d within((place % fine_steps + 0.5) / fine_steps,
+                                   (place / fine_steps + 0.5) / fine_steps);
       const Eigen::Vector2d moved(smear_px * ((fine % steps + 0.5) / steps - 0.5), 0);
       sum += gray_at(Eigen::Vector2d(k % kSize - 0.5, k / kSize - 0.5) + within + moved);
     }
     image.pixels[static_cast<std::size_t>(k)] =
-        static_cast<std::uint8_t>(std::lround(sum / (kFine * kFine * steps)));
+        static_cast<std::uint8_t>(std::lround(sum / (fine_steps * fine_steps * steps)));
   }
   return image;
 }
