@@ -11,22 +11,29 @@ namespace fiducap {
 namespace {
 
 constexpr int kPointsPerSide = 16;
-// Half a module of tag36h11; other families have wider ones.
-constexpr double kHalfModule = 0.125;
+// tag36h11; other families have wider modules.
+constexpr double kModules = 8;
+constexpr double kHalfModule = 1 / kModules;  // as a share of the way from the middle
 
 // The fit, in pixels of this detector at any resolution.
-constexpr double kFinest_px = 0.0148;  // a large tag seen from the front
-constexpr double kSmall_px = 0.722;    // points along a side, pixels per module
-constexpr double kSmallPower = 2.03;   // of the variance, like the next two
-constexpr double kTiltPower = 1.36;
-constexpr double kSmear_px = 0.248;
-constexpr double kSmearWidth_px = 16.0;
-constexpr double kSmearPower = 2.36;
+constexpr double kFinest_px = 0.0166;  // a large tag seen from the front
+constexpr double kSmall_px = 0.38;     // points along a side, pixels per module
+constexpr double kTiltPower = 1.9;     // of the variance
+constexpr double kNoise_px = 0.554;
+// What `edge_sharpness` steps over.
+constexpr double kStep_px = 2.0;
 constexpr double kLeastSharpness = 0.1;
-// Smeared over more than about a module, a side runs into the bits beside it.
-constexpr double kModuleSmear = 0.52;
-constexpr double kOverlap_px = 1.25;
-constexpr double kNoise_px = 0.573;
+// Narrow modules: what lies beside them is smeared into them at once (side_fit does not take it
+// out).
+constexpr double kNarrow_px = 3.0;
+constexpr double kNarrowSmear = 0.061;
+// Others, from a part of a module on: what the fit of a smeared side leaves, and what noise does to
+// it, which grows with the pixels to tell grays apart over.
+constexpr double kSmear_px = 0.1135;
+constexpr double kSmearNoise = 0.488;
+constexpr double kSmearEdge_px = 0.29;
+constexpr double kSmearPart = 0.38;
+constexpr double kSmearTiltPower = 1.25;
 
 double square(double x) { return x * x; }
 
@@ -64,6 +71,17 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
   return step;
 }
 
+/// What a side smeared over some pixels is off more than a sharp one, px².
+/// @param noise  as a share of the contrast
+double smear_variance(double sharpness, double module_px, double tilt, double noise) {
+  const double share = std::max(sharpness, kLeastSharpness);
+  const double smear_px = kStep_px * std::sqrt(std::max(0.0, 1 / square(share) - 1));
+  if (module_px < kNarrow_px) return square(std::max(0.0, kNarrowSmear * smear_px));
+  const double reaches = std::max(0.0, (smear_px + kSmearEdge_px) / module_px - kSmearPart);
+  return (square(kSmear_px) + square(kSmearNoise * noise * module_px)) * square(reaches) *
+         std::pow(tilt, kSmearTiltPower);
+}
+
 }  // namespace
 
 double edge_sharpness(const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px) {
@@ -87,15 +105,12 @@ double corner_sigma_px(const TagSighting& tag, double pixel_noise) {
   if (!(tag.sharpness > 0)) return 0;
   const TagOutline outline = outline_of(tag.corners_px);
   if (!(outline.width_px > 0)) return 0;
-  const double shape = (square(kFinest_px) + std::pow(kSmall_px / outline.width_px, kSmallPower)) *
-                       std::pow(outline.longest_px / outline.width_px, kTiltPower);
-  const double smear =
-      (1 / std::max(tag.sharpness, kLeastSharpness) - 1) * kSmearWidth_px / outline.width_px;
-  const double blur = square(kSmear_px) * std::pow(smear, kSmearPower) +
-                      square(kOverlap_px * std::max(0.0, smear - kModuleSmear));
-  const double noise =
-      tag.decision_margin > 0 ? square(kNoise_px * pixel_noise / tag.decision_margin) : 0.0;
-  return std::sqrt(shape + blur + noise);
+  const double tilt = outline.longest_px / outline.width_px;
+  const double shape =
+      (square(kFinest_px) + square(kSmall_px / outline.width_px)) * std::pow(tilt, kTiltPower);
+  const double noise = tag.decision_margin > 0 ? pixel_noise / tag.decision_margin : 0.0;
+  const double smear = smear_variance(tag.sharpness, outline.width_px / kModules, tilt, noise);
+  return std::sqrt(shape + smear + square(kNoise_px * noise));
 }
 
 }  // namespace fiducap

@@ -17,13 +17,12 @@ namespace fiducap {
 /// and tilt in the image, the sharpness of its sides, and the noise as a share of its contrast
 /// (decision margin).
 ///
-/// Fitted to 6500 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°, motion
-/// blur to 9 px, noise to 15 % of the contrast) without the 1 % that were off by more than a pixel.
-/// On other images the chi-square of a coordinate is 0.85 to 1.25 in nearly every bin
-/// (`fiducap_detection_bench`); the exceptions: 0.4 below 10 px, 2.5 for tags seen at more than
-/// 78°. Motion blur of more than a module of 6 px (smeared sides run into the bits beside them) was
-/// fitted to 6500 sightings of tags of 40 to 70 px smeared by 6 to 14 px, where corners are 0.4 to
-/// 1.7 px off: chi-square 0.4 to 1.1. Errors of neighbouring corners
+/// Fitted to 10 000 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°,
+/// motion blur to 9 px, noise to 15 % of the contrast) without the 1 % that were off by more than a
+/// pixel. On other images the chi-square of a coordinate is 0.8 to 1.35 in nearly every bin
+/// (`fiducap_detection_bench`); the exception: 0.6 below 12 px. A smear of less than a third of a
+/// module costs nothing; beyond, errors go by the noise, as grays have to be told apart
+/// (smeared_side.hpp). Errors of neighbouring corners
 /// correlate with −0.2, those of opposite ones hardly. Lens calibration, stamps and paper that is
 /// not flat are not in it: the caller adds what it knows of them.
 /// @param pixel_noise  CornerFrame::pixel_noise

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "detection/smeared_side.hpp"
 #include "detection/tag_outline.hpp"
 
 namespace fiducap {
@@ -28,6 +29,12 @@ constexpr double kMostGradient_px = 1.0;
 constexpr double kAlone_px = 3.6;
 constexpr double kNarrow_px = 1.5;
 constexpr double kPull = 0.045;  // per px, times the square of what is missing
+// Gray that rises over more than this share of a module, RMS, is smeared by motion; whether it is,
+// a narrow border does not show.
+constexpr double kSmeared = 0.2;
+constexpr double kSmearedFrom_px = 3.0;
+constexpr int kProfiles = 12;     // along half a side
+constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
 
 /// A line n·x = c.
 struct Line {
@@ -56,11 +63,17 @@ struct Scan {
            b * ((1 - a) * p[image.width] + a * p[image.width + 1]);
   }
 
-  /// Where along `outward` from `px` gray rises most, weighted by the square of the rise. nullopt:
-  /// nowhere.
-  [[nodiscard]] std::optional<double> edge(const Eigen::Vector2d& px,
-                                           const Eigen::Vector2d& outward) const {
+  /// Where along `outward` gray rises, weighted by the square of the rise.
+  struct Rise {
+    double mean_px;
+    double variance_px2;
+  };
+
+  /// nullopt: it rises nowhere.
+  [[nodiscard]] std::optional<Rise> rise(const Eigen::Vector2d& px,
+                                         const Eigen::Vector2d& outward) const {
     double sum = 0;
+    double squares = 0;
     double weight = 0;
     for (double t = -reach_px; t <= reach_px + 1e-9; t += kStep_px) {
       const Eigen::Vector2d outer = px + (t + gradient_px) * outward;
@@ -69,10 +82,12 @@ struct Scan {
       const double rise = gray(outer) - gray(inner);
       if (rise <= 0) continue;
       sum += rise * rise * t;
+      squares += rise * rise * t * t;
       weight += rise * rise;
     }
     if (weight <= 0) return std::nullopt;
-    return sum / weight;
+    const double mean = sum / weight;
+    return Rise{mean, squares / weight - mean * mean};
   }
 
   /// How far the next modules pull the edge outwards: white bits inside of the border let the rise
@@ -93,24 +108,28 @@ struct Scan {
   }
 };
 
-std::optional<Line> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                             const Eigen::Vector2d& middle, int modules) {
-  const Eigen::Vector2d along = (b - a).normalized();
-  Eigen::Vector2d outward(-along.y(), along.x());
-  if (outward.dot(a - middle) < 0) outward = -outward;
-  const double module_px = 2 * outward.dot(a - middle) / modules;
+/// A side as it was found, and over what its gray rises.
+struct Side {
+  Line line;
+  double spread_px;  ///< RMS
+};
+
+std::optional<Side> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                             const Eigen::Vector2d& outward, double module_px) {
   const int points = std::max(kFewestPoints, static_cast<int>((b - a).norm() / kPointEvery_px));
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+  double spread_px2 = 0;
   int seen = 0;
   for (int k = 0; k < points; ++k) {
     const Eigen::Vector2d px = a + (k + 1.0) / (points + 1) * (b - a);
-    const auto at = scan.edge(px, outward);
-    if (!at) continue;
+    const auto rise = scan.rise(px, outward);
+    if (!rise) continue;
     const double pull_px = scan.pull_px(px, outward, module_px);
-    const Eigen::Vector2d edge = px + (*at - pull_px) * outward - a;
+    const Eigen::Vector2d edge = px + (rise->mean_px - pull_px) * outward - a;
     sum += edge;
     squares += edge * edge.transpose();
+    spread_px2 += rise->variance_px2;
     ++seen;
   }
   if (seen < kFewestSeen) return std::nullopt;
@@ -119,7 +138,61 @@ std::optional<Line> fit_side(const Scan& scan, const Eigen::Vector2d& a, const E
   const double angle =
       0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
   const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
-  return Line{n, n.dot(mean + a)};
+  return Side{{n, n.dot(mean + a)}, std::sqrt(spread_px2 / seen)};
+}
+
+/// Gray across [a, b], mean along it; nullopt where it leaves the image.
+std::optional<SideProfile> profile_of(const Scan& scan, const Eigen::Vector2d& a,
+                                      const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
+                                      double module_px) {
+  SideProfile out{};
+  for (int k = 0; k < kProfiles; ++k) {
+    const Eigen::Vector2d px = a + (k + 0.5) / kProfiles * (b - a);
+    for (std::size_t j = 0; j < out.size(); ++j) {
+      const double t = -1 + 2.0 * static_cast<double>(j) / static_cast<double>(out.size() - 1);
+      const Eigen::Vector2d at = px + t * module_px * outward;
+      if (!scan.holds(at)) return std::nullopt;
+      out[j] += scan.gray(at) / kProfiles;
+    }
+  }
+  return out;
+}
+
+/// The side again, from both of its halves, by what its smeared gray adds up from.
+std::optional<Line> fit_smeared(const Scan& scan, const Eigen::Vector2d& a,
+                                const Eigen::Vector2d& b, const Line& line, double module_px,
+                                double smear, const Eigen::Vector2d& outward) {
+  const Eigen::Vector2d from = a + (line.c - line.n.dot(a)) * line.n;
+  const Eigen::Vector2d to = b + (line.c - line.n.dot(b)) * line.n;
+  const Eigen::Vector2d n = line.n.dot(outward) < 0 ? Eigen::Vector2d(-line.n) : line.n;
+  std::array<Eigen::Vector2d, 2> places;
+  for (std::size_t half = 0; half < 2; ++half) {
+    const double begin = half == 0 ? kCorner : 0.5;
+    const double end = half == 0 ? 0.5 : 1 - kCorner;
+    const Eigen::Vector2d first = from + begin * (to - from);
+    const Eigen::Vector2d last = from + end * (to - from);
+    const auto gray = profile_of(scan, first, last, n, module_px);
+    const auto off = gray ? find_smeared_side(*gray, smear) : std::nullopt;
+    if (!off) return std::nullopt;
+    places[half] = 0.5 * (first + last) + *off * module_px * n;
+  }
+  const Eigen::Vector2d along = (places[1] - places[0]).normalized();
+  const Eigen::Vector2d across(-along.y(), along.x());
+  return Line{across, across.dot(places[0])};
+}
+
+std::optional<Line> find_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+                              const Eigen::Vector2d& middle, int modules) {
+  const Eigen::Vector2d along = (b - a).normalized();
+  Eigen::Vector2d outward(-along.y(), along.x());
+  if (outward.dot(a - middle) < 0) outward = -outward;
+  const double module_px = 2 * outward.dot(a - middle) / modules;
+  const auto side = fit_side(scan, a, b, outward, module_px);
+  if (!side) return std::nullopt;
+  if (side->spread_px < kSmeared * module_px || module_px < kSmearedFrom_px) return side->line;
+  const double smear = std::sqrt(12.0) * side->spread_px / module_px;
+  const auto smeared = fit_smeared(scan, a, b, side->line, module_px, smear, outward);
+  return smeared ? *smeared : side->line;
 }
 
 }  // namespace
@@ -134,7 +207,7 @@ std::optional<std::array<Eigen::Vector2d, 4>> fit_sides(
       0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
   std::array<Line, 4> sides;
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto side = fit_side(scan, corners_px[i], corners_px[(i + 1) % 4], middle, modules);
+    const auto side = find_side(scan, corners_px[i], corners_px[(i + 1) % 4], middle, modules);
     if (!side) return std::nullopt;
     sides[i] = *side;
   }

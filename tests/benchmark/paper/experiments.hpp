@@ -14,6 +14,8 @@ namespace fiducap::bench {
 [[nodiscard]] PaperResult cube_experiment(const PaperOptions& options);
 /// 33 tags on 80 m, half of it in daylight.
 [[nodiscard]] PaperResult pavillon_experiment(const PaperOptions& options);
+/// The simulator's hall: not the paper's, but many tags at once.
+[[nodiscard]] PaperResult hall_experiment(const PaperOptions& options);
 /// Camera–IMU place from a poor start, by the running filter and by `fiducap calibrate extrinsics`.
 [[nodiscard]] PaperResult extrinsics_experiment(const PaperOptions& options);
 

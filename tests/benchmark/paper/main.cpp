@@ -21,11 +21,10 @@ struct Experiment {
   const char* name;
   PaperResult (*run)(const PaperOptions&);
 };
-constexpr Experiment kExperiments[] = {{"table", table_experiment},
-                                       {"dataset_1", dataset_1_experiment},
-                                       {"cube", cube_experiment},
-                                       {"pavillon", pavillon_experiment},
-                                       {"extrinsics", extrinsics_experiment}};
+constexpr Experiment kExperiments[] = {
+    {"table", table_experiment}, {"dataset_1", dataset_1_experiment},
+    {"cube", cube_experiment},   {"pavillon", pavillon_experiment},
+    {"hall", hall_experiment},   {"extrinsics", extrinsics_experiment}};
 
 /// "0.21 (0.42)": RMS over the runs, in brackets the worst; "!" where the goal is missed.
 std::string text_of(const PaperFigure& figure, const Spread& ours, int repeats) {

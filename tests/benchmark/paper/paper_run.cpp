@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "base/so3.hpp"
 #include "detection/corner_sigma.hpp"
@@ -58,6 +59,17 @@ const Pose* PaperRun::At::tag(int tag_id) const {
 
 double PaperRun::share_without_tag() const {
   return 1 - static_cast<double>(run.frames_with_tags) / std::max(1, run.frames);
+}
+
+int PaperRun::tags_seen() const {
+  std::set<int> ids;
+  for (const SensorSample& sample : data.samples) {
+    const auto* image = std::get_if<CornerFrame>(&sample);
+    for (const TagSighting& tag : image ? image->tags : std::vector<TagSighting>{}) {
+      if (data.tag(tag.tag_id) != nullptr) ids.insert(tag.tag_id);
+    }
+  }
+  return static_cast<int>(ids.size());
 }
 
 double PaperRun::position_by_bound() const {
@@ -122,6 +134,9 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
       });
   add_figure(result, {"position RMSE / bound", "", "-", "-", {}, 2}, runs,
              [](const PaperRun& r) { return r.position_by_bound(); });
+  add_figure(result, {"tags in the map / seen", "", "-", "-", {}, 2}, runs, [](const PaperRun& r) {
+    return static_cast<double>(r.run.tags_mapped) / r.tags_seen();
+  });
   add_figure(result, {"corner scatter", "px", "-", "-", {}, 3}, runs,
              [](const PaperRun& r) { return r.corners.rms_px; });
   add_figure(result, {"corner scatter / detector's sigma", "", "-", "-", {}, 2}, runs,

@@ -34,6 +34,8 @@ struct PaperRun {
   BoundRun bound;         ///< For corners that scatter so, if their errors were white.
 
   [[nodiscard]] double share_without_tag() const;
+  /// Tags that exist and were seen at least once.
+  [[nodiscard]] int tags_seen() const;
   /// RMSE of the position in the reference tag's axes after kSettled_s, by the bound's.
   [[nodiscard]] double position_by_bound() const;
   [[nodiscard]] double extrinsics_position_m(const At& moment) const;

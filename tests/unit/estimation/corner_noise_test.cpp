@@ -64,7 +64,7 @@ TEST(CornerNoise, WhatSaysNothingTeachesNothing) {
 TEST(CornerNoise, IsNeverBelievedBetterThanLensAndPrintAre) {
   CornerNoise noise(EstimatorConfig{}, true);
   learn(noise, 0.001, 0.0);
-  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.02);
+  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.01);
 }
 
 TEST(CornerNoise, ATagThatStandsStillIsNotProvenGood) {
