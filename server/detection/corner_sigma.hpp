@@ -17,10 +17,10 @@ namespace fiducap {
 /// and tilt in the image, the sharpness of its sides, and the noise as a share of its contrast
 /// (decision margin).
 ///
-/// Fitted to 10 000 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°,
+/// Fitted to 9000 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°,
 /// motion blur to 9 px, noise to 15 % of the contrast) without the 1 % that were off by more than a
-/// pixel. On other images the chi-square of a coordinate is 0.8 to 1.35 in nearly every bin
-/// (`fiducap_detection_bench`); the exception: 0.6 below 12 px. A smear of less than a third of a
+/// pixel. There the chi-square of a coordinate is 0.8 to 1.35 in nearly every bin; the exception:
+/// 0.6 below 12 px. A smear of less than a third of a
 /// module costs nothing; beyond, errors go by the noise, as grays have to be told apart
 /// (smeared_side.hpp). Errors of neighbouring corners
 /// correlate with −0.2, those of opposite ones hardly. Lens calibration, stamps and paper that is
