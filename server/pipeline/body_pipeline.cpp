@@ -270,6 +270,7 @@ void BodyPipeline::note_events() {
   const UpdateReport& report = update_.report;
   if (generation_ >= 0 && report.generation != generation_) note(BodyEvent::Kind::kReset);
   generation_ = report.generation;
+  if (report.relocalised) note(BodyEvent::Kind::kRelocalised);
   if (report.gauge_shift) {
     note(BodyEvent::Kind::kGaugeShift);
     update_.events.back().shift = *report.gauge_shift;

@@ -10,6 +10,8 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "gauge_shift";
     case BodyEvent::Kind::kReset:
       return "reset";
+    case BodyEvent::Kind::kRelocalised:
+      return "relocalised";
     case BodyEvent::Kind::kMotionLost:
       return "motion_lost";
     case BodyEvent::Kind::kImageRejected:

@@ -17,6 +17,7 @@ struct BodyEvent {
     kAnchored,       ///< The filter stands in the workspace from here on.
     kGaugeShift,     ///< W was re-defined: poses of this generation move by `shift`.
     kReset,          ///< The filter has forgotten everything.
+    kRelocalised,    ///< Images contradicted where the body was: found anew in what was learned.
     kMotionLost,     ///< Without a tag for so long that the body has to be found anew.
     kImageRejected,  ///< Tags were there, and all of them contradicted the estimate.
     kTagDropped,     ///< `tag_id` kept contradicting the others.

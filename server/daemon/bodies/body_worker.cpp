@@ -105,7 +105,8 @@ void BodyWorker::work(std::stop_token stop) {
   shared_.map.release(id_);
   pulse_.ended = true;
   if (stop.stop_requested()) return;
-  end_conditions({"source_failed", "failed", "imu_silent", "imu_readings"}, "its source has ended");
+  end_conditions({"source_failed", "failed", "imu_silent", "imu_readings", "turns_disagree"},
+                 "its source has ended");
   shared_.scene.source_lost(index_);
   log::warning("pipeline", name_ + " is lost; the server goes on");
 }
@@ -152,7 +153,8 @@ void BodyWorker::begin_anew(const std::string& why, std::stop_token stop) {
     shared_.scene.source_lost(index_);
     shared_.map.release(id_);
   });
-  end_conditions({"imu_silent", "imu_readings"}, "its estimate begins anew, and the IMU is judged");
+  end_conditions({"imu_silent", "imu_readings", "turns_disagree"},
+                 "its estimate begins anew, and the IMU is judged");
   if (!shared_.clock.wait_until(now + pause_, stop)) return;
   pause_ = std::min(2 * pause_, kLongestPause);
   inbox_.clear();
@@ -248,23 +250,32 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
     shared_.events.end(name_, "failed", "is tracked again");
   }
   for (const BodyEvent& event : update.events) {
-    if (event.text.empty() || tell_of_imu(event)) continue;
-    log::warning("estimation", name_ + ": " + event.text);
+    if (event.text.empty() || tell_of_sensors(event)) continue;
+    shared_.events.tell({.severity = Severity::kWarning,
+                         .subject = name_,
+                         .kind = std::string(name_of(event.kind)),
+                         .text = event.text});
   }
 }
 
-bool BodyWorker::tell_of_imu(const BodyEvent& event) {
+/// What lasts stands until it is over.
+bool BodyWorker::tell_of_sensors(const BodyEvent& event) {
   using Kind = BodyEvent::Kind;
+  const bool disagrees = event.kind == Kind::kTurnsDisagree;
   const bool silent = event.kind == Kind::kImuSilent;
   const bool unusable = event.kind == Kind::kImuUnusable;
   if (event.kind == Kind::kImuBack) {
     shared_.events.end(name_, "imu_silent", event.text);
   } else if (event.kind == Kind::kImuPlausible) {
     shared_.events.end(name_, "imu_readings", event.text);
-  } else if (silent || unusable || event.kind == Kind::kImuDoubtful) {
-    shared_.events.begin({.severity = unusable ? Severity::kError : Severity::kWarning,
+  } else if (event.kind == Kind::kTurnsAgree) {
+    shared_.events.end(name_, "turns_disagree", event.text);
+  } else if (silent || unusable || disagrees || event.kind == Kind::kImuDoubtful) {
+    shared_.events.begin({.severity = unusable || disagrees ? Severity::kError : Severity::kWarning,
                           .subject = name_,
-                          .kind = silent ? "imu_silent" : "imu_readings",
+                          .kind = disagrees ? "turns_disagree"
+                                  : silent  ? "imu_silent"
+                                            : "imu_readings",
                           .text = event.text});
   } else {
     return false;

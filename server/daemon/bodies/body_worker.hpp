@@ -93,7 +93,7 @@ class BodyWorker final {
   void publish(const BodyUpdate& update, const MapView& view);
   void tell_map(const BodyUpdate& update, const MapView& view);
   void tell_people(const BodyUpdate& update);
-  [[nodiscard]] bool tell_of_imu(const BodyEvent& event);
+  [[nodiscard]] bool tell_of_sensors(const BodyEvent& event);
   void count(const BodyUpdate& update);
   void remember_cameras(const BodyUpdate& update);
   void announce_clocks(const std::vector<ExtrinsicsEstimate>& cameras);

@@ -156,6 +156,29 @@ void add_body_files(const RunBody& body, bool alone, Files& files) {
     files.emplace_back(body.name + ".truth.tum", std::move(truth));
 }
 
+/// How often each thing happened, by the names of events.csv.
+nlohmann::ordered_json counts_of(const std::vector<BodyEvent>& events) {
+  nlohmann::ordered_json counts = nlohmann::ordered_json::object();
+  for (const auto kind : {BodyEvent::Kind::kReset, BodyEvent::Kind::kRelocalised,
+                          BodyEvent::Kind::kMotionLost, BodyEvent::Kind::kImageRejected,
+                          BodyEvent::Kind::kTagDropped, BodyEvent::Kind::kClockJumped})
+    counts[std::string(name_of(kind))] =
+        std::count_if(events.begin(), events.end(),
+                      [kind](const BodyEvent& event) { return event.kind == kind; });
+  return counts;
+}
+
+/// What a person was told, once each: learned noises, lenses, sizes, clocks, and what to do.
+nlohmann::ordered_json said_in(const std::vector<BodyEvent>& events) {
+  nlohmann::ordered_json said = nlohmann::ordered_json::array();
+  for (const BodyEvent& event : events) {
+    if (!event.text.empty())
+      said.push_back(
+          {{"t_ns", to_ns(event.at)}, {"event", name_of(event.kind)}, {"text", event.text}});
+  }
+  return said;
+}
+
 nlohmann::ordered_json body_report(const RunBody& body) {
   const OfflineStatistics& s = body.result->statistics;
   return {{"body", body.name},
@@ -177,6 +200,8 @@ nlohmann::ordered_json body_report(const RunBody& body) {
             {"reprojection_median_px", s.reprojection_median_px},
             {"reprojection_p95_px", s.reprojection_p95_px}}},
           {"doubts", body.result->doubts},
+          {"events", counts_of(body.result->events)},
+          {"said", said_in(body.result->events)},
           {"dropped",
            {{"images_queue_full", s.merger.images_dropped},
             {"late", s.merger.late_dropped},

@@ -71,6 +71,14 @@ TEST_F(BodyPipelineTest, GivesOneUpdatePerImageAndSaysWhenItIsAnchored) {
   EXPECT_EQ(count(BodyEvent::Kind::kAnchored), 1);
   EXPECT_EQ(count(BodyEvent::Kind::kGaugeShift), 1);
   EXPECT_EQ(pipeline.statistics().frames, 40u);
+  EXPECT_EQ(pipeline.statistics().frames_with_pose, 0u) << "a new room's poses wait";
+  for (int t = 2000; t < 3000; t += 5) {
+    push(pipeline, imu_at(t));
+    if (t % 50 == 0) push(pipeline, frame_at(t));
+  }
+  // Two seconds from the first image on that fitted.
+  EXPECT_GT(pipeline.statistics().frames_with_pose, 10u);
+  EXPECT_LT(pipeline.statistics().frames_with_pose, 20u);
 }
 
 TEST_F(BodyPipelineTest, ImagesGoOnWithoutAnImuThatFellSilentAndThatIsSaid) {

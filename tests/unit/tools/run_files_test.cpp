@@ -76,6 +76,22 @@ TEST(RunFiles, ReportCarriesTheFigures) {
   EXPECT_DOUBLE_EQ(report["filter_statistics"]["nis_per_dof"], 0.9);
 }
 
+TEST(RunFiles, ReportSaysWhatHappenedAndWhatWasSaid) {
+  OfflineResult r = result();
+  BodyEvent found{.kind = BodyEvent::Kind::kRelocalised};
+  BodyEvent said{.kind = BodyEvent::Kind::kMismatch, .at = instant_from_ns(5)};
+  said.text = "all tags seem larger";
+  r.events = {found, found, said};
+  const OneBody run(r);
+  const auto report = nlohmann::json::parse(run_report(run.bodies(), run.session));
+  EXPECT_EQ(report["events"]["relocalised"], 2);
+  EXPECT_EQ(report["events"]["reset"], 0);
+  ASSERT_EQ(report["said"].size(), 1u);
+  EXPECT_EQ(report["said"][0]["event"], "mismatch");
+  EXPECT_EQ(report["said"][0]["t_ns"], 5);
+  EXPECT_EQ(report["said"][0]["text"], said.text);
+}
+
 TEST(RunFiles, AKnownTagThatIsAlsoInTheStateIsListedOnce) {
   OfflineResult r = result();
   r.tags[0].tag.tag_id = 3;
