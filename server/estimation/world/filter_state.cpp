@@ -84,11 +84,6 @@ void FilterState::list_held() {
   }
 }
 
-void FilterState::hold_lenses(bool held) {
-  list_held();
-  for (int c = 0; held && c < cameras(); ++c) held_.push_back(layout::clock(c));
-}
-
 void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
   tags.push_back(tag);
   covariance.append(own);

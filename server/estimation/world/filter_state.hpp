@@ -87,8 +87,9 @@ struct FilterState {
   void clear_column(int at, double sigma);
   /// First columns of the tags that are held.
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
-  /// Until a tag comes or goes, lenses (and clocks) are used and not corrected, as held tags are.
-  void hold_lenses(bool held);
+  /// Six numbers are used and not corrected, as held tags are, until release_blocks().
+  void hold_block(int at) { held_.push_back(at); }
+  void release_blocks() { list_held(); }
 
   /// Body at the origin, biases, clocks and covariance zero, these cameras, no tags, so many
   /// clones.
@@ -108,7 +109,6 @@ struct FilterState {
 
  private:
   void list_held();
-
   std::vector<int> held_;
 };
 

@@ -14,6 +14,13 @@ constexpr double kTightScale = 4e-4;
 constexpr double kTightFocal = 2e-4;
 constexpr double kTightCentre_px = 0.1;
 constexpr double kTightReadout_s = 5e-5;
+// Assumed: how far two good calibrations of one lens are apart, and what a ruler tells of a print.
+// Held at such a share of it, which moves nothing and tells how much it would.
+constexpr double kHeldShare = 1e-3;
+constexpr double kAssumedScale = 3e-3;
+constexpr double kAssumedTilt_rad = 3e-3;  // paper bends
+constexpr double kAssumedFocal = 3e-3;
+constexpr double kAssumedCentre_px = 2.0;
 // Once open: what a guessed lens, a careless print or a cheap camera is off.
 constexpr double kOpenCommon = 0.05;
 constexpr double kOpenPrint = 0.1;
@@ -101,9 +108,7 @@ void Suspects::begin(FilterState& state) {
       all_.push_back({Kind::kReadout, c, -1, layout::readout(c), kTightReadout_s, kOpenReadout_s,
                       kSettledReadout_s});
   }
-  if (rules_.doubts)
-    all_.push_back({Kind::kAllPrints, -1, -1, layout::sizes(state.cameras()), kTightScale,
-                    kOpenCommon, kSettledScale});
+  add_sizes(state.cameras());
   for (const Suspect& suspect : all_)
     state.clear_column(suspect.column,
                        suspect.is_parameter ? suspect.open_sigma : suspect.tight_sigma);
@@ -115,24 +120,37 @@ void Suspects::begin(FilterState& state) {
   for (std::size_t i = 0; i < all_.size(); ++i) state.suspicions[i].is_open = all_[i].is_parameter;
 }
 
+void Suspects::assume(Suspect& suspect, double sigma) {
+  suspect.assumed_sigma = sigma;
+  suspect.tight_sigma = kHeldShare * sigma;
+}
+
 void Suspects::add_lens(int camera) {
   const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
   const double focal = told_or(mount.focal_sigma, rules_.refines, kOpenFocal);
   const double centre = told_or(mount.centre_sigma_px, rules_.refines, kOpenCentre_px);
-  const auto add = [&](Suspect suspect, double told_sigma) {
+  const auto add = [&](Suspect suspect, double told_sigma, double assumed_sigma) {
     suspect.is_parameter = told_sigma > 0;
     if (suspect.is_parameter) suspect.open_sigma = told_sigma;
-    if (suspect.is_parameter || rules_.doubts) all_.push_back(suspect);
+    if (!suspect.is_parameter && rules_.assumes) assume(suspect, assumed_sigma);
+    if (suspect.is_parameter || rules_.doubts || rules_.assumes) all_.push_back(suspect);
   };
   add({Kind::kFocalLength, camera, -1, layout::focal(camera), kTightFocal, kOpenFocal,
        kSettledFocal},
-      focal);
+      focal, kAssumedFocal);
   add({Kind::kCentreU, camera, -1, layout::centre(camera), kTightCentre_px, kOpenCentre_px,
        kSettledCentre_px},
-      centre);
+      centre, kAssumedCentre_px);
   add({Kind::kCentreV, camera, -1, layout::centre(camera) + 1, kTightCentre_px, kOpenCentre_px,
        kSettledCentre_px},
-      centre);
+      centre, kAssumedCentre_px);
+}
+
+void Suspects::add_sizes(int cameras) {
+  if (!rules_.doubts && !rules_.assumes) return;
+  all_.push_back(
+      {Kind::kAllPrints, -1, -1, layout::sizes(cameras), kTightScale, kOpenCommon, kSettledScale});
+  if (rules_.assumes) assume(all_.back(), kAssumedScale);
 }
 
 void Suspects::watch_print(FilterState& state, int tag_id) const {
@@ -250,14 +268,32 @@ void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) c
 
 void Suspects::list_lens(const FilterState& state, int camera,
                          std::vector<FoundMismatch>& out) const {
-  const bool is_refined = std::any_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
-    return suspect.is_parameter && suspect.camera == camera;
-  });
   const LensEstimate now = lens(state, camera);
-  if (!is_refined || now.focal_sigma > kRefinedFocal ||
+  if (!is_refined(camera) || now.focal_sigma > kRefinedFocal ||
       now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
     return;
   out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
+}
+
+bool Suspects::is_refined(int camera) const {
+  return std::any_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
+    return suspect.is_parameter && suspect.camera == camera;
+  });
+}
+
+Matrix6d Suspects::unstated(const FilterState& state) const {
+  const Vector6d suspected = pull(state);
+  Matrix6d out = suspected * suspected.transpose();
+  // The axes of W are those of a print.
+  if (rules_.assumes) out.diagonal().tail<3>().array() += kAssumedTilt_rad * kAssumedTilt_rad;
+  for (const Suspect& suspect : all_) {
+    const double held = state.P()(suspect.column, suspect.column);
+    if (suspect.assumed_sigma == 0 || !(held > 0)) continue;
+    const double more = suspect.assumed_sigma * suspect.assumed_sigma - held;
+    const Vector6d along = state.P().col(suspect.column).head<6>() / held;
+    out += std::max(0.0, more) * along * along.transpose();
+  }
+  return out;
 }
 
 Vector6d Suspects::pull(const FilterState& state) const {

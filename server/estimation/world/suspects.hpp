@@ -22,12 +22,16 @@ namespace fiducap::world {
 /// The prints of single tags are watched a few at a time, from the moment they join.
 ///
 /// A lens whose sigma is told, or that shall be refined, is no suspect but a parameter: open from
-/// the beginning with its own prior, and never closed.
+/// the beginning with its own prior, and never closed. Where nothing can be doubted, lenses and
+/// prints are assumed to be as good as such things are: whoever updates the state holds them at
+/// their tight priors, so that the poses are those of the configuration, and the poses are given
+/// out as unsure as what was assumed makes them (consider covariance).
 class Suspects final {
  public:
   struct Rules {
     bool doubts{true};    ///< False: only what shall be refined stands in the state.
     bool refines{false};  ///< Every lens, not only those whose sigmas are told.
+    bool assumes{false};  ///< Instead of doubting.
   };
 
   /// @param cameras  their readout is only doubted where the configuration calls it exact
@@ -46,6 +50,10 @@ class Suspects final {
   /// How far the body would move (world-side error) if the one most suspected, and not yet opened,
   /// were as wrong as the data say. Zero while nothing is suspected.
   [[nodiscard]] Vector6d pull(const FilterState& state) const;
+  /// What the body's covariance (world-side error) lacks: that of what is assumed, and the pull.
+  [[nodiscard]] Matrix6d unstated(const FilterState& state) const;
+  /// Whether images may correct a camera's lens.
+  [[nodiscard]] bool is_refined(int camera) const;
   /// A camera's lens as far as it is open.
   [[nodiscard]] LensEstimate lens(const FilterState& state, int camera) const;
 
@@ -59,11 +67,14 @@ class Suspects final {
     double open_sigma{};       ///< … and open.
     double settled{};          ///< Known so well it may be closed again.
     bool is_parameter{false};  ///< Open for good.
+    double assumed_sigma{};    ///< How far it may be off without being doubted; 0: not assumed.
   };
 
   [[nodiscard]] static double score(const FilterState& state, const Suspect& suspect);
   [[nodiscard]] static double value(const FilterState& state, const Suspect& suspect);
+  static void assume(Suspect& suspect, double sigma);
   void add_lens(int camera);
+  void add_sizes(int cameras);
   void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;
   void open(FilterState& state, int camera, std::size_t suspect) const;
   void close(FilterState& state, int camera, std::size_t suspect) const;

@@ -31,9 +31,6 @@ constexpr double kNisShare = 0.02;
 // More images in a row without a tag that fits are no noise.
 constexpr int kUnfitToLearnFrom = 3;
 constexpr double kExactReadout_s = 5.1e-5;
-// Without an IMU, images with fewer tags teach nothing about lenses: what one tag alone shows of
-// its tilt is no straight line, and the lens would be bent to make it one.
-constexpr std::size_t kTagsToSeeALens = 3;
 // Less is not worth a word.
 constexpr double kToldNoise = 2.0;
 constexpr double kToldJitter_s = 5e-4;
@@ -72,7 +69,8 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
 /// taken for what can be doubted.
 Suspects::Rules WorldCoordinates::doubts() const {
   return {.doubts = config_.doubt_configuration && sensors_.imu.has_value(),
-          .refines = config_.refine_intrinsics};
+          .refines = config_.refine_intrinsics,
+          .assumes = config_.doubt_configuration && !sensors_.imu};
 }
 
 const CameraModel& WorldCoordinates::model_of(int camera) const {
@@ -143,8 +141,8 @@ ClockEstimate WorldCoordinates::clock(int camera) const {
 
 BodyEstimate WorldCoordinates::body() const {
   BodyEstimate out = body_in_workspace(state_);
-  const Vector6d pull = plain_from_world_error(out.X_WB.p) * suspects_.pull(state_);
-  out.covariance.topLeftCorner<6, 6>() += pull * pull.transpose();
+  const Matrix6d J = plain_from_world_error(out.X_WB.p);
+  out.covariance.topLeftCorner<6, 6>() += J * suspects_.unstated(state_) * J.transpose();
   return out;
 }
 
@@ -304,7 +302,8 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   const bool learns = watches && teaches_of_noise(state_, seen.camera, tags);
   const Vector6d on_time =
       camera_at(state_, seen.camera, state_.clocks[camera].seconds_to(0)).on_time;
-  hold_lenses(state_.has_suspects() && !sensors_.imu && tags.size() < kTagsToSeeALens);
+  if (!sensors_.imu) hold_sensors(state_, suspects_, tags.size());
+  if (!sensors_.imu && linearisation_) hold_sensors(*linearisation_, suspects_, tags.size());
   const UpdateReport report =
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
                            {.gate = gate,
@@ -312,7 +311,8 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
                             .start = linearisation_ ? &*linearisation_ : nullptr,
                             .wants_score = watches},
                            corner_noise_[camera], accepted);
-  hold_lenses(false);
+  state_.release_blocks();
+  if (linearisation_) linearisation_->release_blocks();
   images_without_fit_ = report.tags_used > 0 ? 0 : images_without_fit_ + 1;
   if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
     noise_watch_.learn(corner_update_.shared_score(), on_time);
@@ -333,11 +333,6 @@ void WorldCoordinates::set_clock(int camera, double shift_s, double sigma_s) {
 
 void WorldCoordinates::apply_jitter() {
   for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
-}
-
-void WorldCoordinates::hold_lenses(bool held) {
-  state_.hold_lenses(held);
-  if (linearisation_) linearisation_->hold_lenses(held);
 }
 
 bool WorldCoordinates::watches_noise() const {

@@ -121,7 +121,6 @@ class WorldCoordinates final {
  private:
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   [[nodiscard]] Suspects::Rules doubts() const;
-  void hold_lenses(bool held);
   void apply_jitter();
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);

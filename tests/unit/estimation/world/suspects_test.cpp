@@ -2,10 +2,12 @@
 // not.
 #include "estimation/world/suspects.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
+#include "estimation/world/teaching_image.hpp"
 #include "world/example_state.hpp"
 
 namespace fiducap::world {
@@ -155,6 +157,38 @@ TEST_F(SuspectsTest, TheSuspectedPullsTheBodyAsFarAsOpeningItWill) {
   EXPECT_GT(pull.norm(), 1e-5);
   EXPECT_NEAR(state_.X_WB.p.x() - before_m, pull(0), 1e-3 * pull.norm());
   EXPECT_EQ(suspects_.pull(state_), Vector6d::Zero().eval()) << "it is corrected now";
+}
+
+TEST_F(SuspectsTest, WhatIsAssumedIsHeldAndMakesTheBodyAsUnsureAsItWouldMakeIt) {
+  constexpr double kDistance_m = 4.0;  // by the size of the prints
+  Suspects assuming(mounts_, {.doubts = false, .assumes = true});
+  state_.reset({Pose{}});
+  assuming.begin(state_);
+  const double held = state_.P()(size_, size_);
+  ASSERT_GT(held, 0);
+  ASSERT_LT(held, 1e-10) << "it must not move poses";
+  const double turn_only = assuming.unstated(state_)(0, 0);
+  state_.P()(layout::kPosition, size_) = state_.P()(size_, layout::kPosition) = kDistance_m * held;
+  const Matrix6d unstated = assuming.unstated(state_);
+  EXPECT_NEAR(std::sqrt(unstated(0, 0) - turn_only), kDistance_m * 0.003, 1e-5);
+  EXPECT_EQ(unstated(1, 1), turn_only);
+  EXPECT_NEAR(std::sqrt(unstated(3, 3)), 0.003, 1e-6) << "W is as straight as a print is";
+  hold_sensors(state_, assuming, 5);
+  EXPECT_THAT(state_.held_tags(), testing::ElementsAre(size_, layout::clock(0)));
+  EXPECT_FALSE(assuming.lens(state_, 0).is_estimated());
+}
+
+TEST_F(SuspectsTest, ATellingImageCorrectsALensWhoseSigmaIsToldAndNoOtherDoes) {
+  mounts_[0].focal_sigma = 0.05;
+  Suspects assuming(mounts_, {.doubts = false, .assumes = true});
+  state_.reset({Pose{}});
+  assuming.begin(state_);
+  EXPECT_NEAR(state_.P()(layout::focal(0), layout::focal(0)), 0.05 * 0.05, 1e-12);
+  hold_sensors(state_, assuming, 3);
+  EXPECT_THAT(state_.held_tags(), testing::ElementsAre(size_));
+  state_.release_blocks();
+  hold_sensors(state_, assuming, 2);
+  EXPECT_THAT(state_.held_tags(), testing::ElementsAre(size_, layout::clock(0)));
 }
 
 TEST_F(SuspectsTest, OneImageAccusesNobody) {
