@@ -13,6 +13,9 @@ constexpr int kContradicting = 3;
 // What is believed has not been contradicted for so long, and has fitted so many images.
 constexpr Duration kFitting = std::chrono::seconds(2);
 constexpr int kFittingImages = 10;
+// In a new room one image that contradicts makes everybody wait anew, but not for ever: ids are
+// misread.
+constexpr Duration kLongestDoubt = std::chrono::seconds(10);
 constexpr Duration kWorthAWord = std::chrono::seconds(3);
 
 }  // namespace
@@ -31,9 +34,12 @@ void PoseTrust::add(const UpdateReport& report, bool is_established, bool is_roo
   if (usable == 0) return;
   const bool contradicts = 2 * report.tags_rejected > usable;
   last_ = ((last_ << 1U) | (contradicts ? 1U : 0U)) & kLastImages;
+  if (std::popcount(last_) >= kContradicting) return contradict();
+  if (!first_image_) first_image_ = now_;
+  const bool is_doubted = stage_ == Stage::kNew && now_ - *first_image_ < kLongestDoubt;
+  if (contradicts && is_doubted) return forget_fits();
   fits_ += contradicts ? 0 : 1;
   if (!first_fit_) first_fit_ = now_;
-  if (std::popcount(last_) >= kContradicting) return contradict();
   if (stage_ == Stage::kBelieved) return;
   const bool has_fitted = fits_ >= kFittingImages && now_ - *first_fit_ >= kFitting;
   if (has_fitted || (stage_ == Stage::kNew && is_room_known && !was_lost_)) believe();

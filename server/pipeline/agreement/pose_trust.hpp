@@ -10,7 +10,8 @@ namespace fiducap {
 /// Poses are only given once images and IMU have fitted together for a while.
 ///
 /// In a new room, before cameras and gyro were ever seen to agree, axes may be wrong, a clock far
-/// off, or the start on the wrong branch, and the first images fit all of that. A room that is
+/// off, or the start on the wrong branch, and the first images fit all of that. There a single
+/// image that contradicts makes everybody wait anew, for ten seconds at most. A room that is
 /// known tells at once which way is up: there poses are given from the first image on. A body that
 /// hardly turns never shows that its axes are right; while its images fit, it has poses. One that
 /// had to be found anew, because images contradicted where it was, has them when they fit again.
@@ -37,7 +38,8 @@ class PoseTrust final {
   Stage stage_{Stage::kNew};
   unsigned last_{0};  ///< One bit per image with tags to use, the newest lowest: it contradicts.
   int fits_{0};       ///< Images that fitted since the last contradiction …
-  std::optional<Instant> first_fit_;  ///< … and the first of them.
+  std::optional<Instant> first_image_;  ///< Of a new room.
+  std::optional<Instant> first_fit_;    ///< … and the first of them.
   Instant now_{};
   Instant contradicted_since_{};
   bool is_told_{false};

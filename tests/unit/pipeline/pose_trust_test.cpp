@@ -36,6 +36,22 @@ TEST(PoseTrust, ANewRoomIsShownWhenImagesHaveFittedForTwoSeconds) {
   EXPECT_FALSE(body.trust.take_news());
 }
 
+TEST(PoseTrust, InANewRoomOneContradictionCostsTwoSecondsAndForTenSecondsOnly) {
+  Body body;
+  body.images(30, true);
+  body.images(1, false);
+  body.images(30, true);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(12, true);
+  EXPECT_FALSE(body.trust.withholds());
+  Body misread;
+  for (int i = 0; i < 13; ++i) {
+    misread.images(19, true);
+    EXPECT_EQ(misread.trust.withholds(), i < 12) << i;
+    misread.images(1, false);
+  }
+}
+
 TEST(PoseTrust, AKnownRoomIsShownAtOnce) {
   Body body;
   body.is_room_known = true;
@@ -91,7 +107,7 @@ TEST(PoseTrust, ABodyThatWasFoundAnewIsShownWhenImagesHaveFittedAgain) {
 
 TEST(PoseTrust, NobodyWaitsForEverForImagesOfWhichEachFits) {
   Body body;
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < 40; ++i) {  // 14 s
     body.images(1, false);
     body.images(6, true);
   }
