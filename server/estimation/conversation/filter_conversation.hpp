@@ -90,6 +90,8 @@ class FilterConversation final : public StartingFilter {
   void note_witnesses();
   void watch_return(const TagObservations& seen, UpdateReport& report);
   void shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report);
+  void note_exact_tags();
+  void add_bend_of_prints(BodyEstimate& body) const;
 
   void lose_motion(bool is_turn_lost);
   bool come_back(const TagObservations& seen);
@@ -120,7 +122,8 @@ class FilterConversation final : public StartingFilter {
   ImageTags tags_;
   std::vector<std::pair<TagToUse, TagVerdict>> decided_;  ///< Fresh ones whose branch is certain.
   std::map<int, KnownTag> priors_;
-  ClockHypothesis clocks_;  ///< As it has started …
+  std::optional<Eigen::Vector3d> exact_tag_W_;  ///< Without IMU: place of one in the map, near.
+  ClockHypothesis clocks_;                      ///< As it has started …
   ClockHypothesis restart_clocks_;
   double gate_;
   bool is_start_over_{false};

@@ -5,6 +5,7 @@
 #include "base/assert.hpp"
 #include "estimation/conversation/filter_conversation.hpp"
 #include "estimation/filter/chi_square.hpp"
+#include "estimation/filter/print_bend.hpp"
 
 namespace fiducap {
 
@@ -32,6 +33,7 @@ void FilterConversation<C>::restart() {
   is_start_over_ = false;
   follower_.reset(clocks_);
   anchor_.forget();
+  exact_tag_W_.reset();
   contradictions_.forget_all();
   candidates_.forget_all();
   restless_.forget_all();
@@ -134,6 +136,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   answer_contradictions(seen, report);
   if (is_following())
     shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
+  if (!has_imu() && report.tags_used > 0) note_exact_tags();
   return report;
 }
 
@@ -220,7 +223,39 @@ BodyEstimate FilterConversation<C>::estimate() const {
   FIDUCAP_ASSERT(running());
   BodyEstimate out = follower_.estimate();
   out.anchored = anchor_.is_anchored();
+  if (!has_imu() && follower_.config().doubt_configuration) add_bend_of_prints(out);
   return out;
+}
+
+/// Exact tags of the map are not in the state: the nearest one of the last image that used one.
+template <class C>
+void FilterConversation<C>::note_exact_tags() {
+  bool is_first = true;
+  const Eigen::Vector3d p_WB = coordinates().X_WB().p;
+  for (const TagToUse& tag : tags_.usable) {
+    if (tag.local >= 0 || !tag.known->is_exact()) continue;
+    const Eigen::Vector3d& p_WT = tag.known->X_WT.p;
+    if (is_first || (p_WT - p_WB).norm() < (*exact_tag_W_ - p_WB).norm()) exact_tag_W_ = p_WT;
+    is_first = false;
+  }
+}
+
+/// About the nearest print that says where W is: a tag of the map, the one that W was defined by,
+/// or one whose place was told. That the map was learned by bent prints, too, is for its covariance
+/// to say.
+template <class C>
+void FilterConversation<C>::add_bend_of_prints(BodyEstimate& body) const {
+  const Eigen::Vector3d p_WB = body.X_WB.p;
+  std::optional<Eigen::Vector3d> nearest = exact_tag_W_;
+  for (std::size_t i = 0; i < state().tags.size() && body.anchored; ++i) {
+    const int tag_id = state().tags[i].tag_id;
+    const bool says_where =
+        !coordinates().is_own(i) || anchor_.defined_by() == tag_id || priors_.contains(tag_id);
+    if (!says_where) continue;
+    const Eigen::Vector3d p_WT = tag_in_workspace(state(), i).X_WT.p;
+    if (!nearest || (p_WB - p_WT).norm() < (p_WB - *nearest).norm()) nearest = p_WT;
+  }
+  if (nearest) body.covariance.topLeftCorner<6, 6>() += bend_of_print(p_WB - *nearest);
 }
 
 template <class C>

@@ -85,9 +85,9 @@ struct FilterState {
   }
   /// Nothing is known of this column, and nothing hangs on it.
   void clear_column(int at, double sigma);
-  /// First columns of the tags that are held.
+  /// First columns of the six numbers each that are used and not corrected: of held tags …
   [[nodiscard]] std::span<const int> held_tags() const { return held_; }
-  /// Six numbers are used and not corrected, as held tags are, until release_blocks().
+  /// … and of what is held besides, until release_blocks(), or until a tag comes or goes.
   void hold_block(int at) { held_.push_back(at); }
   void release_blocks() { list_held(); }
 

@@ -14,13 +14,13 @@ constexpr double kTightScale = 4e-4;
 constexpr double kTightFocal = 2e-4;
 constexpr double kTightCentre_px = 0.1;
 constexpr double kTightReadout_s = 5e-5;
-// Assumed: how far two good calibrations of one lens are apart, and what a ruler tells of a print.
-// Held at such a share of it, which moves nothing and tells how much it would.
-constexpr double kHeldShare = 1e-3;
-constexpr double kAssumedScale = 3e-3;
-constexpr double kAssumedTilt_rad = 3e-3;  // paper bends
+// Assumed, 1-sigma: how far two good calibrations of one lens are apart, what a ruler tells of a
+// print.
 constexpr double kAssumedFocal = 3e-3;
 constexpr double kAssumedCentre_px = 2.0;
+constexpr double kAssumedScale = 3e-3;
+// Held at such a share of it, which moves nothing and tells how much it would.
+constexpr double kHeldShare = 1e-3;
 // Once open: what a guessed lens, a careless print or a cheap camera is off.
 constexpr double kOpenCommon = 0.05;
 constexpr double kOpenPrint = 0.1;
@@ -284,8 +284,6 @@ bool Suspects::is_refined(int camera) const {
 Matrix6d Suspects::unstated(const FilterState& state) const {
   const Vector6d suspected = pull(state);
   Matrix6d out = suspected * suspected.transpose();
-  // The axes of W are those of a print.
-  if (rules_.assumes) out.diagonal().tail<3>().array() += kAssumedTilt_rad * kAssumedTilt_rad;
   for (const Suspect& suspect : all_) {
     const double held = state.P()(suspect.column, suspect.column);
     if (suspect.assumed_sigma == 0 || !(held > 0)) continue;

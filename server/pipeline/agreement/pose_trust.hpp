@@ -37,8 +37,8 @@ class PoseTrust final {
 
   Stage stage_{Stage::kNew};
   unsigned last_{0};  ///< One bit per image with tags to use, the newest lowest: it contradicts.
-  int fits_{0};       ///< Images that fitted since the last contradiction …
   std::optional<Instant> first_image_;  ///< Of a new room.
+  int fits_{0};                         ///< Images that fitted since the last contradiction …
   std::optional<Instant> first_fit_;    ///< … and the first of them.
   Instant now_{};
   Instant contradicted_since_{};

@@ -89,6 +89,25 @@ TEST_P(MapConversation, AFilterThatMadeTheWorkspaceUsesTagsOfTheMap) {
   }
 }
 
+/// Far from the origin of a known room: it is the prints beside the body that bend.
+TEST_P(MapConversation, WithoutImuABodyIsAsUnsureAsThePrintsNearItNotAsTheOriginIsFar) {
+  for (const double sigma_m : {0.0, 0.001}) {  // exact tags are not in the state, others are
+    ExampleRoom::Setup without_imu = setup();
+    without_imu.has_imu = false;
+    ExampleRoom room(without_imu);
+    const Pose X_WR{Eigen::Quaterniond::Identity(), {200, 0, 0}};
+    std::vector<KnownTag> map;
+    for (int id = 0; id < 6; ++id) map.push_back(room.known(id, X_WR * room.tags[id], sigma_m));
+    for (int i = 0; i < 60; ++i) room.next_image({map});
+    ASSERT_TRUE(room.filter->running());
+    const BodyEstimate body = room.filter->estimate();
+    EXPECT_LT((body.X_WB.p - (X_WR * room.truth()).p).norm(), kGood_m);
+    const double position_sigma_m = std::sqrt(body.covariance.topLeftCorner<3, 3>().trace());
+    EXPECT_GT(position_sigma_m, 0.003 * 1.4) << "two metres from a print";
+    EXPECT_LT(position_sigma_m, 0.05);
+  }
+}
+
 class KnownTagMoves : public testing::TestWithParam<std::tuple<std::string, double>> {};
 
 TEST_P(KnownTagMoves, IsSaidAndLearnedAnewWhenTheMapTakesItBack) {

@@ -78,8 +78,11 @@ TEST(RunFiles, ReportCarriesTheFigures) {
 
 TEST(RunFiles, ReportSaysWhatHappenedAndWhatWasSaid) {
   OfflineResult r = result();
-  BodyEvent found{.kind = BodyEvent::Kind::kRelocalised};
-  BodyEvent said{.kind = BodyEvent::Kind::kMismatch, .at = instant_from_ns(5)};
+  BodyEvent found;
+  found.kind = BodyEvent::Kind::kRelocalised;
+  BodyEvent said;
+  said.kind = BodyEvent::Kind::kMismatch;
+  said.at = instant_from_ns(5);
   said.text = "all tags seem larger";
   r.events = {found, found, said};
   const OneBody run(r);
