@@ -86,6 +86,7 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] bool is_one_tag_against_all() const;
   [[nodiscard]] bool is_place_kept(Instant now) const;
   [[nodiscard]] bool is_proven(const TagToUse& tag) const;
+  [[nodiscard]] bool may_give_up_usable() const;
   void give_up(int tag_id, Instant at, UpdateReport& report);
   void note_witnesses();
   void watch_return(const TagObservations& seen, UpdateReport& report);
@@ -130,16 +131,15 @@ class FilterConversation final : public StartingFilter {
   bool may_define_workspace_{true};  ///< See MapKnowledge.
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
-  std::vector<int> unwitnessed_;  ///< Given up by what the body alone knew.
+  std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.
   /// The tag that alone brought the body back, and how often proven ones contradicted it since.
   struct Return {
     int tag_id{};
     int against{};
   };
   std::optional<Return> returned_by_;
-  std::optional<Instant>
-      suspected_at_;             ///< When images contradicted last: a clock may have jumped.
-  bool may_have_jumped_{false};  ///< That, or a tag was moved.
+  std::optional<Instant> suspected_at_;  ///< Images contradicted last: a clock may have jumped.
+  bool may_have_jumped_{false};          ///< That, or a tag was moved.
   double gap_before_s_{0};       ///< Without a fit, before the present image.
   double drift_before_m_{0};     ///< 1-sigma of the body's place, before it was corrected.
   int relocalisations_{0};       ///< Since the filter was last trusted …

@@ -16,9 +16,10 @@ inline constexpr int kSightingsToBeProven = 20;
 // The IMU alone carries a body for so long without losing its place by more than a tag's move.
 inline constexpr double kPlaceKept_s = 6.0;
 inline constexpr double kPlaceKept_m = 0.1;
-// So many tags may be given up by what the body itself knows, until a proven one fits again: more
-// of them, and it is the body that is wrong.
-inline constexpr std::size_t kMostUnwitnessed = 2;
+// So many proven tags may be given up by what the body itself knows, until a proven one fits again:
+// more of them, and it is the body that is wrong. Young ones do not count: where they stand is what
+// a few images said, glaring ones perhaps.
+inline constexpr std::ptrdiff_t kMostUnwitnessed = 2;
 // A body that one tag alone brought back is not there when proven tags contradict so often.
 inline constexpr int kAgainstReturn = 5;
 // It is on probation when it could have moved the body so far: after a gap, and by the body's own
@@ -94,10 +95,9 @@ void FilterConversation<C>::answer_contradictions(const TagObservations& seen,
   const int patience = may_have_jumped_ ? 2 : 1;
   if (contradictions_.images_without_fit() < patience * kRejectedToRelocalise) return;
   if (!has_imu() || !is_start_over_) return restart();
-  if (is_place_kept(seen.exposed_at) &&
-      unwitnessed_.size() + tags_.usable.size() <= kMostUnwitnessed) {
+  if (is_place_kept(seen.exposed_at) && may_give_up_usable()) {
     for (const TagToUse& tag : tags_.usable) {
-      unwitnessed_.push_back(tag.seen->tag_id);
+      unwitnessed_.push_back({tag.seen->tag_id, is_proven(tag)});
       give_up(tag.seen->tag_id, seen.exposed_at, report);
     }
     return contradictions_.pardon();
@@ -123,9 +123,9 @@ void FilterConversation<C>::relocalise(const TagObservations& seen, UpdateReport
   if (++relocalisations_ > kMostRelocalisations) return restart();
   report.relocalised = true;
   images_trusted_ = 0;
-  const std::vector<int> doubtful = std::move(unwitnessed_);
+  const std::vector<GivenUpTag> doubtful = std::move(unwitnessed_);
   unwitnessed_.clear();
-  for (const int tag_id : doubtful) give_up(tag_id, seen.exposed_at, report);
+  for (const GivenUpTag& one : doubtful) give_up(one.tag_id, seen.exposed_at, report);
   lose_motion(false);
   contradictions_.pardon();
 }
@@ -157,6 +157,15 @@ bool FilterConversation<C>::is_place_kept(Instant now) const {
 }
 
 template <class C>
+bool FilterConversation<C>::may_give_up_usable() const {
+  const auto before = std::count_if(unwitnessed_.begin(), unwitnessed_.end(),
+                                    [](const GivenUpTag& one) { return one.was_proven; });
+  const auto now = std::count_if(tags_.usable.begin(), tags_.usable.end(),
+                                 [&](const TagToUse& tag) { return is_proven(tag); });
+  return before + now <= filter_rules::kMostUnwitnessed;
+}
+
+template <class C>
 void FilterConversation<C>::give_up(int tag_id, Instant at, UpdateReport& report) {
   const int tag = state().find(tag_id);
   if (tag >= 0) {
@@ -178,8 +187,9 @@ void FilterConversation<C>::note_witnesses() {
   for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
     const TagToUse& tag = tags_.usable[i];
     fits = fits || tags_.accepted[i];
+    const auto is_same = [&](const GivenUpTag& one) { return one.tag_id == tag.seen->tag_id; };
     if (tags_.accepted[i] && is_proven(tag) &&
-        std::find(unwitnessed_.begin(), unwitnessed_.end(), tag.seen->tag_id) == unwitnessed_.end())
+        std::none_of(unwitnessed_.begin(), unwitnessed_.end(), is_same))
       unwitnessed_.clear();
   }
   images_trusted_ = fits ? images_trusted_ + 1 : 0;

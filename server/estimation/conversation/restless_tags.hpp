@@ -6,6 +6,11 @@
 
 namespace fiducap {
 
+struct GivenUpTag {
+  int tag_id{};
+  bool was_proven{};
+};
+
 /// Tags that were given up more than once: they hang on something that moves, or their id is there
 /// twice. Each time they have to stay away for longer. Remembers a few ids, the newest.
 class RestlessTags final {
