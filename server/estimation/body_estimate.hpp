@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 
@@ -34,6 +35,15 @@ struct BodyEstimate {
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   Matrix15d covariance{Matrix15d::Zero()};
   bool anchored{};  ///< W is the workspace. False: W is wherever this filter happened to start.
+};
+
+/// Where the body is, W axes.
+struct BodyPlace {
+  Eigen::Vector3d p_WB{Eigen::Vector3d::Zero()};
+  Eigen::Matrix3d covariance{Eigen::Matrix3d::Zero()};
+
+  /// 1-sigma, of all three axes together.
+  [[nodiscard]] double sigma_m() const { return std::sqrt(covariance.trace()); }
 };
 
 /// What one update did. A rejected tag is a value, not a log line and not an exception.

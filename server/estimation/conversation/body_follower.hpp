@@ -102,6 +102,10 @@ class BodyFollower final {
   [[nodiscard]] std::optional<PlaceFound> find_place(const TagObservations& seen,
                                                      std::span<const TagToUse> usable) const;
 
+  /// Where one tag alone says that the body is, from where it is thought to be, W axes.
+  [[nodiscard]] std::optional<Eigen::Vector3d> shift_by(const TagObservations& seen,
+                                                        const TagToUse& tag) const;
+
   /// In axes that stand still, for comparing views.
   [[nodiscard]] std::optional<CameraAttitude> camera_attitude(int camera, Instant at) const;
 

@@ -51,6 +51,17 @@ std::optional<PlaceFound> BodyFollower<C>::find_place(const TagObservations& see
 }
 
 template <class C>
+std::optional<Eigen::Vector3d> BodyFollower<C>::shift_by(const TagObservations& seen,
+                                                         const TagToUse& tag) const {
+  const PlaceGuess guess{coordinates_.X_AB(), kUnknownPosition_m, filter_rules::kGyroTurn_rad};
+  const auto found = fiducap::find_place(coordinates_.sighted(seen.camera, std::span(&tag, 1)),
+                                         guess, config_.corner_noise_px);
+  if (!found) return std::nullopt;
+  const Eigen::Quaterniond q_WA = coordinates_.X_WB().q * guess.X_AB.q.conjugate();
+  return q_WA * (found->X_AB.p - guess.X_AB.p);
+}
+
+template <class C>
 std::optional<CameraAttitude> BodyFollower<C>::camera_attitude(int camera, Instant at) const {
   const auto& state = coordinates_.state();
   const Eigen::Quaterniond& q_BV = state.X_BV[static_cast<std::size_t>(camera)].q;

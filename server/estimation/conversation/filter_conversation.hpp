@@ -9,6 +9,7 @@
 #include "estimation/conversation/body_follower.hpp"
 #include "estimation/conversation/contradictions.hpp"
 #include "estimation/conversation/image_tags.hpp"
+#include "estimation/conversation/lone_return.hpp"
 #include "estimation/conversation/restless_tags.hpp"
 #include "estimation/conversation/workspace_anchor.hpp"
 #include "estimation/start/clock_hypothesis.hpp"
@@ -90,6 +91,8 @@ class FilterConversation final : public StartingFilter {
   void give_up(int tag_id, Instant at, UpdateReport& report);
   void note_witnesses();
   void watch_return(const TagObservations& seen, UpdateReport& report);
+  void answer_return(const TagObservations& seen, LoneReturn::Verdict verdict,
+                     std::span<const int> against, UpdateReport& report);
   void shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report);
   void note_exact_tags();
   void add_bend_of_prints(BodyEstimate& body) const;
@@ -132,18 +135,13 @@ class FilterConversation final : public StartingFilter {
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
   std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.
-  /// The tag that alone brought the body back, and how often proven ones contradicted it since.
-  struct Return {
-    int tag_id{};
-    int against{};
-  };
-  std::optional<Return> returned_by_;
+  LoneReturn return_;
   std::optional<Instant> suspected_at_;  ///< Images contradicted last: a clock may have jumped.
   bool may_have_jumped_{false};          ///< That, or a tag was moved.
-  double gap_before_s_{0};       ///< Without a fit, before the present image.
-  double drift_before_m_{0};     ///< 1-sigma of the body's place, before it was corrected.
-  int relocalisations_{0};       ///< Since the filter was last trusted …
-  int images_trusted_{0};        ///< … for so many images in a row now.
+  double gap_before_s_{0};               ///< Without a fit, before the present image.
+  BodyPlace place_before_;               ///< Before it was corrected.
+  int relocalisations_{0};               ///< Since the filter was last trusted …
+  int images_trusted_{0};                ///< … for so many images in a row now.
   int generation_{0};
 };
 

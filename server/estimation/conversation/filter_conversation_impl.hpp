@@ -38,7 +38,7 @@ void FilterConversation<C>::restart() {
   candidates_.forget_all();
   restless_.forget_all();
   unwitnessed_.clear();
-  returned_by_.reset();
+  return_.forget();
   relocalisations_ = 0;
 }
 
@@ -194,7 +194,7 @@ UpdateReport FilterConversation<C>::correct(const TagObservations& seen, int ite
 template <class C>
 void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
                                     UpdateReport& report) {
-  drift_before_m_ = coordinates().drift_m();
+  place_before_ = coordinates().place();
   const UpdateReport done = correct(seen, iterations);
   report.tags_used = done.tags_used;
   report.tags_rejected = done.tags_rejected;

@@ -3,6 +3,7 @@
 // What a filter does when images contradict it: which tags it gives up, and how a body that is lost
 // is found again in what was learned; a part of FilterConversation.
 #include <algorithm>
+#include <array>
 
 #include "estimation/conversation/filter_conversation.hpp"
 
@@ -20,10 +21,8 @@ inline constexpr double kPlaceKept_m = 0.1;
 // more of them, and it is the body that is wrong. Young ones do not count: where they stand is what
 // a few images said, glaring ones perhaps.
 inline constexpr std::ptrdiff_t kMostUnwitnessed = 2;
-// A body that one tag alone brought back is not there when proven tags contradict so often.
-inline constexpr int kAgainstReturn = 5;
-// It is on probation when it could have moved the body so far: after a gap, and by the body's own
-// uncertainty before it was used.
+// A tag that alone brought the body back is on probation when it could have moved the body so far:
+// after a gap, and by the body's own uncertainty before it was used.
 inline constexpr double kGap_s = 0.5;
 inline constexpr double kMayBeMoved_m = 0.06;
 // A body that was found anew so often, and never fitted for long, is wrong in a way that what was
@@ -73,7 +72,7 @@ void FilterConversation<C>::pardon_all() {
   coordinates().forget_past();
   restless_.forget_all();
   unwitnessed_.clear();
-  returned_by_.reset();
+  return_.forget();
   contradictions_.pardon();
   follower_.jump_search().forget_images();
   suspected_at_.reset();
@@ -153,7 +152,7 @@ bool FilterConversation<C>::is_place_kept(Instant now) const {
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   return is_following() && contradictions_.has_ever_fit() &&
          contradictions_.seconds_without_fit(now) < kPlaceKept_s &&
-         coordinates().drift_m() < kPlaceKept_m;
+         coordinates().place().sigma_m() < kPlaceKept_m;
 }
 
 template <class C>
@@ -169,6 +168,7 @@ template <class C>
 void FilterConversation<C>::give_up(int tag_id, Instant at, UpdateReport& report) {
   const int tag = state().find(tag_id);
   if (tag >= 0) {
+    coordinates().convict_tag();
     // What the map holds, the map takes back.
     if (coordinates().is_own(static_cast<std::size_t>(tag))) restless_.note_given_up(tag_id, at);
     coordinates().state().remove_tag(static_cast<std::size_t>(tag));
@@ -211,20 +211,36 @@ template <class C>
 void FilterConversation<C>::watch_return(const TagObservations& seen, UpdateReport& report) {
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   if (!has_imu() || !is_start_over_) return;
-  if (!returned_by_ && tags_.usable.size() == 1 && tags_.accepted.front() &&
-      gap_before_s_ > kGap_s && drift_before_m_ > kMayBeMoved_m)
-    returned_by_ = Return{tags_.usable.front().seen->tag_id, 0};
-  if (!returned_by_) return;
-  bool is_contradicted = false;
-  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
-    if (tags_.usable[i].seen->tag_id == returned_by_->tag_id || !is_proven(tags_.usable[i]))
-      continue;
-    if (tags_.accepted[i]) return returned_by_.reset();
-    is_contradicted = true;
+  if (!return_.is_watched() && tags_.usable.size() == 1 && tags_.accepted.front() &&
+      gap_before_s_ > kGap_s && place_before_.sigma_m() > kMayBeMoved_m)
+    return_.begin(tags_.usable.front().seen->tag_id, place_before_, coordinates().X_WB().p);
+  if (!return_.is_watched()) return;
+  std::array<int, UpdateReport::kMostNamed> against{};
+  std::size_t count = 0;
+  std::optional<Eigen::Vector3d> shift_W;
+  for (std::size_t i = 0; i < tags_.usable.size() && count < against.size(); ++i) {
+    const TagToUse& tag = tags_.usable[i];
+    if (tag.seen->tag_id == return_.tag_id() || !is_proven(tag)) continue;
+    if (tags_.accepted[i]) return return_.forget();
+    if (count == 0) shift_W = follower_.shift_by(seen, tag);
+    against[count++] = tag.seen->tag_id;
   }
-  if (!is_contradicted || ++returned_by_->against < kAgainstReturn) return;
-  give_up(returned_by_->tag_id, seen.exposed_at, report);
-  returned_by_.reset();
+  if (count == 0) return;
+  const auto verdict = return_.contradict(static_cast<int>(count), shift_W);
+  answer_return(seen, verdict, std::span(against).first(count), report);
+}
+
+template <class C>
+void FilterConversation<C>::answer_return(const TagObservations& seen, LoneReturn::Verdict verdict,
+                                          std::span<const int> against, UpdateReport& report) {
+  if (verdict == LoneReturn::Verdict::kOpen) return;
+  const int tag_id = return_.tag_id();
+  return_.forget();
+  if (verdict == LoneReturn::Verdict::kOthersWrong) {
+    for (const int other : against) give_up(other, seen.exposed_at, report);
+    return contradictions_.pardon();
+  }
+  give_up(tag_id, seen.exposed_at, report);
   relocalise(seen, report);
 }
 
@@ -246,7 +262,8 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
   const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
   if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
     jump(found->X_AB, seen.exposed_at);
-    if (tags_.usable.size() == 1) returned_by_ = Return{tags_.usable.front().seen->tag_id, 0};
+    if (tags_.usable.size() == 1)
+      return_.begin(tags_.usable.front().seen->tag_id, std::nullopt, found->X_AB.p);
     return true;
   }
   return has_imu() && come_back_by_views(seen);
@@ -259,7 +276,7 @@ bool FilterConversation<C>::come_back_by_views(const TagObservations& seen) {
     if (!verdict) continue;
     const Pose X_BT = state().X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
     jump(coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse()), seen.exposed_at);
-    returned_by_ = Return{tag.seen->tag_id, 0};
+    return_.begin(tag.seen->tag_id, std::nullopt, coordinates().X_WB().p);
     return true;
   }
   return false;

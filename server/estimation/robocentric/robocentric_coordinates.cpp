@@ -111,8 +111,9 @@ void RobocentricCoordinates::augment(const TagObservations& seen, const TagObser
                        config_.corner_noise_px);
 }
 
-double RobocentricCoordinates::drift_m() const {
-  return std::sqrt(body().covariance.topLeftCorner<3, 3>().trace());
+BodyPlace RobocentricCoordinates::place() const {
+  const BodyEstimate now = body();
+  return {now.X_WB.p, now.covariance.topLeftCorner<3, 3>()};
 }
 
 void RobocentricCoordinates::keep_defined(std::size_t tag, const HeadingRule& rule) {

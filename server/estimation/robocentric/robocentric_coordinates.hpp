@@ -84,11 +84,12 @@ class RobocentricCoordinates final {
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   void keep_defined(std::size_t tag, const HeadingRule& rule);
   void moved_axes(const Pose&) {}
-  [[nodiscard]] double drift_m() const;
+  [[nodiscard]] BodyPlace place() const;
   [[nodiscard]] double speed_sigma_m_s() const { return 0; }  // remembers no first sights
   /// The paper believes its configuration.
   void doubt(const TagObservations&, const UpdateReport&) {}
   void list_mismatches(std::vector<FoundMismatch>&) const {}
+  void convict_tag() {}
 
   [[nodiscard]] const CornerNoise& noise(int) const { return corner_noise_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return std::nullopt; }

@@ -52,6 +52,12 @@ void NoiseWatch::take_back() {
   images_since_earlier_ = 0;
 }
 
+void NoiseWatch::take_back_doubted() {
+  if (!doubted_since_) return;
+  now_ = earlier_ = before_ = *doubted_since_;
+  doubted_since_.reset();
+}
+
 double NoiseWatch::sigma_of(Noise noise) const {
   return std::sqrt(curvature().inverse()(noise, noise));
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "estimation/filter/stacked_update.hpp"
 #include "estimation/start/learned_noise.hpp"
@@ -27,8 +28,12 @@ class NoiseWatch final {
   [[nodiscard]] const LearnedNoise& learned() const { return now_; }
   /// What is known of the motion ends here; what was learned of the noises stays.
   void lose_motion();
-  /// What was learned from the last images was another error's.
+  /// What was learned from the last images was another error's …
   void take_back();
+  /// … or from those since now, which nothing fits, may turn out to be a tag's.
+  void begin_doubt() { doubted_since_ = now_; }
+  void end_doubt() { doubted_since_.reset(); }
+  void take_back_doubted();
 
   /// The variance of the IMU's noises is so many times the declared one.
   [[nodiscard]] double imu_variance() const { return now_.applied(kImu); }
@@ -54,8 +59,9 @@ class NoiseWatch final {
   BodyMatrix P_;  ///< Of the body against tags at exact places …
   BodyMatrix D_;  ///< … and its derivative by the variance of the IMU.
   LearnedNoise now_;
-  LearnedNoise earlier_;  ///< As it was some images ago …
-  LearnedNoise before_;   ///< … and before those.
+  LearnedNoise earlier_;                       ///< As it was some images ago …
+  LearnedNoise before_;                        ///< … and before those.
+  std::optional<LearnedNoise> doubted_since_;  ///< As it was when images began to contradict.
   int images_since_earlier_{0};
 };
 

@@ -194,9 +194,9 @@ void WorldCoordinates::lose_motion() {
   state_.forget_clones();
 }
 
-double WorldCoordinates::drift_m() const {
+BodyPlace WorldCoordinates::place() const {
   const BodyEstimate now = body();
-  return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
+  return {now.X_WB.p, now.covariance.topLeftCorner<3, 3>()};
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
@@ -313,13 +313,25 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
                            corner_noise_[camera], accepted);
   state_.release_blocks();
   if (linearisation_) linearisation_->release_blocks();
-  images_without_fit_ = report.tags_used > 0 ? 0 : images_without_fit_ + 1;
+  note_fit(report.tags_used > 0);
   if (learns && corner_update_.has_score() && images_without_fit_ <= kUnfitToLearnFrom) {
     noise_watch_.learn(corner_update_.shared_score(), on_time);
     apply_jitter();
   }
   if (watches && report.tags_used > 0) noise_watch_.correct(corner_update_.shared_score(), on_time);
   return report;
+}
+
+/// A second image in a row that fits ends a doubt: the first one may convict a tag.
+void WorldCoordinates::note_fit(bool fits) {
+  if (!fits && images_without_fit_ == 0) noise_watch_.begin_doubt();
+  if (fits && images_without_fit_ == 0) noise_watch_.end_doubt();
+  images_without_fit_ = fits ? 0 : images_without_fit_ + 1;
+}
+
+void WorldCoordinates::convict_tag() {
+  noise_watch_.take_back_doubted();
+  apply_jitter();
 }
 
 /// Contradicted until now, by images that were taken at another time.

@@ -59,8 +59,7 @@ class WorldCoordinates final {
   /// Moves the covariance over the steps since the last image.
   void finish_motion();
   void lose_motion();
-  /// 1-sigma of the body's place, m, and of its speed.
-  [[nodiscard]] double drift_m() const;
+  [[nodiscard]] BodyPlace place() const;
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
@@ -72,8 +71,7 @@ class WorldCoordinates final {
   void finish_aimed_motion();
   [[nodiscard]] bool is_aimed() const { return linearisation_.has_value(); }
   void forget_aim() { linearisation_.reset(); }
-  /// As it was before aim().
-  void take_back() { state_ = before_; }
+  void take_back() { state_ = before_; }  ///< As it was before aim().
 
   void look_at(const TagObservations& seen);
   /// Takes over what the map says of tags in view and of those held.
@@ -98,6 +96,8 @@ class WorldCoordinates final {
   [[nodiscard]] LensEstimate lens(int camera) const { return suspects_.lens(state_, camera); }
   /// While past images are followed again nothing is learned of noises: they have said it already.
   void set_learning(bool is_learning) { is_learning_ = is_learning; }
+  /// A tag was wrong where images contradicted: that was no noise.
+  void convict_tag();
   [[nodiscard]] LearnedNoise learned_noise() const { return noise_watch_.learned(); }
   /// Jitter counts from the first image on that teaches of it: a clock must be known before.
   void begin_with(const LearnedNoise& noise) { noise_watch_.begin_with(noise); }
@@ -122,6 +122,7 @@ class WorldCoordinates final {
   [[nodiscard]] const CameraModel& model_of(int camera) const;
   [[nodiscard]] Suspects::Rules doubts() const;
   void apply_jitter();
+  void note_fit(bool fits);
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
   void follow_map(const TagObservations& seen, std::span<const KnownTag> known);

@@ -1,0 +1,32 @@
+#include "estimation/conversation/lone_return.hpp"
+
+#include <Eigen/Cholesky>
+
+namespace fiducap {
+
+namespace {
+// Proven tags are heard after so many images.
+constexpr int kAgainst = 5;
+// Twice the logarithm of how much likelier one way is than the other: e³ = 20 times.
+constexpr double kDecisive = 6.0;
+}  // namespace
+
+void LoneReturn::begin(int tag_id, const std::optional<BodyPlace>& before,
+                       const Eigen::Vector3d& p_WB_now) {
+  forget();
+  tag_id_ = tag_id;
+  before_ = before;
+  if (before) moved_W_ = p_WB_now - before->p_WB;
+}
+
+LoneReturn::Verdict LoneReturn::contradict(int tags,
+                                           const std::optional<Eigen::Vector3d>& shift_W) {
+  if (++against_ < kAgainst) return Verdict::kOpen;
+  if (tags > 1 || !before_ || !shift_W) return Verdict::kReturnWrong;
+  const Eigen::LLT<Eigen::Matrix3d> P(before_->covariance);
+  const Eigen::Vector3d by_others = moved_W_ + *shift_W;
+  const double likelier = by_others.dot(P.solve(by_others)) - moved_W_.dot(P.solve(moved_W_));
+  return likelier > kDecisive ? Verdict::kOthersWrong : Verdict::kReturnWrong;
+}
+
+}  // namespace fiducap
