@@ -102,6 +102,8 @@ class BodyFollower final {
   [[nodiscard]] std::optional<PlaceFound> find_place(const TagObservations& seen,
                                                      std::span<const TagToUse> usable) const;
 
+  /// While adrift: where the body is by the gyro alone, with the place of the last image.
+  [[nodiscard]] Pose turned(Instant at) const;
   /// Where one tag alone says that the body is, from where it is thought to be, W axes.
   [[nodiscard]] std::optional<Eigen::Vector3d> shift_by(const TagObservations& seen,
                                                         const TagToUse& tag) const;

@@ -39,13 +39,17 @@ bool BodyFollower<C>::move_to(const TagObservations& seen, std::span<const TagTo
 }
 
 template <class C>
+Pose BodyFollower<C>::turned(Instant at) const {
+  Pose X_AB = coordinates_.X_AB();
+  if (has_imu()) X_AB.q = X_AB.q * attitude_.q_LB(at, coordinates_.state().bias_w);
+  return X_AB;
+}
+
+template <class C>
 std::optional<PlaceFound> BodyFollower<C>::find_place(const TagObservations& seen,
                                                       std::span<const TagToUse> usable) const {
-  PlaceGuess guess{coordinates_.X_AB(), kUnknownPosition_m, kUnknownAngle_rad};
-  if (has_imu()) {
-    guess.X_AB.q = guess.X_AB.q * attitude_.q_LB(seen.exposed_at, coordinates_.state().bias_w);
-    if (!is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
-  }
+  PlaceGuess guess{turned(seen.exposed_at), kUnknownPosition_m, kUnknownAngle_rad};
+  if (has_imu() && !is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
   return fiducap::find_place(coordinates_.sighted(seen.camera, usable), guess,
                              config_.corner_noise_px);
 }

@@ -99,6 +99,7 @@ class FilterConversation final : public StartingFilter {
 
   void lose_motion(bool is_turn_lost);
   bool come_back(const TagObservations& seen);
+  [[nodiscard]] bool is_return_doubtful(const Pose& X_AB, Instant at) const;
   /// One tag whose views since, compared with the gyro, decide its branch.
   bool come_back_by_views(const TagObservations& seen);
   void jump(const Pose& X_AB, Instant at);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 
+#include "base/so3.hpp"
 #include "estimation/conversation/filter_conversation.hpp"
 
 namespace fiducap {
@@ -29,6 +30,10 @@ inline constexpr double kMayBeMoved_m = 0.06;
 // learned cannot mend.
 inline constexpr int kMostRelocalisations = 4;
 inline constexpr int kImagesToTrust = 40;
+// A lone tag that contradicted before, or that would turn the body against the gyro by this, brings
+// it back only when so many images have shown nothing better.
+inline constexpr double kMostTurn_rad = 0.15;
+inline constexpr int kDoubtedReturns = 160;
 // Readings alone say so long where the body was, to tell whether a clock has jumped.
 inline constexpr double kJumpBridged_s = 1.5;
 // After a contradiction images are kept for so long, to be looked at with the next ones.
@@ -261,6 +266,7 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
   ++return_attempts_;
   const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
   if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
+    if (is_return_doubtful(found->X_AB, seen.exposed_at)) return false;
     jump(found->X_AB, seen.exposed_at);
     if (tags_.usable.size() == 1)
       return_.begin(tags_.usable.front().seen->tag_id, std::nullopt, found->X_AB.p);
@@ -269,13 +275,24 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
   return has_imu() && come_back_by_views(seen);
 }
 
+/// A moved tag, or an id that is there twice, must not say where the body is.
+template <class C>
+bool FilterConversation<C>::is_return_doubtful(const Pose& X_AB, Instant at) const {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (!has_imu() || tags_.usable.size() != 1 || return_attempts_ >= kDoubtedReturns) return false;
+  if (contradictions_.scores().is_suspect(tags_.usable.front().seen->tag_id)) return true;
+  return !follower_.is_turn_lost() && angle_between(follower_.turned(at).q, X_AB.q) > kMostTurn_rad;
+}
+
 template <class C>
 bool FilterConversation<C>::come_back_by_views(const TagObservations& seen) {
   for (const TagToUse& tag : tags_.usable) {
     const auto verdict = judge(seen, tag, Patience{});
     if (!verdict) continue;
     const Pose X_BT = state().X_BV[static_cast<std::size_t>(seen.camera)] * verdict->X_VT;
-    jump(coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse()), seen.exposed_at);
+    const Pose X_AB = coordinates().X_AB_of(coordinates().place_in_W(tag) * X_BT.inverse());
+    if (is_return_doubtful(X_AB, seen.exposed_at)) return false;
+    jump(X_AB, seen.exposed_at);
     return_.begin(tag.seen->tag_id, std::nullopt, coordinates().X_WB().p);
     return true;
   }
