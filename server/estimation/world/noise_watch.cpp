@@ -18,6 +18,9 @@ const Eigen::Vector2d kMost(2500.0, 400e-6);
 // Of what was learned, per image: 400 images, 20 s at 20 Hz.
 constexpr double kForget = 1.0 - 1.0 / 400;
 constexpr double kSignificant_sigma = 4.0;
+// Worth telling with the pose: what nine of ten IMUs that are as declared never reach.
+constexpr double kWorthTelling_sigma = 2.0;
+constexpr double kMostUnstated = 25.0;
 // Of the curvature: so that nothing is divided by zero.
 const Eigen::Vector2d kTiny(1e-6, 1e4);
 // One image counts for no more than this, in sigmas of what it can say: it may be a wrong one. Less
@@ -50,10 +53,16 @@ void NoiseWatch::begin_with(const LearnedNoise& learned) { now_ = earlier_ = bef
 void NoiseWatch::take_back() {
   now_ = earlier_ = before_;
   images_since_earlier_ = 0;
+  suspected_ = outgrown_ = 1;
+}
+
+double NoiseWatch::unstated_factor() const {
+  return std::max(outgrown_, std::min(suspected_ / now_.applied(kImu), kMostUnstated));
 }
 
 void NoiseWatch::take_back_doubted() {
   if (!doubted_since_) return;
+  suspected_ = outgrown_ = 1;
   now_ = earlier_ = before_ = *doubted_since_;
   doubted_since_.reset();
 }
@@ -119,7 +128,11 @@ void NoiseWatch::apply_estimate() {
         estimate(noise) > kDeclared(noise) && (was_beyond || score > kSignificant_sigma);
     now_.applied(noise) =
         is_significant ? std::min(estimate(noise), kMost(noise)) : kDeclared(noise);
+    if (noise == kImu)
+      suspected_ = score > kWorthTelling_sigma ? estimate(noise) : kDeclared(noise);
   }
+  outgrown_ = 1 + kForget * (outgrown_ - 1);
+  outgrown_ = std::clamp(outgrown_ * now_.applied(kImu) / before(kImu), 1.0, kMostUnstated);
   now_.derivative -=
       now_.information * (now_.applied - before);  // they are those at what is applied
   weigh_anew();

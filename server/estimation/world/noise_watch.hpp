@@ -38,6 +38,10 @@ class NoiseWatch final {
   /// The variance of the IMU's noises is so many times the declared one.
   [[nodiscard]] double imu_variance() const { return now_.applied(kImu); }
   [[nodiscard]] double jitter_s() const { return std::sqrt(now_.applied(kStamps)); }
+  /// By so much all variances are too small that were reckoned with the IMU's declared noise: while
+  /// it is only suspected, and for a while after it has been applied, as what was placed before
+  /// stays as it was.
+  [[nodiscard]] double unstated_factor() const;
   /// 1-sigma of imu_variance().
   [[nodiscard]] double imu_variance_sigma() const { return sigma_of(kImu); }
 
@@ -63,6 +67,8 @@ class NoiseWatch final {
   LearnedNoise before_;                        ///< … and before those.
   std::optional<LearnedNoise> doubted_since_;  ///< As it was when images began to contradict.
   int images_since_earlier_{0};
+  double suspected_{1.0};  ///< Variance of the IMU by all that is known, significant or not.
+  double outgrown_{1.0};   ///< So much larger than what most was reckoned with is what is applied.
 };
 
 }  // namespace fiducap::world

@@ -28,8 +28,7 @@ constexpr double kSameVariance = 0.01;
 // The attitude may be off by this, 1-sigma.
 constexpr double kUnknownTurn_rad = 0.4;
 constexpr double kNisShare = 0.02;
-// More images in a row without a tag that fits are no noise.
-constexpr int kUnfitToLearnFrom = 3;
+constexpr int kUnfitToLearnFrom = 3;  // more in a row without a tag that fits are no noise
 constexpr double kExactReadout_s = 5.1e-5;
 // Less is not worth a word.
 constexpr double kToldNoise = 2.0;
@@ -143,6 +142,7 @@ BodyEstimate WorldCoordinates::body() const {
   BodyEstimate out = body_in_workspace(state_);
   const Matrix6d J = plain_from_world_error(out.X_WB.p);
   out.covariance.topLeftCorner<6, 6>() += J * suspects_.unstated(state_) * J.transpose();
+  out.covariance *= noise_watch_.unstated_factor();
   return out;
 }
 
@@ -195,8 +195,8 @@ void WorldCoordinates::lose_motion() {
 }
 
 BodyPlace WorldCoordinates::place() const {
-  const BodyEstimate now = body();
-  return {now.X_WB.p, now.covariance.topLeftCorner<3, 3>()};
+  const Matrix15d P = body().covariance;
+  return {state_.X_WB.p, P.topLeftCorner<3, 3>() / noise_watch_.unstated_factor()};
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
@@ -300,8 +300,8 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   const auto camera = static_cast<std::size_t>(seen.camera);
   const bool watches = watches_noise();
   const bool learns = watches && teaches_of_noise(state_, seen.camera, tags);
-  const Vector6d on_time =
-      camera_at(state_, seen.camera, state_.clocks[camera].seconds_to(0)).on_time;
+  const double seconds = state_.clocks[camera].seconds_to(0);
+  const Vector6d on_time = camera_at(state_, seen.camera, seconds).on_time;
   if (!sensors_.imu) hold_sensors(state_, suspects_, tags.size());
   if (!sensors_.imu && linearisation_) hold_sensors(*linearisation_, suspects_, tags.size());
   const UpdateReport report =
