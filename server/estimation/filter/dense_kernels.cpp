@@ -13,8 +13,9 @@ namespace fiducap::dense {
 
 namespace {
 
-constexpr int kCols = 4;   // of a tile
-constexpr Index kSix = 6;  // numbers of a pose
+constexpr int kCols = 4;     // of a tile
+constexpr Index kSix = 6;    // numbers of a pose
+constexpr Index kBody = 15;  // … and of a body in motion
 
 // A row that is left over comes as a plain double. Two of the others side by side are a tile's
 // rows.
@@ -205,6 +206,40 @@ FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const 
   }
 }
 
+/// Adds what the columns first … end of some rows give to column `to` of M Fᵀ.
+template <class Pack>
+FIDUCAP_INLINE void add_columns(const Pack (&row)[kBody], const ConstView& F, Index to, Index first,
+                                Index end, Pack& sum) {
+  for (Index k = first; k < end; ++k) sum += row[k] * F.data[to + k * F.stride];
+}
+
+/// A few rows of M Fᵀ.
+template <class Pack>
+FIDUCAP_INLINE void move_rows(const ConstView& F, const View& M, Index i) {
+  Pack row[kBody];
+  for (Index c = 0; c < kBody; ++c) load(row[c], M.data + i + c * M.stride);
+  for (Index to = 0; to < 9; ++to) {
+    Pack sum = row[to];
+    if (to < 3) {
+      add_columns(row, F, to, 3, kBody, sum);
+    } else if (to < 6) {
+      add_columns(row, F, to, 12, kBody, sum);
+    } else {
+      add_columns(row, F, to, 3, 6, sum);
+      add_columns(row, F, to, 9, kBody, sum);
+    }
+    std::memcpy(M.data + i + to * M.stride, &sum, sizeof sum);
+  }
+}
+
+template <class Pack>
+FIDUCAP_INLINE void move_all(const ConstView& F, const View& M, Index rows) {
+  Index i = 0;
+  for (; i + kLanes<Pack> <= rows; i += kLanes<Pack>) move_rows<Pack>(F, M, i);
+  for (; i + kLanes<Pair> <= rows; i += kLanes<Pair>) move_rows<Pair>(F, M, i);
+  for (; i < rows; ++i) move_rows<double>(F, M, i);
+}
+
 template <class Pack>
 FIDUCAP_INLINE void multiply_all(const ConstView& A, const ConstView& B, const ConstView& U,
                                  const View& G, Index n) {
@@ -224,6 +259,7 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   multiply_all<Pair>(A, B, U, G, n);
 }
+void move_body(ConstView F, View M, Index rows) { move_all<Pair>(F, M, rows); }
 }  // namespace portable
 
 #if defined(__x86_64__)
@@ -243,6 +279,9 @@ FIDUCAP_AVX2 void multiply_avx2(const ConstView& A, const ConstView& B, const Co
                                 const View& G, Index n) {
   multiply_all<Quad>(A, B, U, G, n);
 }
+FIDUCAP_AVX2 void move_avx2(const ConstView& F, const View& M, Index rows) {
+  move_all<Quad>(F, M, rows);
+}
 const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 
 }  // namespace
@@ -257,6 +296,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   has_avx2 ? multiply_avx2(A, B, U, G, n) : portable::multiply_difference(A, B, U, G, n);
 }
+void move_body(ConstView F, View M, Index rows) {
+  has_avx2 ? move_avx2(F, M, rows) : portable::move_body(F, M, rows);
+}
 
 #else
 
@@ -268,6 +310,7 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   portable::multiply_difference(A, B, U, G, n);
 }
+void move_body(ConstView F, View M, Index rows) { portable::move_body(F, M, rows); }
 
 #endif
 

@@ -195,8 +195,9 @@ void WorldCoordinates::lose_motion() {
 }
 
 double WorldCoordinates::drift_m() const {
-  const BodyEstimate now = body();
-  return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
+  const auto J = plain_from_world_error(state_.X_WB.p).topRows<3>().eval();
+  const Matrix6d own = state_.P().topLeftCorner<6, 6>() + suspects_.unstated(state_);
+  return std::sqrt((J * own * J.transpose()).trace());
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
