@@ -206,6 +206,32 @@ FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const 
   }
 }
 
+/// A few rows of G + C Vᵀ.
+template <class Pack, int packs>
+FIDUCAP_INLINE void add_rows(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                             Index i) {
+  Pack sum[kSix][packs];
+  multiply<Pack, packs, kSix>(C.data + i, C.stride, V.data, V.stride, depth, sum);
+  for (Index c = 0; c < kSix; ++c) {
+    for (Index p = 0; p < packs; ++p) {
+      double* const at = G.data + i + p * kLanes<Pack> + c * G.stride;
+      Pack value;
+      load(value, at);
+      value += sum[c][p];
+      std::memcpy(at, &value, sizeof value);
+    }
+  }
+}
+
+template <class Pack>
+FIDUCAP_INLINE void add_all(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                            Index n) {
+  Index i = 0;
+  for (; i + 2 * kLanes<Pack> <= n; i += 2 * kLanes<Pack>) add_rows<Pack, 2>(C, depth, V, G, i);
+  for (; i + kLanes<Pack> <= n; i += kLanes<Pack>) add_rows<Pack, 1>(C, depth, V, G, i);
+  for (; i < n; ++i) add_rows<double, 1>(C, depth, V, G, i);
+}
+
 /// Adds what the columns first … end of some rows give to column `to` of M Fᵀ.
 template <class Pack>
 FIDUCAP_INLINE void add_columns(const Pack (&row)[kBody], const ConstView& F, Index to, Index first,
@@ -259,6 +285,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   multiply_all<Pair>(A, B, U, G, n);
 }
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
+  add_all<Pair>(C, depth, V, G, n);
+}
 void move_body(ConstView F, View M, Index rows) { move_all<Pair>(F, M, rows); }
 }  // namespace portable
 
@@ -279,6 +308,10 @@ FIDUCAP_AVX2 void multiply_avx2(const ConstView& A, const ConstView& B, const Co
                                 const View& G, Index n) {
   multiply_all<Quad>(A, B, U, G, n);
 }
+FIDUCAP_AVX2 void add_avx2(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                           Index n) {
+  add_all<Quad>(C, depth, V, G, n);
+}
 FIDUCAP_AVX2 void move_avx2(const ConstView& F, const View& M, Index rows) {
   move_all<Quad>(F, M, rows);
 }
@@ -296,6 +329,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   has_avx2 ? multiply_avx2(A, B, U, G, n) : portable::multiply_difference(A, B, U, G, n);
 }
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
+  has_avx2 ? add_avx2(C, depth, V, G, n) : portable::add_product(C, depth, V, G, n);
+}
 void move_body(ConstView F, View M, Index rows) {
   has_avx2 ? move_avx2(F, M, rows) : portable::move_body(F, M, rows);
 }
@@ -309,6 +345,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 }
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   portable::multiply_difference(A, B, U, G, n);
+}
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
+  portable::add_product(C, depth, V, G, n);
 }
 void move_body(ConstView F, View M, Index rows) { portable::move_body(F, M, rows); }
 

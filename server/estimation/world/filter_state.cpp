@@ -110,14 +110,19 @@ void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
   list_held();
 }
 
-void FilterState::remove_tag(std::size_t i) {
-  const int watched = sizes.find(tags[i].tag_id);
-  if (watched >= 0) {
-    clear_column(layout::print(cameras(), watched), 0);
-    sizes.watched[static_cast<std::size_t>(watched)] = {};
+void FilterState::remove_tags(std::span<const std::size_t> numbers) {
+  columns_.clear();
+  for (const std::size_t i : numbers) {
+    const int watched = sizes.find(tags[i].tag_id);
+    if (watched >= 0) {
+      clear_column(layout::print(cameras(), watched), 0);
+      sizes.watched[static_cast<std::size_t>(watched)] = {};
+    }
+    columns_.push_back(tag_at(i));
   }
-  covariance.erase(tag_at(i));
-  tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
+  covariance.erase(columns_);
+  for (std::size_t k = numbers.size(); k-- > 0;)
+    tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(numbers[k]));
   list_held();
 }
 
@@ -232,15 +237,14 @@ void transport_covariance(FilterState& state, const ErrorRef& correction, int ca
     const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
     if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
     const Eigen::Matrix3d J = skew(moved);
-    // Rows, then columns: nothing is allocated.
-    for (Eigen::Index k = 0; k < P.cols(); ++k) {
-      const Eigen::Vector3d apart = P.col(k).segment<3>(at + 3) - P.col(k).segment<3>(turn_V);
-      P.col(k).segment<3>(at) += J * apart;
-    }
-    for (Eigen::Index j = 0; j < 3; ++j) {
-      for (Eigen::Index i = 0; i < 3; ++i)
-        P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
-    }
+    auto columns = P.middleCols<3>(at);
+    columns += P.middleCols<3>(at + 3).lazyProduct(J.transpose());
+    columns -= P.middleCols<3>(turn_V).lazyProduct(J.transpose());
+    // Their own block once more from the other side; the rest is a mirror image.
+    Eigen::Matrix3d own = columns.middleRows<3>(at);
+    own += J * (columns.middleRows<3>(at + 3) - columns.middleRows<3>(turn_V));
+    P.middleRows<3>(at) = columns.transpose();
+    P.block<3, 3>(at, at) = own;
   };
   transport(layout::kPosition, state.X_WB.p);
   for (int c = 0; c < state.cameras(); ++c) transport(layout::camera(c), state.X_WV(c).p);
