@@ -13,9 +13,8 @@ namespace fiducap::dense {
 
 namespace {
 
-constexpr int kCols = 4;     // of a tile
-constexpr Index kSix = 6;    // numbers of a pose
-constexpr Index kBody = 15;  // … and of a body in motion
+constexpr int kCols = 4;   // of a tile
+constexpr Index kSix = 6;  // numbers of a pose
 
 // A row that is left over comes as a plain double. Two of the others side by side are a tile's
 // rows.
@@ -207,12 +206,12 @@ FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const 
 }
 
 /// A few rows of G + C Vᵀ.
-template <class Pack, int packs>
+template <class Pack, int packs, int cols>
 FIDUCAP_INLINE void add_rows(const ConstView& C, Index depth, const ConstView& V, const View& G,
                              Index i) {
-  Pack sum[kSix][packs];
-  multiply<Pack, packs, kSix>(C.data + i, C.stride, V.data, V.stride, depth, sum);
-  for (Index c = 0; c < kSix; ++c) {
+  Pack sum[cols][packs];
+  multiply<Pack, packs, cols>(C.data + i, C.stride, V.data, V.stride, depth, sum);
+  for (Index c = 0; c < cols; ++c) {
     for (Index p = 0; p < packs; ++p) {
       double* const at = G.data + i + p * kLanes<Pack> + c * G.stride;
       Pack value;
@@ -223,47 +222,22 @@ FIDUCAP_INLINE void add_rows(const ConstView& C, Index depth, const ConstView& V
   }
 }
 
-template <class Pack>
+template <class Pack, int cols>
 FIDUCAP_INLINE void add_all(const ConstView& C, Index depth, const ConstView& V, const View& G,
                             Index n) {
   Index i = 0;
-  for (; i + 2 * kLanes<Pack> <= n; i += 2 * kLanes<Pack>) add_rows<Pack, 2>(C, depth, V, G, i);
-  for (; i + kLanes<Pack> <= n; i += kLanes<Pack>) add_rows<Pack, 1>(C, depth, V, G, i);
-  for (; i < n; ++i) add_rows<double, 1>(C, depth, V, G, i);
-}
-
-/// Adds what the columns first … end of some rows give to column `to` of M Fᵀ.
-template <class Pack>
-FIDUCAP_INLINE void add_columns(const Pack (&row)[kBody], const ConstView& F, Index to, Index first,
-                                Index end, Pack& sum) {
-  for (Index k = first; k < end; ++k) sum += row[k] * F.data[to + k * F.stride];
-}
-
-/// A few rows of M Fᵀ.
-template <class Pack>
-FIDUCAP_INLINE void move_rows(const ConstView& F, const View& M, Index i) {
-  Pack row[kBody];
-  for (Index c = 0; c < kBody; ++c) load(row[c], M.data + i + c * M.stride);
-  for (Index to = 0; to < 9; ++to) {
-    Pack sum = row[to];
-    if (to < 3) {
-      add_columns(row, F, to, 3, kBody, sum);
-    } else if (to < 6) {
-      add_columns(row, F, to, 12, kBody, sum);
-    } else {
-      add_columns(row, F, to, 3, 6, sum);
-      add_columns(row, F, to, 9, kBody, sum);
-    }
-    std::memcpy(M.data + i + to * M.stride, &sum, sizeof sum);
-  }
+  for (; i + 2 * kLanes<Pack> <= n; i += 2 * kLanes<Pack>)
+    add_rows<Pack, 2, cols>(C, depth, V, G, i);
+  for (; i + kLanes<Pack> <= n; i += kLanes<Pack>) add_rows<Pack, 1, cols>(C, depth, V, G, i);
+  for (; i + kLanes<Pair> <= n; i += kLanes<Pair>) add_rows<Pair, 1, cols>(C, depth, V, G, i);
+  for (; i < n; ++i) add_rows<double, 1, cols>(C, depth, V, G, i);
 }
 
 template <class Pack>
-FIDUCAP_INLINE void move_all(const ConstView& F, const View& M, Index rows) {
-  Index i = 0;
-  for (; i + kLanes<Pack> <= rows; i += kLanes<Pack>) move_rows<Pack>(F, M, i);
-  for (; i + kLanes<Pair> <= rows; i += kLanes<Pair>) move_rows<Pair>(F, M, i);
-  for (; i < rows; ++i) move_rows<double>(F, M, i);
+FIDUCAP_INLINE void add_all(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                            Index n, Width width) {
+  width == Width::kThree ? add_all<Pack, 3>(C, depth, V, G, n)
+                         : add_all<Pack, kSix>(C, depth, V, G, n);
 }
 
 template <class Pack>
@@ -285,10 +259,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   multiply_all<Pair>(A, B, U, G, n);
 }
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
-  add_all<Pair>(C, depth, V, G, n);
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  add_all<Pair>(C, depth, V, G, n, width);
 }
-void move_body(ConstView F, View M, Index rows) { move_all<Pair>(F, M, rows); }
 }  // namespace portable
 
 #if defined(__x86_64__)
@@ -309,11 +282,8 @@ FIDUCAP_AVX2 void multiply_avx2(const ConstView& A, const ConstView& B, const Co
   multiply_all<Quad>(A, B, U, G, n);
 }
 FIDUCAP_AVX2 void add_avx2(const ConstView& C, Index depth, const ConstView& V, const View& G,
-                           Index n) {
-  add_all<Quad>(C, depth, V, G, n);
-}
-FIDUCAP_AVX2 void move_avx2(const ConstView& F, const View& M, Index rows) {
-  move_all<Quad>(F, M, rows);
+                           Index n, Width width) {
+  add_all<Quad>(C, depth, V, G, n, width);
 }
 const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 
@@ -329,11 +299,8 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   has_avx2 ? multiply_avx2(A, B, U, G, n) : portable::multiply_difference(A, B, U, G, n);
 }
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
-  has_avx2 ? add_avx2(C, depth, V, G, n) : portable::add_product(C, depth, V, G, n);
-}
-void move_body(ConstView F, View M, Index rows) {
-  has_avx2 ? move_avx2(F, M, rows) : portable::move_body(F, M, rows);
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  has_avx2 ? add_avx2(C, depth, V, G, n, width) : portable::add_product(C, depth, V, G, n, width);
 }
 
 #else
@@ -346,10 +313,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   portable::multiply_difference(A, B, U, G, n);
 }
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n) {
-  portable::add_product(C, depth, V, G, n);
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  portable::add_product(C, depth, V, G, n, width);
 }
-void move_body(ConstView F, View M, Index rows) { portable::move_body(F, M, rows); }
 
 #endif
 

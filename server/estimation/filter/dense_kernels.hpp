@@ -42,13 +42,10 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 /// @param A  data may be nullptr: zero
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n);
 
-/// G ← G + C Vᵀ: C is n × depth, V is 6 × depth, G is n × 6.
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n);
-
-/// M ← M Fᵀ, rows × 15, of a body's position, attitude, velocity and two biases, three columns
-/// each: F is 1 but for what biases do to attitude, attitude and biases to velocity, and all of
-/// them to position.
-void move_body(ConstView F, View M, Index rows);
+/// Of an n × k matrix: k.
+enum class Width { kThree, kSix };
+/// G ← G + C Vᵀ: C is n × depth, V is width × depth, G is n × width.
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width = Width::kSix);
 
 /// The same without AVX2, whatever the processor has: for the tests.
 namespace portable {
@@ -56,8 +53,7 @@ void factor(View S, Index m);
 void divide(ConstView L, Index m, View B, Index rows);
 void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsigned char> held);
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n);
-void add_product(ConstView C, Index depth, ConstView V, View G, Index n);
-void move_body(ConstView F, View M, Index rows);
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width = Width::kSix);
 }  // namespace portable
 
 }  // namespace fiducap::dense

@@ -28,9 +28,17 @@ void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
 
 }  // namespace
 
+// No column needs one that is changed before it.
 void move_columns(const BodyMatrix& F, Eigen::Ref<BodyColumns> M) {
-  static_assert(kPosition == 0 && kAttitude == 3 && kVelocity == 6 && kBiasF == 9 && kBiasW == 12);
-  dense::move_body({F.data(), F.outerStride()}, kalman::view_of(M), M.rows());
+  const auto add = [&](int to, int first, int count) {
+    dense::add_product({M.col(first).data(), M.outerStride()}, count, {&F(to, first), kBodySize},
+                       {M.col(to).data(), M.outerStride()}, M.rows(), dense::Width::kThree);
+  };
+  static_assert(kVelocity == kAttitude + 3 && kBiasF == kVelocity + 3 && kBiasW == kBiasF + 3);
+  add(kPosition, kAttitude, 12);
+  add(kVelocity, kAttitude, 3);
+  add(kVelocity, kBiasF, 6);
+  add(kAttitude, kBiasW, 3);
 }
 
 void move_both_ways(const BodyMatrix& F, BodyMatrix& M) {

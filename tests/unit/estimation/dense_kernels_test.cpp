@@ -17,19 +17,17 @@ struct Kernels {
   void (*divide)(ConstView, Index, View, Index);
   void (*subtract_square)(View, Index, ConstView, Index, std::span<const unsigned char>);
   void (*multiply_difference)(ConstView, ConstView, ConstView, View, Index);
-  void (*add_product)(ConstView, Index, ConstView, View, Index);
-  void (*move_body)(ConstView, View, Index);
+  void (*add_product)(ConstView, Index, ConstView, View, Index, Width);
 };
 
 class DenseKernels : public testing::TestWithParam<bool> {
  protected:
   DenseKernels() {
     if (GetParam()) {
-      kernels_ = {portable::factor,          portable::divide,
-                  portable::subtract_square, portable::multiply_difference,
-                  portable::add_product,     portable::move_body};
+      kernels_ = {portable::factor, portable::divide, portable::subtract_square,
+                  portable::multiply_difference, portable::add_product};
     } else {
-      kernels_ = {factor, divide, subtract_square, multiply_difference, add_product, move_body};
+      kernels_ = {factor, divide, subtract_square, multiply_difference, add_product};
     }
   }
 
@@ -139,32 +137,20 @@ TEST_P(DenseKernels, MultiplyDifferenceLikeEigen) {
 }
 
 TEST_P(DenseKernels, AddProductLikeEigen) {
-  for (const int n : kSizes) {
-    for (const int depth : {1, 3, 5}) {
-      Eigen::MatrixXd C = Eigen::MatrixXd::Random(n + 2, depth);
-      Eigen::MatrixXd V = Eigen::MatrixXd::Random(6, depth);
-      Eigen::MatrixXd G = Eigen::MatrixXd::Constant(n + 3, 6, 7);
-      const Eigen::MatrixXd before = Eigen::MatrixXd::Random(n, 6);
-      G.topRows(n) = before;
-      kernels_.add_product(corner(C), depth, corner(V), corner(G), n);
-      expect_near(G.topRows(n), before + C.topRows(n) * V.transpose());
-      EXPECT_TRUE((G.bottomRows(3).array() == 7).all()) << "wrote beyond";
+  for (const auto& [cols, width] : {std::pair{3, Width::kThree}, {6, Width::kSix}}) {
+    for (const int n : kSizes) {
+      for (const int depth : {1, 3, 5, 12}) {
+        Eigen::MatrixXd C = Eigen::MatrixXd::Random(n + 2, depth);
+        Eigen::MatrixXd V = Eigen::MatrixXd::Random(cols, depth);
+        Eigen::MatrixXd G = Eigen::MatrixXd::Constant(n + 3, cols + 1, 7);
+        const Eigen::MatrixXd before = Eigen::MatrixXd::Random(n, cols);
+        G.topLeftCorner(n, cols) = before;
+        kernels_.add_product(corner(C), depth, corner(V), corner(G), n, width);
+        expect_near(G.topLeftCorner(n, cols), before + C.topRows(n) * V.transpose());
+        EXPECT_TRUE((G.bottomRows(3).array() == 7).all() && (G.rightCols(1).array() == 7).all())
+            << "wrote beyond";
+      }
     }
-  }
-}
-
-TEST_P(DenseKernels, MoveBodyLikeEigen) {
-  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(15, 15);
-  for (const auto& [to, from] :
-       {std::pair{0, 3}, {0, 6}, {0, 9}, {0, 12}, {3, 12}, {6, 3}, {6, 9}, {6, 12}})
-    F.block<3, 3>(to, from).setRandom();
-  for (const int rows : kSizes) {
-    Eigen::MatrixXd M = Eigen::MatrixXd::Constant(rows + 3, 15, 7);
-    const Eigen::MatrixXd before = Eigen::MatrixXd::Random(rows, 15);
-    M.topRows(rows) = before;
-    kernels_.move_body(corner(F), corner(M), rows);
-    expect_near(M.topRows(rows), before * F.transpose());
-    EXPECT_TRUE((M.bottomRows(3).array() == 7).all()) << "wrote beyond";
   }
 }
 
