@@ -33,9 +33,10 @@ class ScaleFit final {
 
   /// @param weight  inverse covariance of z
   void add(const Columns& J, const Eigen::Vector3d& z, const Eigen::Matrix3d& weight) {
+    const Eigen::Matrix<double, N, 3> Jt = J.transpose();
     const Columns WJ = weight * J;
-    A_.noalias() += J.transpose() * WJ;
-    b_.noalias() += WJ.transpose() * z;
+    A_ += Jt.lazyProduct(WJ);
+    b_ += Jt.lazyProduct(weight * z);
     zWz_ += z.dot(weight * z);
     ++sightings_;
   }

@@ -205,6 +205,41 @@ FIDUCAP_INLINE void multiply_rows(const ConstView& A, const ConstView& B, const 
   }
 }
 
+/// A few rows of G + C Vᵀ.
+template <class Pack, int packs, int cols>
+FIDUCAP_INLINE void add_rows(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                             Index i) {
+  Pack sum[cols][packs];
+  multiply<Pack, packs, cols>(C.data + i, C.stride, V.data, V.stride, depth, sum);
+  for (Index c = 0; c < cols; ++c) {
+    for (Index p = 0; p < packs; ++p) {
+      double* const at = G.data + i + p * kLanes<Pack> + c * G.stride;
+      Pack value;
+      load(value, at);
+      value += sum[c][p];
+      std::memcpy(at, &value, sizeof value);
+    }
+  }
+}
+
+template <class Pack, int cols>
+FIDUCAP_INLINE void add_all(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                            Index n) {
+  Index i = 0;
+  for (; i + 2 * kLanes<Pack> <= n; i += 2 * kLanes<Pack>)
+    add_rows<Pack, 2, cols>(C, depth, V, G, i);
+  for (; i + kLanes<Pack> <= n; i += kLanes<Pack>) add_rows<Pack, 1, cols>(C, depth, V, G, i);
+  for (; i + kLanes<Pair> <= n; i += kLanes<Pair>) add_rows<Pair, 1, cols>(C, depth, V, G, i);
+  for (; i < n; ++i) add_rows<double, 1, cols>(C, depth, V, G, i);
+}
+
+template <class Pack>
+FIDUCAP_INLINE void add_all(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                            Index n, Width width) {
+  width == Width::kThree ? add_all<Pack, 3>(C, depth, V, G, n)
+                         : add_all<Pack, kSix>(C, depth, V, G, n);
+}
+
 template <class Pack>
 FIDUCAP_INLINE void multiply_all(const ConstView& A, const ConstView& B, const ConstView& U,
                                  const View& G, Index n) {
@@ -223,6 +258,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 }
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   multiply_all<Pair>(A, B, U, G, n);
+}
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  add_all<Pair>(C, depth, V, G, n, width);
 }
 }  // namespace portable
 
@@ -243,6 +281,10 @@ FIDUCAP_AVX2 void multiply_avx2(const ConstView& A, const ConstView& B, const Co
                                 const View& G, Index n) {
   multiply_all<Quad>(A, B, U, G, n);
 }
+FIDUCAP_AVX2 void add_avx2(const ConstView& C, Index depth, const ConstView& V, const View& G,
+                           Index n, Width width) {
+  add_all<Quad>(C, depth, V, G, n, width);
+}
 const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 
 }  // namespace
@@ -257,6 +299,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   has_avx2 ? multiply_avx2(A, B, U, G, n) : portable::multiply_difference(A, B, U, G, n);
 }
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  has_avx2 ? add_avx2(C, depth, V, G, n, width) : portable::add_product(C, depth, V, G, n, width);
+}
 
 #else
 
@@ -267,6 +312,9 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 }
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n) {
   portable::multiply_difference(A, B, U, G, n);
+}
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width) {
+  portable::add_product(C, depth, V, G, n, width);
 }
 
 #endif

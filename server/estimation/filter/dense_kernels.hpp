@@ -42,12 +42,18 @@ void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsi
 /// @param A  data may be nullptr: zero
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n);
 
+/// Of an n × k matrix: k.
+enum class Width { kThree, kSix };
+/// G ← G + C Vᵀ: C is n × depth, V is width × depth, G is n × width.
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width = Width::kSix);
+
 /// The same without AVX2, whatever the processor has: for the tests.
 namespace portable {
 void factor(View S, Index m);
 void divide(ConstView L, Index m, View B, Index rows);
 void subtract_square(View P, Index n, ConstView G, Index m, std::span<const unsigned char> held);
 void multiply_difference(ConstView A, ConstView B, ConstView U, View G, Index n);
+void add_product(ConstView C, Index depth, ConstView V, View G, Index n, Width width = Width::kSix);
 }  // namespace portable
 
 }  // namespace fiducap::dense

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <span>
 
 #include <Eigen/Core>
 
@@ -45,19 +46,32 @@ class GrowingCovariance final {
     memory_.block<6, 6>(at, at) = own;
   }
 
-  /// Takes six numbers out (marginalises them).
-  void erase(int at) {
-    const int kept = size_ - 6;
-    for (int k = 0; k < kept; ++k) {
-      const double* const from = memory_.col(k < at ? k : k + 6).data();
-      double* const to = memory_.col(k).data();
-      if (to != from) std::copy_n(from, at, to);
-      std::copy(from + at + 6, from + size_, to + at);
+  /// Takes six numbers each out (marginalises them). @param at  first ones, ascending
+  void erase(std::span<const int> at) {
+    int kept = 0;
+    std::size_t erased = 0;
+    for (int k = 0; k < size_; ++k) {
+      if (erased < at.size() && k == at[erased]) {
+        ++erased;
+        k += 5;
+        continue;
+      }
+      copy_kept(memory_.col(k).data(), memory_.col(kept++).data(), at);
     }
     size_ = kept;
   }
 
  private:
+  void copy_kept(const double* from, double* to, std::span<const int> at) const {
+    int begin = 0;
+    const auto copy_until = [&](int end) {
+      to = to == from + begin ? to + (end - begin) : std::copy(from + begin, from + end, to);
+      begin = end + 6;
+    };
+    for (const int gap : at) copy_until(gap);
+    copy_until(size_);
+  }
+
   int size_{0};
   Eigen::MatrixXd memory_;
   Eigen::Matrix<double, 6, Eigen::Dynamic> six_rows_;

@@ -35,6 +35,10 @@ void triangularise(Matrix86d& H, Rest& y) {
   }
 }
 
+dense::ConstView columns_of(const StackedUpdate::ConstCovariance& P, Eigen::Index first) {
+  return {P.col(first).data(), P.outerStride()};
+}
+
 }  // namespace
 
 void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
@@ -45,7 +49,8 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
   shared_own_.setZero();
   const auto terms = std::span(image.shared.terms).first(image.shared.term_count);
   for (const LinearTerm& term : terms)
-    shared += P.middleCols<3>(term.at).lazyProduct(term.J.transpose());
+    dense::add_product(columns_of(P, term.at), 3, {term.J.data(), kTurnedRows},
+                       kalman::view_of(shared_), n_);
   for (const LinearTerm& term : terms)
     shared_own_.noalias() += term.J * shared.middleRows<3>(term.at);
 
@@ -58,11 +63,10 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
     Vector8d y = m.y;
     if (image.suspects.are_there()) {
       Matrix86d rest;
-      rest << m.y, m.H_size, m.H_camera;
+      rest << m.y, m.H_camera, m.H_size;
       triangularise(H, rest);
       y = rest.col(0);
-      turned.H_size = rest.col(1).head<6>();
-      turned.H_camera = rest.block<6, 4>(0, 2);
+      turned.H_suspects = rest.block<6, 5>(0, 1);
     } else {
       triangularise(H, y);
     }
@@ -94,15 +98,16 @@ void StackedUpdate::use_all(const ImageMeasurement& image) {
 }
 
 StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& image) {
-  dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), 6);
-  const auto H = shared_H_.leftCols(rows_);
+  dense::divide(kalman::view_of(S_), rows_, kalman::view_of(shared_H_), shared_H_.rows());
+  const auto H = shared_H_.topRows<6>().leftCols(rows_);
   SharedScore out;
   out.information.noalias() = H * H.transpose();
   out.score.noalias() = H * y_.head(rows_);
   out.by_known_tags.setZero();
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
-    out.by_known_tags.noalias() += m.H.transpose() * m.H / (m.noise_px * m.noise_px);
+    const Matrix86d whitened = m.H / m.noise_px;
+    out.by_known_tags += whitened.transpose().lazyProduct(whitened);
   }
   return out;
 }
@@ -111,8 +116,7 @@ StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& i
 void StackedUpdate::add_suspects(ConstCovariance P, const SuspectColumns& suspects,
                                  const TagMeasurement& m, const Turned& turned, Matrix6d& S) const {
   // Of all five together: the camera's four, and the size of this print.
-  Eigen::Matrix<double, 6, 5> H;
-  H << turned.H_camera, turned.H_size;
+  const Eigen::Matrix<double, 6, 5>& H = turned.H_suspects;
   Eigen::Matrix<double, 6, 5> cross;  // with (own − shared)
   Eigen::Matrix<double, 5, 5> own;
   const int at = suspects.camera;
@@ -165,8 +169,10 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasure
 void StackedUpdate::reserve(Eigen::Index rows) {
   if (PHt_.rows() >= n_ && PHt_.cols() >= rows) return;
   PHt_.resize(n_ + n_ / 2, rows * 2);
-  shared_PHt_.resize(6, rows * 2);
-  shared_H_.resize(6, rows * 2);
+  shared_rows_.resize(rows * 2, 6);
+  suspect_rows_.resize(rows * 2, 5);
+  own_rows_.resize(rows * 2, 6);
+  shared_H_.setZero(8, rows * 2);
   S_.resize(rows * 2, rows * 2);
   y_.resize(rows * 2);
   dx_.resize(n_ + n_ / 2);
@@ -183,19 +189,12 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
     if (m.relative && image.suspects.are_there())
       stack_suspects(P, image.suspects, m, turned_[i], at);
     if (m.relative)
-      shared_H_.middleCols<kTurnedRows>(at) = -turned_[i].H.transpose();
+      shared_H_.block<6, kTurnedRows>(0, at) = -turned_[i].H.transpose();
     else
-      shared_H_.middleCols<kRows>(at) = -m.H.transpose();
+      shared_H_.block<6, kRows>(0, at) = -m.H.transpose();
     at += rows_of(m);
   }
-  for (Eigen::Index k = 0; k < rows_; ++k) {
-    Vector6d of_shared = Vector6d::Zero();
-    for (std::size_t t = 0; t < image.shared.term_count; ++t) {
-      of_shared.noalias() +=
-          image.shared.terms[t].J * PHt_.col(k).segment<3>(image.shared.terms[t].at);
-    }
-    shared_PHt_.col(k) = of_shared;
-  }
+  view_gain(image);
   at = 0;
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
@@ -203,19 +202,11 @@ void StackedUpdate::stack(ConstCovariance P, const ImageMeasurement& image) {
     at += rows_of(m);
   }
   if (image.shared.noise.isZero(0)) return;
-  const auto H = shared_H_.leftCols(rows_);
+  const auto H = shared_H_.topRows<6>().leftCols(rows_);
   for (Eigen::Index k = 0; k < rows_; ++k) {
     const Vector6d noisy = image.shared.noise * H.col(k);
     S_.col(k).head(rows_).noalias() += H.transpose() * noisy;
   }
-}
-
-void StackedUpdate::stack_suspects(ConstCovariance P, const SuspectColumns& suspects,
-                                   const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
-  auto PHt = PHt_.middleCols<kTurnedRows>(at).topRows(n_);
-  PHt += P.middleCols<4>(suspects.camera).lazyProduct(turned.H_camera.transpose());
-  PHt += P.col(suspects.size).lazyProduct(turned.H_size.transpose());
-  if (m.own_size >= 0) PHt += P.col(m.own_size).lazyProduct(turned.H_size.transpose());
 }
 
 void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, const Turned& turned,
@@ -227,6 +218,16 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, const
                              {PHt_.col(at).data(), PHt_.outerStride()}, n_);
 }
 
+void StackedUpdate::stack_suspects(ConstCovariance P, const SuspectColumns& suspects,
+                                   const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
+  const dense::View PHt{PHt_.col(at).data(), PHt_.outerStride()};
+  const dense::ConstView H_size{turned.H_suspects.col(4).data(), kTurnedRows};
+  dense::add_product(columns_of(P, suspects.camera), 4, {turned.H_suspects.data(), kTurnedRows},
+                     PHt, n_);
+  dense::add_product(columns_of(P, suspects.size), 1, H_size, PHt, n_);
+  if (m.own_size >= 0) dense::add_product(columns_of(P, m.own_size), 1, H_size, PHt, n_);
+}
+
 void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen::Index at) {
   y_.segment<kRows>(at) = m.y;
   auto PHt = PHt_.middleCols<kRows>(at).topRows(n_);
@@ -236,28 +237,50 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen
   }
 }
 
+/// The rows of PHt that all relative measurements are compared with.
+void StackedUpdate::view_gain(const ImageMeasurement& image) {
+  const auto PHt = PHt_.leftCols(rows_);
+  shared_rows_.topRows(rows_).setZero();
+  for (std::size_t t = 0; t < image.shared.term_count; ++t) {
+    const LinearTerm& term = image.shared.terms[t];
+    own_rows_.topRows(rows_).leftCols<3>() = PHt.middleRows<3>(term.at).transpose();
+    dense::add_product(kalman::view_of(own_rows_), 3, {term.J.data(), kTurnedRows},
+                       kalman::view_of(shared_rows_), rows_);
+  }
+  if (!image.suspects.are_there()) return;
+  suspect_rows_.topRows(rows_).leftCols<4>() = PHt.middleRows<4>(image.suspects.camera).transpose();
+  suspect_rows_.col(4).head(rows_) = PHt.row(image.suspects.size).transpose();
+}
+
+/// Columns of S from the diagonal on: H of this one, seen by it and all that follow.
 void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasurement& m,
                                   const Turned& turned, Eigen::Index at) {
-  for (Eigen::Index k = 0; k < at + kTurnedRows; ++k) {
-    Vector6d apart = -shared_PHt_.col(k);
-    if (m.own != TagMeasurement::kGiven) apart += PHt_.col(k).segment<kTurnedRows>(m.own);
-    S_.col(k).segment<kTurnedRows>(at).noalias() = turned.H * apart;
-    if (!suspects.are_there()) continue;
-    const auto column = PHt_.col(k);
-    const double size = column(suspects.size) + (m.own_size < 0 ? 0.0 : column(m.own_size));
-    S_.col(k).segment<kTurnedRows>(at).noalias() +=
-        turned.H_camera * column.segment<4>(suspects.camera) + size * turned.H_size;
-  }
+  const Eigen::Index rest = rows_ - at;
+  const auto PHt = PHt_.middleCols(at, rest);
+  const dense::View S{&S_(at, at), S_.outerStride()};
+  const bool is_given = m.own == TagMeasurement::kGiven;
+  if (!is_given) own_rows_.topRows(rest) = PHt.middleRows<kTurnedRows>(m.own).transpose();
+  dense::multiply_difference({is_given ? nullptr : own_rows_.data(), own_rows_.outerStride()},
+                             {&shared_rows_(at, 0), shared_rows_.outerStride()},
+                             {turned.H.data(), kTurnedRows}, S, rest);
   S_.diagonal().segment<kTurnedRows>(at).array() += m.noise_px * m.noise_px;
+  if (!suspects.are_there()) return;
+  dense::add_product({&suspect_rows_(at, 0), suspect_rows_.outerStride()}, 5,
+                     {turned.H_suspects.data(), kTurnedRows}, S, rest);
+  if (m.own_size < 0) return;
+  own_rows_.col(0).head(rest) = PHt.row(m.own_size).transpose();
+  dense::add_product(kalman::view_of(own_rows_), 1, {turned.H_suspects.col(4).data(), kTurnedRows},
+                     S, rest);
 }
 
 void StackedUpdate::stack_scatter(const TagMeasurement& m, Eigen::Index at) {
-  auto S = S_.block(at, 0, kRows, at + kRows);
+  auto S = S_.block(at, at, rows_ - at, kRows);
   S.setZero();
   for (std::size_t b = 0; b < m.block_count; ++b) {
-    S.noalias() += m.blocks[b].H * PHt_.middleRows<3>(m.blocks[b].at).leftCols(at + kRows);
+    S.noalias() += PHt_.middleRows<3>(m.blocks[b].at).middleCols(at, rows_ - at).transpose() *
+                   m.blocks[b].H.transpose();
   }
-  S.rightCols<kRows>() += m.R;
+  S.topRows<kRows>() += m.R;
 }
 
 double StackedUpdate::solve(ConstCovariance P, const ImageMeasurement& image,

@@ -80,8 +80,7 @@ class StackedUpdate final {
   struct Turned {
     Matrix6d H;  ///< upper triangular
     Vector6d y;
-    Eigen::Matrix<double, 6, 4> H_camera;
-    Vector6d H_size;
+    Eigen::Matrix<double, 6, 5> H_suspects;  ///< the camera's four, then the print's size
     double rest_square{};  ///< of the two numbers that hold nothing but noise, in variances of it
   };
 
@@ -92,6 +91,7 @@ class StackedUpdate final {
   void stack_gain(ConstCovariance P, const TagMeasurement& m, Eigen::Index at);
   void stack_suspects(ConstCovariance P, const SuspectColumns& suspects, const TagMeasurement& m,
                       const Turned& turned, Eigen::Index at);
+  void view_gain(const ImageMeasurement& image);
   void stack_scatter(const SuspectColumns& suspects, const TagMeasurement& m, const Turned& turned,
                      Eigen::Index at);
   void stack_scatter(const TagMeasurement& m, Eigen::Index at);
@@ -112,9 +112,13 @@ class StackedUpdate final {
       shared_;           ///< covariance of the state with the shared pose, n × 6
   Matrix6d shared_own_;  ///< covariance of the shared pose itself
   Eigen::MatrixXd PHt_;  ///< n × rows; after solve() the square-root gain K S^{1/2}
-  Eigen::Matrix<double, 6, Eigen::Dynamic> shared_PHt_;  ///< the same of the shared pose, 6 × rows
-  Eigen::Matrix<double, 6, Eigen::Dynamic>
-      shared_H_;       ///< Hᵀ by the shared pose; after solve() L⁻¹ H, 6 × rows
+  // Rows of PHt that others are compared with, each rows_ × …: of the shared pose, of the five
+  // suspects, of one tag, or of another number.
+  Eigen::Matrix<double, Eigen::Dynamic, 6> shared_rows_;
+  Eigen::Matrix<double, Eigen::Dynamic, 5> suspect_rows_;
+  Eigen::Matrix<double, Eigen::Dynamic, 6> own_rows_;
+  /// Hᵀ by the shared pose; after shared_score() L⁻¹ H: 6 × rows, and zeros for whole tiles.
+  Eigen::Matrix<double, 8, Eigen::Dynamic> shared_H_;
   Eigen::MatrixXd S_;  ///< its lower triangle
   Eigen::VectorXd y_;
   Eigen::VectorXd dx_;

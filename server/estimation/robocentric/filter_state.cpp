@@ -37,7 +37,8 @@ void FilterState::add_tag(const LocalTag& tag, const Matrix6d& own) {
 }
 
 void FilterState::remove_tag(std::size_t i) {
-  covariance.erase(tag_at(i));
+  const int at = tag_at(i);
+  covariance.erase({&at, 1});
   tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
 }
 

@@ -39,6 +39,26 @@ Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::
   return J;
 }
 
+/// The cameras' six numbers become others. @param now  of them and the body's
+template <class Now>
+void redefine_cameras(FilterState& state, const Now& now) {
+  auto P = state.P();
+  for (int c = 0; c < state.cameras(); ++c) {
+    const int at = layout::camera(c);
+    // Of P only the rows, which stand in columns; nothing is allocated.
+    for (Eigen::Index k = 0; k < P.cols(); ++k) {
+      P.col(k).segment<6>(at) =
+          now(Vector6d(P.col(k).segment<6>(at)), Vector6d(P.col(k).segment<6>(layout::kPosition)));
+    }
+    // Their own block once more from the other side; the rest is a mirror image.
+    Eigen::Matrix<double, 6, 6> own = P.block<6, 6>(at, at);
+    for (Eigen::Index k = 0; k < 6; ++k)
+      own.row(k) = now(Vector6d(own.row(k)), Vector6d(P.block<1, 6>(at + k, layout::kPosition)));
+    P.middleCols<6>(at) = P.middleRows<6>(at).transpose();
+    P.block<6, 6>(at, at) = own;
+  }
+}
+
 }  // namespace
 
 int PrintSizes::find(int tag_id) const {
@@ -90,14 +110,19 @@ void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
   list_held();
 }
 
-void FilterState::remove_tag(std::size_t i) {
-  const int watched = sizes.find(tags[i].tag_id);
-  if (watched >= 0) {
-    clear_column(layout::print(cameras(), watched), 0);
-    sizes.watched[static_cast<std::size_t>(watched)] = {};
+void FilterState::remove_tags(std::span<const std::size_t> numbers) {
+  columns_.clear();
+  for (const std::size_t i : numbers) {
+    const int watched = sizes.find(tags[i].tag_id);
+    if (watched >= 0) {
+      clear_column(layout::print(cameras(), watched), 0);
+      sizes.watched[static_cast<std::size_t>(watched)] = {};
+    }
+    columns_.push_back(tag_at(i));
   }
-  covariance.erase(tag_at(i));
-  tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(i));
+  covariance.erase(columns_);
+  for (std::size_t k = numbers.size(); k-- > 0;)
+    tags.erase(tags.begin() + static_cast<std::ptrdiff_t>(numbers[k]));
   list_held();
 }
 
@@ -192,36 +217,17 @@ Matrix6d adjoint(const Pose& X) {
 }
 
 void camera_errors_to_extrinsics(FilterState& state) {
-  auto P = state.P();
   const Matrix6d to_body = adjoint(state.X_WB.inverse());
-  for (int c = 0; c < state.cameras(); ++c) {
-    const int at = layout::camera(c);
-    // Column by column, then row by row: nothing is allocated.
-    for (Eigen::Index k = 0; k < P.cols(); ++k) {
-      const Vector6d apart = P.col(k).segment<6>(at) - P.col(k).segment<6>(layout::kPosition);
-      P.col(k).segment<6>(at) = to_body * apart;
-    }
-    for (Eigen::Index k = 0; k < P.rows(); ++k) {
-      const Vector6d apart = P.row(k).segment<6>(at) - P.row(k).segment<6>(layout::kPosition);
-      P.row(k).segment<6>(at) = (to_body * apart).transpose();
-    }
-  }
+  redefine_cameras(state, [&](const auto& camera, const auto& body) -> Vector6d {
+    return to_body * (camera - body);
+  });
 }
 
 void extrinsics_to_camera_errors(FilterState& state) {
-  auto P = state.P();
   const Matrix6d to_world = adjoint(state.X_WB);
-  for (int c = 0; c < state.cameras(); ++c) {
-    const int at = layout::camera(c);
-    for (Eigen::Index k = 0; k < P.cols(); ++k) {
-      const Vector6d turned = to_world * P.col(k).segment<6>(at);
-      P.col(k).segment<6>(at) = turned + P.col(k).segment<6>(layout::kPosition);
-    }
-    for (Eigen::Index k = 0; k < P.rows(); ++k) {
-      const Vector6d turned = to_world * P.row(k).segment<6>(at).transpose();
-      P.row(k).segment<6>(at) = turned.transpose() + P.row(k).segment<6>(layout::kPosition);
-    }
-  }
+  redefine_cameras(state, [&](const auto& camera, const auto& body) -> Vector6d {
+    return to_world * camera + body;
+  });
 }
 
 void transport_covariance(FilterState& state, const ErrorRef& correction, int camera) {
@@ -231,15 +237,14 @@ void transport_covariance(FilterState& state, const ErrorRef& correction, int ca
     const Eigen::Vector3d moved = p - before_error(p, correction.segment<6>(at));
     if (at + 3 == turn_V || moved.squaredNorm() < kNoticeable_m * kNoticeable_m) return;
     const Eigen::Matrix3d J = skew(moved);
-    // Rows, then columns: nothing is allocated.
-    for (Eigen::Index k = 0; k < P.cols(); ++k) {
-      const Eigen::Vector3d apart = P.col(k).segment<3>(at + 3) - P.col(k).segment<3>(turn_V);
-      P.col(k).segment<3>(at) += J * apart;
-    }
-    for (Eigen::Index j = 0; j < 3; ++j) {
-      for (Eigen::Index i = 0; i < 3; ++i)
-        P.col(at + j) += J(j, i) * (P.col(at + 3 + i) - P.col(turn_V + i));
-    }
+    auto columns = P.middleCols<3>(at);
+    columns += P.middleCols<3>(at + 3).lazyProduct(J.transpose());
+    columns -= P.middleCols<3>(turn_V).lazyProduct(J.transpose());
+    // Their own block once more from the other side; the rest is a mirror image.
+    Eigen::Matrix3d own = columns.middleRows<3>(at);
+    own += J * (columns.middleRows<3>(at + 3) - columns.middleRows<3>(turn_V));
+    P.middleRows<3>(at) = columns.transpose();
+    P.block<3, 3>(at, at) = own;
   };
   transport(layout::kPosition, state.X_WB.p);
   for (int c = 0; c < state.cameras(); ++c) transport(layout::camera(c), state.X_WV(c).p);
@@ -282,11 +287,16 @@ BodyEstimate body_in_workspace(const FilterState& state) {
   out.v_WB = state.v_WB;
   out.bias_f = state.bias_f;
   out.bias_w = state.bias_w;
-  BodyMatrix J = BodyMatrix::Identity();
-  J.topLeftCorner<6, 6>() = plain_from_world_error(state.X_WB.p);
-  J.block<3, 3>(layout::kVelocity, layout::kAttitude) = -skew(state.v_WB);
-  const BodyMatrix P = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
-  out.covariance = J * P * J.transpose();
+  // J P Jᵀ, where J is 1 but for what turning does to position and velocity.
+  out.covariance = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
+  const auto turn = [&](int moved, const Eigen::Vector3d& arm) {
+    const Eigen::Matrix3d J = -skew(arm);
+    auto& P = out.covariance;
+    P.middleRows<3>(moved) += J.lazyProduct(P.middleRows<3>(layout::kAttitude));
+    P.middleCols<3>(moved) += P.middleCols<3>(layout::kAttitude).lazyProduct(J.transpose());
+  };
+  turn(layout::kPosition, state.X_WB.p);
+  turn(layout::kVelocity, state.v_WB);
   return out;
 }
 

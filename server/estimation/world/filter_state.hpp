@@ -44,8 +44,8 @@ struct FilterState {
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
   std::vector<Suspicion> suspicions;  ///< Per suspect; empty: nothing is doubted.
-  std::vector<Clone>
-      clones;  ///< A fixed number of them (none: points are not followed), in no order.
+  /// A fixed number of them (none: points are not followed), in no order.
+  std::vector<Clone> clones;
   std::vector<WorldTag> tags;  ///< Order of entry.
   /// How the body moves just now; not estimated, from the last inertial step.
   Eigen::Vector3d gyro_B{Eigen::Vector3d::Zero()};  ///< bias still in
@@ -57,8 +57,7 @@ struct FilterState {
   [[nodiscard]] Pose X_WV(int camera) const {
     return X_WB * X_BV[static_cast<std::size_t>(camera)];
   }
-  /// Where the body is `seconds` later (or earlier), as it moves now; for the few milliseconds
-  /// between rows.
+  /// Where the body is `seconds` later (or earlier), as it moves now: a few milliseconds.
   [[nodiscard]] Pose X_WB_after(double seconds) const;
   [[nodiscard]] int tag_at(std::size_t i) const {
     return layout::tag(cameras(), static_cast<int>(clones.size() + i));
@@ -71,8 +70,7 @@ struct FilterState {
   [[nodiscard]] auto P() const { return covariance.live(); }
   /// Whether something about a camera's clock is estimated.
   [[nodiscard]] bool clock_is_open(int camera) const {
-    return P()(layout::clock(camera), layout::clock(camera)) > 0 ||
-           P()(layout::clock(camera) + 1, layout::clock(camera) + 1) > 0;
+    return P().diagonal().segment<2>(layout::clock(camera)).maxCoeff() > 0;
   }
   /// Index of a tag in `tags`, or -1.
   [[nodiscard]] int find(int tag_id) const { return find_tag(tags, tag_id); }
@@ -98,11 +96,12 @@ struct FilterState {
   void forget_clones();
   /// Appends a tag, uncorrelated with everything.
   void add_tag(const WorldTag& tag, const Matrix6d& own);
-  /// Takes a tag out (marginalises it).
-  void remove_tag(std::size_t i);
-  /// Takes over everything but the covariance.
+  /// Takes tags out (marginalises them). @param numbers  ascending
+  void remove_tags(std::span<const std::size_t> numbers);
+  void remove_tag(std::size_t i) { remove_tags({&i, 1}); }
+  /// All but the covariance.
   void copy_mean(const FilterState& other);
-  /// x ⊞ ξ: adds an error vector of length size() in the coordinates of state_layout.hpp.
+  /// x ⊞ ξ, an error vector of length size() in the coordinates of state_layout.hpp.
   void add_error(const Eigen::Ref<const Eigen::VectorXd>& error);
   /// The error that leads from this state's mean to `other`'s (same tags): other = this ⊞ ξ.
   [[nodiscard]] Eigen::VectorXd error_to(const FilterState& other) const;
@@ -110,6 +109,7 @@ struct FilterState {
  private:
   void list_held();
   std::vector<int> held_;
+  std::vector<int> columns_;  ///< Memory of remove_tags().
 };
 
 /// The covariance while the body moves on its own: the blocks of the cameras hold, instead of the

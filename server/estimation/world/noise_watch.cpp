@@ -73,11 +73,7 @@ double NoiseWatch::sigma_of(Noise noise) const {
 
 void NoiseWatch::follow(const MotionSinceImage& motion) {
   if (!motion.begun) return;
-  for (BodyMatrix* const M : {&D_, &P_}) {  // Φ M Φᵀ, both are symmetric
-    move_rows(motion.Phi, *M);
-    M->transposeInPlace();
-    move_rows(motion.Phi, *M);
-  }
+  for (BodyMatrix* const M : {&D_, &P_}) move_both_ways(motion.Phi, *M);
   D_ += motion.Q / now_.applied(kImu);
   P_ += motion.Q;
 }
@@ -156,14 +152,14 @@ void NoiseWatch::correct(const StackedUpdate::SharedScore& said, const Vector6d&
   const Matrix6d A = said.by_known_tags - jitter * Ao * Ao.transpose();
   const Matrix6d S = Matrix6d::Identity() + A * P_.topLeftCorner<6, 6>();
   const Eigen::Matrix<double, layout::kBodySize, 6> gain =
-      P_.leftCols<6>() * Eigen::PartialPivLU<Matrix6d>(S).solve(A);
+      P_.leftCols<6>().lazyProduct(Eigen::PartialPivLU<Matrix6d>(S).solve(A).eval());
   for (BodyMatrix* const M : {&P_, &D_}) {  // (1 − K H) M, of which only six columns are not 1
     const Eigen::Matrix<double, 6, layout::kBodySize> rows = M->topRows<6>();
-    M->noalias() -= gain * rows;
+    *M -= gain.lazyProduct(rows);
   }
   P_ = 0.5 * (P_ + P_.transpose()).eval();
   const Eigen::Matrix<double, layout::kBodySize, 6> columns = D_.leftCols<6>();
-  D_.noalias() -= columns * gain.transpose();
+  D_ -= columns.lazyProduct(gain.transpose());
 }
 
 }  // namespace fiducap::world

@@ -1,6 +1,9 @@
 #include "estimation/world/propagation.hpp"
 
+#include <cmath>
+
 #include "base/so3.hpp"
+#include "estimation/filter/kalman_gain.hpp"
 
 namespace fiducap::world {
 
@@ -10,16 +13,38 @@ namespace {
 // Two clocks drift apart with temperature; after an hour by a millisecond at most.
 constexpr double kShiftWalk_s_rts = 1e-5;
 
+/// Φ ← F Φ, whose blocks are those of F.
+void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
+  const auto add = [&](int to, int by, int from) {
+    Phi.block<3, 3>(to, from) += F.block<3, 3>(to, by).lazyProduct(Phi.block<3, 3>(by, from));
+  };
+  for (const int from : {kAttitude, kBiasF, kBiasW}) add(kPosition, kVelocity, from);
+  add(kPosition, kAttitude, kBiasW);
+  add(kVelocity, kAttitude, kBiasW);
+  // And what goes straight there.
+  Phi.middleCols<12>(kAttitude).topRows<9>() += F.middleCols<12>(kAttitude).topRows<9>();
+  Phi.diagonal().segment<6>(kAttitude).array() -= 1;
+}
+
 }  // namespace
 
-// No row needs one that is changed before it.
-void move_rows(const BodyMatrix& F, BodyMatrix& M) {
-  const auto add = [&](int to, int from) {
-    M.middleRows<3>(to) += F.block<3, 3>(to, from).lazyProduct(M.middleRows<3>(from));
+// No column needs one that is changed before it.
+void move_columns(const BodyMatrix& F, Eigen::Ref<BodyColumns> M) {
+  const auto add = [&](int to, int first, int count) {
+    dense::add_product({M.col(first).data(), M.outerStride()}, count, {&F(to, first), kBodySize},
+                       {M.col(to).data(), M.outerStride()}, M.rows(), dense::Width::kThree);
   };
-  for (const int from : {kAttitude, kVelocity, kBiasF, kBiasW}) add(kPosition, from);
-  for (const int from : {kAttitude, kBiasF, kBiasW}) add(kVelocity, from);
-  add(kAttitude, kBiasW);
+  static_assert(kVelocity == kAttitude + 3 && kBiasF == kVelocity + 3 && kBiasW == kBiasF + 3);
+  add(kPosition, kAttitude, 12);
+  add(kVelocity, kAttitude, 3);
+  add(kVelocity, kBiasF, 6);
+  add(kAttitude, kBiasW, 3);
+}
+
+void move_both_ways(const BodyMatrix& F, BodyMatrix& M) {
+  move_columns(F, M);
+  M.transposeInPlace();  // M Fᵀ is (F M)ᵀ, for M is symmetric
+  move_columns(F, M);
 }
 
 StepJacobians step_mean(FilterState& state, const InertialInput& input,
@@ -73,12 +98,12 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.begun = true;
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
   motion.seconds += dt;
-  move_rows(j.F, motion.Phi);
-  move_rows(j.F, motion.Q);
-  motion.Q.transposeInPlace();  // F (F Q)ᵀ is F Q Fᵀ, for Q is symmetric
-  move_rows(j.F, motion.Q);
-  motion.Q.noalias() += (input.gyro_noise * input.gyro_noise / dt) * j.G_w * j.G_w.transpose();
-  motion.Q.noalias() += (input.accel_noise * input.accel_noise / dt) * j.G_f * j.G_f.transpose();
+  add_step(j.F, motion.Phi);
+  move_both_ways(j.F, motion.Q);
+  Eigen::Matrix<double, kBiasF, 6> white;
+  white << j.G_w.topRows<kBiasF>() * input.gyro_noise, j.G_f.topRows<kBiasF>() * input.accel_noise;
+  white /= std::sqrt(dt);
+  motion.Q.topLeftCorner<kBiasF, kBiasF>() += white.lazyProduct(white.transpose());
   motion.Q.diagonal().segment<3>(kBiasF).array() += input.accel_walk * input.accel_walk * dt;
   motion.Q.diagonal().segment<3>(kBiasW).array() += input.gyro_walk * input.gyro_walk * dt;
 }
@@ -89,15 +114,12 @@ void apply(FilterState& state, MotionSinceImage& motion) {
   camera_errors_to_extrinsics(state);
   std::swap(state.X_WB, motion.X_WB_before);
   auto P = state.P();
-  const Eigen::Index rest = state.size() - kBodySize;
-  const BodyMatrix body = P.topLeftCorner<kBodySize, kBodySize>();
-  P.topLeftCorner<kBodySize, kBodySize>() = motion.Phi * body * motion.Phi.transpose() + motion.Q;
-  // Column by column, so that nothing is allocated.
-  for (Eigen::Index k = kBodySize; k < kBodySize + rest; ++k) {
-    const Eigen::Matrix<double, kBodySize, 1> moved = motion.Phi * P.col(k).head<kBodySize>();
-    P.col(k).head<kBodySize>() = moved;
-    P.row(k).head<kBodySize>() = moved.transpose();
-  }
+  move_columns(motion.Phi, P.leftCols<kBodySize>());
+  BodyMatrix body = P.topLeftCorner<kBodySize, kBodySize>().transpose();
+  move_columns(motion.Phi, body);
+  P.topLeftCorner<kBodySize, kBodySize>() = body + motion.Q;
+  for (Eigen::Index k = kBodySize; k < P.cols(); ++k)
+    P.col(k).head<kBodySize>() = P.row(k).head<kBodySize>().transpose();
   for (int c = 0; c < state.cameras(); ++c) {
     double& shift = P(layout::clock(c), layout::clock(c));
     if (shift > 0) shift += kShiftWalk_s_rts * kShiftWalk_s_rts * motion.seconds;

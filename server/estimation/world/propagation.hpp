@@ -26,9 +26,12 @@ struct StepJacobians {
       G_f{};  ///< of white accelerometer noise, held over the step
 };
 
-/// M ← F M, in place: of F, or a product of several, only the blocks that step_mean() fills differ
+using BodyColumns = Eigen::Matrix<double, Eigen::Dynamic, layout::kBodySize>;
+/// M ← M Fᵀ, in place: of F, or a product of several, only the blocks that step_mean() fills differ
 /// from the identity.
-void move_rows(const BodyMatrix& F, BodyMatrix& M);
+void move_columns(const BodyMatrix& F, Eigen::Ref<BodyColumns> M);
+/// M ← F M Fᵀ of a symmetric M.
+void move_both_ways(const BodyMatrix& F, BodyMatrix& M);
 
 /// Moves the body's mean over dt under one reading: exact rotation, force turned by half of it.
 /// @param gravity_W  e.g. (0, 0, -9.81)

@@ -195,8 +195,9 @@ void WorldCoordinates::lose_motion() {
 }
 
 BodyPlace WorldCoordinates::place() const {
-  const Matrix15d P = body().covariance;
-  return {state_.X_WB.p, P.topLeftCorner<3, 3>() / noise_watch_.unstated_factor()};
+  const auto J = plain_from_world_error(state_.X_WB.p).topRows<3>().eval();
+  const Matrix6d own = state_.P().topLeftCorner<6, 6>() + suspects_.unstated(state_);
+  return {state_.X_WB.p, J * own * J.transpose()};
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
@@ -257,18 +258,23 @@ void WorldCoordinates::hold_map_tags(const TagObservations& seen, std::span<cons
       if (is_in_view(seen, tag.tag_id)) hold_one(tag, seen.exposed_at);
     }
   }
-  for (;;) {
-    std::size_t out_of_view = 0;
-    std::size_t oldest = state_.tags.size();
-    for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-      if (!state_.tags[i].held || is_in_view(seen, state_.tags[i].tag_id)) continue;
-      ++out_of_view;
-      if (oldest == state_.tags.size() || state_.tags[i].last_seen < state_.tags[oldest].last_seen)
-        oldest = i;
-    }
-    if (out_of_view <= kHeldOutOfView) return;
-    state_.remove_tag(oldest);
+  forget_held(seen);
+}
+
+/// Of those out of view the ones seen last stay.
+void WorldCoordinates::forget_held(const TagObservations& seen) {
+  out_of_view_.clear();
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    if (state_.tags[i].held && !is_in_view(seen, state_.tags[i].tag_id)) out_of_view_.push_back(i);
   }
+  if (out_of_view_.size() <= kHeldOutOfView) return;
+  const auto is_older = [&](std::size_t a, std::size_t b) {
+    return std::pair(state_.tags[a].last_seen, a) < std::pair(state_.tags[b].last_seen, b);
+  };
+  std::sort(out_of_view_.begin(), out_of_view_.end(), is_older);
+  out_of_view_.resize(out_of_view_.size() - kHeldOutOfView);
+  std::sort(out_of_view_.begin(), out_of_view_.end());
+  state_.remove_tags(out_of_view_);
 }
 
 void WorldCoordinates::hold_one(const KnownTag& tag, Instant at) {

@@ -24,7 +24,7 @@ namespace fiducap::world {
 /// decided by FilterConversation.
 class WorldCoordinates final {
  public:
-  /// The motion is followed from the first sight of a tag on, before any has joined.
+  /// The motion is followed from the first sight of a tag on.
   static constexpr bool kStartsBeforeTags = true;
   /// Past images are followed again when a tag joins late.
   static constexpr bool kRemembersImages = true;
@@ -64,8 +64,7 @@ class WorldCoordinates final {
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
 
-  /// Without IMU: the velocity and rate that lead to X_B0B in dt are where the motion is linearised
-  /// …
+  /// Without IMU: the motion is linearised where velocity and rate lead to X_B0B in dt …
   void aim(const Pose& X_B0B, double dt);
   /// … and after the steps the prior mean is where the old ones would have led.
   void finish_aimed_motion();
@@ -126,6 +125,7 @@ class WorldCoordinates final {
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
   void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
+  void forget_held(const TagObservations& seen);
 
   const BodySensors& sensors_;
   const EstimatorConfig& config_;
@@ -141,7 +141,8 @@ class WorldCoordinates final {
   int images_without_fit_{0};  ///< In a row.
   double nis_{1.0};            ///< Innovations squared over what was expected, of the last images.
   ImageMemory memory_;
-  std::optional<CloneWindow> window_;  ///< Only when points are followed.
+  std::optional<CloneWindow> window_;     ///< Only when points are followed.
+  std::vector<std::size_t> out_of_view_;  ///< Memory of forget_held().
   FilterState before_;
   std::optional<FilterState> linearisation_;
   Eigen::Matrix<double, layout::kBodySize, 1> aimed_off_;

@@ -17,6 +17,7 @@ struct Kernels {
   void (*divide)(ConstView, Index, View, Index);
   void (*subtract_square)(View, Index, ConstView, Index, std::span<const unsigned char>);
   void (*multiply_difference)(ConstView, ConstView, ConstView, View, Index);
+  void (*add_product)(ConstView, Index, ConstView, View, Index, Width);
 };
 
 class DenseKernels : public testing::TestWithParam<bool> {
@@ -24,9 +25,9 @@ class DenseKernels : public testing::TestWithParam<bool> {
   DenseKernels() {
     if (GetParam()) {
       kernels_ = {portable::factor, portable::divide, portable::subtract_square,
-                  portable::multiply_difference};
+                  portable::multiply_difference, portable::add_product};
     } else {
-      kernels_ = {factor, divide, subtract_square, multiply_difference};
+      kernels_ = {factor, divide, subtract_square, multiply_difference, add_product};
     }
   }
 
@@ -132,6 +133,24 @@ TEST_P(DenseKernels, MultiplyDifferenceLikeEigen) {
     EXPECT_TRUE((G.bottomRows(3).array() == 7).all()) << "wrote beyond";
     kernels_.multiply_difference({nullptr, 0}, corner(B), corner(U), corner(G), n);
     expect_near(G.topRows(n), -B.topRows(n) * U.transpose());
+  }
+}
+
+TEST_P(DenseKernels, AddProductLikeEigen) {
+  for (const auto& [cols, width] : {std::pair{3, Width::kThree}, {6, Width::kSix}}) {
+    for (const int n : kSizes) {
+      for (const int depth : {1, 3, 5, 12}) {
+        Eigen::MatrixXd C = Eigen::MatrixXd::Random(n + 2, depth);
+        Eigen::MatrixXd V = Eigen::MatrixXd::Random(cols, depth);
+        Eigen::MatrixXd G = Eigen::MatrixXd::Constant(n + 3, cols + 1, 7);
+        const Eigen::MatrixXd before = Eigen::MatrixXd::Random(n, cols);
+        G.topLeftCorner(n, cols) = before;
+        kernels_.add_product(corner(C), depth, corner(V), corner(G), n, width);
+        expect_near(G.topLeftCorner(n, cols), before + C.topRows(n) * V.transpose());
+        EXPECT_TRUE((G.bottomRows(3).array() == 7).all() && (G.rightCols(1).array() == 7).all())
+            << "wrote beyond";
+      }
+    }
   }
 }
 
