@@ -35,6 +35,15 @@ void triangularise(Matrix86d& H, Rest& y) {
   }
 }
 
+/// Divides by the root of the noise's covariance: what is left has white noise of variance 1.
+template <class Rest>
+void make_even(const Matrix8d& R, Matrix86d& H, Rest& y) {
+  const Eigen::LLT<Matrix8d> root(R);
+  FIDUCAP_ASSERT(root.info() == Eigen::Success);
+  root.matrixL().solveInPlace(H);
+  root.matrixL().solveInPlace(y);
+}
+
 }  // namespace
 
 void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
@@ -53,23 +62,31 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
   for (std::size_t i = 0; i < image.tags.size(); ++i) {
     const TagMeasurement& m = image.tags[i];
     if (!m.relative || !m.in_front) continue;
-    Matrix86d H = m.H;
-    Turned& turned = turned_[i];
-    Vector8d y = m.y;
-    if (image.suspects.are_there()) {
-      Matrix86d rest;
-      rest << m.y, m.H_size, m.H_camera;
-      triangularise(H, rest);
-      y = rest.col(0);
-      turned.H_size = rest.col(1).head<6>();
-      turned.H_camera = rest.block<6, 4>(0, 2);
-    } else {
-      triangularise(H, y);
-    }
-    turned.H = H.topRows<6>().triangularView<Eigen::Upper>();
-    turned.y = y.head<6>();
-    turned.rest_square = y.tail<2>().squaredNorm() / (m.noise_px * m.noise_px);
+    turned_[i] = turn(m, image.suspects.are_there());
   }
+}
+
+StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool suspects) {
+  Turned out;
+  out.noise = m.even ? m.noise_px * m.noise_px : 1.0;
+  Matrix86d H = m.H;
+  Vector8d y = m.y;
+  if (suspects) {
+    Matrix86d rest;
+    rest << m.y, m.H_size, m.H_camera;
+    if (!m.even) make_even(m.R, H, rest);
+    triangularise(H, rest);
+    y = rest.col(0);
+    out.H_size = rest.col(1).head<6>();
+    out.H_camera = rest.block<6, 4>(0, 2);
+  } else {
+    if (!m.even) make_even(m.R, H, y);
+    triangularise(H, y);
+  }
+  out.H = H.topRows<6>().triangularView<Eigen::Upper>();
+  out.y = y.head<6>();
+  out.rest_square = y.tail<2>().squaredNorm() / out.noise;
+  return out;
 }
 
 void StackedUpdate::gate(ConstCovariance P, const ImageMeasurement& image, double limit,
@@ -102,7 +119,10 @@ StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& i
   out.by_known_tags.setZero();
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
-    out.by_known_tags.noalias() += m.H.transpose() * m.H / (m.noise_px * m.noise_px);
+    if (m.relative && !m.even)
+      out.by_known_tags.noalias() += turned_[i].H.transpose() * turned_[i].H;
+    else
+      out.by_known_tags.noalias() += m.H.transpose() * m.H / (m.noise_px * m.noise_px);
   }
   return out;
 }
@@ -140,7 +160,7 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasure
     const Matrix6d cross = shared_.middleRows<6>(m.own);
     apart += P.block<6, 6>(m.own, m.own) - cross - cross.transpose();
   }
-  const double noise = m.noise_px * m.noise_px;
+  const double noise = turned.noise;
   Matrix6d S = turned.H * apart * turned.H.transpose();
   if (image.suspects.are_there()) add_suspects(P, image.suspects, m, turned, S);
   S.diagonal().array() += noise;
@@ -248,7 +268,7 @@ void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasu
     S_.col(k).segment<kTurnedRows>(at).noalias() +=
         turned.H_camera * column.segment<4>(suspects.camera) + size * turned.H_size;
   }
-  S_.diagonal().segment<kTurnedRows>(at).array() += m.noise_px * m.noise_px;
+  S_.diagonal().segment<kTurnedRows>(at).array() += turned.noise;
 }
 
 void StackedUpdate::stack_scatter(const TagMeasurement& m, Eigen::Index at) {
