@@ -22,6 +22,12 @@ struct CameraFrame {
   Duration clock_shift{0};
 };
 
+/// How one side of a tag showed.
+struct TagSide {
+  double sharpness{};  ///< As TagSighting's; 0 when the source does not say.
+  double clipped{};    ///< Share of the white beside it that is at the sensor's end, 0 … 1.
+};
+
 /// One tag found in one image, before the lens is taken out.
 struct TagSighting {
   int tag_id{};
@@ -34,6 +40,7 @@ struct TagSighting {
   /// How much of the step from black to white at the blurriest side falls within two pixels: 1 is
   /// sharp, 0 when the source does not say.
   double sharpness{};
+  std::array<TagSide, 4> sides{};  ///< From each corner to the next.
 };
 
 /// One followed image point in one image, before the lens is taken out. What it shows is

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "detection/corner_covariance.hpp"
 #include "detection/tag_outline.hpp"
 
 namespace fiducap {
@@ -14,26 +15,38 @@ constexpr int kPointsPerSide = 16;
 // tag36h11; other families have wider modules.
 constexpr double kModules = 8;
 constexpr double kHalfModule = 1 / kModules;  // as a share of the way from the middle
+constexpr double kClipped = 250;
+constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
-// The fit, in pixels of this detector at any resolution.
-constexpr double kFinest_px = 0.0166;  // a large tag seen from the front
-constexpr double kSmall_px = 0.38;     // points along a side, pixels per module
-constexpr double kTiltPower = 1.9;     // of the variance
-constexpr double kNoise_px = 0.554;
-// What `edge_sharpness` steps over.
+// The fit, in pixels of this detector at any resolution; powers are of variances.
+constexpr double kFinest_px = 0.0209;  // a large tag seen from the front
+constexpr double kSmall_px = 0.0608;   // times modules per pixel, across the side
+constexpr double kTiltPower = 0.91;
+constexpr double kGridPower = 1.75;  // of the sharpness: smeared edges forget the grid of pixels
+constexpr double kNoise_px = 3.2;    // at a side of one pixel
+constexpr double kNoisePower = -3.5;
+constexpr double kEndsAlike = -0.53;  // correlation of both ends: a line fitted to white noise
+// What `look_at_sides` steps over.
 constexpr double kStep_px = 2.0;
 constexpr double kLeastSharpness = 0.1;
 // Narrow modules: what lies beside them is smeared into them at once (side_fit does not take it
 // out).
 constexpr double kNarrow_px = 3.0;
-constexpr double kNarrowSmear = 0.061;
+constexpr double kNarrowSmear = 0.069;
 // Others, from a part of a module on: what the fit of a smeared side leaves, and what noise does to
-// it, which grows with the pixels to tell grays apart over.
-constexpr double kSmear_px = 0.1135;
-constexpr double kSmearNoise = 0.488;
-constexpr double kSmearEdge_px = 0.29;
-constexpr double kSmearPart = 0.38;
-constexpr double kSmearTiltPower = 1.25;
+// it, which grows with the pixels to tell grays apart over. Both ends for themselves.
+constexpr double kSmear_px = 0.154;
+constexpr double kSmearNoise = 0.283;
+constexpr double kSmearEdge_px = 0.94;
+constexpr double kSmearPart = 0.494;
+constexpr double kShiftTiltPower = 1.9;
+constexpr double kTurnTiltPower = 3.2;
+// White at the sensor's end: what is brighter than it can say spreads into the black, however much
+// brighter it is (up to eight times).
+constexpr double kClippedShift_px = 0.36;
+constexpr double kClippedTurn_px = 0.08;
+// A smeared side that could not be told apart: one in some thousands, up to three pixels off.
+constexpr double kGuessed_px = 1.0;
 
 double square(double x) { return x * x; }
 
@@ -48,6 +61,7 @@ std::optional<double> gray_at(const GrayImage& image, const Eigen::Vector2d& px)
 struct Step {
   double across{};  ///< Over two pixels.
   double total{};   ///< From the middle of the border to the middle of the quiet zone.
+  int clipped{};    ///< Points whose quiet zone is at the sensor's end.
   int points{};
 };
 
@@ -66,51 +80,114 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
     if (!one || !other || !white || !black) continue;
     step.across += std::abs(*one - *other);
     step.total += *white - *black;
+    step.clipped += *white >= kClipped ? 1 : 0;
     ++step.points;
   }
   return step;
 }
 
+/// What one side is measured by.
+struct Side {
+  double length_px;
+  double module_px;  ///< Across it.
+  double tilt;       ///< Of the tag.
+  double noise;      ///< As a share of the contrast.
+};
+
+struct SideVariance {
+  double shift, turn;
+};
+
 /// What a side smeared over some pixels is off more than a sharp one, px².
-/// @param noise  as a share of the contrast
-double smear_variance(double sharpness, double module_px, double tilt, double noise) {
-  const double share = std::max(sharpness, kLeastSharpness);
-  const double smear_px = kStep_px * std::sqrt(std::max(0.0, 1 / square(share) - 1));
-  if (module_px < kNarrow_px) return square(std::max(0.0, kNarrowSmear * smear_px));
-  const double reaches = std::max(0.0, (smear_px + kSmearEdge_px) / module_px - kSmearPart);
-  return (square(kSmear_px) + square(kSmearNoise * noise * module_px)) * square(reaches) *
-         std::pow(tilt, kSmearTiltPower);
+SideVariance smear_variance(const Side& side, double sharpness) {
+  const double smear_px = kStep_px * std::sqrt(std::max(0.0, 1 / square(sharpness) - 1));
+  if (side.module_px < kNarrow_px) {
+    const double both = 0.5 * square(kNarrowSmear * smear_px);
+    return {both, both};
+  }
+  const double reaches = std::max(0.0, (smear_px + kSmearEdge_px) / side.module_px - kSmearPart);
+  const double both = 0.5 *
+                      (square(kSmear_px) + square(kSmearNoise * side.noise * side.module_px)) *
+                      square(reaches);
+  return {both * std::pow(side.tilt, kShiftTiltPower), both * std::pow(side.tilt, kTurnTiltPower)};
+}
+
+/// What grid and noise of the pixels do, at each end, px².
+double white_variance(const Side& side, double sharpness) {
+  return (square(kFinest_px) + square(kSmall_px / side.module_px)) *
+             std::pow(side.tilt, kTiltPower) * std::pow(sharpness, kGridPower) +
+         square(kNoise_px * side.noise) / side.length_px * std::pow(sharpness, kNoisePower);
+}
+
+SideSigma sigma_of(const Side& side, double measured_sharpness, double clipped_share) {
+  const double sharpness = std::max(measured_sharpness, kLeastSharpness);
+  const double white = white_variance(side, sharpness);
+  const SideVariance smear = smear_variance(side, sharpness);
+  const double clipped = square(clipped_share);
+  return {
+      std::sqrt(0.5 * (1 + kEndsAlike) * white + smear.shift + square(kClippedShift_px * clipped)),
+      std::sqrt(0.5 * (1 - kEndsAlike) * white + smear.turn + square(kClippedTurn_px * clipped))};
 }
 
 }  // namespace
 
-double edge_sharpness(const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px) {
+std::array<TagSide, 4> look_at_sides(const GrayImage& image,
+                                     const std::array<Eigen::Vector2d, 4>& corners_px) {
   const Eigen::Vector2d middle =
       0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
-  double least = 1e9;
+  std::array<Step, 4> steps;
   double total = 0;
   int points = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Step step = step_over(image, corners_px[i], corners_px[(i + 1) % 4], middle);
-    if (step.points == 0) return 0;
-    least = std::min(least, step.across / step.points);
-    total += step.total;
-    points += step.points;
+    steps[i] = step_over(image, corners_px[i], corners_px[(i + 1) % 4], middle);
+    if (steps[i].points == 0) return {};
+    total += steps[i].total;
+    points += steps[i].points;
   }
   const double contrast = total / points;
-  return contrast > 0 ? std::min(1.0, least / contrast) : 0.0;
+  if (!(contrast > 0)) return {};
+  std::array<TagSide, 4> out;
+  for (std::size_t i = 0; i < 4; ++i) {
+    out[i].sharpness = std::min(1.0, steps[i].across / steps[i].points / contrast);
+    out[i].clipped = static_cast<double>(steps[i].clipped) / steps[i].points;
+  }
+  return out;
 }
 
-double corner_sigma_px(const TagSighting& tag, double pixel_noise) {
-  if (!(tag.sharpness > 0)) return 0;
+double least_sharpness(const std::array<TagSide, 4>& sides) {
+  return std::min({sides[0].sharpness, sides[1].sharpness, sides[2].sharpness, sides[3].sharpness});
+}
+
+std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise) {
   const TagOutline outline = outline_of(tag.corners_px);
-  if (!(outline.width_px > 0)) return 0;
-  const double tilt = outline.longest_px / outline.width_px;
-  const double shape =
-      (square(kFinest_px) + square(kSmall_px / outline.width_px)) * std::pow(tilt, kTiltPower);
-  const double noise = tag.decision_margin > 0 ? pixel_noise / tag.decision_margin : 0.0;
-  const double smear = smear_variance(tag.sharpness, outline.width_px / kModules, tilt, noise);
-  return std::sqrt(shape + smear + square(kNoise_px * noise));
+  if (!(tag.sharpness > 0) || !(outline.width_px > 0)) return {};
+  const auto& px = tag.corners_px;
+  const Eigen::Vector2d middle = 0.25 * (px[0] + px[1] + px[2] + px[3]);
+  Side side{};
+  side.tilt = outline.longest_px / outline.width_px;
+  side.noise = tag.decision_margin > 0 ? pixel_noise / tag.decision_margin : 0.0;
+  // A source may know no more than the tag's own.
+  const bool are_told = std::any_of(tag.sides.begin(), tag.sides.end(),
+                                    [](const TagSide& seen) { return seen.sharpness > 0; });
+  std::array<SideSigma, 4> out;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d along = px[(i + 1) % 4] - px[i];
+    const Eigen::Vector2d inwards = middle - px[i];
+    side.length_px = std::max(1.0, along.norm());
+    const double depth_px =
+        2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / side.length_px;
+    side.module_px = std::max(kLeastModule_px, depth_px / kModules);
+    const TagSide& seen = tag.sides[i];
+    const bool is_told = seen.sharpness > 0;
+    out[i] = sigma_of(side, is_told ? seen.sharpness : tag.sharpness, seen.clipped);
+    if (!is_told && are_told) out[i] = {kGuessed_px, kGuessed_px};
+  }
+  return out;
+}
+
+double corner_sigma_px(const std::array<Eigen::Vector2d, 4>& corners_px,
+                       const std::array<SideSigma, 4>& sides) {
+  return std::sqrt(corner_covariance(corners_px, sides).trace() / 8);
 }
 
 }  // namespace fiducap

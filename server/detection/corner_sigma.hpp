@@ -2,31 +2,41 @@
 
 #include "capture/camera_frame.hpp"
 #include "capture/gray_image.hpp"
+#include "detection/tag_observation.hpp"
 
 namespace fiducap {
 
-/// How well the sides of a tag were to be seen, for `TagSighting::sharpness`: the mean step over
-/// two pixels across a side as a share of the step from print to quiet zone, of the side where it
-/// is least. 1 is sharp; motion blur of b pixels across a side gives about 2 / b. Does not depend
-/// on how well the room is lit.
-/// @return 0 where there is nothing to measure
-[[nodiscard]] double edge_sharpness(const GrayImage& image,
-                                    const std::array<Eigen::Vector2d, 4>& corners_px);
+/// How well the sides of a tag were to be seen, for `TagSighting::sides`: the mean step over two
+/// pixels across a side as a share of the step from print to quiet zone. 1 is sharp; motion blur of
+/// b pixels across a side gives about 2 / b. Does not depend on how well the room is lit.
+/// @return zeros where there is nothing to measure
+[[nodiscard]] std::array<TagSide, 4> look_at_sides(
+    const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px);
 
-/// What TagDetector's corners are off, 1-sigma of each coordinate, raw pixels: from the tag's size
-/// and tilt in the image, the sharpness of its sides, and the noise as a share of its contrast
-/// (decision margin).
+/// Of the side where it is least, for `TagSighting::sharpness`.
+[[nodiscard]] double least_sharpness(const std::array<TagSide, 4>& sides);
+
+/// What the sides are off that TagDetector's corners are made of: from the size and tilt of the tag
+/// in the image, the sharpness of each side, and the noise as a share of the contrast (decision
+/// margin).
 ///
-/// Fitted to 9000 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°,
+/// Fitted to 16 000 rendered tags (752 × 480 with and without lens, 8 to 200 px, tilts to 78°,
 /// motion blur to 9 px, noise to 15 % of the contrast) without the 1 % that were off by more than a
-/// pixel. There the chi-square of a coordinate is 0.8 to 1.35 in nearly every bin; the exception:
-/// 0.6 below 12 px. A smear of less than a third of a
-/// module costs nothing; beyond, errors go by the noise, as grays have to be told apart
-/// (smeared_side.hpp). Errors of neighbouring corners
-/// correlate with −0.2, those of opposite ones hardly. Lens calibration, stamps and paper that is
-/// not flat are not in it: the caller adds what it knows of them.
+/// pixel. There the chi-square of shifts and turns is 0.7 to 1.4 in nearly every bin. A smear of
+/// less than half a module costs nothing; beyond, errors go by the noise, as grays have to be told
+/// apart (smeared_side.hpp). The two ends of a sharp side are off as a line through white noise is.
+/// White paper at the sensor's end moves sides inwards, up to 0.5 px: believed by the mean over
+/// what shows a tag at all. Lens calibration, stamps and paper that is not flat are not in it: the
+/// caller adds what it knows of them.
 /// @param pixel_noise  CornerFrame::pixel_noise
-/// @return 0 for a sighting whose source did not measure its sharpness
-[[nodiscard]] double corner_sigma_px(const TagSighting& tag, double pixel_noise);
+/// @return zeros for a sighting whose source did not measure its sharpness
+[[nodiscard]] std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise);
+
+/// 1-sigma of each coordinate of a corner in the mean over the tag, raw pixels; 0: not known.
+[[nodiscard]] double corner_sigma_px(const std::array<Eigen::Vector2d, 4>& corners_px,
+                                     const std::array<SideSigma, 4>& sides);
+[[nodiscard]] inline double corner_sigma_px(const TagSighting& tag, double pixel_noise) {
+  return corner_sigma_px(tag.corners_px, side_sigmas(tag, pixel_noise));
+}
 
 }  // namespace fiducap

@@ -33,6 +33,9 @@ constexpr double kPull = 0.045;  // per px, times the square of what is missing
 // a narrow border does not show.
 constexpr double kSmeared = 0.2;
 constexpr double kSmearedFrom_px = 3.0;
+// Wide modules are looked at again when it is more than this: the reach above ends before a fifth
+// of them.
+constexpr double kMostSharp_px = 1.35;
 constexpr int kProfiles = 12;     // along half a side
 constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
 
@@ -114,15 +117,24 @@ struct Side {
   double spread_px;  ///< RMS
 };
 
+/// What of a side is looked at, as a share of the way along it.
+struct Stretch {
+  double from{0};
+  double to{1};
+};
+
 std::optional<Side> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                             const Eigen::Vector2d& outward, double module_px) {
+                             const Eigen::Vector2d& outward, double module_px,
+                             const Stretch& stretch) {
   const int points = std::max(kFewestPoints, static_cast<int>((b - a).norm() / kPointEvery_px));
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
   double spread_px2 = 0;
   int seen = 0;
   for (int k = 0; k < points; ++k) {
-    const Eigen::Vector2d px = a + (k + 1.0) / (points + 1) * (b - a);
+    const double share = (k + 1.0) / (points + 1);
+    if (share < stretch.from || share > stretch.to) continue;
+    const Eigen::Vector2d px = a + share * (b - a);
     const auto rise = scan.rise(px, outward);
     if (!rise) continue;
     const double pull_px = scan.pull_px(px, outward, module_px);
@@ -181,47 +193,102 @@ std::optional<Line> fit_smeared(const Scan& scan, const Eigen::Vector2d& a,
   return Line{across, across.dot(places[0])};
 }
 
-std::optional<Line> find_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                              const Eigen::Vector2d& middle, int modules) {
-  const Eigen::Vector2d along = (b - a).normalized();
-  Eigen::Vector2d outward(-along.y(), along.x());
-  if (outward.dot(a - middle) < 0) outward = -outward;
-  const double module_px = 2 * outward.dot(a - middle) / modules;
-  const auto side = fit_side(scan, a, b, outward, module_px);
-  if (!side) return std::nullopt;
-  if (side->spread_px < kSmeared * module_px || module_px < kSmearedFrom_px) return side->line;
-  const double smear = std::sqrt(12.0) * side->spread_px / module_px;
-  const auto smeared = fit_smeared(scan, a, b, side->line, module_px, smear, outward);
-  return smeared ? *smeared : side->line;
+/// One side of the tag, as it is looked for.
+struct Place {
+  Eigen::Vector2d a, b;
+  Eigen::Vector2d outward;
+  double module_px;
+
+  Place(const std::array<Eigen::Vector2d, 4>& corners_px, std::size_t i, int modules)
+      : a(corners_px[i]), b(corners_px[(i + 1) % 4]) {
+    const Eigen::Vector2d middle =
+        0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
+    const Eigen::Vector2d along = (b - a).normalized();
+    outward = {-along.y(), along.x()};
+    if (outward.dot(a - middle) < 0) outward = -outward;
+    module_px = 2 * outward.dot(a - middle) / modules;
+  }
+
+  [[nodiscard]] bool is_smeared(const Side& side) const {
+    return !(side.spread_px < kSmeared * module_px || module_px < kSmearedFrom_px);
+  }
+};
+
+/// A side by its steepest place, and how far it is smeared.
+std::optional<Side> find_side(const Scan& scan, const Place& place) {
+  auto side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
+  const double reach_px = kReach * place.module_px;
+  if (!side || side->spread_px < kMostSharp_px || reach_px <= scan.reach_px) return side;
+  const Scan wide{scan.image, reach_px, scan.gradient_px};
+  if (const auto seen = fit_side(wide, place.a, place.b, place.outward, place.module_px, {}))
+    side->spread_px = seen->spread_px;
+  return side;
+}
+
+/// How far a smeared side reaches along its neighbours; at least, as the reach of a scan ends.
+double smear_px(const Place& place, const Side& side) {
+  return place.is_smeared(side) ? std::sqrt(12.0) * side.spread_px : 0.0;
+}
+
+using Sides = std::array<std::optional<Side>, 4>;
+
+/// Where a tag is smeared along a side, its ends are corners smeared into each other.
+void leave_out_smeared_ends(const Scan& scan, const std::array<Place, 4>& places, Sides& sides) {
+  const Sides all = sides;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t before = (i + 3) % 4;
+    const std::size_t after = (i + 1) % 4;
+    const double length_px = (places[i].b - places[i].a).norm();
+    const Stretch stretch{smear_px(places[before], *all[before]) / length_px,
+                          1 - smear_px(places[after], *all[after]) / length_px};
+    if (stretch.from == 0 && stretch.to == 1) continue;
+    const Place& place = places[i];
+    const auto fitted = fit_side(scan, place.a, place.b, place.outward, place.module_px, stretch);
+    if (fitted) sides[i]->line = fitted->line;
+  }
 }
 
 }  // namespace
 
-std::optional<std::array<Eigen::Vector2d, 4>> fit_sides(
-    const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px, int modules) {
+std::optional<FittedSides> fit_sides(const GrayImage& image,
+                                     const std::array<Eigen::Vector2d, 4>& corners_px,
+                                     int modules) {
   const double module_px = outline_of(corners_px).width_px / modules;
   if (!(module_px > 0)) return std::nullopt;
   const Scan scan{image, std::clamp(kReach * module_px, kLeastReach_px, kMostReach_px),
                   std::clamp(kGradient * module_px, kLeastGradient_px, kMostGradient_px)};
-  const Eigen::Vector2d middle =
-      0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
-  std::array<Line, 4> sides;
+  const std::array<Place, 4> places{{{corners_px, 0, modules},
+                                     {corners_px, 1, modules},
+                                     {corners_px, 2, modules},
+                                     {corners_px, 3, modules}}};
+  Sides sides;
   for (std::size_t i = 0; i < 4; ++i) {
-    const auto side = find_side(scan, corners_px[i], corners_px[(i + 1) % 4], middle, modules);
-    if (!side) return std::nullopt;
-    sides[i] = *side;
+    sides[i] = find_side(scan, places[i]);
+    if (!sides[i]) return std::nullopt;
   }
-  std::array<Eigen::Vector2d, 4> corners;
+  leave_out_smeared_ends(scan, places, sides);
+  FittedSides out;
+  std::array<Line, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Line& before = sides[(i + 3) % 4];
-    const Line& after = sides[i];
+    const Place& place = places[i];
+    lines[i] = sides[i]->line;
+    if (!place.is_smeared(*sides[i])) continue;
+    const double smear = std::sqrt(12.0) * sides[i]->spread_px / place.module_px;
+    const auto smeared =
+        fit_smeared(scan, place.a, place.b, lines[i], place.module_px, smear, place.outward);
+    if (smeared) lines[i] = *smeared;
+    out.guessed[i] = !smeared;
+  }
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Line& before = lines[(i + 3) % 4];
+    const Line& after = lines[i];
     Eigen::Matrix2d N;
     N << before.n.transpose(), after.n.transpose();
-    corners[i] = N.inverse() * Eigen::Vector2d(before.c, after.c);
-    if (!((corners[i] - corners_px[i]).norm() < std::max(1.0, module_px)))
+    out.corners_px[i] = N.inverse() * Eigen::Vector2d(before.c, after.c);
+    if (!((out.corners_px[i] - corners_px[i]).norm() < std::max(1.0, module_px)))
       return std::nullopt;  // NaN fails too
   }
-  return corners;
+  return out;
 }
 
 }  // namespace fiducap

@@ -9,6 +9,16 @@
 
 namespace fiducap {
 
+/// Where fitted sides meet.
+struct FittedSides {
+  std::array<Eigen::Vector2d, 4> corners_px;
+  /// Sides (from each corner to the next) that are smeared but do not look as smeared sides do:
+  /// their place is the steepest one, which may be a pixel off.
+  std::array<bool, 4> guessed{};
+
+  const Eigen::Vector2d& operator[](std::size_t i) const { return corners_px[i]; }
+};
+
 /// Fits the four sides of a tag again, from corners that are good to a pixel or so: straight lines
 /// through the places of steepest gray between black border and white quiet zone, and where they
 /// meet.
@@ -17,11 +27,13 @@ namespace fiducap {
 /// reach that follows the size of a module, corners of rendered tags are 1.4 (small) to 2 times
 /// (large) closer to the truth, and no longer depend on the decimation that the tag was found with.
 /// Some 30 µs per tag. Sides smeared by motion over most of a module have no steepest place: they
-/// are fitted by what their gray adds up from (smeared_side.hpp).
+/// are fitted by what their gray adds up from (smeared_side.hpp); sides along the motion without
+/// their ends.
 /// @param corners_px  raw pixels, (0, 0) = centre of the upper-left one
 /// @param modules     along the black border (8 for tag36h11)
 /// @return nullopt where a side does not show, or the corners would move by more than a module
-[[nodiscard]] std::optional<std::array<Eigen::Vector2d, 4>> fit_sides(
-    const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px, int modules);
+[[nodiscard]] std::optional<FittedSides> fit_sides(const GrayImage& image,
+                                                   const std::array<Eigen::Vector2d, 4>& corners_px,
+                                                   int modules);
 
 }  // namespace fiducap

@@ -87,12 +87,13 @@ class TagDetector::Impl {
       if (static_cast<double>(d->decision_margin) < min_margin_) continue;
       TagSighting sighting = to_sighting(*d, region);
       if (!is_whole(sighting, region)) continue;
-      if (fits_sides_) {
-        if (const auto fitted = fit_sides(image, sighting.corners_px, family_.edge_width())) {
-          sighting.corners_px = *fitted;
-        }
-      }
-      sighting.sharpness = edge_sharpness(image, sighting.corners_px);
+      const auto fitted =
+          fits_sides_ ? fit_sides(image, sighting.corners_px, family_.edge_width()) : std::nullopt;
+      if (fitted) sighting.corners_px = fitted->corners_px;
+      sighting.sides = look_at_sides(image, sighting.corners_px);
+      sighting.sharpness = least_sharpness(sighting.sides);
+      for (std::size_t k = 0; fitted && k < 4; ++k)
+        if (fitted->guessed[k]) sighting.sides[k].sharpness = 0;
       out.push_back(sighting);
     }
     apriltag_detections_destroy(found);

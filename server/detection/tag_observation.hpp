@@ -10,6 +10,12 @@
 
 namespace fiducap {
 
+/// What a line fitted to a side of a tag is off, 1-sigma, raw pixels.
+struct SideSigma {
+  double shift_px{};  ///< As a whole, across itself.
+  double turn_px{};   ///< Its ends against its middle.
+};
+
 /// One AprilTag seen in one image, lens taken out.
 struct TagObservation {
   int tag_id{};
@@ -28,6 +34,11 @@ struct TagObservation {
   /// 1-sigma of each coordinate of each corner in *raw* pixels, as far as the detector causes it
   /// (see corner_sigma_px). 0: not known, take EstimatorConfig::corner_noise_px.
   double corner_sigma_px{};
+  /// The same said apart, for each side (from each corner to the next); a corner is where two of
+  /// them meet (corner_covariance.hpp). Zeros: not known.
+  std::array<SideSigma, 4> sides{};
+
+  [[nodiscard]] bool knows_sides() const { return sides[0].shift_px > 0; }
 };
 
 /// One followed image point in one image, lens taken out (PointSighting).

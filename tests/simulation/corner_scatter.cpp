@@ -20,6 +20,18 @@ bool is_misread(const CornerError& error) {
          std::max(kMisread_px, kMisreadSigmas * error.sigma_px);
 }
 
+/// Of a number with the same one in the next image.
+struct Lasting {
+  double product{};
+  double square{};
+
+  void add(const Vector8d& before, const Vector8d& now) {
+    product += now.dot(before);
+    square += 0.5 * (now.squaredNorm() + before.squaredNorm());
+  }
+  [[nodiscard]] double correlation() const { return product / square; }
+};
+
 }  // namespace
 
 std::vector<CornerError> corner_errors(const EstimationData& data) {
@@ -44,12 +56,17 @@ std::vector<CornerError> corner_errors(const EstimationData& data) {
 
 double CornerScatter::excess() const { return std::sqrt(chi_square); }
 
+double CornerScatter::lasting_excess() const {
+  const double rho = std::max(0.0, lasting_in_sigmas);
+  return excess() * std::sqrt((1 + rho) / (1 - rho));
+}
+
 CornerScatter corner_scatter(const std::vector<CornerError>& errors) {
   CornerScatter out;
   std::map<int, const CornerError*> before;
   double square = 0;
-  double product = 0;
-  double product_of = 0;
+  Lasting in_px;
+  Lasting in_sigmas;
   for (const CornerError& error : errors) {
     if (is_misread(error)) continue;
     ++out.sightings;
@@ -57,15 +74,16 @@ CornerScatter corner_scatter(const std::vector<CornerError>& errors) {
     out.chi_square += error.off_px.squaredNorm() / (8 * error.sigma_px * error.sigma_px);
     const CornerError*& last = before[error.tag_id];
     if (last != nullptr && to_seconds(error.at - last->at) < kNext_s) {
-      product += error.off_px.dot(last->off_px);
-      product_of += 0.5 * (error.off_px.squaredNorm() + last->off_px.squaredNorm());
+      in_px.add(last->off_px, error.off_px);
+      in_sigmas.add(last->off_px / last->sigma_px, error.off_px / error.sigma_px);
     }
     last = &error;
   }
   out.rms_px = std::sqrt(square / (8.0 * out.sightings));
   out.chi_square /= out.sightings;
   if (!std::isfinite(out.chi_square)) out.chi_square = std::nan("");
-  out.lasting = product / product_of;
+  out.lasting = in_px.correlation();
+  out.lasting_in_sigmas = in_sigmas.correlation();
   return out;
 }
 

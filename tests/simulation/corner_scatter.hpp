@@ -26,10 +26,15 @@ struct CornerScatter {
   /// Correlation of a coordinate with the same one in the next image: 0 is white noise, 1 an error
   /// that stays.
   double lasting{};
+  /// The same of errors in sigmas: those of good corners, which tell most, count like all others.
+  double lasting_in_sigmas{};
   int sightings{};
 
   /// What to multiply the detector's sigma by.
   [[nodiscard]] double excess() const;
+  /// The same for corners whose errors are white and, over many images, average out as slowly as
+  /// those that last do (first-order Markov): by √((1 + ρ) / (1 − ρ)) more.
+  [[nodiscard]] double lasting_excess() const;
 };
 [[nodiscard]] CornerScatter corner_scatter(const std::vector<CornerError>& errors);
 

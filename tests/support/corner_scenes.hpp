@@ -25,7 +25,8 @@ struct CornerScene {
 
 /// Six tags of any size, tilt, blur and noise; another number is another scene. 752 × 480, every
 /// second one with a lens.
-inline CornerScene make_corner_scene(unsigned number) {
+/// @param light  on the tags, as a multiple of what the exposure is right for
+inline CornerScene make_corner_scene(unsigned number, double light = 1.0) {
   using namespace simulation;
   std::mt19937 random(number);
   const auto within = [&](double low, double high) {
@@ -65,7 +66,9 @@ inline CornerScene make_corner_scene(unsigned number) {
   scene.blur_px = rate * settings.exposure_s * scene.model.fu;
   const EvenMotion motion(X_WV, Eigen::Vector3d::Zero(),
                           {rate * std::cos(about), rate * std::sin(about), 0});
-  scene.image = StillCamera(scene.model, settings).photograph(motion, tags, number);
+  const DaylightConfig lamp{light, {-9, -9, -0.5}, {9, 9, 0.5}};  // the camera is outside
+  scene.image =
+      StillCamera(scene.model, settings, "clutter", lamp).photograph(motion, tags, number);
   constexpr double kBorder_px = 12;
   for (const RecordedTag& tag : tags) {
     ExpectedTag expected{tag.tag_id, {}, 1.5};

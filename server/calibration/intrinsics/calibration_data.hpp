@@ -32,7 +32,7 @@ struct SeenPoint {
 struct TargetSighting {
   int target{};
   std::vector<SeenPoint> points;  ///< Four or more; fours stay together with `fitted_sides`.
-  double sharpness{};             ///< 0: not known. See edge_sharpness.
+  double sharpness{};             ///< 0: not known. See look_at_sides.
 };
 
 struct CalibrationView {

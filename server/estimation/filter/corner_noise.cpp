@@ -38,6 +38,12 @@ double CornerNoise::of(const TagObservation& seen) const {
   return learns_ ? std::hypot(seen.corner_sigma_px, unexplained_px_) : start_px_;
 }
 
+Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) const {
+  Matrix8d R = corner_covariance(seen.raw_px, seen.sides);
+  R.diagonal().array() += unexplained_px_ * unexplained_px_ + more_px * more_px;
+  return R;
+}
+
 double CornerNoise::growth(const TagObservation& seen) const {
   return learns_ ? of(seen) / std::hypot(seen.corner_sigma_px, start_px_) : 1.0;
 }

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "detection/corner_covariance.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/estimator_config.hpp"
 
@@ -12,9 +13,9 @@ namespace fiducap {
 /// How well the corners of one camera are measured: 1-sigma of each coordinate, raw pixels.
 ///
 /// σ² = σ_detector² + f². The detector knows its part for each tag (size, blur, contrast:
-/// TagObservation::corner_sigma_px). The rest f, what lens model and print leave, is learned: it
-/// starts at `corner_noise_px` and follows the median of the tags' Mahalanobis distances, which
-/// wrong ids and covered corners do not move.
+/// TagObservation::corner_sigma_px), and for each of its sides. The rest f, what lens model and
+/// print leave, is learned: it starts at `corner_noise_px` and follows the median of the tags'
+/// Mahalanobis distances, which wrong ids and covered corners do not move.
 ///
 /// A tag that stands still in the image repeats its error, which the filter takes for the tag's
 /// place: its small distances say nothing. f does not sink by a tag that has not moved.
@@ -24,6 +25,12 @@ class CornerNoise final {
   explicit CornerNoise(const EstimatorConfig& config, bool learns);
 
   [[nodiscard]] double of(const TagObservation& seen) const;
+  /// Whether it is not the same in all directions.
+  [[nodiscard]] bool is_uneven(const TagObservation& seen) const {
+    return learns_ && seen.knows_sides();
+  }
+  /// The whole of it where it is uneven. @param more_px  beside all that, of each coordinate
+  [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;
   /// of() as a multiple of what it was before anything was learned.
   [[nodiscard]] double growth(const TagObservation& seen) const;
   /// What one tag of an image says, used or not.

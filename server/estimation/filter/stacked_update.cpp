@@ -39,6 +39,15 @@ dense::ConstView columns_of(const StackedUpdate::ConstCovariance& P, Eigen::Inde
   return {P.col(first).data(), P.outerStride()};
 }
 
+/// Divides by the root of the noise's covariance: what is left has white noise of variance 1.
+template <class Rest>
+void make_even(const Matrix8d& R, Matrix86d& H, Rest& y) {
+  const Eigen::LLT<Matrix8d> root(R);
+  FIDUCAP_ASSERT(root.info() == Eigen::Success);
+  root.matrixL().solveInPlace(H);
+  root.matrixL().solveInPlace(y);
+}
+
 }  // namespace
 
 void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
@@ -58,22 +67,30 @@ void StackedUpdate::prepare(ConstCovariance P, const ImageMeasurement& image) {
   for (std::size_t i = 0; i < image.tags.size(); ++i) {
     const TagMeasurement& m = image.tags[i];
     if (!m.relative || !m.in_front) continue;
-    Matrix86d H = m.H;
-    Turned& turned = turned_[i];
-    Vector8d y = m.y;
-    if (image.suspects.are_there()) {
-      Matrix86d rest;
-      rest << m.y, m.H_camera, m.H_size;
-      triangularise(H, rest);
-      y = rest.col(0);
-      turned.H_suspects = rest.block<6, 5>(0, 1);
-    } else {
-      triangularise(H, y);
-    }
-    turned.H = H.topRows<6>().triangularView<Eigen::Upper>();
-    turned.y = y.head<6>();
-    turned.rest_square = y.tail<2>().squaredNorm() / (m.noise_px * m.noise_px);
+    turned_[i] = turn(m, image.suspects.are_there());
   }
+}
+
+StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool suspects) {
+  Turned out;
+  out.noise = m.even ? m.noise_px * m.noise_px : 1.0;
+  Matrix86d H = m.H;
+  Vector8d y = m.y;
+  if (suspects) {
+    Matrix86d rest;
+    rest << m.y, m.H_camera, m.H_size;
+    if (!m.even) make_even(m.R, H, rest);
+    triangularise(H, rest);
+    y = rest.col(0);
+    out.H_suspects = rest.block<6, 5>(0, 1);
+  } else {
+    if (!m.even) make_even(m.R, H, y);
+    triangularise(H, y);
+  }
+  out.H = H.topRows<6>().triangularView<Eigen::Upper>();
+  out.y = y.head<6>();
+  out.rest_square = y.tail<2>().squaredNorm() / out.noise;
+  return out;
 }
 
 void StackedUpdate::gate(ConstCovariance P, const ImageMeasurement& image, double limit,
@@ -106,8 +123,12 @@ StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& i
   out.by_known_tags.setZero();
   for (const std::size_t i : used_) {
     const TagMeasurement& m = image.tags[i];
-    const Matrix86d whitened = m.H / m.noise_px;
-    out.by_known_tags += whitened.transpose().lazyProduct(whitened);
+    if (m.relative && !m.even) {
+      out.by_known_tags += turned_[i].H.transpose().lazyProduct(turned_[i].H);
+    } else {
+      const Matrix86d whitened = m.H / m.noise_px;
+      out.by_known_tags += whitened.transpose().lazyProduct(whitened);
+    }
   }
   return out;
 }
@@ -144,7 +165,7 @@ StackedUpdate::Judged StackedUpdate::judge(ConstCovariance P, const ImageMeasure
     const Matrix6d cross = shared_.middleRows<6>(m.own);
     apart += P.block<6, 6>(m.own, m.own) - cross - cross.transpose();
   }
-  const double noise = m.noise_px * m.noise_px;
+  const double noise = turned.noise;
   Matrix6d S = turned.H * apart * turned.H.transpose();
   if (image.suspects.are_there()) add_suspects(P, image.suspects, m, turned, S);
   S.diagonal().array() += noise;
@@ -263,7 +284,7 @@ void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasu
   dense::multiply_difference({is_given ? nullptr : own_rows_.data(), own_rows_.outerStride()},
                              {&shared_rows_(at, 0), shared_rows_.outerStride()},
                              {turned.H.data(), kTurnedRows}, S, rest);
-  S_.diagonal().segment<kTurnedRows>(at).array() += m.noise_px * m.noise_px;
+  S_.diagonal().segment<kTurnedRows>(at).array() += turned.noise;
   if (!suspects.are_there()) return;
   dense::add_product({&suspect_rows_(at, 0), suspect_rows_.outerStride()}, 5,
                      {turned.H_suspects.data(), kTurnedRows}, S, rest);

@@ -13,9 +13,10 @@ namespace fiducap {
 /// Keeps its memory between images.
 ///
 /// A tag's eight numbers that are seen through one pose alone (TagMeasurement::relative) are turned
-/// by an orthogonal matrix so that six of them carry all that the pose shows; the other two hold
-/// nothing but noise, count for distances, and are not stacked. The covariance of the shared pose
-/// with the state is computed once per image.
+/// (uneven ones first made even, by the root of their covariance) by an orthogonal matrix so that
+/// six of them carry all that the pose shows; the other two hold nothing but noise, count for
+/// distances, and are not stacked. The covariance of the shared pose with the state is computed
+/// once per image.
 ///
 /// `P` is the live covariance of the state, n × n and symmetric. Order of use: prepare and gate,
 /// then solve, with prepare again before each further solve, then shrink.
@@ -37,7 +38,7 @@ class StackedUpdate final {
   /// What gate() saw of one measurement.
   struct Judged {
     double distance{};     ///< yᵀ S⁻¹ y; NaN when it lies behind the camera
-    double noise_share{};  ///< trace R / trace S
+    double noise_share{};  ///< trace R / trace S; of uneven ones in units of their noise
   };
   [[nodiscard]] std::span<const Judged> judged() const { return judged_; }
 
@@ -81,9 +82,11 @@ class StackedUpdate final {
     Matrix6d H;  ///< upper triangular
     Vector6d y;
     Eigen::Matrix<double, 6, 5> H_suspects;  ///< the camera's four, then the print's size
+    double noise{};                          ///< variance of each number
     double rest_square{};  ///< of the two numbers that hold nothing but noise, in variances of it
   };
 
+  [[nodiscard]] static Turned turn(const TagMeasurement& m, bool suspects);
   void reserve(Eigen::Index rows);
   void stack(ConstCovariance P, const ImageMeasurement& image);
   void stack_gain(ConstCovariance P, const TagMeasurement& m, const Turned& turned,

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "base/assert.hpp"
+#include "detection/corner_covariance.hpp"
 #include "detection/corner_projection.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/filter/linear_term.hpp"
@@ -16,7 +17,6 @@ namespace fiducap {
 
 using Matrix83d = Eigen::Matrix<double, 8, 3>;
 using Matrix84d = Eigen::Matrix<double, 8, 4>;
-using Matrix8d = Eigen::Matrix<double, 8, 8>;
 
 /// One tag of an image with what is known about its place: in the state, or given.
 struct TagToUse {
@@ -64,8 +64,8 @@ struct TagMeasurement {
   bool in_front{true};
 
   /// Relative: all eight numbers see the six of one pose, the tag's against the shared one, by H
-  /// (ξ_own − ξ_shared), with white noise, and the suspects. Else by `blocks` and `R`, and H only
-  /// says how the shared pose's own noise enters.
+  /// (ξ_own − ξ_shared), and the suspects; noise is `noise_px` alike or, when it is not even, `R`.
+  /// Else by `blocks` and `R`, and H only says how the shared pose's own noise enters.
   bool relative{false};
   int own{kGiven};  ///< First of the tag's own six columns, or kGiven.
   Matrix86d H{Matrix86d::Zero()};
@@ -73,6 +73,7 @@ struct TagMeasurement {
   Vector8d H_size;     ///< … and on the size of all prints and the tag's own one.
   int own_size{-1};    ///< Column of the latter, or -1.
   double noise_px{};
+  bool even{true};
 
   std::array<Block, kMaxBlocks> blocks{};
   std::size_t block_count{0};

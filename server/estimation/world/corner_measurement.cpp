@@ -160,8 +160,12 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
   out.tags.resize(tags.size());
   out.suspects = {};
   if (clock.rows_apart) {
-    for (std::size_t i = 0; i < tags.size(); ++i)
-      out.tags[i] = measure(state, camera, model, tags[i], noise.of(*tags[i].seen));
+    for (std::size_t i = 0; i < tags.size(); ++i) {
+      const TagObservation& seen = *tags[i].seen;
+      out.tags[i] = measure(state, camera, model, tags[i], noise.of(seen));
+      if (noise.is_uneven(seen))
+        out.tags[i].R = noise.covariance(seen, beyond_linear_px(state, camera, model, seen));
+    }
     return;
   }
   if (state.has_suspects())
@@ -180,7 +184,10 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     m.own =
         tag.local >= 0 ? state.tag_at(static_cast<std::size_t>(tag.local)) : TagMeasurement::kGiven;
     m.H = on_tag(residual.H, R_VW, X_WT.p);
-    m.noise_px = std::hypot(noise.of(*tag.seen), beyond_linear_px(state, camera, model, *tag.seen));
+    const double beyond_px = beyond_linear_px(state, camera, model, *tag.seen);
+    m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
+    m.even = !noise.is_uneven(*tag.seen);
+    if (!m.even) m.R = noise.covariance(*tag.seen, beyond_px);
     m.block_count = 0;
     if (!out.suspects.are_there()) continue;
     m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, m.y, -m.H * at.on_time);

@@ -23,6 +23,30 @@ struct Seen {
   double chi_square;   ///< per coordinate
 };
 
+/// One side: what it was off across itself, in sigmas, squared.
+struct SeenSide {
+  double sharpness, least_sharpness, module_px;
+  double shift, turn;
+};
+
+void measure_sides(const std::array<Eigen::Vector2d, 4>& truth,
+                   const std::array<Eigen::Vector2d, 4>& corners, const TagSighting& tag,
+                   double pixel_noise, std::vector<SeenSide>& out) {
+  const auto sigmas = side_sigmas(tag, pixel_noise);
+  const Eigen::Vector2d middle = 0.25 * (truth[0] + truth[1] + truth[2] + truth[3]);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t next = (i + 1) % 4;
+    const Eigen::Vector2d along = (truth[next] - truth[i]).normalized();
+    const Eigen::Vector2d normal(-along.y(), along.x());
+    const double one = normal.dot(corners[i] - truth[i]);
+    const double other = normal.dot(corners[next] - truth[next]);
+    out.push_back({tag.sides[i].sharpness, tag.sharpness,
+                   std::abs(normal.dot(middle - truth[i])) / 4,
+                   std::pow(0.5 * (one + other) / sigmas[i].shift_px, 2),
+                   std::pow(0.5 * (one - other) / sigmas[i].turn_px, 2)});
+  }
+}
+
 Seen measure(const CornerScene& scene, std::size_t t, const CornerFrame& frame,
              const TagSighting& tag, bool& gross) {
   const auto& truth = scene.tags[t].corners_px;
@@ -67,11 +91,45 @@ void print_bins(const char* what, const std::vector<Seen>& all, const std::vecto
   }
 }
 
+void print_side_bins(const char* what, const std::vector<SeenSide>& all,
+                     const std::vector<double>& edges,
+                     const std::function<double(const SeenSide&)>& key) {
+  std::printf("%s\n", what);
+  for (std::size_t b = 0; b + 1 < edges.size(); ++b) {
+    int count = 0;
+    double shift = 0;
+    double turn = 0;
+    for (const SeenSide& seen : all) {
+      if (key(seen) < edges[b] || key(seen) >= edges[b + 1]) continue;
+      ++count;
+      shift += seen.shift;
+      turn += seen.turn;
+    }
+    if (count < 20) continue;
+    std::printf("  %6.2f to %6.2f  %5d sides  chi-square of shift %.2f, of turn %.2f\n", edges[b],
+                edges[b + 1], count, shift / count, turn / count);
+  }
+}
+
+void print_sides(const std::vector<SeenSide>& sides) {
+  print_side_bins("sharpness of the side", sides,
+                  {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.01},
+                  [](const SeenSide& s) { return s.sharpness; });
+  std::vector<SeenSide> smeared;
+  for (const SeenSide& s : sides)
+    if (s.least_sharpness < 0.7) smeared.push_back(s);
+  print_side_bins("of smeared tags, side / least sharpness", smeared, {1, 1.2, 1.5, 2, 3, 9},
+                  [](const SeenSide& s) { return s.sharpness / s.least_sharpness; });
+  print_side_bins("module across, px", sides, {1, 1.5, 2, 3, 4, 6, 9, 15, 40},
+                  [](const SeenSide& s) { return s.module_px; });
+}
+
 }  // namespace
 
 void print_corner_calibration(int scenes) {
   TagSearch search({}, {});
   std::vector<Seen> all;
+  std::vector<SeenSide> sides;
   int gross_tags = 0;
   for (int k = 0; k < scenes; ++k) {
     const CornerScene scene = make_corner_scene(kFirstScene + static_cast<unsigned>(k));
@@ -84,7 +142,10 @@ void print_corner_calibration(int scenes) {
       bool gross = false;
       const Seen seen = measure(scene, t, frame, *tag, gross);
       gross_tags += gross ? 1 : 0;
-      if (!gross) all.push_back(seen);
+      if (gross) continue;
+      all.push_back(seen);
+      measure_sides(scene.tags[t].corners_px, unbend_corners(scene.model, tag->corners_px), *tag,
+                    frame.pixel_noise, sides);
     }
   }
   std::printf(
@@ -103,6 +164,7 @@ void print_corner_calibration(int scenes) {
              [](const Seen& s) { return s.noise_share; });
   print_bins("cosine of the view angle", all, {0, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.01},
              [](const Seen& s) { return s.cos_tilt; });
+  print_sides(sides);
 }
 
 }  // namespace fiducap::bench

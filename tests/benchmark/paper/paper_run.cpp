@@ -42,10 +42,14 @@ PaperRun run_one(const PaperOptions& options, SimulatedDataSetup setup, const st
   choice.watch = [&](const FilterMoment& m) { out.at.push_back(moment_of(m, out.data)); };
   out.run = run_filter(out.data, choice);
   out.corners = corner_scatter(corner_errors(out.data));
-  out.bound =
-      run_bound(out.data, choice.knowledge, [&](const CornerFrame& image, const TagSighting& tag) {
-        return out.corners.excess() * corner_sigma_px(tag, image.pixel_noise);
-      });
+  const auto bound_of = [&](double excess) {
+    return run_bound(out.data, choice.knowledge,
+                     [&](const CornerFrame& image, const TagSighting& tag) {
+                       return excess * corner_sigma_px(tag, image.pixel_noise);
+                     });
+  };
+  out.bound = bound_of(out.corners.excess());
+  out.lasting_bound = bound_of(out.corners.lasting_excess());
   return out;
 }
 
@@ -72,11 +76,11 @@ int PaperRun::tags_seen() const {
   return static_cast<int>(ids.size());
 }
 
-double PaperRun::position_by_bound() const {
+double PaperRun::position_by(const BoundRun& of) const {
   const Instant first = time_of(data.samples.front());
   double square = 0;
   int count = 0;
-  for (const bound::BoundAt& now : bound.at) {
+  for (const bound::BoundAt& now : of.at) {
     if (to_seconds(now.at - first) < kSettled_s) continue;
     square += now.position_m * now.position_m;
     ++count;
@@ -133,7 +137,9 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
         return r.run.scored_after(kSettled_s).mean([](const auto& at) { return at.nees.pose / 6; });
       });
   add_figure(result, {"position RMSE / bound", "", "-", "-", {}, 2}, runs,
-             [](const PaperRun& r) { return r.position_by_bound(); });
+             [](const PaperRun& r) { return r.position_by(r.bound); });
+  add_figure(result, {"position RMSE / bound of errors that last", "", "-", "-", {}, 2}, runs,
+             [](const PaperRun& r) { return r.position_by(r.lasting_bound); });
   add_figure(result, {"tags in the map / seen", "", "-", "-", {}, 2}, runs, [](const PaperRun& r) {
     return static_cast<double>(r.run.tags_mapped) / r.tags_seen();
   });
@@ -143,6 +149,8 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
              [](const PaperRun& r) { return r.corners.excess(); });
   add_figure(result, {"corner error that lasts to the next image", "%", "-", "-", {}, 0}, runs,
              [](const PaperRun& r) { return 100 * r.corners.lasting; });
+  add_figure(result, {"the same of errors in sigmas", "%", "-", "-", {}, 0}, runs,
+             [](const PaperRun& r) { return 100 * r.corners.lasting_in_sigmas; });
 }
 
 const char* color_of(const std::string& filter) {

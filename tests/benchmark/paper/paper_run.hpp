@@ -30,14 +30,15 @@ struct PaperRun {
   EstimationData data;
   FilterRun run;
   std::vector<At> at;
-  CornerScatter corners;  ///< As found.
-  BoundRun bound;         ///< For corners that scatter so, if their errors were white.
+  CornerScatter corners;   ///< As found.
+  BoundRun bound;          ///< For corners that scatter so, if their errors were white …
+  BoundRun lasting_bound;  ///< … and as their errors last (CornerScatter::lasting_excess).
 
   [[nodiscard]] double share_without_tag() const;
   /// Tags that exist and were seen at least once.
   [[nodiscard]] int tags_seen() const;
   /// RMSE of the position in the reference tag's axes after kSettled_s, by the bound's.
-  [[nodiscard]] double position_by_bound() const;
+  [[nodiscard]] double position_by(const BoundRun& of) const;
   [[nodiscard]] double extrinsics_position_m(const At& moment) const;
   [[nodiscard]] double extrinsics_rotation_rad(const At& moment) const;
 };

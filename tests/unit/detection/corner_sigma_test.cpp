@@ -16,6 +16,7 @@ TagSighting square(double side, double sharpness = 1.0) {
   tag.decision_margin = 100;
   tag.corners_px = {{{100, 100 + side}, {100 + side, 100 + side}, {100 + side, 100}, {100, 100}}};
   tag.sharpness = sharpness;
+  tag.sides.fill({sharpness, 0});
   return tag;
 }
 
@@ -25,7 +26,7 @@ TEST(CornerSigma, IsUnknownWhenTheSourceMeasuredNothing) {
 
 TEST(CornerSigma, GrowsForSmallTiltedSmearedAndNoisyTags) {
   const double fine = corner_sigma_px(square(60), 1.0);
-  EXPECT_NEAR(fine, 0.020, 0.002);
+  EXPECT_NEAR(fine, 0.022, 0.002);
   EXPECT_GT(corner_sigma_px(square(12), 1.0), 1.8 * fine);
   EXPECT_GT(corner_sigma_px(square(60, 0.3), 1.0), 2 * fine);
   EXPECT_GT(corner_sigma_px(square(60), 15.0), 1.5 * fine);
@@ -34,7 +35,34 @@ TEST(CornerSigma, GrowsForSmallTiltedSmearedAndNoisyTags) {
   EXPECT_GT(corner_sigma_px(thin, 1.0), 1.5 * fine);
 }
 
-TEST(EdgeSharpness, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
+TEST(CornerSigma, OnlySidesAcrossTheMotionAreBadlyKnown) {
+  TagSighting tag = square(60, 0.3);
+  tag.sides[1].sharpness = tag.sides[3].sharpness = 1;
+  const auto sides = side_sigmas(tag, 3.0);
+  EXPECT_GT(sides[0].shift_px, 2.5 * sides[1].shift_px);
+  EXPECT_DOUBLE_EQ(sides[1].shift_px, sides[3].shift_px);
+  // What is smeared is off as a whole; what is sharp, by the noise along it.
+  EXPECT_LT(sides[1].shift_px / sides[1].turn_px, sides[0].shift_px / sides[0].turn_px);
+}
+
+TEST(CornerSigma, ASideThatCouldNotBeFittedIsHardlyBelieved) {
+  TagSighting tag = square(60, 0.3);
+  tag.sides[1].sharpness = 0;
+  const auto sides = side_sigmas(tag, 1.0);
+  EXPECT_GT(sides[1].shift_px, 5 * sides[0].shift_px);
+  tag.sides.fill({});
+  EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, sides[0].shift_px) << "the source says no more";
+}
+
+TEST(CornerSigma, WhitePaperAtTheSensorsEndMayHaveMovedASide) {
+  TagSighting tag = square(60);
+  const double fine = side_sigmas(tag, 1.0)[2].shift_px;
+  tag.sides[2].clipped = 1;
+  EXPECT_GT(side_sigmas(tag, 1.0)[2].shift_px, 0.3);
+  EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, fine);
+}
+
+TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
   GrayImage image;
   image.resize(200, 200);
   const auto print = [&](double blur) {
@@ -54,67 +82,129 @@ TEST(EdgeSharpness, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
       {{59.5, 139.5}, {139.5, 139.5}, {139.5, 59.5}, {59.5, 59.5}}};
   constexpr double kRounding = 0.05;
   print(0);
-  EXPECT_NEAR(edge_sharpness(image, corners), 1.0, kRounding);
+  EXPECT_NEAR(least_sharpness(look_at_sides(image, corners)), 1.0, kRounding);
   for (const double blur : {4.0, 6.0, 8.0}) {
     print(blur);
-    EXPECT_NEAR(edge_sharpness(image, corners), 2 / blur, kRounding) << blur;
+    EXPECT_NEAR(least_sharpness(look_at_sides(image, corners)), 2 / blur, kRounding) << blur;
   }
-  EXPECT_EQ(edge_sharpness(image, {{{-9, -1}, {-1, -1}, {-1, -9}, {-9, -9}}}), 0.0)
+  EXPECT_EQ(least_sharpness(look_at_sides(image, {{{-9, -1}, {-1, -1}, {-1, -9}, {-9, -9}}})), 0.0)
       << "nothing to measure";
 }
 
-/// Mean of (error / sigma)² over corners and coordinates.
+/// Mean of (error / sigma)².
 struct ChiSquare {
   double sum{};
-  int tags{};
+  int count{};
   void add(double value) {
     sum += value;
-    ++tags;
+    ++count;
   }
-  [[nodiscard]] double mean() const { return sum / tags; }
+  [[nodiscard]] double mean() const { return sum / count; }
 };
 
+constexpr unsigned kFirst = 20'000;  // the fit saw 1000 to 2500
+constexpr double kOff_px = 1.0;      // what is further off is not the noise of a line fit
+
+/// What the corners of a scene were off, raw pixels.
+struct Found {
+  TagSighting tag;
+  std::array<Eigen::Vector2d, 4> corners_px;
+  std::array<Eigen::Vector2d, 4> off_px;
+  double pixel_noise;
+  [[nodiscard]] double worst_px() const {
+    double worst = 0;
+    for (const auto& off : off_px) worst = std::max(worst, off.cwiseAbs().maxCoeff());
+    return worst;
+  }
+};
+
+std::vector<Found> find_in(TagSearch& search, const CornerScene& scene, unsigned k) {
+  const CornerFrame& found = search.search({0, instant_from_ns(k), scene.image}, scene.tags);
+  std::vector<Found> out;
+  for (const TagSighting& tag : found.tags) {
+    const auto truth = std::find_if(scene.tags.begin(), scene.tags.end(),
+                                    [&](const ExpectedTag& t) { return t.tag_id == tag.tag_id; });
+    if (truth == scene.tags.end()) continue;
+    Found one{tag, unbend_corners(scene.model, tag.corners_px), {}, found.pixel_noise};
+    for (std::size_t i = 0; i < 4; ++i) one.off_px[i] = one.corners_px[i] - truth->corners_px[i];
+    out.push_back(one);
+  }
+  return out;
+}
+
+/// What a side is off across itself, of both kinds, in sigmas, squared.
+std::pair<double, double> side_squares(const Found& found, std::size_t i, const SideSigma& sigma) {
+  const std::size_t next = (i + 1) % 4;
+  const Eigen::Vector2d along = (found.corners_px[next] - found.corners_px[i]).normalized();
+  const Eigen::Vector2d normal(-along.y(), along.x());
+  const double one = normal.dot(found.off_px[i]);
+  const double other = normal.dot(found.off_px[next]);
+  return {std::pow(0.5 * (one + other) / sigma.shift_px, 2),
+          std::pow(0.5 * (one - other) / sigma.turn_px, 2)};
+}
+
 TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
-  constexpr unsigned kFirst = 20'000;  // the fit saw 1000 to 2500
   constexpr unsigned kScenes = 220;
-  constexpr double kOff_px = 1.0;  // what is further off is not the noise of a line fit
-  ChiSquare all, small, large, sharp, smeared;
+  ChiSquare all, small, large, sharp, smeared, shift, turn, across, along;
   int gross = 0;
   TagSearch search({}, {});
   for (unsigned k = 0; k < kScenes; ++k) {
-    const CornerScene scene = make_corner_scene(kFirst + k);
-    const CornerFrame& found = search.search({0, instant_from_ns(k), scene.image}, scene.tags);
-    for (const TagSighting& tag : found.tags) {
-      const auto truth = std::find_if(scene.tags.begin(), scene.tags.end(),
-                                      [&](const ExpectedTag& t) { return t.tag_id == tag.tag_id; });
-      if (truth == scene.tags.end()) continue;
-      const auto corners = unbend_corners(scene.model, tag.corners_px);
-      double squares = 0;
-      double worst = 0;
-      for (std::size_t i = 0; i < 4; ++i) {
-        squares += (corners[i] - truth->corners_px[i]).squaredNorm() / 8;
-        worst = std::max(worst, (corners[i] - truth->corners_px[i]).cwiseAbs().maxCoeff());
-      }
-      if (worst > kOff_px) {
+    for (const Found& found : find_in(search, make_corner_scene(kFirst + k), k)) {
+      if (found.worst_px() > kOff_px) {
         ++gross;
         continue;
       }
+      const TagSighting& tag = found.tag;
       const double sigma = corner_sigma_px(tag, found.pixel_noise);
       ASSERT_GT(sigma, 0);
-      const double chi = squares / (sigma * sigma);
+      double chi = 0;
+      for (const auto& off : found.off_px) chi += off.squaredNorm() / (8 * sigma * sigma);
       all.add(chi);
       ((tag.corners_px[2] - tag.corners_px[0]).norm() < 40 ? small : large).add(chi);
       (tag.sharpness > 0.85 ? sharp : smeared).add(chi);
+      const auto sides = side_sigmas(tag, found.pixel_noise);
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto [shifted, turned] = side_squares(found, i, sides[i]);
+        shift.add(shifted);
+        turn.add(turned);
+        if (tag.sharpness > 0.6) continue;
+        (tag.sides[i].sharpness > 1.5 * tag.sharpness ? along : across)
+            .add(0.5 * (shifted + turned));
+      }
     }
   }
-  ASSERT_GT(all.tags, 700);
-  EXPECT_LT(gross, all.tags / 50);
+  ASSERT_GT(all.count, 700);
+  EXPECT_LT(gross, all.count / 50);
   // 8 coordinates of some hundred tags, with tails heavier than a normal distribution's.
   EXPECT_NEAR(all.mean(), 1.0, 0.15);
   EXPECT_NEAR(small.mean(), 1.0, 0.25);
   EXPECT_NEAR(large.mean(), 1.0, 0.25);
   EXPECT_NEAR(sharp.mean(), 1.0, 0.25);
   EXPECT_NEAR(smeared.mean(), 1.0, 0.35);
+  EXPECT_NEAR(shift.mean(), 1.0, 0.25);
+  EXPECT_NEAR(turn.mean(), 1.0, 0.2);
+  // With one sigma per tag: 1.4, and 0.3.
+  ASSERT_GT(along.count, 60);
+  EXPECT_NEAR(across.mean(), 1.0, 0.35);
+  EXPECT_NEAR(along.mean(), 1.0, 0.4);
+}
+
+TEST(CornerSigma, IsRightToAFactorWhereWhiteIsAtTheSensorsEnd) {
+  constexpr unsigned kScenes = 60;
+  ChiSquare shift;
+  TagSearch search({}, {});
+  for (unsigned k = 0; k < kScenes; ++k) {
+    const double light = 1.5 + 0.1 * k;
+    for (const Found& found : find_in(search, make_corner_scene(kFirst + k, light), k)) {
+      if (found.worst_px() > kOff_px) continue;
+      const auto sides = side_sigmas(found.tag, found.pixel_noise);
+      for (std::size_t i = 0; i < 4; ++i)
+        if (found.tag.sides[i].clipped > 0.9) shift.add(side_squares(found, i, sides[i]).first);
+    }
+  }
+  ASSERT_GT(shift.count, 200);
+  EXPECT_GT(shift.mean(), 0.5);  // not knowing of it: 100
+  EXPECT_LT(shift.mean(), 2.0);
 }
 
 }  // namespace

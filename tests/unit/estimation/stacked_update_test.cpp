@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <array>
 
 #include "estimation/filter/chi_square.hpp"
@@ -67,19 +68,33 @@ class TurnedTag : public testing::TestWithParam<double> {
     for (Eigen::Vector2d& corner : seen_[4].corners_px) corner.x() += 60;
   }
 
-  [[nodiscard]] ImageMeasurement turned() const {
+  [[nodiscard]] CornerNoise noise() const {
     EstimatorConfig config;
     config.corner_noise_px = kNoise_px;
+    return CornerNoise(config, uneven_);
+  }
+
+  [[nodiscard]] ImageMeasurement turned() const {
     ImageMeasurement image;
-    measure_image(state_, 0, example_camera(), use_, CornerNoise(config, false), image);
+    measure_image(state_, 0, example_camera(), use_, noise(), image);
     return image;
   }
 
   [[nodiscard]] ImageMeasurement whole() const {
     ImageMeasurement image;
-    for (const TagToUse& tag : use_)
-      image.tags.push_back(measure(state_, 0, example_camera(), tag, kNoise_px));
+    for (const TagToUse& tag : use_) {
+      image.tags.push_back(measure(state_, 0, example_camera(), tag, noise().of(*tag.seen)));
+      if (noise().is_uneven(*tag.seen)) image.tags.back().R = noise().covariance(*tag.seen, 0);
+    }
     return image;
+  }
+
+  /// Some tags with sides that are differently well known, two as before.
+  void smear() {
+    uneven_ = true;
+    for (const std::size_t i : {0, 2, 3, 4})
+      seen_[i].sides = {{{0.05, 0.1}, {1.5, 0.4}, {0.02, 0.3}, {1.2, 0.9}}};
+    seen_[1].corner_sigma_px = 0.3;
   }
 
   void expect_same(const Outcome& a, const Outcome& b) {
@@ -90,13 +105,15 @@ class TurnedTag : public testing::TestWithParam<double> {
     ASSERT_EQ(a.judged.size(), b.judged.size());
     for (std::size_t i = 0; i < a.judged.size(); ++i) {
       EXPECT_NEAR(a.judged[i].distance, b.judged[i].distance, kSame * b.judged[i].distance);
-      EXPECT_NEAR(a.judged[i].noise_share, b.judged[i].noise_share, kSame);
+      // Uneven ones are weighed by their own noise.
+      if (!uneven_) EXPECT_NEAR(a.judged[i].noise_share, b.judged[i].noise_share, kSame);
     }
     EXPECT_LT((a.correction - b.correction).norm(), kSame * b.correction.norm());
     EXPECT_LT((a.P - b.P).cwiseAbs().maxCoeff(), kSame * state_.P().cwiseAbs().maxCoeff());
     EXPECT_EQ(a.P, a.P.transpose());
   }
 
+  bool uneven_{false};
   FilterState state_;
   KnownTag given_;
   std::array<TagObservation, 5> seen_;
@@ -110,6 +127,32 @@ TEST_P(TurnedTag, SaysWithSixNumbersWhatEightSay) {
   EXPECT_EQ(six.accepted, (std::vector<bool>{true, true, true, true, false}));
   EXPECT_GT((six.P - state_.P()).norm(), 0.01 * state_.P().norm()) << "it learned something";
   expect_same(six, update(state_, whole(), {}));
+}
+
+TEST_P(TurnedTag, SaysTheSameWhenItsNoiseIsUneven) {
+  const Outcome even = update(state_, turned(), {});
+  smear();
+  const ImageMeasurement image = turned();
+  EXPECT_TRUE(!image.tags[0].even && image.tags[1].even);
+  const Outcome six = update(state_, image, {});
+  EXPECT_GT((six.correction - even.correction).norm(), 0.1 * even.correction.norm());
+  expect_same(six, update(state_, whole(), {}));
+}
+
+TEST_P(TurnedTag, SaysOfKnownTagsWhatTheirNoiseAllows) {
+  smear();
+  const ImageMeasurement image = turned();
+  StackedUpdate update;
+  update.prepare(state_.P(), image);
+  update.use_all(image);
+  (void)update.solve(state_.P(), image, {});
+  Matrix6d information = Matrix6d::Zero();
+  for (std::size_t i = 0; i < use_.size(); ++i) {
+    const Matrix8d R = whole().tags[i].R;
+    information += image.tags[i].H.transpose() * R.inverse() * image.tags[i].H;
+  }
+  const Matrix6d got = update.shared_score(image).by_known_tags;
+  EXPECT_LT((got - information).norm(), kSame * information.norm());
 }
 
 TEST_P(TurnedTag, SaysTheSameToHeldTags) {
