@@ -233,13 +233,13 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
   if (!follower_.knows_attitude()) return false;
   const auto found = follower_.find_place(seen, tags_.usable);
   ++return_attempts_;
-  const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  const bool is_forced = has_imu() && return_attempts_ >= kForceWithImu;
   if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
     jump(found->X_AB, seen.exposed_at);
     if (tags_.usable.size() == 1) returned_by_ = Return{tags_.usable.front().seen->tag_id, 0};
     return true;
   }
-  return has_imu() && come_back_by_views(seen);
+  return come_back_by_views(seen);
 }
 
 template <class C>

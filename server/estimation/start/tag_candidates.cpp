@@ -14,6 +14,9 @@ namespace {
 constexpr int kFitSteps = 5;
 // Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
 constexpr double kSameBranch_rad = 0.05;
+// … and where both are closer than this, as seen from the front, one cannot be followed into what
+// comes after.
+constexpr double kMerged_rad = 0.2;
 // A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
 // still.
 constexpr double kHopelessCostPerNumber = 25.0;
@@ -33,6 +36,15 @@ Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3
   const double sine = axis.norm();
   if (sine < 1e-9) return q_VT;
   return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
+}
+
+/// The corners' noise with what a camera that is turned by so much makes of it, as if it were white.
+void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
+  using Matrix8d = Eigen::Matrix<double, 8, 8>;
+  const Eigen::Matrix<double, 8, 3> H_q = std::sqrt(weight) * turn_sigma_rad * r.H.rightCols<3>();
+  const Eigen::LLT<Matrix8d> noise(Matrix8d::Identity() + H_q * H_q.transpose());
+  noise.matrixL().solveInPlace(r.y);
+  noise.matrixL().solveInPlace(r.H);
 }
 
 }  // namespace
@@ -62,7 +74,9 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const Tag
   const double noise = std::max(noise_px, config_.corner_noise_px);
   const double weight = 1.0 / (noise * noise);
   const auto decided =
-      attitude ? judge_turning(candidate, {at, seen, weight, attitude->q_WV, poses[0].X_VT.p},
+      attitude ? judge_turning(candidate,
+                               {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad,
+                                poses[0].X_VT.p},
                                model, poses, forced)
                : judge_alone(candidate, weight, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
@@ -117,8 +131,9 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
     cost = 0;
     for (View& view : views) {
       const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
-      const CornerResidual r = corner_residual(view.seen, X_VT, model);
+      CornerResidual r = corner_residual(view.seen, X_VT, model);
       if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
+      if (view.turn_sigma_rad > 0) whiten(view.turn_sigma_rad, view.weight, r);
       const auto H_p = r.H.leftCols<3>();
       const Eigen::Matrix<double, 8, 3> H_q =
           r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
@@ -148,6 +163,11 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, doubl
   if (candidate.seen_times > 1) {
     follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
                      angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
+  }
+  if (angle_between(poses[0].X_VT.q, poses[1].X_VT.q) < kMerged_rad) {
+    candidate.followed_q_VT = poses[0].X_VT.q;
+    candidate.followed_cost = candidate.rival_cost = 0;
+    return std::nullopt;
   }
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];

@@ -14,6 +14,7 @@ namespace fiducap {
 /// What is known about the camera while a tag is being judged.
 struct CameraAttitude {
   Eigen::Quaterniond q_WV;  ///< In any axes that stand still over the views.
+  double turn_sigma_rad{};  ///< How far it may be off in each view, 1-sigma per axis; 0: a gyro's.
 };
 
 /// What the views of a tag say once its branch is certain.
@@ -62,6 +63,7 @@ class TagCandidates final {
     TagObservation seen;
     double weight{};  ///< 1/px²
     Eigen::Quaterniond q_WV;
+    double turn_sigma_rad{};
     Eigen::Vector3d p_VT;
   };
   struct Branch {

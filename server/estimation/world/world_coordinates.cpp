@@ -199,6 +199,20 @@ double WorldCoordinates::drift_m() const {
   return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
 }
 
+double WorldCoordinates::turn_sigma_rad() const {
+  const auto P = state_.P();
+  const Eigen::Matrix3d body = P.block<3, 3>(kAttitude, kAttitude);
+  double least = body.trace();
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    if (state_.tags[i].last_seen != state_.time) continue;
+    const int at = state_.tag_at(i) + 3;
+    const double apart =
+        body.trace() + P.block<3, 3>(at, at).trace() - 2 * P.block<3, 3>(kAttitude, at).trace();
+    least = std::min(least, apart);
+  }
+  return std::sqrt(std::max(0.0, least) / 3);
+}
+
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
   forget_motion(state_, X_AB, sensors_.imu.has_value());
   noise_watch_.lose_motion();

@@ -61,6 +61,8 @@ class WorldCoordinates final {
   void lose_motion();
   /// 1-sigma of the body's place, m, and of its speed.
   [[nodiscard]] double drift_m() const;
+  /// How the body is turned against the tag of the state that tells it best, 1-sigma.
+  [[nodiscard]] double turn_sigma_rad() const;
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
