@@ -60,6 +60,7 @@ class BodyFollower final {
 
   void reset(const ClockHypothesis& clocks) {
     jump_search_.forget_all();
+    instant_.clear();
     coordinates_.reset(clocks);
     mode_ = FilterMode::kStarting;
     attitude_.restart();
@@ -86,6 +87,7 @@ class BodyFollower final {
 
   void jump(const Pose& X_AB, Instant at) {
     jump_search_.forget_all();
+    instant_.clear();
     coordinates_.jump(X_AB, at);
     mode_ = FilterMode::kRunning;
     is_turn_lost_ = false;

@@ -14,14 +14,12 @@ namespace {
 constexpr int kFitSteps = 5;
 // Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
 constexpr double kSameBranch_rad = 0.05;
-// … and where both are closer than this, as seen from the front, one cannot be followed into what
-// comes after.
-constexpr double kMerged_rad = 0.2;
 // A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
 // still.
 constexpr double kHopelessCostPerNumber = 25.0;
-// Without attitude: after so many views a branch that costs this many times the other is out.
-constexpr int kRatioViews = 3;
+// Without attitude: after so many views a branch that costs this many times the other is out. Fewer
+// of a small tag fit the wrong branch so much better by chance (of three, one in a hundred).
+constexpr int kRatioViews = 8;
 constexpr double kClearRatio = 9.0;
 // Older views judge no more: a gyro with the bias of a start has turned away by then, and a tag
 // that was seen once and never again was none.
@@ -163,11 +161,6 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, doubl
   if (candidate.seen_times > 1) {
     follows_better = angle_between(poses[0].X_VT.q, candidate.followed_q_VT) <=
                      angle_between(poses[1].X_VT.q, candidate.followed_q_VT);
-  }
-  if (angle_between(poses[0].X_VT.q, poses[1].X_VT.q) < kMerged_rad) {
-    candidate.followed_q_VT = poses[0].X_VT.q;
-    candidate.followed_cost = candidate.rival_cost = 0;
-    return std::nullopt;
   }
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];

@@ -199,18 +199,20 @@ double WorldCoordinates::drift_m() const {
   return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
 }
 
-double WorldCoordinates::turn_sigma_rad() const {
+double WorldCoordinates::turn_sigma_rad(std::size_t tag) const {
   const auto P = state_.P();
-  const Eigen::Matrix3d body = P.block<3, 3>(kAttitude, kAttitude);
-  double least = body.trace();
+  const int at = state_.tag_at(tag) + 3;
+  const auto trace = [&](int row, int column) { return P.block<3, 3>(row, column).trace(); };
+  const double apart = trace(kAttitude, kAttitude) + trace(at, at) - 2 * trace(kAttitude, at);
+  return std::sqrt(std::max(0.0, apart) / 3);
+}
+
+double WorldCoordinates::turn_sigma_rad() const {
+  double least = std::sqrt(state_.P().block<3, 3>(kAttitude, kAttitude).trace() / 3);
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-    if (state_.tags[i].last_seen != state_.time) continue;
-    const int at = state_.tag_at(i) + 3;
-    const double apart =
-        body.trace() + P.block<3, 3>(at, at).trace() - 2 * P.block<3, 3>(kAttitude, at).trace();
-    least = std::min(least, apart);
+    if (state_.tags[i].last_seen == state_.time) least = std::min(least, turn_sigma_rad(i));
   }
-  return std::sqrt(std::max(0.0, least) / 3);
+  return least;
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
