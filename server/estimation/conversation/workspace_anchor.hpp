@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "estimation/conversation/map_links.hpp"
-#include "estimation/filter/filter_rules.hpp"
 #include "estimation/filter/floor.hpp"
 #include "estimation/filter/heading_rule.hpp"
 
@@ -78,9 +77,9 @@ class WorkspaceAnchor final {
       return std::nullopt;
     }
     if (is_anchored_ || !may_define || state.tags.empty()) return std::nullopt;
-    const auto wanted = defining_tag(coordinates);
-    if (!wanted) return std::nullopt;
-    const std::size_t tag = *wanted;
+    const int wanted = gauge_.reference_tag ? state.find(*gauge_.reference_tag) : 0;
+    if (wanted < 0) return std::nullopt;
+    const auto tag = static_cast<std::size_t>(wanted);
     WorkspaceGauge gauge = gauge_;
     if (!level_ && gauge_.stands_by_floor()) {
       gauge.X_WT = upright_by_floor(state, tag);
@@ -95,17 +94,6 @@ class WorkspaceAnchor final {
  private:
   // What is up stays as it was defined: not by a tag that was hardly seen.
   static constexpr int kSightingsOfFloor = 20;
-
-  /// The reference tag, or the first one. Nothing but the tag says what is up without gravity: then
-  /// one that is known well enough.
-  [[nodiscard]] std::optional<std::size_t> defining_tag(const Coordinates& coordinates) const {
-    const auto& state = coordinates.state();
-    for (std::size_t i = 0; i < state.tags.size(); ++i) {
-      if (gauge_.reference_tag && state.tags[i].tag_id != *gauge_.reference_tag) continue;
-      if (level_ || coordinates.turn_sigma_rad(i) < filter_rules::knob("K_ANCHOR", filter_rules::kTurnToDefine_rad)) return i;
-    }
-    return std::nullopt;
-  }
 
   /// Where the tag stands when the floor tags lie flat; nullopt: not all of them are known.
   template <class State>

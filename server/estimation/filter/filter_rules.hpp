@@ -1,13 +1,11 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdlib>  // KNOB
 
 namespace fiducap {
 
 /// What both filters go by outside their mathematics.
 namespace filter_rules {
-inline double knob(const char* n, double d) { const char* v = getenv(n); return v ? atof(v) : d; }  // KNOB
 
 // How little is known at the start, 1-sigma.
 inline constexpr double kStartTilt_rad = 0.1;
@@ -46,9 +44,6 @@ inline constexpr int kForceWithImu = 40;
 // less than so much more: after a pause one small tag alone does not.
 inline constexpr double kOtherBranch_rad = 0.2;
 inline constexpr double kEvidenceToFollow = 9.0;
-// Without an IMU a tag defines the workspace once the body is turned against it by what is known so
-// well: with less, the tag's other branch may be the right one.
-inline constexpr double kTurnToDefine_rad = 0.1;
 // After being adrift the gyro still says how the body turned.
 inline constexpr double kGyroTurn_rad = 0.1;
 

@@ -86,7 +86,6 @@ class RobocentricCoordinates final {
   void moved_axes(const Pose&) {}
   [[nodiscard]] double drift_m() const;
   [[nodiscard]] static double turn_sigma_rad() { return 0; }  // as in the paper
-  [[nodiscard]] static double turn_sigma_rad(std::size_t) { return 0; }
   [[nodiscard]] double speed_sigma_m_s() const { return 0; }  // remembers no first sights
   /// The paper believes its configuration.
   void doubt(const TagObservations&, const UpdateReport&) {}

@@ -14,6 +14,10 @@ namespace {
 constexpr int kFitSteps = 5;
 // Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
 constexpr double kSameBranch_rad = 0.05;
+// What lens and print do to a tag's corners is the same while it stays where it is in the image:
+// views there count so often, until it has moved.
+constexpr int kViewsOfPlace = 10;
+constexpr double kMoved_px = 5.0;
 // A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
 // still.
 constexpr double kHopelessCostPerNumber = 25.0;
@@ -76,7 +80,7 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const Tag
                                {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad,
                                 poses[0].X_VT.p},
                                model, poses, forced)
-               : judge_alone(candidate, weight, poses, forced);
+               : judge_alone(candidate, {at, seen, weight, {}, 0, {}}, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
   forget(seen.tag_id);
   return decided;
@@ -153,7 +157,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
   return {q_WT, cost};
 }
 
-std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, double weight,
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const View& newest,
                                                      const std::array<TagPose, 2>& poses,
                                                      bool forced) {
   // Follow the branch that turned least since the last view; the first view follows its better one.
@@ -165,9 +169,17 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, doubl
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];
   candidate.followed_q_VT = followed.X_VT.q;
-  candidate.followed_cost +=
-      4 * weight * followed.rms_px * followed.rms_px;  // rms over four corners
-  candidate.rival_cost += 4 * weight * rival.rms_px * rival.rms_px;
+  const auto& px = newest.seen.corners_px;
+  const Eigen::Vector2d middle_px = 0.25 * (px[0] + px[1] + px[2] + px[3]);
+  if (candidate.seen_times == 1 || (middle_px - candidate.counted_px).norm() > kMoved_px) {
+    candidate.counted_px = middle_px;
+    candidate.counted_there = 0;
+  }
+  if (candidate.counted_there++ < kViewsOfPlace) {
+    const double weight = 4 * newest.weight;  // rms over four corners
+    candidate.followed_cost += weight * followed.rms_px * followed.rms_px;
+    candidate.rival_cost += weight * rival.rms_px * rival.rms_px;
+  }
   const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
   const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their

@@ -74,6 +74,8 @@ class TagCandidates final {
     std::vector<View> views;  ///< With attitude: the newest `branch_views`.
     Instant last_seen{};
     int seen_times{0};
+    Eigen::Vector2d counted_px{Eigen::Vector2d::Zero()};  ///< Where it was …
+    int counted_there{0};     ///< … for so many views that count.
     double followed_cost{0};  ///< Without attitude: Σ chi-square of the followed branch …
     double rival_cost{0};     ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
@@ -86,7 +88,7 @@ class TagCandidates final {
                                                         const std::array<TagPose, 2>& poses,
                                                         bool forced);
   void forget_aged(Instant now);
-  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, double weight,
+  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const View& newest,
                                                       const std::array<TagPose, 2>& poses,
                                                       bool forced);
 

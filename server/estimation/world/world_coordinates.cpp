@@ -199,20 +199,17 @@ double WorldCoordinates::drift_m() const {
   return std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
 }
 
-double WorldCoordinates::turn_sigma_rad(std::size_t tag) const {
-  const auto P = state_.P();
-  const int at = state_.tag_at(tag) + 3;
-  const auto trace = [&](int row, int column) { return P.block<3, 3>(row, column).trace(); };
-  const double apart = trace(kAttitude, kAttitude) + trace(at, at) - 2 * trace(kAttitude, at);
-  return std::sqrt(std::max(0.0, apart) / 3);
-}
-
 double WorldCoordinates::turn_sigma_rad() const {
-  double least = std::sqrt(state_.P().block<3, 3>(kAttitude, kAttitude).trace() / 3);
+  const auto P = state_.P();
+  const auto trace = [&](int row, int column) { return P.block<3, 3>(row, column).trace(); };
+  const double body = trace(kAttitude, kAttitude);
+  double least = body;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-    if (state_.tags[i].last_seen == state_.time) least = std::min(least, turn_sigma_rad(i));
+    if (state_.tags[i].last_seen != state_.time) continue;
+    const int at = state_.tag_at(i) + 3;
+    least = std::min(least, body + trace(at, at) - 2 * trace(kAttitude, at));
   }
-  return least;
+  return std::sqrt(std::max(0.0, least) / 3);
 }
 
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {

@@ -61,9 +61,8 @@ class WorldCoordinates final {
   void lose_motion();
   /// 1-sigma of the body's place, m, and of its speed.
   [[nodiscard]] double drift_m() const;
-  /// How the body is turned against a tag of the state, 1-sigma per axis …
-  [[nodiscard]] double turn_sigma_rad(std::size_t tag) const;
-  /// … and against what tells it best: the workspace, or a tag of this image.
+  /// How the body is turned against what tells it best, the workspace or a tag of this image,
+  /// 1-sigma per axis.
   [[nodiscard]] double turn_sigma_rad() const;
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>  // TRACE
-#include "base/so3.hpp"  // TRACE
 
 #include "base/quantile.hpp"
 #include "estimation/options.hpp"
@@ -142,19 +140,6 @@ std::vector<Table> bench_branches(const EstimationOptions& options) {
       const EstimationData data = simulate(setup_of(name, seconds, seed));
       FilterChoice choice = choice_of(options, "world", options.cases.front());
       choice.live = true;
-      if (getenv("TRACE")) choice.watch = [&](const FilterMoment& m) {  // TRACE
-        static double last = -1;
-        if (m.t_s < last + 0.5 && m.t_s >= last) return;
-        last = m.t_s;
-        const Pose t = m.X_WR * m.truth.X_WB;
-        std::vector<TagBelief> b;
-        m.filter.tag_beliefs(b);
-        std::printf("t %.2f err %.3f m %.1f deg sigma %.3f tags", m.t_s, (m.estimate.X_WB.p - t.p).norm(), kDegrees * angle_between(m.estimate.X_WB.q, t.q), std::sqrt(m.estimate.covariance.topLeftCorner<3, 3>().trace()));
-        for (auto& x : b) { const Pose tt = m.X_WR * data.tag(x.tag.tag_id)->X_WT; std::printf(" %d(%d):%.2f/%.0f", x.tag.tag_id, x.sightings, (x.tag.X_WT.p - tt.p).norm(), kDegrees * angle_between(x.tag.X_WT.q, tt.q)); }
-        std::printf(" seen");
-        for (auto& x : m.corners.tags) std::printf(" %d", x.tag_id);
-        std::printf("\n");
-      };
       scores[static_cast<std::size_t>(i)] = score_of(run_filter(data, choice), seed);
     });
     if (options.each) print_each(name, scores);
