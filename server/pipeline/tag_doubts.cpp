@@ -9,6 +9,7 @@ namespace fiducap {
 namespace {
 constexpr std::size_t kMostSaid = 20;
 constexpr double kPercent = 100;
+constexpr Duration kPatienceWithBranch = std::chrono::seconds(5);
 }  // namespace
 
 std::string size_text(const SizeFinding& finding) {
@@ -47,10 +48,27 @@ std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& repo
   }
   const std::string up = up_.add(seen.exposed_at, estimate, own, known);
   if (!up.empty()) text += (text.empty() ? "" : "; ") + up;
+  const std::string branch = wait_for_branch(report, estimate.has_value());
+  if (!branch.empty()) text += (text.empty() ? "" : "; ") + branch;
   if (text.empty()) return text;
   const std::lock_guard lock(mutex_);
   if (said_.size() < kMostSaid) said_.push_back(text);
   return text;
+}
+
+std::string TagDoubts::wait_for_branch(const UpdateReport& report, bool has_pose) {
+  if (has_imu_ || has_pose) {
+    waits_since_.reset();
+    is_wait_told_ = false;
+    return {};
+  }
+  if (report.tags_pending == 0 || is_wait_told_) return {};
+  if (!waits_since_) waits_since_ = report.exposed_at;
+  if (report.exposed_at - *waits_since_ < kPatienceWithBranch) return {};
+  is_wait_told_ = true;
+  return "no pose: the tags in view are so small that their corners allow two poses, and without an "
+         "IMU nothing else tells which. Come nearer, look at them from aside, or show more of the "
+         "tags that are known";
 }
 
 std::vector<std::string> TagDoubts::said() const {

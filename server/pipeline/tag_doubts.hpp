@@ -42,10 +42,15 @@ class TagDoubts final {
   [[nodiscard]] std::vector<std::string> said() const;
 
  private:
+  /// Without an IMU a body waits until it is certain which of a tag's two poses is the right one.
+  [[nodiscard]] std::string wait_for_branch(const UpdateReport& report, bool has_pose);
+
   SizeCheck sizes_;
   RejectionWatch rejections_;
   UpCheck up_;
   bool has_imu_;
+  std::optional<Instant> waits_since_;
+  bool is_wait_told_{false};  ///< Of this one.
   mutable std::mutex mutex_;
   std::vector<std::string> said_;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <numbers>
 #include <random>
 #include <stdexcept>
 
@@ -53,6 +54,34 @@ Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
   X_BV.p += draw(mount.position_sigma_m);
   X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * X_BV.q;
   return X_BV;
+}
+
+/// As the camera is, looking along x, -x, y and -y in turn, 10 cm from the middle of the body.
+std::vector<CameraMount> simulated_rig(const SimulatedDataSetup& setup) {
+  constexpr double kRadius_m = 0.1;
+  const CameraMount first = simulated_camera(setup);
+  std::vector<CameraMount> rig{first};
+  for (const double turn : {std::numbers::pi, 0.5 * std::numbers::pi, -0.5 * std::numbers::pi}) {
+    if (static_cast<int>(rig.size()) >= setup.cameras) break;
+    CameraMount mount = first;
+    const Eigen::Quaterniond q = exp_so3({0, 0, turn});
+    mount.X_BV.q = q * first.X_BV.q;
+    mount.X_BV.p = first.X_BV.p + kRadius_m * (q * Eigen::Vector3d::UnitX());
+    rig.push_back(mount);
+  }
+  return rig;
+}
+
+/// The lens as it is told.
+CameraModel drawn_lens(CameraModel lens, const SimulatedDataSetup& setup, std::uint64_t camera) {
+  std::mt19937_64 random(setup.seed * 131 + camera);
+  std::normal_distribution<double> gauss;
+  const double longer = 1 + setup.focal_error * gauss(random);
+  lens.fu *= longer;
+  lens.fv *= longer;
+  lens.cu += setup.centre_error_px * gauss(random);
+  lens.cv += setup.centre_error_px * gauss(random);
+  return lens;
 }
 
 /// All samples of a source up to an instant, in the order of SampleMerger.
@@ -272,10 +301,11 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
   room.daylight = setup.daylight;
   simulation::SimulatedBodyConfig body;
-  body.cameras = {simulated_camera(setup)};
+  body.cameras = simulated_rig(setup);
   body.has_imu = setup.has_imu;
   body.camera.images = !setup.images_for.empty() || !setup.texture.empty();
   body.camera.exposure_s = setup.exposure_s;
+  body.camera.min_side_px = setup.min_side_px;
   body.trajectory.kind = motion_in(setup.world);
   if (!setup.texture.empty()) room.texture = setup.texture;
   body.trajectory.seed = setup.seed;
@@ -285,7 +315,12 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.seed = setup.seed;
   const ImuNoise told = body.imu.noise;
   body.imu.noise = scaled(told, setup.imu_noise_factor);
-  auto source = simulation::make_simulated_source(room, body, kStart, nullptr);
+  auto motion =
+      simulation::make_trajectory(body.trajectory, room, body.cameras.front().X_BV);
+  if (!motion) throw std::runtime_error(motion.error().text());
+  if (setup.tag_size_m > 0) room.tag_size_m = setup.tag_size_m;
+  auto source =
+      simulation::make_simulated_source(room, body, kStart, nullptr, std::move(*motion));
   if (!source) throw std::runtime_error(source.error().text());
 
   EstimationData data;
@@ -297,6 +332,13 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   data.camera.readout_s = setup.readout_told_s;
   data.camera.readout_sigma_s = setup.readout_sigma_s;
   data.nominal_X_BV = drawn_extrinsics(data.camera, setup.seed);
+  data.camera.model = drawn_lens(data.camera.model, setup, 0);
+  for (std::size_t k = 1; k < body.cameras.size(); ++k) {
+    CameraMount mount = body.cameras[k];
+    mount.model = drawn_lens(mount.model, setup, k);
+    mount.X_BV = drawn_extrinsics(mount, setup.seed * 4 + k);
+    data.other_cameras.push_back(mount);
+  }
   if (setup.has_imu) data.imu = told;
   data.gravity_m_s2 = room.gravity_m_s2;
   collect(data, setup, room, **source);

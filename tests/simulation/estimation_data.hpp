@@ -22,6 +22,7 @@ struct EstimationData {
   TagSetConfig tag_set;
   CameraMount camera;  ///< True place, prior sigmas.
   Pose nominal_X_BV;   ///< What the filter is told when it shall estimate it.
+  std::vector<CameraMount> other_cameras;  ///< Of a rig, as the filter is told.
   std::optional<ImuNoise> imu;
   double gravity_m_s2{9.81};
   double corner_noise_px{0.4};
@@ -64,6 +65,12 @@ struct SimulatedDataSetup {
   double readout_told_s{0};               ///< … and as the filter is told …
   double readout_sigma_s{0};              ///< … with this sigma.
   double imu_noise_factor{1};             ///< Of all densities, beyond what the filter is told.
+  int cameras{1};          ///< More than one: they look along x, -x, y and -y of the body.
+  double tag_size_m{0};    ///< Of the hall, whose walk stays as it is; 0: its own.
+  double min_side_px{16};  ///< Smaller tags are not seen.
+  /// Lenses are told wrongly, drawn with these sigmas.
+  double focal_error{0};
+  double centre_error_px{0};
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

@@ -234,6 +234,8 @@ PipelineSetup setup_of(const EstimationData& data, const FilterChoice& choice) {
   PipelineSetup setup;
   setup.sensors.cameras = {data.camera};
   if (!choice.knowledge.extrinsics_known()) setup.sensors.cameras.front().X_BV = data.nominal_X_BV;
+  setup.sensors.cameras.insert(setup.sensors.cameras.end(), data.other_cameras.begin(),
+                               data.other_cameras.end());
   setup.sensors.imu = data.imu;
   setup.sensors.gravity_m_s2 = data.gravity_m_s2;
   setup.tags = data.tag_set;

@@ -24,10 +24,10 @@ template <class C>
 void FilterConversation<C>::meet_fresh_tags(const TagObservations& seen, UpdateReport& report) {
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   if (!follower_.knows_attitude()) return;
-  const bool alone = tags_.usable.empty();  // nothing else gives a pose: a thin decision beats none
+  const bool alone = tags_.usable.empty();  // nothing else gives a pose
   Patience patience;
-  patience.at_least = alone && !has_imu() ? 1 : kViewsToBelieve;
-  patience.forced_after = !alone ? 0 : (has_imu() ? kForceWithImu : kForceWithoutImu);
+  patience.at_least = alone && !has_imu() && !is_following() ? 1 : kViewsToBelieve;
+  patience.forced_after = alone && has_imu() ? kForceWithImu : 0;
   decided_.clear();
   for (const TagToUse& tag : tags_.fresh) {
     if (const auto verdict = judge(seen, tag, patience)) {

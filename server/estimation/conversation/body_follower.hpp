@@ -60,6 +60,7 @@ class BodyFollower final {
 
   void reset(const ClockHypothesis& clocks) {
     jump_search_.forget_all();
+    instant_.clear();
     coordinates_.reset(clocks);
     mode_ = FilterMode::kStarting;
     attitude_.restart();
@@ -86,6 +87,7 @@ class BodyFollower final {
 
   void jump(const Pose& X_AB, Instant at) {
     jump_search_.forget_all();
+    instant_.clear();
     coordinates_.jump(X_AB, at);
     mode_ = FilterMode::kRunning;
     is_turn_lost_ = false;
@@ -98,9 +100,11 @@ class BodyFollower final {
   /// @return false when it does not get there: without IMU and usable tags
   bool move_to(const TagObservations& seen, std::span<const TagToUse> usable);
 
-  /// Where one image's tags together say the body is; the gyro still says how it turned.
+  /// Where one image's tags together say the body is; the gyro still says how it turned. Without an
+  /// IMU also those of the cameras that exposed at the same instant, and evidence counts as much as
+  /// the corners' noise, learned or seen, lets it.
   [[nodiscard]] std::optional<PlaceFound> find_place(const TagObservations& seen,
-                                                     std::span<const TagToUse> usable) const;
+                                                     std::span<const TagToUse> usable);
 
   /// While adrift: where the body is by the gyro alone, with the place of the last image.
   [[nodiscard]] Pose turned(Instant at) const;
@@ -116,6 +120,13 @@ class BodyFollower final {
  private:
   void integrate_to(Instant to);
 
+  [[nodiscard]] std::optional<PlaceFound> find_place_of_rig(std::vector<SightedTag> tags,
+                                                            const PlaceGuess& guess,
+                                                            const TagObservations& seen);
+
+  /// By how much an image's corners are noisier than configured, squared; at least 1.
+  [[nodiscard]] double excess(const PlaceFound& found, int camera) const;
+
   void step_to(Instant to, const InertialInput& input, double longest_s);
 
   bool move_by_corners(const TagObservations& seen, std::span<const TagToUse> usable);
@@ -128,6 +139,10 @@ class BodyFollower final {
   AttitudeStart attitude_;
   JumpSearch jump_search_;
   bool is_turn_lost_{false};
+  /// What the cameras that exposed last, together, saw of known tags: for a body without IMU that
+  /// does not know where it is.
+  std::vector<std::pair<TagObservation, SightedTag>> instant_;
+  Instant instant_at_{};
 };
 
 }  // namespace fiducap

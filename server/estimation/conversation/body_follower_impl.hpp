@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "estimation/conversation/body_follower.hpp"
 
@@ -47,9 +49,10 @@ Pose BodyFollower<C>::turned(Instant at) const {
 
 template <class C>
 std::optional<PlaceFound> BodyFollower<C>::find_place(const TagObservations& seen,
-                                                      std::span<const TagToUse> usable) const {
+                                                      std::span<const TagToUse> usable) {
   PlaceGuess guess{turned(seen.exposed_at), kUnknownPosition_m, kUnknownAngle_rad};
-  if (has_imu() && !is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
+  if (!has_imu()) return find_place_of_rig(coordinates_.sighted(seen.camera, usable), guess, seen);
+  if (!is_turn_lost_) guess.rotation_sigma_rad = filter_rules::kGyroTurn_rad;
   return fiducap::find_place(coordinates_.sighted(seen.camera, usable), guess,
                              config_.corner_noise_px);
 }
@@ -66,11 +69,35 @@ std::optional<Eigen::Vector3d> BodyFollower<C>::shift_by(const TagObservations& 
 }
 
 template <class C>
+std::optional<PlaceFound> BodyFollower<C>::find_place_of_rig(std::vector<SightedTag> tags,
+                                                             const PlaceGuess& guess,
+                                                             const TagObservations& seen) {
+  if (seen.exposed_at != std::exchange(instant_at_, seen.exposed_at)) instant_.clear();
+  const std::size_t own = tags.size();
+  for (const auto& [corners, tag] : instant_) {
+    tags.push_back(tag);
+    tags.back().seen = &corners;
+  }
+  auto found = fiducap::find_place(tags, guess, config_.corner_noise_px);
+  for (std::size_t i = 0; i < own; ++i) instant_.emplace_back(*tags[i].seen, tags[i]);
+  if (!found) return found;
+  found->evidence /= excess(*found, seen.camera);
+  return found;
+}
+
+template <class C>
+double BodyFollower<C>::excess(const PlaceFound& found, int camera) const {
+  const double noise = coordinates_.noise(camera).unexplained_px() / config_.corner_noise_px;
+  return std::max({1.0, noise * noise, found.misfit});
+}
+
+template <class C>
 std::optional<CameraAttitude> BodyFollower<C>::camera_attitude(int camera, Instant at) const {
   const auto& state = coordinates_.state();
   const Eigen::Quaterniond& q_BV = state.X_BV[static_cast<std::size_t>(camera)].q;
   if (has_imu()) return CameraAttitude{attitude_.q_LB(at, state.bias_w) * q_BV};
-  if (is_running()) return CameraAttitude{coordinates_.X_WB().q * q_BV};
+  if (is_running())
+    return CameraAttitude{coordinates_.X_WB().q * q_BV, coordinates_.turn_sigma_rad()};
   return std::nullopt;
 }
 
@@ -127,8 +154,10 @@ bool BodyFollower<C>::move_by_corners(const TagObservations& seen,
   const Pose expected =
       coordinates_.X_AB() * Pose{exp_so3(-state.bias_w * dt), coordinates_.v_B() * dt};
   const auto found = fiducap::find_place(coordinates_.sighted(seen.camera, usable),
-                                         {expected, wander, turning}, config_.corner_noise_px);
-  if (!found) return false;
+                                         {expected, wander, turning}, config_.corner_noise_px,
+                                         filter_rules::kOtherBranch_rad);
+  if (!found || found->evidence < filter_rules::kEvidenceToFollow * excess(*found, seen.camera))
+    return false;
   coordinates_.aim(coordinates_.X_AB().inverse() * found->X_AB, dt);
   integrate_to(seen.exposed_at);
   coordinates_.finish_aimed_motion();

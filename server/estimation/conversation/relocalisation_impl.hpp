@@ -264,7 +264,7 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
   if (!follower_.knows_attitude()) return false;
   const auto found = follower_.find_place(seen, tags_.usable);
   ++return_attempts_;
-  const bool is_forced = return_attempts_ >= (has_imu() ? kForceWithImu : kForceWithoutImu);
+  const bool is_forced = has_imu() && return_attempts_ >= kForceWithImu;
   if (found && (found->evidence >= follower_.config().branch_evidence || is_forced)) {
     if (is_return_doubtful(found->X_AB, seen.exposed_at)) return false;
     jump(found->X_AB, seen.exposed_at);
@@ -272,7 +272,7 @@ bool FilterConversation<C>::come_back(const TagObservations& seen) {
       return_.begin(tags_.usable.front().seen->tag_id, std::nullopt, found->X_AB.p);
     return true;
   }
-  return has_imu() && come_back_by_views(seen);
+  return come_back_by_views(seen);
 }
 
 /// A moved tag, or an id that is there twice, must not say where the body is.

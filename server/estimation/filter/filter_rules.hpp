@@ -38,9 +38,12 @@ inline constexpr double kOneTagPatience_s = 8.0;
 // A tag is believed to be there after so many views.
 inline constexpr int kViewsToBelieve = 3;
 // Images after which a branch is taken although the evidence is thin, because there is no pose
-// otherwise.
+// otherwise. With an IMU only: without one nothing would ever show that it was wrong.
 inline constexpr int kForceWithImu = 40;
-inline constexpr int kForceWithoutImu = 4;
+// Without an IMU an image does not say where the body is while an answer turned by so much costs
+// less than so much more: after a pause one small tag alone does not.
+inline constexpr double kOtherBranch_rad = 0.2;
+inline constexpr double kEvidenceToFollow = 9.0;
 // After being adrift the gyro still says how the body turned.
 inline constexpr double kGyroTurn_rad = 0.1;
 

@@ -85,6 +85,7 @@ class RobocentricCoordinates final {
   void keep_defined(std::size_t tag, const HeadingRule& rule);
   void moved_axes(const Pose&) {}
   [[nodiscard]] BodyPlace place() const;
+  [[nodiscard]] static double turn_sigma_rad() { return 0; }  // as in the paper
   [[nodiscard]] double speed_sigma_m_s() const { return 0; }  // remembers no first sights
   /// The paper believes its configuration.
   void doubt(const TagObservations&, const UpdateReport&) {}

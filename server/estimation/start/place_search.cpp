@@ -18,8 +18,6 @@ constexpr double kInlierSigmas = 5.0;
 constexpr double kFirstInlierSigmas = 50.0;  // one tag's pose predicts the others badly
 constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
-// Places closer than this are the same answer.
-constexpr double kSameAngle_rad = 0.05;
 
 double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGuess& guess,
                double noise_px) {
@@ -49,7 +47,7 @@ double size_px(const TagObservation& tag) { return (tag.corners_px[0] - tag.corn
 }  // namespace
 
 std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const PlaceGuess& guess,
-                                     double corner_noise_px) {
+                                     double corner_noise_px, double same_rad) {
   std::vector<const SightedTag*> proposers;
   for (const SightedTag& tag : tags) proposers.push_back(&tag);
   std::sort(proposers.begin(), proposers.end(),
@@ -72,9 +70,10 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
   if (proposals.empty()) return std::nullopt;
   const auto best = std::min_element(proposals.begin(), proposals.end(),
                                      [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  PlaceFound found{best->X_AB, std::numeric_limits<double>::infinity()};
+  const double numbers = 8.0 * static_cast<double>(tags.size()) - 6.0;
+  PlaceFound found{best->X_AB, std::numeric_limits<double>::infinity(), best->cost / numbers};
   for (const Proposal& other : proposals) {
-    if (angle_between(other.X_AB.q, best->X_AB.q) > kSameAngle_rad) {
+    if (angle_between(other.X_AB.q, best->X_AB.q) > same_rad) {
       found.evidence = std::min(found.evidence, other.cost - best->cost);
     }
   }

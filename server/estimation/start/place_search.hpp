@@ -19,13 +19,18 @@ struct PlaceFound {
   Pose X_AB;
   double evidence{};  ///< Chi-square by which the best answer beats the best clearly different one;
                       ///< ∞ when there is none.
+  double misfit{};    ///< Chi-square of the best answer per degree of freedom.
 };
+
+/// Places turned against each other by less than this are the same answer.
+inline constexpr double kSamePlace_rad = 0.05;
 
 /// Finds the body from the tags of one image alone: each tag with each of its two planar poses
 /// proposes a place, the one that explains all tags and the guess best wins. No linearisation, so
 /// it holds after any gap.
 /// @return nullopt when no tag proposes a possible place
 [[nodiscard]] std::optional<PlaceFound> find_place(std::span<const SightedTag> tags,
-                                                   const PlaceGuess& guess, double corner_noise_px);
+                                                   const PlaceGuess& guess, double corner_noise_px,
+                                                   double same_rad = kSamePlace_rad);
 
 }  // namespace fiducap

@@ -14,11 +14,16 @@ namespace {
 constexpr int kFitSteps = 5;
 // Two attitudes closer than this are one branch: the rival has slid into the winner's valley.
 constexpr double kSameBranch_rad = 0.05;
+// What lens and print do to a tag's corners is the same while it stays where it is in the image:
+// views there count so often, until it has moved.
+constexpr int kViewsOfPlace = 10;
+constexpr double kMoved_px = 5.0;
 // A good fit costs 1 per degree of freedom. Beyond this the views do not show one tag that stands
 // still.
 constexpr double kHopelessCostPerNumber = 25.0;
-// Without attitude: after so many views a branch that costs this many times the other is out.
-constexpr int kRatioViews = 3;
+// Without attitude: after so many views a branch that costs this many times the other is out. Fewer
+// of a small tag fit the wrong branch so much better by chance (of three, one in a hundred).
+constexpr int kRatioViews = 8;
 constexpr double kClearRatio = 9.0;
 // Older views judge no more: a gyro with the bias of a start has turned away by then, and a tag
 // that was seen once and never again was none.
@@ -33,6 +38,15 @@ Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3
   const double sine = axis.norm();
   if (sine < 1e-9) return q_VT;
   return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
+}
+
+/// The corners' noise with what a camera that is turned by so much makes of it, as if it were white.
+void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
+  using Matrix8d = Eigen::Matrix<double, 8, 8>;
+  const Eigen::Matrix<double, 8, 3> H_q = std::sqrt(weight) * turn_sigma_rad * r.H.rightCols<3>();
+  const Eigen::LLT<Matrix8d> noise(Matrix8d::Identity() + H_q * H_q.transpose());
+  noise.matrixL().solveInPlace(r.y);
+  noise.matrixL().solveInPlace(r.H);
 }
 
 }  // namespace
@@ -62,9 +76,11 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const Tag
   const double noise = std::max(noise_px, config_.corner_noise_px);
   const double weight = 1.0 / (noise * noise);
   const auto decided =
-      attitude ? judge_turning(candidate, {at, seen, weight, attitude->q_WV, poses[0].X_VT.p},
+      attitude ? judge_turning(candidate,
+                               {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad,
+                                poses[0].X_VT.p},
                                model, poses, forced)
-               : judge_alone(candidate, weight, poses, forced);
+               : judge_alone(candidate, {at, seen, weight, {}, 0, {}}, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
   forget(seen.tag_id);
   return decided;
@@ -117,8 +133,9 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
     cost = 0;
     for (View& view : views) {
       const Pose X_VT{view.q_WV.conjugate() * q_WT, view.p_VT};
-      const CornerResidual r = corner_residual(view.seen, X_VT, model);
+      CornerResidual r = corner_residual(view.seen, X_VT, model);
       if (!r.in_front) return {q_WT, std::numeric_limits<double>::infinity()};
+      if (view.turn_sigma_rad > 0) whiten(view.turn_sigma_rad, view.weight, r);
       const auto H_p = r.H.leftCols<3>();
       const Eigen::Matrix<double, 8, 3> H_q =
           r.H.rightCols<3>() * view.q_WV.conjugate().toRotationMatrix();
@@ -140,7 +157,7 @@ TagCandidates::Branch TagCandidates::fit(std::vector<View>& views, const CameraM
   return {q_WT, cost};
 }
 
-std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, double weight,
+std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, const View& newest,
                                                      const std::array<TagPose, 2>& poses,
                                                      bool forced) {
   // Follow the branch that turned least since the last view; the first view follows its better one.
@@ -152,9 +169,17 @@ std::optional<TagVerdict> TagCandidates::judge_alone(Candidate& candidate, doubl
   const TagPose& followed = poses[follows_better ? 0 : 1];
   const TagPose& rival = poses[follows_better ? 1 : 0];
   candidate.followed_q_VT = followed.X_VT.q;
-  candidate.followed_cost +=
-      4 * weight * followed.rms_px * followed.rms_px;  // rms over four corners
-  candidate.rival_cost += 4 * weight * rival.rms_px * rival.rms_px;
+  const auto& px = newest.seen.corners_px;
+  const Eigen::Vector2d middle_px = 0.25 * (px[0] + px[1] + px[2] + px[3]);
+  if (candidate.seen_times == 1 || (middle_px - candidate.counted_px).norm() > kMoved_px) {
+    candidate.counted_px = middle_px;
+    candidate.counted_there = 0;
+  }
+  if (candidate.counted_there++ < kViewsOfPlace) {
+    const double weight = 4 * newest.weight;  // rms over four corners
+    candidate.followed_cost += weight * followed.rms_px * followed.rms_px;
+    candidate.rival_cost += weight * rival.rms_px * rival.rms_px;
+  }
   const double evidence = std::abs(candidate.rival_cost - candidate.followed_cost);
   const auto [small, large] = std::minmax(candidate.followed_cost, candidate.rival_cost);
   // Corners may be much sharper than configured: then the ratio of the costs speaks before their

@@ -14,6 +14,7 @@ namespace fiducap {
 /// What is known about the camera while a tag is being judged.
 struct CameraAttitude {
   Eigen::Quaterniond q_WV;  ///< In any axes that stand still over the views.
+  double turn_sigma_rad{};  ///< How far it may be off in each view, 1-sigma per axis; 0: a gyro's.
 };
 
 /// What the views of a tag say once its branch is certain.
@@ -62,6 +63,7 @@ class TagCandidates final {
     TagObservation seen;
     double weight{};  ///< 1/px²
     Eigen::Quaterniond q_WV;
+    double turn_sigma_rad{};
     Eigen::Vector3d p_VT;
   };
   struct Branch {
@@ -72,6 +74,8 @@ class TagCandidates final {
     std::vector<View> views;  ///< With attitude: the newest `branch_views`.
     Instant last_seen{};
     int seen_times{0};
+    Eigen::Vector2d counted_px{Eigen::Vector2d::Zero()};  ///< Where it was …
+    int counted_there{0};     ///< … for so many views that count.
     double followed_cost{0};  ///< Without attitude: Σ chi-square of the followed branch …
     double rival_cost{0};     ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};
@@ -84,7 +88,7 @@ class TagCandidates final {
                                                         const std::array<TagPose, 2>& poses,
                                                         bool forced);
   void forget_aged(Instant now);
-  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, double weight,
+  [[nodiscard]] std::optional<TagVerdict> judge_alone(Candidate& candidate, const View& newest,
                                                       const std::array<TagPose, 2>& poses,
                                                       bool forced);
 

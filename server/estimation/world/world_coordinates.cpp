@@ -200,6 +200,19 @@ BodyPlace WorldCoordinates::place() const {
   return {state_.X_WB.p, J * own * J.transpose()};
 }
 
+double WorldCoordinates::turn_sigma_rad() const {
+  const auto P = state_.P();
+  const auto trace = [&](int row, int column) { return P.block<3, 3>(row, column).trace(); };
+  const double body = trace(kAttitude, kAttitude);
+  double least = body;
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    if (state_.tags[i].last_seen != state_.time) continue;
+    const int at = state_.tag_at(i) + 3;
+    least = std::min(least, body + trace(at, at) - 2 * trace(kAttitude, at));
+  }
+  return std::sqrt(std::max(0.0, least) / 3);
+}
+
 void WorldCoordinates::jump(const Pose& X_AB, Instant at) {
   forget_motion(state_, X_AB, sensors_.imu.has_value());
   noise_watch_.lose_motion();

@@ -60,6 +60,9 @@ class WorldCoordinates final {
   void finish_motion();
   void lose_motion();
   [[nodiscard]] BodyPlace place() const;
+  /// How the body is turned against what tells it best, the workspace or a tag of this image,
+  /// 1-sigma per axis.
+  [[nodiscard]] double turn_sigma_rad() const;
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <optional>
 
@@ -10,6 +11,7 @@
 #include "base/so3.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
+#include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "support/fake_clock.hpp"
 
@@ -37,6 +39,9 @@ struct Stretch {
 struct Differences {
   std::vector<double> apart_m;
   std::vector<double> apart_rad;
+  int shown{0};        ///< Within BodyLimits: valid …
+  int shown_wrong{0};  ///< … and wrong.
+  int shown_gross{0};
   int wrong{0};
   int gross{0};
   int beyond_sigma{0};        ///< Further off than three of the sigmas that were stated …
@@ -77,6 +82,14 @@ bool is_wrong(const Pose& live, const Pose& settled) {
   return (live.p - settled.p).norm() > kWrong_m || angle_between(live.q, settled.q) > kWrong_rad;
 }
 
+/// As BodyTracker decides it.
+bool may_be_shown(const Matrix6d& P) {
+  const BodyLimits limits;
+  const auto variances = P.diagonal();
+  return std::sqrt(variances.head<3>().maxCoeff()) <= limits.max_position_sigma_m &&
+         std::sqrt(variances.tail<3>().maxCoeff()) <= limits.max_rotation_sigma_rad;
+}
+
 bool is_beyond_sigma(const Pair& pair) {
   Eigen::Matrix<double, 6, 1> e;
   e << pair.settled.p - pair.live.p, log_so3(pair.settled.q * pair.live.q.conjugate());
@@ -110,6 +123,11 @@ Differences compare(const OfflineResult& run) {
     const double apart_m = (pose.live.p - pose.settled.p).norm();
     const double apart_rad = angle_between(pose.live.q, pose.settled.q);
     const bool is_beyond = is_beyond_sigma(pose);
+    const bool is_shown = may_be_shown(pose.covariance);
+    const bool is_gross = apart_m > kGross_m || apart_rad > kGross_rad;
+    out.shown += is_shown ? 1 : 0;
+    out.shown_wrong += is_shown && is_wrong(pose.live, pose.settled) ? 1 : 0;
+    out.shown_gross += is_shown && is_gross ? 1 : 0;
     out.beyond_sigma += is_beyond ? 1 : 0;
     out.wrong_shape += is_wrong(shift * pose.live, pose.settled) ? 1 : 0;
     out.apart_m.push_back(apart_m);
@@ -124,7 +142,7 @@ Differences compare(const OfflineResult& run) {
     }
     ++out.wrong;
     out.wrong_beyond_sigma += is_beyond ? 1 : 0;
-    out.gross += apart_m > kGross_m || apart_rad > kGross_rad ? 1 : 0;
+    out.gross += is_gross ? 1 : 0;
     if (!stretch || pose.at - stretch->end > kPause) stretch = Stretch{pose.at, pose.at};
     stretch->end = pose.at;
     if (stretch->seconds() >= out.longest.seconds()) out.longest = *stretch;
@@ -179,6 +197,9 @@ std::vector<Cell> row_of(const Job& job) {
       count(run.live.size()),
       count(d.apart_m.size()),
       Figure{100 * d.wrong / compared, 2},
+      Figure{100 * d.shown / compared, 1},
+      Figure{100 * d.shown_wrong / std::max(1.0, static_cast<double>(d.shown)), 2},
+      Figure{100 * d.shown_gross / std::max(1.0, static_cast<double>(d.shown)), 2},
       Figure{100 * d.wrong_shape / compared, 2},
       Figure{100 * d.beyond_sigma / compared, 2},
       Figure{100 * d.wrong_beyond_sigma / compared, 2},
@@ -204,7 +225,7 @@ std::vector<Table> bench_live_branches(const EstimationOptions& options) {
   namespace fs = std::filesystem;
   Table table{"Real recordings without IMU: live poses against the settled ones at the same image",
               {"recording", "images settled", "live poses",  "compared",
-               "wrong %",   "wrong shape %",  "> 3 sigma %", "wrong and > 3 sigma %",
+               "wrong %",   "valid %", "wrong of valid %", "gross of valid %", "wrong shape %",  "> 3 sigma %", "wrong and > 3 sigma %",
                "gross %",   "median mm",      "median deg",  "95 % mm",
                "worst mm",  "worst deg",      "worst at s",  "longest wrong s",
                "from s",    "resets",         "tags",        "update cpu s"}};

@@ -70,6 +70,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_cpu(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_outages(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_live(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_branches(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_live_branches(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);

@@ -47,5 +47,22 @@ TEST(TagDoubts, KeepWhatWasSaid) {
   EXPECT_EQ(doubts.said(), said);
 }
 
+TEST(TagDoubts, SayOnceWhyThereIsNoPoseWhileATagsBranchIsOpen) {
+  const auto sentences = [](std::optional<ImuNoise> imu) {
+    TagDoubts doubts(BodySensors{.cameras = {CameraMount{}}, .imu = imu}, EstimatorConfig{});
+    std::vector<std::string> said;
+    for (int image = 1; image < 20 * 15; ++image) {
+      UpdateReport report;
+      report.exposed_at = instant_from_ns(50'000'000LL * image);
+      report.tags_seen = report.tags_pending = 1;
+      const std::string news = doubts.add({}, report, std::nullopt, {}, {});
+      if (!news.empty()) said.push_back(news);
+    }
+    return said;
+  };
+  EXPECT_THAT(sentences(std::nullopt), testing::ElementsAre(HasSubstr("allow two poses")));
+  EXPECT_THAT(sentences(ImuNoise{}), testing::IsEmpty());
+}
+
 }  // namespace
 }  // namespace fiducap
