@@ -24,8 +24,10 @@ struct CameraFrame {
 
 /// How one side of a tag showed.
 struct TagSide {
-  double sharpness{};  ///< As TagSighting's; 0 when the source does not say.
-  double clipped{};    ///< Share of the white beside it that is at the sensor's end, 0 … 1.
+  /// As TagSighting's. 0 when it was smeared and could not be fitted, or, of all four, when the
+  /// source does not say.
+  double sharpness{};
+  double clipped{};  ///< Share of the white beside it that is at the sensor's end, 0 … 1.
 };
 
 /// One tag found in one image, before the lens is taken out.

@@ -26,8 +26,9 @@ namespace fiducap {
 /// less than half a module costs nothing; beyond, errors go by the noise, as grays have to be told
 /// apart (smeared_side.hpp). The two ends of a sharp side are off as a line through white noise is.
 /// White paper at the sensor's end moves sides inwards, up to 0.5 px: believed by the mean over
-/// what shows a tag at all. Lens calibration, stamps and paper that is not flat are not in it: the
-/// caller adds what it knows of them.
+/// what shows a tag at all. Smeared sides that could not be fitted are believed to a pixel. Lens
+/// calibration, stamps and paper that is not flat are not in it: the caller adds what it
+/// knows of them.
 /// @param pixel_noise  CornerFrame::pixel_noise
 /// @return zeros for a sighting whose source did not measure its sharpness
 [[nodiscard]] std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise);

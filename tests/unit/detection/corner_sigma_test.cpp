@@ -102,7 +102,7 @@ struct ChiSquare {
   [[nodiscard]] double mean() const { return sum / count; }
 };
 
-constexpr unsigned kFirst = 20'000;  // the fit saw 1000 to 2500
+constexpr unsigned kFirst = 20'000;  // the fit saw 1000 to 5199
 constexpr double kOff_px = 1.0;      // what is further off is not the noise of a line fit
 
 /// What the corners of a scene were off, raw pixels.

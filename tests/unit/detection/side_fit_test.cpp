@@ -48,7 +48,7 @@ constexpr double kWhite = 220;
 /// every pixel is the mean over its area and over a motion along the rows.
 GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px, unsigned seed,
                  double smear_px = 0) {
-  constexpr int kSize = 64;
+  const int size = std::max(64, static_cast<int>(24 + (kModules + 2) * module_px));
   const int fine_steps = smear_px > 0 ? 4 : 8;
   const int steps = 1 + static_cast<int>(2 * smear_px);
   std::mt19937 random(seed);
@@ -69,15 +69,15 @@ GrayImage tag_on(double wall, double module_px, const Eigen::Vector2d& corner_px
     return bits[static_cast<std::size_t>(a - 1)][static_cast<std::size_t>(b - 1)] ? kWhite : kBlack;
   };
   GrayImage image;
-  image.resize(kSize, kSize);
-  for (int k = 0; k < kSize * kSize; ++k) {
+  image.resize(size, size);
+  for (int k = 0; k < size * size; ++k) {
     double sum = 0;
     for (int fine = 0; fine < fine_steps * fine_steps * steps; ++fine) {
       const int place = fine / steps;
       const Eigen::Vector2d within((place % fine_steps + 0.5) / fine_steps,
                                    (place / fine_steps + 0.5) / fine_steps);
       const Eigen::Vector2d moved(smear_px * ((fine % steps + 0.5) / steps - 0.5), 0);
-      sum += gray_at(Eigen::Vector2d(k % kSize - 0.5, k / kSize - 0.5) + within + moved);
+      sum += gray_at(Eigen::Vector2d(k % size - 0.5, k / size - 0.5) + within + moved);
     }
     image.pixels[static_cast<std::size_t>(k)] =
         static_cast<std::uint8_t>(std::lround(sum / (fine_steps * fine_steps * steps)));
@@ -128,6 +128,12 @@ TEST(SideFit, MotionOverMoreThanAModuleDoesNotMoveSides) {
     SCOPED_TRACE(wall);
     EXPECT_LT(std::abs(outward_px(wall, 4.5, 1.2 * 4.5)), kMoved_px);
   }
+}
+
+TEST(SideFit, MotionOverAWideModuleIsSeen) {
+  // Taken for sharp, as the reach ends before: 0.5 px inwards.
+  constexpr double kMoved_px = 0.1;
+  EXPECT_LT(std::abs(outward_px(40.0, 9.0, 1.2 * 9.0)), kMoved_px);
 }
 
 TEST(SideFit, FindsTheCornersOfRenderedTagsToAFewHundredthsOfAPixel) {
