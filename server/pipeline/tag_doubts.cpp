@@ -66,7 +66,8 @@ std::string TagDoubts::wait_for_branch(const UpdateReport& report, bool has_pose
   if (!waits_since_) waits_since_ = report.exposed_at;
   if (report.exposed_at - *waits_since_ < kPatienceWithBranch) return {};
   is_wait_told_ = true;
-  return "no pose: the tags in view are so small that their corners allow two poses, and without an "
+  return "no pose: the tags in view are so small that their corners allow two poses, and without "
+         "an "
          "IMU nothing else tells which. Come nearer, look at them from aside, or show more of the "
          "tags that are known";
 }

@@ -315,12 +315,10 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.seed = setup.seed;
   const ImuNoise told = body.imu.noise;
   body.imu.noise = scaled(told, setup.imu_noise_factor);
-  auto motion =
-      simulation::make_trajectory(body.trajectory, room, body.cameras.front().X_BV);
+  auto motion = simulation::make_trajectory(body.trajectory, room, body.cameras.front().X_BV);
   if (!motion) throw std::runtime_error(motion.error().text());
   if (setup.tag_size_m > 0) room.tag_size_m = setup.tag_size_m;
-  auto source =
-      simulation::make_simulated_source(room, body, kStart, nullptr, std::move(*motion));
+  auto source = simulation::make_simulated_source(room, body, kStart, nullptr, std::move(*motion));
   if (!source) throw std::runtime_error(source.error().text());
 
   EstimationData data;

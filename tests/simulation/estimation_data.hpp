@@ -20,8 +20,8 @@ struct EstimationData {
       truth;  ///< Times strictly increase; every IMU sample's and every image's is among them.
   std::vector<RecordedTag> tags;  ///< True poses, sorted by id.
   TagSetConfig tag_set;
-  CameraMount camera;  ///< True place, prior sigmas.
-  Pose nominal_X_BV;   ///< What the filter is told when it shall estimate it.
+  CameraMount camera;                      ///< True place, prior sigmas.
+  Pose nominal_X_BV;                       ///< What the filter is told when it shall estimate it.
   std::vector<CameraMount> other_cameras;  ///< Of a rig, as the filter is told.
   std::optional<ImuNoise> imu;
   double gravity_m_s2{9.81};

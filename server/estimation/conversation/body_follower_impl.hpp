@@ -153,11 +153,12 @@ bool BodyFollower<C>::move_by_corners(const TagObservations& seen,
   const double turning = config_.motion_angular_rad_s2_rtHz * dt * std::sqrt(dt) + 0.1 * dt + 0.01;
   const Pose expected =
       coordinates_.X_AB() * Pose{exp_so3(-state.bias_w * dt), coordinates_.v_B() * dt};
-  const auto found = fiducap::find_place(coordinates_.sighted(seen.camera, usable),
-                                         {expected, wander, turning}, config_.corner_noise_px,
-                                         filter_rules::kOtherBranch_rad);
+  const auto found =
+      fiducap::find_place(coordinates_.sighted(seen.camera, usable), {expected, wander, turning},
+                          config_.corner_noise_px, filter_rules::kOtherBranch_rad);
   if (!found || found->evidence < filter_rules::kEvidenceToFollow * excess(*found, seen.camera))
     return false;
+  if (usable.size() == 1 && found->surprise > filter_rules::kMostSurprise) return false;
   coordinates_.aim(coordinates_.X_AB().inverse() * found->X_AB, dt);
   integrate_to(seen.exposed_at);
   coordinates_.finish_aimed_motion();

@@ -115,8 +115,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   const int iterations = move_to(seen);
   bool is_at_image = iterations > 0;
   if (is_at_image && !tags_.usable.empty()) correct(seen, iterations, report);
-  if (is_in_mode(FilterMode::kAdrift))
-    report.tags_pending = static_cast<int>(tags_.usable.size());
+  if (is_in_mode(FilterMode::kAdrift)) report.tags_pending = static_cast<int>(tags_.usable.size());
   if (coordinates().is_aimed() && report.tags_used == 0) {
     // The motion that the corners showed was no motion: forget this image.
     coordinates().take_back();

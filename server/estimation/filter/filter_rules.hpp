@@ -44,6 +44,9 @@ inline constexpr int kForceWithImu = 40;
 // less than so much more: after a pause one small tag alone does not.
 inline constexpr double kOtherBranch_rad = 0.2;
 inline constexpr double kEvidenceToFollow = 9.0;
+// Nor does one tag alone when the body would have had to move so much more than it does, in
+// chi-square: the tag was moved.
+inline constexpr double kMostSurprise = 100.0;
 // After being adrift the gyro still says how the body turned.
 inline constexpr double kGyroTurn_rad = 0.1;
 

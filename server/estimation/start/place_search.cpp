@@ -19,12 +19,16 @@ constexpr double kFirstInlierSigmas = 50.0;  // one tag's pose predicts the othe
 constexpr double kCostCapPerTag = 8 * kInlierSigmas * kInlierSigmas;
 constexpr std::size_t kMaxProposers = 6;
 
-double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGuess& guess,
-               double noise_px) {
-  double cost =
+double surprise_of(const Pose& X_AB, const PlaceGuess& guess) {
+  const double cost =
       (X_AB.p - guess.X_AB.p).squaredNorm() / (guess.position_sigma_m * guess.position_sigma_m);
   const double turn = angle_between(X_AB.q, guess.X_AB.q) / guess.rotation_sigma_rad;
-  cost += turn * turn;
+  return cost + turn * turn;
+}
+
+double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGuess& guess,
+               double noise_px) {
+  double cost = surprise_of(X_AB, guess);
   for (const SightedTag& tag : tags) {
     const CornerResidual r =
         corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera);
@@ -71,7 +75,8 @@ std::optional<PlaceFound> find_place(std::span<const SightedTag> tags, const Pla
   const auto best = std::min_element(proposals.begin(), proposals.end(),
                                      [](const auto& a, const auto& b) { return a.cost < b.cost; });
   const double numbers = 8.0 * static_cast<double>(tags.size()) - 6.0;
-  PlaceFound found{best->X_AB, std::numeric_limits<double>::infinity(), best->cost / numbers};
+  PlaceFound found{best->X_AB, std::numeric_limits<double>::infinity(), best->cost / numbers,
+                   surprise_of(best->X_AB, guess)};
   for (const Proposal& other : proposals) {
     if (angle_between(other.X_AB.q, best->X_AB.q) > same_rad) {
       found.evidence = std::min(found.evidence, other.cost - best->cost);

@@ -19,7 +19,8 @@ struct PlaceFound {
   Pose X_AB;
   double evidence{};  ///< Chi-square by which the best answer beats the best clearly different one;
                       ///< ∞ when there is none.
-  double misfit{};    ///< Chi-square of the best answer per degree of freedom.
+  double misfit{};    ///< Chi-square of the best answer per degree of freedom …
+  double surprise{};  ///< … and what the guess has in it.
 };
 
 /// Places turned against each other by less than this are the same answer.

@@ -40,7 +40,8 @@ Eigen::Quaterniond mirrored(const Eigen::Quaterniond& q_VT, const Eigen::Vector3
   return exp_so3(2.0 * std::atan2(sine, normal.dot(towards)) * axis / sine) * q_VT;
 }
 
-/// The corners' noise with what a camera that is turned by so much makes of it, as if it were white.
+/// The corners' noise with what a camera that is turned by so much makes of it, as if it were
+/// white.
 void whiten(double turn_sigma_rad, double weight, CornerResidual& r) {
   using Matrix8d = Eigen::Matrix<double, 8, 8>;
   const Eigen::Matrix<double, 8, 3> H_q = std::sqrt(weight) * turn_sigma_rad * r.H.rightCols<3>();
@@ -76,10 +77,10 @@ std::optional<TagVerdict> TagCandidates::judge(int camera, Instant at, const Tag
   const double noise = std::max(noise_px, config_.corner_noise_px);
   const double weight = 1.0 / (noise * noise);
   const auto decided =
-      attitude ? judge_turning(candidate,
-                               {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad,
-                                poses[0].X_VT.p},
-                               model, poses, forced)
+      attitude ? judge_turning(
+                     candidate,
+                     {at, seen, weight, attitude->q_WV, attitude->turn_sigma_rad, poses[0].X_VT.p},
+                     model, poses, forced)
                : judge_alone(candidate, {at, seen, weight, {}, 0, {}}, poses, forced);
   if (!decided || candidate.seen_times < patience.at_least) return std::nullopt;
   forget(seen.tag_id);

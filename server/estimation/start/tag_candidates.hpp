@@ -75,7 +75,7 @@ class TagCandidates final {
     Instant last_seen{};
     int seen_times{0};
     Eigen::Vector2d counted_px{Eigen::Vector2d::Zero()};  ///< Where it was …
-    int counted_there{0};     ///< … for so many views that count.
+    int counted_there{0};                                 ///< … for so many views that count.
     double followed_cost{0};  ///< Without attitude: Σ chi-square of the followed branch …
     double rival_cost{0};     ///< … and of the other.
     Eigen::Quaterniond followed_q_VT{Eigen::Quaterniond::Identity()};

@@ -201,8 +201,7 @@ BodyPlace WorldCoordinates::place() const {
 }
 
 double WorldCoordinates::turn_sigma_rad() const {
-  const auto P = state_.P();
-  const auto trace = [&](int row, int column) { return P.block<3, 3>(row, column).trace(); };
+  const auto trace = [P = state_.P()](int a, int b) { return P.block<3, 3>(a, b).trace(); };
   const double body = trace(kAttitude, kAttitude);
   double least = body;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {

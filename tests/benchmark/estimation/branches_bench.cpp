@@ -97,19 +97,19 @@ std::vector<Cell> row_of(const std::string& name, const std::vector<Score>& scor
   const double shown = sum(scores, &Score::shown);
   const std::vector<double> first = each(scores, &Score::first_shown_s);
   const std::vector<double> longest = each(scores, &Score::longest_gross_s);
-  return {name,
-          Figure{100 * sum(scores, &Score::wrong) / shown, 2},
-          Figure{100 * sum(scores, &Score::sure) / shown, 2},
-          Figure{100 * sum(scores, &Score::gross) / shown, 2},
-          count([](const Score& s) { return s.gross > 0; }),
-          Figure{longest.empty() ? Nees::kNone : *std::max_element(longest.begin(), longest.end()),
-                 1},
-          Figure{100 * shown / sum(scores, &Score::images), 1},
-          count([](const Score& s) { return s.shown == 0; }),
-          Figure{first.empty() ? Nees::kNone : quantile(first, 0.5), 2},
-          Figure{first.empty() ? Nees::kNone : *std::max_element(first.begin(), first.end()), 1},
-          Figure{kMm * quantile(each(scores, &Score::median_m), 0.5), 1},
-          std::to_string(static_cast<int>(sum(scores, &Score::resets)))};
+  return {
+      name,
+      Figure{100 * sum(scores, &Score::wrong) / shown, 2},
+      Figure{100 * sum(scores, &Score::sure) / shown, 2},
+      Figure{100 * sum(scores, &Score::gross) / shown, 2},
+      count([](const Score& s) { return s.gross > 0; }),
+      Figure{longest.empty() ? Nees::kNone : *std::max_element(longest.begin(), longest.end()), 1},
+      Figure{100 * shown / sum(scores, &Score::images), 1},
+      count([](const Score& s) { return s.shown == 0; }),
+      Figure{first.empty() ? Nees::kNone : quantile(first, 0.5), 2},
+      Figure{first.empty() ? Nees::kNone : *std::max_element(first.begin(), first.end()), 1},
+      Figure{kMm * quantile(each(scores, &Score::median_m), 0.5), 1},
+      std::to_string(static_cast<int>(sum(scores, &Score::resets)))};
 }
 
 void print_each(const std::string& name, const std::vector<Score>& scores) {
@@ -127,11 +127,11 @@ void print_each(const std::string& name, const std::vector<Score>& scores) {
 }  // namespace
 
 std::vector<Table> bench_branches(const EstimationOptions& options) {
-  Table table{"Simulated bodies without IMU, tags of 10 to 25 px: poses that may be shown, against "
-              "the truth",
-              {"class", "wrong %", "wrong and > 3 sigma %", "gross %", "runs with gross",
-               "longest gross s", "shown %", "runs without", "first shown s", "latest s",
-               "median mm", "resets"}};
+  Table table{
+      "Simulated bodies without IMU, tags of 10 to 25 px: poses that may be shown, against "
+      "the truth",
+      {"class", "wrong %", "wrong and > 3 sigma %", "gross %", "runs with gross", "longest gross s",
+       "shown %", "runs without", "first shown s", "latest s", "median mm", "resets"}};
   for (const std::string& name : options.classes) {
     std::vector<Score> scores(static_cast<std::size_t>(options.seeds));
     in_parallel(options.seeds, options.threads, [&](int i) {
@@ -146,7 +146,8 @@ std::vector<Table> bench_branches(const EstimationOptions& options) {
     table.rows.push_back(row_of(name, scores));
   }
   table.remarks.emplace_back(
-      "Shares of the poses that may be shown. wrong: more than 5 deg or 10 cm off; gross: more than "
+      "Shares of the poses that may be shown. wrong: more than 5 deg or 10 cm off; gross: more "
+      "than "
       "20 deg or 50 cm. first shown: median over runs.");
   return {table};
 }

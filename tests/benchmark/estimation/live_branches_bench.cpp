@@ -224,11 +224,29 @@ std::vector<Cell> row_of(const Job& job) {
 std::vector<Table> bench_live_branches(const EstimationOptions& options) {
   namespace fs = std::filesystem;
   Table table{"Real recordings without IMU: live poses against the settled ones at the same image",
-              {"recording", "images settled", "live poses",  "compared",
-               "wrong %",   "valid %", "wrong of valid %", "gross of valid %", "wrong shape %",  "> 3 sigma %", "wrong and > 3 sigma %",
-               "gross %",   "median mm",      "median deg",  "95 % mm",
-               "worst mm",  "worst deg",      "worst at s",  "longest wrong s",
-               "from s",    "resets",         "tags",        "update cpu s"}};
+              {"recording",
+               "images settled",
+               "live poses",
+               "compared",
+               "wrong %",
+               "valid %",
+               "wrong of valid %",
+               "gross of valid %",
+               "wrong shape %",
+               "> 3 sigma %",
+               "wrong and > 3 sigma %",
+               "gross %",
+               "median mm",
+               "median deg",
+               "95 % mm",
+               "worst mm",
+               "worst deg",
+               "worst at s",
+               "longest wrong s",
+               "from s",
+               "resets",
+               "tags",
+               "update cpu s"}};
   std::vector<Job> jobs;
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(options.data, error)) {

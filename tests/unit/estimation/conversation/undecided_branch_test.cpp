@@ -13,9 +13,9 @@ constexpr double kEdge_m = 0.13;
 // … and so near that they do.
 constexpr double kNear_m = 0.8;
 constexpr double kNoise_px = 0.3;
-// What two tags of 10 px, 6 m away and at right angles, leave of the body's pose.
-constexpr double kRigTold_m = 0.6;
-constexpr double kRigTold_rad = 0.1;
+// The other branch is turned by twice as much; the second image alone tells no better than this.
+constexpr double kSameBranch_rad = 0.45;
+constexpr double kSigmas = 4.0;
 const Eigen::Quaterniond kOblique = exp_so3({0, 0.5, 0}) * exp_so3({3.0, 0.1, 0});
 
 BodySensors rig_of(int cameras) {
@@ -57,9 +57,7 @@ Pose before(const BodySensors& sensors, int camera, double distance_m,
          Pose{q_VT, {0.1, 0.05, distance_m}};
 }
 
-KnownTag known(int tag_id, const Pose& X_WT) {
-  return {tag_id, kEdge_m, X_WT, Matrix6d::Zero()};
-}
+KnownTag known(int tag_id, const Pose& X_WT) { return {tag_id, kEdge_m, X_WT, Matrix6d::Zero()}; }
 
 class UndecidedBranch : public testing::TestWithParam<std::string> {
  protected:
@@ -75,8 +73,7 @@ TEST_P(UndecidedBranch, GivesNoPoseHoweverOftenItIsSeen) {
   const auto filter = filter_of(sensors);
   const Pose X_BT = before(sensors, 0, kFar_m, kOblique);
   for (int i = 0; i < 200; ++i) {
-    const UpdateReport report =
-        filter->update(image_of(sensors, 0, 0.05 * i, 1, X_BT), {{}, true});
+    const UpdateReport report = filter->update(image_of(sensors, 0, 0.05 * i, 1, X_BT), {{}, true});
     EXPECT_EQ(report.tags_pending, 1);
     EXPECT_FALSE(filter->running()) << i;
   }
@@ -89,7 +86,7 @@ TEST_P(UndecidedBranch, GivesOneAtOnceWhenTheTagIsNear) {
   (void)filter->update(image_of(sensors, 0, 0.0, 1, X_BT), {{}, true});
   ASSERT_TRUE(filter->running());
   const Pose X_TB = filter->estimate().X_WB;  // the tag is the workspace
-  constexpr double kNearTold_rad = 0.05;  // by one view of 75 px
+  constexpr double kNearTold_rad = 0.05;      // by one view of 75 px
   EXPECT_LT(angle_between(X_TB.q, X_BT.inverse().q), kNearTold_rad);
 }
 
@@ -135,9 +132,9 @@ TEST_P(UndecidedBranch, IsDecidedByTheOtherCameraOfTheRig) {
   Returning body(sensors, filter_of(sensors));
   body.look(1.0, true);
   ASSERT_TRUE(body.filter->running());
-  const Pose X_WB = body.filter->estimate().X_WB;
-  EXPECT_LT(X_WB.p.norm(), kRigTold_m);
-  EXPECT_LT(angle_between(X_WB.q, Eigen::Quaterniond::Identity()), kRigTold_rad);
+  const BodyEstimate now = body.filter->estimate();
+  EXPECT_LT(angle_between(now.X_WB.q, Eigen::Quaterniond::Identity()), kSameBranch_rad);
+  EXPECT_LT(now.X_WB.p.norm(), kSigmas * std::sqrt(now.covariance.topLeftCorner<3, 3>().trace()));
 }
 
 }  // namespace
