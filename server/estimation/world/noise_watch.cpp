@@ -60,6 +60,12 @@ double NoiseWatch::unstated_factor() const {
   return std::max(outgrown_, std::min(suspected_ / now_.applied(kImu), kMostUnstated));
 }
 
+void NoiseWatch::unlearn() {
+  now_ = earlier_ = before_ = LearnedNoise{};
+  doubted_since_.reset();
+  suspected_ = 1;
+}
+
 void NoiseWatch::take_back_doubted() {
   if (!doubted_since_) return;
   suspected_ = outgrown_ = 1;

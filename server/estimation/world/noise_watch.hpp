@@ -34,6 +34,8 @@ class NoiseWatch final {
   void begin_doubt() { doubted_since_ = now_; }
   void end_doubt() { doubted_since_.reset(); }
   void take_back_doubted();
+  /// All that was learned was another error's.
+  void unlearn();
 
   /// The variance of the IMU's noises is so many times the declared one.
   [[nodiscard]] double imu_variance() const { return now_.applied(kImu); }

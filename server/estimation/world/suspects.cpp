@@ -193,7 +193,7 @@ double Suspects::score(const FilterState& state, const Suspect& suspect) {
          (state.P()(suspect.column, suspect.column) * std::sqrt(information));
 }
 
-void Suspects::look(FilterState& state, int camera, double dispersion) const {
+bool Suspects::look(FilterState& state, int camera, double dispersion) const {
   std::size_t worst = all_.size();
   double worst_score = 0;
   const double scale = std::sqrt(std::max(1.0, dispersion));
@@ -217,8 +217,10 @@ void Suspects::look(FilterState& state, int camera, double dispersion) const {
       worst_score = beyond;
     }
   }
-  if (worst < all_.size()) open(state, camera, worst);
+  const bool opens = worst < all_.size();
+  if (opens) open(state, camera, worst);
   release_cleared_prints(state);
+  return opens;
 }
 
 void Suspects::open(FilterState& state, int camera, std::size_t suspect) const {

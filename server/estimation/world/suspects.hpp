@@ -44,7 +44,8 @@ class Suspects final {
   void watch_print(FilterState& state, int tag_id) const;
   /// After an image of `camera` has corrected the state.
   /// @param dispersion  innovations squared over what was expected; 1: as they should be
-  void look(FilterState& state, int camera, double dispersion) const;
+  /// @return whether one was opened: what it did to images has been taken for noise until now
+  bool look(FilterState& state, int camera, double dispersion) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
   /// How far the body would move (world-side error) if the one most suspected, and not yet opened,

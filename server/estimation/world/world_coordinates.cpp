@@ -17,14 +17,6 @@ using namespace filter_rules;  // NOLINT: short names for what both filters go b
 
 namespace {
 
-// Map tags are held while in view, and so many more of those seen last: what their errors share
-// with the body's is worth keeping for a while, and a hall of a thousand tags costs what a room of
-// ten does.
-constexpr std::size_t kHeldOutOfView = 12;
-// The map has another place for a tag that moved more than this, or whose variance changed by this
-// share.
-constexpr double kSamePlace = 1e-9;
-constexpr double kSameVariance = 0.01;
 // The attitude may be off by this, 1-sigma.
 constexpr double kUnknownTurn_rad = 0.4;
 constexpr double kNisShare = 0.02;
@@ -38,19 +30,6 @@ constexpr double kToldJitter_s = 5e-4;
 // nothing but what defining W costs.
 constexpr double kSlipped = 1e-6;
 constexpr double kUnsure = 1e-5;
-
-bool is_in_view(const TagObservations& seen, int tag_id) {
-  return std::any_of(seen.tags.begin(), seen.tags.end(),
-                     [&](const auto& s) { return s.tag_id == tag_id; });
-}
-
-bool is_news(const FilterState& state, std::size_t i, const KnownTag& now) {
-  const Pose& X_WT = state.tags[i].X_WT;
-  if ((X_WT.p - now.X_WT.p).norm() > kSamePlace || angle_between(X_WT.q, now.X_WT.q) > kSamePlace)
-    return true;
-  const Matrix6d held = tag_in_workspace(state, i).covariance;
-  return (held - now.covariance).norm() > kSameVariance * held.norm();
-}
 
 }  // namespace
 
@@ -246,51 +225,9 @@ void WorldCoordinates::look_at(const TagObservations& seen) {
   lenses_[camera] = state_.lenses[camera].applied_to(model_of(seen.camera));
 }
 
-/// What the map says of the tags that are held.
-void WorldCoordinates::follow_map(const TagObservations& seen, std::span<const KnownTag> known) {
-  for (std::size_t i = state_.tags.size(); i-- > 0;) {
-    const WorldTag& tag = state_.tags[i];
-    if (!tag.held) continue;
-    const auto now = std::find_if(known.begin(), known.end(),
-                                  [&](const KnownTag& k) { return k.tag_id == tag.tag_id; });
-    if (now == known.end()) {
-      if (is_in_view(seen, tag.tag_id)) state_.remove_tag(i);  // the map does not stand by it
-    } else if (is_news(state_, i, *now)) {
-      const bool is_moved = !replace_held(state_, i, *now);
-      if (is_moved || now->is_exact()) state_.remove_tag(i);
-    }
-  }
-}
-
-void WorldCoordinates::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
-                                     bool is_anchored) {
-  follow_map(seen, known);
-  if (is_anchored) {
-    for (const KnownTag& tag : known) {
-      if (is_in_view(seen, tag.tag_id)) hold_one(tag, seen.exposed_at);
-    }
-  }
-  forget_held(seen);
-}
-
-/// Of those out of view the ones seen last stay.
-void WorldCoordinates::forget_held(const TagObservations& seen) {
-  out_of_view_.clear();
-  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-    if (state_.tags[i].held && !is_in_view(seen, state_.tags[i].tag_id)) out_of_view_.push_back(i);
-  }
-  if (out_of_view_.size() <= kHeldOutOfView) return;
-  const auto is_older = [&](std::size_t a, std::size_t b) {
-    return std::pair(state_.tags[a].last_seen, a) < std::pair(state_.tags[b].last_seen, b);
-  };
-  std::sort(out_of_view_.begin(), out_of_view_.end(), is_older);
-  out_of_view_.resize(out_of_view_.size() - kHeldOutOfView);
-  std::sort(out_of_view_.begin(), out_of_view_.end());
-  state_.remove_tags(out_of_view_);
-}
-
-void WorldCoordinates::hold_one(const KnownTag& tag, Instant at) {
-  if (!tag.is_exact() && state_.find(tag.tag_id) < 0) hold(state_, tag, at);
+void WorldCoordinates::moved_axes(const Pose& X_new_old) {
+  memory_.move_axes(X_new_old);
+  noise_watch_.lose_motion();  // its covariance was in the old axes
 }
 
 void WorldCoordinates::give_to_map(std::size_t tag, const KnownTag& map) {
@@ -372,7 +309,9 @@ bool WorldCoordinates::watches_noise() const {
 void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& report) {
   if (!state_.has_suspects() || report.nis_dof == 0) return;
   nis_ += kNisShare * (report.nis / report.nis_dof - nis_);
-  suspects_.look(state_, seen.camera, nis_);
+  if (!suspects_.look(state_, seen.camera, nis_)) return;
+  noise_watch_.unlearn();
+  apply_jitter();
 }
 
 void WorldCoordinates::list_mismatches(std::vector<FoundMismatch>& out) const {

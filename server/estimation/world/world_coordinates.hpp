@@ -10,6 +10,7 @@
 #include "estimation/world/clone_window.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "estimation/world/held_tags.hpp"
 #include "estimation/world/image_memory.hpp"
 #include "estimation/world/noise_watch.hpp"
 #include "estimation/world/propagation.hpp"
@@ -60,8 +61,7 @@ class WorldCoordinates final {
   void finish_motion();
   void lose_motion();
   [[nodiscard]] BodyPlace place() const;
-  /// How the body is turned against what tells it best, the workspace or a tag of this image,
-  /// 1-sigma per axis.
+  /// Against the workspace or a tag of this image, what tells it best; 1-sigma per axis.
   [[nodiscard]] double turn_sigma_rad() const;
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
@@ -78,8 +78,10 @@ class WorldCoordinates final {
   void look_at(const TagObservations& seen);
   /// Takes over what the map says of tags in view and of those held.
   void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
-                     bool is_anchored);
-  void hold_one(const KnownTag& tag, Instant at);
+                     bool is_anchored) {
+    held_tags_.follow(state_, seen, known, is_anchored);
+  }
+  void hold_one(const KnownTag& tag, Instant at) { world::hold_one(state_, tag, at); }
   /// The tag's own copy becomes the map's, and what both say is fused.
   void give_to_map(std::size_t tag, const KnownTag& map);
   /// A tag of the map is not a belief of this body.
@@ -92,7 +94,6 @@ class WorldCoordinates final {
   void correct_by_points(const TagObservations& seen, long image, UpdateReport& report);
   /// Looks whether what the image said accuses the configuration. Once per image, when it is new.
   void doubt(const TagObservations& seen, const UpdateReport& report);
-  /// What is not as the configuration says.
   void list_mismatches(std::vector<FoundMismatch>& out) const;
   /// A camera's lens, as far as it is estimated.
   [[nodiscard]] LensEstimate lens(int camera) const { return suspects_.lens(state_, camera); }
@@ -106,10 +107,7 @@ class WorldCoordinates final {
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.
   void keep_defined(std::size_t tag, const HeadingRule& rule);
-  void moved_axes(const Pose& X_new_old) {
-    memory_.move_axes(X_new_old);
-    noise_watch_.lose_motion();  // its covariance was in the old axes
-  }
+  void moved_axes(const Pose& X_new_old);
 
   [[nodiscard]] const CornerNoise& noise(int camera) const {
     return corner_noise_[static_cast<std::size_t>(camera)];
@@ -127,8 +125,6 @@ class WorldCoordinates final {
   void note_fit(bool fits);
   [[nodiscard]] bool watches_noise() const;
   void reset_camera(int camera, const ClockHypothesis& clocks);
-  void follow_map(const TagObservations& seen, std::span<const KnownTag> known);
-  void forget_held(const TagObservations& seen);
 
   const BodySensors& sensors_;
   const EstimatorConfig& config_;
@@ -144,8 +140,8 @@ class WorldCoordinates final {
   int images_without_fit_{0};  ///< In a row.
   double nis_{1.0};            ///< Innovations squared over what was expected, of the last images.
   ImageMemory memory_;
-  std::optional<CloneWindow> window_;     ///< Only when points are followed.
-  std::vector<std::size_t> out_of_view_;  ///< Memory of forget_held().
+  std::optional<CloneWindow> window_;  ///< Only when points are followed.
+  HeldTags held_tags_;
   FilterState before_;
   std::optional<FilterState> linearisation_;
   Eigen::Matrix<double, layout::kBodySize, 1> aimed_off_;
