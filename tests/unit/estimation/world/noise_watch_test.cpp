@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <random>
 
 namespace fiducap::world {
@@ -68,6 +69,47 @@ TEST(NoiseWatch, TakesBackTheLastImages) {
   watch.take_back();
   EXPECT_EQ(watch.imu_variance(), 1.0);
   EXPECT_GT(watch.learned().information(0, 0), 0.0) << "what is older stays";
+}
+
+TEST(NoiseWatch, WhatWasLearnedFromATagThatWasWrongIsTakenBack) {
+  NoiseWatch watch = watched({1.0, 0.0}, 4);
+  watch.begin_doubt();
+  watch = watched({25.0, 0.0}, 5, watch);
+  ASSERT_GT(watch.imu_variance(), 10.0);
+  watch.take_back_doubted();
+  EXPECT_EQ(watch.imu_variance(), 1.0);
+  EXPECT_EQ(watch.unstated_factor(), 1.0);
+}
+
+TEST(NoiseWatch, ADoubtThatHasEndedIsNotTakenBack) {
+  NoiseWatch watch = watched({1.0, 0.0}, 4);
+  watch.begin_doubt();
+  watch = watched({25.0, 0.0}, 5, watch);
+  watch.end_doubt();
+  watch.take_back_doubted();
+  EXPECT_GT(watch.imu_variance(), 10.0);
+}
+
+TEST(NoiseWatch, SaysHowMuchTooSmallVariancesAreUntilWhatWasPlacedBeforeIsForgotten) {
+  constexpr double kMostForgotten = 1.2;
+  NoiseWatch watch;
+  double most = 1;
+  for (unsigned seed = 0; seed < 4; ++seed) {
+    watch = watched({25.0, 0.0}, seed, watch);
+    most = std::max(most, watch.unstated_factor());
+  }
+  EXPECT_GT(most, 2.0) << "40 s after the noise was applied a seventh of 25 is left";
+  EXPECT_LT(watch.unstated_factor(), kMostForgotten) << "160 s";
+  for (unsigned seed = 0; seed < kSeeds; ++seed)
+    EXPECT_LT(watched({1.0, 0.0}, seed).unstated_factor(), 2.0) << "seed " << seed;
+}
+
+TEST(NoiseWatch, UnlearnsWhatAnotherErrorWas) {
+  NoiseWatch watch = watched({25.0, 0.002}, 6);
+  watch.unlearn();
+  EXPECT_EQ(watch.imu_variance(), 1.0);
+  EXPECT_EQ(watch.jitter_s(), 0.0);
+  EXPECT_NEAR(watched({25.0, 0.0}, 2, watch).imu_variance(), 25.0, 5.0) << "and learns anew";
 }
 
 TEST(NoiseWatch, LeavesNoisesThatAreAsDeclaredAlone) {
