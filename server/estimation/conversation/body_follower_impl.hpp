@@ -60,7 +60,9 @@ std::optional<PlaceFound> BodyFollower<C>::find_place(const TagObservations& see
 template <class C>
 std::optional<Eigen::Vector3d> BodyFollower<C>::shift_by(const TagObservations& seen,
                                                          const TagToUse& tag) const {
-  const PlaceGuess guess{coordinates_.X_AB(), kUnknownPosition_m, filter_rules::kGyroTurn_rad};
+  // A body that is followed knows its attitude better than one image of one tag says it.
+  constexpr double kKnownTurn_rad = 0.02;
+  const PlaceGuess guess{coordinates_.X_AB(), kUnknownPosition_m, kKnownTurn_rad};
   const auto found = fiducap::find_place(coordinates_.sighted(seen.camera, std::span(&tag, 1)),
                                          guess, config_.corner_noise_px);
   if (!found) return std::nullopt;

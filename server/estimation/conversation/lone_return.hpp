@@ -28,6 +28,8 @@ class LoneReturn final {
   std::optional<BodyPlace> before_;
   Eigen::Vector3d moved_W_{Eigen::Vector3d::Zero()};  ///< The body, by the lone tag.
   int against_{0};
+  Eigen::Vector3d shifts_W_{Eigen::Vector3d::Zero()};  ///< Sum of those that were said …
+  int said_{0};                                        ///< … so many.
 };
 
 }  // namespace fiducap
