@@ -18,6 +18,9 @@ constexpr double kSameBranch_rad = 0.45;
 constexpr double kSigmas = 4.0;
 const Eigen::Quaterniond kOblique = exp_so3({0, 0.5, 0}) * exp_so3({3.0, 0.1, 0});
 
+/// Of the corners' noise: every test begins with the same draws, whatever ran before it.
+std::mt19937_64 random_engine;
+
 BodySensors rig_of(int cameras) {
   BodySensors sensors;
   for (int k = 0; k < cameras; ++k) {
@@ -40,11 +43,10 @@ TagObservations image_of(const BodySensors& sensors, int camera, double t_s, int
   seen.tags.push_back(
       example_observation(tag_id, kEdge_m, mount.X_BV.inverse() * X_BT, mount.model));
   TagObservation& tag = seen.tags.front();
-  static std::mt19937_64 random(5);
   std::normal_distribution<double> pixel(0, kNoise_px);
   for (std::size_t k = 0; k < 4; ++k) {
     tag.ideal_from_raw[k].setIdentity();
-    tag.corners_px[k] += Eigen::Vector2d(pixel(random), pixel(random));
+    tag.corners_px[k] += Eigen::Vector2d(pixel(random_engine), pixel(random_engine));
     tag.raw_px[k] = tag.corners_px[k];
   }
   return seen;
@@ -61,6 +63,7 @@ KnownTag known(int tag_id, const Pose& X_WT) { return {tag_id, kEdge_m, X_WT, Ma
 
 class UndecidedBranch : public testing::TestWithParam<std::string> {
  protected:
+  void SetUp() override { random_engine.seed(5); }
   static std::unique_ptr<BodyFilter> filter_of(const BodySensors& sensors) {
     return make_body_filter(GetParam(), sensors, {}, {});
   }
@@ -128,13 +131,23 @@ TEST_P(UndecidedBranch, OfAKnownTagAloneDoesNotBringABodyBack) {
 }
 
 TEST_P(UndecidedBranch, IsDecidedByTheOtherCameraOfTheRig) {
+  constexpr int kRuns = 40;
+  constexpr int kMostImages = 25;  // of each camera: corners are noise, some pairs do not tell
   const BodySensors sensors = rig_of(2);
-  Returning body(sensors, filter_of(sensors));
-  body.look(1.0, true);
-  ASSERT_TRUE(body.filter->running());
-  const BodyEstimate now = body.filter->estimate();
-  EXPECT_LT(angle_between(now.X_WB.q, Eigen::Quaterniond::Identity()), kSameBranch_rad);
-  EXPECT_LT(now.X_WB.p.norm(), kSigmas * std::sqrt(now.covariance.topLeftCorner<3, 3>().trace()));
+  int at_once = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    SCOPED_TRACE(run);
+    Returning body(sensors, filter_of(sensors));
+    int images = 0;
+    while (!body.filter->running() && images < kMostImages) body.look(1 + 0.05 * images++, true);
+    ASSERT_TRUE(body.filter->running());
+    at_once += images == 1 ? 1 : 0;
+    const BodyEstimate now = body.filter->estimate();
+    EXPECT_LT(angle_between(now.X_WB.q, Eigen::Quaterniond::Identity()), kSameBranch_rad);
+    const double sigma_m = std::sqrt(now.covariance.topLeftCorner<3, 3>().trace());
+    EXPECT_LT(now.X_WB.p.norm(), kSigmas * sigma_m);
+  }
+  EXPECT_GT(at_once, 0) << "one image of each may be enough";
 }
 
 }  // namespace
