@@ -21,12 +21,14 @@ void LoneReturn::begin(int tag_id, const std::optional<BodyPlace>& before,
   if (before) moved_W_ = p_WB_now - before->p_WB;
 }
 
-LoneReturn::Verdict LoneReturn::contradict(int tags,
+LoneReturn::Verdict LoneReturn::contradict(std::span<const int> against,
                                            const std::optional<Eigen::Vector3d>& shift_W) {
+  are_several_ |= against.size() > 1 || against_.value_or(against.front()) != against.front();
+  against_ = against.front();
   if (shift_W) shifts_W_ += *shift_W;
   said_ += shift_W ? 1 : 0;
-  if (++against_ < kAgainst) return Verdict::kOpen;
-  if (tags > 1 || !before_ || said_ == 0) return Verdict::kReturnWrong;
+  if (++images_against_ < kAgainst) return Verdict::kOpen;
+  if (are_several_ || !before_ || said_ == 0) return Verdict::kReturnWrong;
   const Eigen::LLT<Eigen::Matrix3d> P(before_->covariance +
                                       kByOneTag_m * kByOneTag_m * Eigen::Matrix3d::Identity());
   const Eigen::Vector3d by_others = moved_W_ + shifts_W_ / said_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "estimation/body_estimate.hpp"
 
@@ -18,16 +19,20 @@ class LoneReturn final {
   void forget() { *this = LoneReturn{}; }
   [[nodiscard]] bool is_watched() const { return tag_id_.has_value(); }
   [[nodiscard]] int tag_id() const { return *tag_id_; }
-  /// One more image whose proven tags, so many, contradict.
+  /// One more image whose proven tags contradict. Two of them, in one image or in several, outvote.
+  /// @param against  their ids, at least one
   /// @param shift_W  where the first of them says that the body is, from where it is thought to
   ///                 be; nothing: it does not say
-  [[nodiscard]] Verdict contradict(int tags, const std::optional<Eigen::Vector3d>& shift_W);
+  [[nodiscard]] Verdict contradict(std::span<const int> against,
+                                   const std::optional<Eigen::Vector3d>& shift_W);
 
  private:
   std::optional<int> tag_id_;
   std::optional<BodyPlace> before_;
   Eigen::Vector3d moved_W_{Eigen::Vector3d::Zero()};  ///< The body, by the lone tag.
-  int against_{0};
+  int images_against_{0};
+  std::optional<int> against_;                         ///< The tag that contradicts …
+  bool are_several_{false};                            ///< … and whether others do.
   Eigen::Vector3d shifts_W_{Eigen::Vector3d::Zero()};  ///< Sum of those that were said …
   int said_{0};                                        ///< … so many.
 };

@@ -231,8 +231,8 @@ void FilterConversation<C>::watch_return(const TagObservations& seen, UpdateRepo
     against[count++] = tag.seen->tag_id;
   }
   if (count == 0) return;
-  const auto verdict = return_.contradict(static_cast<int>(count), shift_W);
-  answer_return(seen, verdict, std::span(against).first(count), report);
+  const auto ids = std::span<const int>(against).first(count);
+  answer_return(seen, return_.contradict(ids, shift_W), ids, report);
 }
 
 template <class C>

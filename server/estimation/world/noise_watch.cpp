@@ -18,7 +18,7 @@ const Eigen::Vector2d kMost(2500.0, 400e-6);
 // Of what was learned, per image: 400 images, 20 s at 20 Hz.
 constexpr double kForget = 1.0 - 1.0 / 400;
 constexpr double kSignificant_sigma = 4.0;
-// Worth telling with the pose: what nine of ten IMUs that are as declared never reach.
+// Worth telling with the pose, long before it is significant.
 constexpr double kWorthTelling_sigma = 2.0;
 constexpr double kMostUnstated = 25.0;
 // Of the curvature: so that nothing is divided by zero.
