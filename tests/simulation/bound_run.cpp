@@ -15,12 +15,14 @@ std::vector<int> ids_in(const CornerFrame& image, const EstimationData& data) {
 }
 
 BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge) {
-  return run_bound(data, knowledge,
-                   [&](const CornerFrame&, const TagSighting&) { return data.corner_noise_px; });
+  const bound::Matrix8 alike = bound::Matrix8::Identity() / data.corner_noise_px;
+  return run_bound(
+      data, knowledge, [&](const CornerFrame&, const TagSighting&) { return alike; }, std::nullopt);
 }
 
 BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
-                   const CornerSigma& sigma_px) {
+                   const CornerWhitening& whiten,
+                   const std::optional<bound::LastingErrors>& lasting) {
   FIDUCAP_ASSERT(data.imu.has_value());
   bound::BoundProblem problem;
   problem.camera = data.camera;
@@ -31,6 +33,7 @@ BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
   problem.reference_tag = data.reference_tag;
   problem.map_known = knowledge.map_known();
   problem.extrinsics_known = knowledge.extrinsics_known();
+  problem.lasting = lasting;
   bound::CausalBound bound(problem);
 
   BoundRun run;
@@ -47,11 +50,11 @@ BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
       if (returns && !run.gap && !run.at.empty()) run.gap = run.at.back();
       reference_seen = image->exposed_at;
     }
-    std::vector<double> noise_px;
+    std::vector<bound::TagSight> sights;
     for (const TagSighting& seen : image->tags) {
-      if (data.tag(seen.tag_id) != nullptr) noise_px.push_back(sigma_px(*image, seen));
+      if (data.tag(seen.tag_id) != nullptr) sights.push_back({seen.tag_id, whiten(*image, seen)});
     }
-    bound.see(ids, noise_px);
+    bound.see(sights);
     if (const auto now = bound.now()) run.at.push_back(*now);
   }
   run.map = bound.map();

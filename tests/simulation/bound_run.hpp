@@ -35,10 +35,12 @@ inline constexpr double kAway_s = 30.0;
 /// @pre data has an IMU and its ids are right
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge);
 
-/// 1-sigma of each coordinate of the corners of one sighting, raw pixels.
-using CornerSigma = std::function<double(const CornerFrame&, const TagSighting&)>;
+/// How the corners of one sighting are off.
+using CornerWhitening = std::function<bound::Matrix8(const CornerFrame&, const TagSighting&)>;
 /// The same with corners of which each tag's are differently good.
+/// @param whiten  see bound::TagSight
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
-                                 const CornerSigma& sigma_px);
+                                 const CornerWhitening& whiten,
+                                 const std::optional<bound::LastingErrors>& lasting);
 
 }  // namespace fiducap

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <cmath>
 
 #include "base/so3.hpp"
 #include "simulation/simulation.hpp"
@@ -12,6 +13,8 @@ namespace {
 
 constexpr int kImages = 6;
 constexpr double kInterval_s = 0.05;
+// Two of each tag: before and after image 3.
+constexpr int kVisits = 4;
 
 /// A body that turns and accelerates in front of two tags.
 TruthSample truth(int k) {
@@ -52,7 +55,9 @@ class WholeProblem {
  public:
   explicit WholeProblem(const BoundProblem& p) : p_(p) {
     const int tags = p.map_known ? 0 : 12;
-    information_.setZero(kBody * kImages + 6 + tags, kBody * kImages + 6 + tags);
+    const int size = kBody * kImages + 6 + tags + 8 * kVisits;
+    information_.setZero(size, size);
+    know(size - 8 * kVisits, 8 * kVisits, 1.0);
     start();
     for (int k = 0; k < kImages; ++k) {
       if (k > 0) motion(k);
@@ -116,6 +121,10 @@ class WholeProblem {
     J.middleCols<3>(kBody * k + kPosition) = rows.position;
     J.middleCols<6>(extrinsics_at()) = rows.extrinsics;
     if (!p_.map_known) J.middleCols<6>(tag_at(id)) = rows.tag;
+    if (p_.lasting) {
+      const Eigen::Index visit = (id == 9 ? 0 : 2) + (k < 3 ? 0 : 1);
+      J.middleCols<8>(J.cols() - 8 * (visit + 1)) = p_.lasting->root;
+    }
     information_ += J.transpose() * J;
   }
 
@@ -125,8 +134,8 @@ class WholeProblem {
 
 class TwoTags : public testing::TestWithParam<char> {};
 
-TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) {
-  const BoundProblem p = problem(GetParam());
+/// Recursive and at once, seen from each tag.
+void expect_alike(const BoundProblem& p) {
   CausalBound bound(p);
   for (int k = 0; k < kImages; ++k) {
     bound.move_to(truth(k));
@@ -148,6 +157,17 @@ TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) {
   }
 }
 
+TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) { expect_alike(problem(GetParam())); }
+
+TEST_P(TwoTags, HaveItAlsoWithErrorsThatLastWhileATagIsInView) {
+  BoundProblem p = problem(GetParam());
+  p.lasting = LastingErrors{.visit_ends = from_seconds(1.5 * kInterval_s)};
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 8; ++j) p.lasting->root(i, j) = i == j ? 0.5 : 0.1 * std::sin(i + 3 * j);
+  }
+  expect_alike(p);
+}
+
 INSTANTIATE_TEST_SUITE_P(Cases, TwoTags, testing::Values('A', 'B', 'C', 'D'));
 
 TEST(CausalBound, SaysNothingBeforeTheReferenceTagIsSeen) {
@@ -167,7 +187,7 @@ TEST(CausalBound, GrowsWithoutTagsAndShrinksWithThem) {
   bound.see(std::vector<int>{4, 9});
   const double first = bound.now()->position_m;
   bound.move_to(truth(1));
-  bound.see({});
+  bound.see(std::vector<int>{});
   const double coasted = bound.now()->position_m;
   bound.move_to(truth(2));
   bound.see(std::vector<int>{4, 9});

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "detection/corner_projection.hpp"
+#include "simulation/bound_run.hpp"
 #include "simulation/estimation_data.hpp"
 
 namespace fiducap {
@@ -11,8 +13,9 @@ namespace fiducap {
 struct CornerError {
   Instant at{};
   int tag_id{};
-  Vector8d off_px{Vector8d::Zero()};  ///< Seen − true, raw pixels.
-  double sigma_px{};                  ///< What the detector says of it; 0: nothing.
+  std::array<Eigen::Vector2d, 4> seen_px{};  ///< Raw.
+  Vector8d off_px{Vector8d::Zero()};         ///< Seen − true, raw pixels.
+  double sigma_px{};                         ///< What the detector says of it; 0: nothing.
 };
 
 /// Of all sightings of tags whose place is known, in order of time; true extrinsics, true lens.
@@ -25,17 +28,25 @@ struct CornerScatter {
   double chi_square{};  ///< Of a coordinate, by the detector's sigma; NaN where it says none.
   /// Correlation of a coordinate with the same one in the next image: 0 is white noise, 1 an error
   /// that stays.
-  double lasting{};
-  /// The same of errors in sigmas: those of good corners, which tell most, count like all others.
-  double lasting_in_sigmas{};
+  double to_next{};
+  /// Covariance, in sigmas, of each corner away from the middle of its tag and across: of what is
+  /// new in every image …
+  bound::Matrix8 passing{bound::Matrix8::Zero()};
+  bound::Matrix8 lasting{bound::Matrix8::Zero()};  ///< … and of what stays while a tag is in view.
   int sightings{};
 
   /// What to multiply the detector's sigma by.
   [[nodiscard]] double excess() const;
-  /// The same for corners whose errors are white and, over many images, average out as slowly as
-  /// those that last do (first-order Markov): by √((1 + ρ) / (1 − ρ)) more.
-  [[nodiscard]] double lasting_excess() const;
+  /// Of the variance in sigmas.
+  [[nodiscard]] double lasting_share() const;
 };
 [[nodiscard]] CornerScatter corner_scatter(const std::vector<CornerError>& errors);
+
+/// The bound for corners that scatter so, if all their errors were white and alike …
+[[nodiscard]] BoundRun white_bound(const EstimationData& data, KnowledgeCase knowledge,
+                                   const CornerScatter& scatter);
+/// … and as they are.
+[[nodiscard]] BoundRun scatter_bound(const EstimationData& data, KnowledgeCase knowledge,
+                                     const CornerScatter& scatter);
 
 }  // namespace fiducap

@@ -5,7 +5,6 @@
 #include <set>
 
 #include "base/so3.hpp"
-#include "detection/corner_sigma.hpp"
 #include "estimation/parallel.hpp"
 
 namespace fiducap::bench {
@@ -42,14 +41,8 @@ PaperRun run_one(const PaperOptions& options, SimulatedDataSetup setup, const st
   choice.watch = [&](const FilterMoment& m) { out.at.push_back(moment_of(m, out.data)); };
   out.run = run_filter(out.data, choice);
   out.corners = corner_scatter(corner_errors(out.data));
-  const auto bound_of = [&](double excess) {
-    return run_bound(out.data, choice.knowledge,
-                     [&](const CornerFrame& image, const TagSighting& tag) {
-                       return excess * corner_sigma_px(tag, image.pixel_noise);
-                     });
-  };
-  out.bound = bound_of(out.corners.excess());
-  out.lasting_bound = bound_of(out.corners.lasting_excess());
+  out.white_bound = white_bound(out.data, choice.knowledge, out.corners);
+  out.bound = scatter_bound(out.data, choice.knowledge, out.corners);
   return out;
 }
 
@@ -138,8 +131,8 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
       });
   add_figure(result, {"position RMSE / bound", "", "-", "-", {}, 2}, runs,
              [](const PaperRun& r) { return r.position_by(r.bound); });
-  add_figure(result, {"position RMSE / bound of errors that last", "", "-", "-", {}, 2}, runs,
-             [](const PaperRun& r) { return r.position_by(r.lasting_bound); });
+  add_figure(result, {"position RMSE / bound of white errors", "", "-", "-", {}, 2}, runs,
+             [](const PaperRun& r) { return r.position_by(r.white_bound); });
   add_figure(result, {"tags in the map / seen", "", "-", "-", {}, 2}, runs, [](const PaperRun& r) {
     return static_cast<double>(r.run.tags_mapped) / r.tags_seen();
   });
@@ -147,10 +140,10 @@ void add_honesty(PaperResult& result, const PaperRuns& runs) {
              [](const PaperRun& r) { return r.corners.rms_px; });
   add_figure(result, {"corner scatter / detector's sigma", "", "-", "-", {}, 2}, runs,
              [](const PaperRun& r) { return r.corners.excess(); });
-  add_figure(result, {"corner error that lasts to the next image", "%", "-", "-", {}, 0}, runs,
-             [](const PaperRun& r) { return 100 * r.corners.lasting; });
-  add_figure(result, {"the same of errors in sigmas", "%", "-", "-", {}, 0}, runs,
-             [](const PaperRun& r) { return 100 * r.corners.lasting_in_sigmas; });
+  add_figure(result, {"corner error, the same in the next image", "%", "-", "-", {}, 0}, runs,
+             [](const PaperRun& r) { return 100 * r.corners.to_next; });
+  add_figure(result, {"the same while a tag is in view", "%", "-", "-", {}, 0}, runs,
+             [](const PaperRun& r) { return 100 * r.corners.lasting_share(); });
 }
 
 const char* color_of(const std::string& filter) {

@@ -30,9 +30,9 @@ struct PaperRun {
   EstimationData data;
   FilterRun run;
   std::vector<At> at;
-  CornerScatter corners;   ///< As found.
-  BoundRun bound;          ///< For corners that scatter so, if their errors were white …
-  BoundRun lasting_bound;  ///< … and as their errors last (CornerScatter::lasting_excess).
+  CornerScatter corners;  ///< As found.
+  BoundRun bound;         ///< For corners that scatter so …
+  BoundRun white_bound;   ///< … and if their errors were white, and alike.
 
   [[nodiscard]] double share_without_tag() const;
   /// Tags that exist and were seen at least once.

@@ -40,8 +40,8 @@ Eigen::Matrix<double, 8, 21> body_rows(const CornerRows& rows) {
 }  // namespace
 
 CausalBound::CausalBound(BoundProblem problem) : problem_(std::move(problem)) {
-  const auto capacity =
-      kFirstTag + (problem_.map_known ? 0 : 6 * static_cast<int>(problem_.tags.size()));
+  const int per_tag = (problem_.map_known ? 0 : 6) + (problem_.lasting ? 8 : 0);
+  const auto capacity = kFirstTag + per_tag * static_cast<int>(problem_.tags.size());
   P_.setZero(capacity, capacity);
   for (const RecordedTag& tag : problem_.tags) places_.push_back({&tag});
   std::sort(places_.begin(), places_.end(),
@@ -94,39 +94,78 @@ std::size_t CausalBound::index_of(int tag_id) const {
   return static_cast<std::size_t>(found - places_.begin());
 }
 
-void CausalBound::see(std::span<const int> ids) {
-  see(ids, std::vector<double>(ids.size(), problem_.corner_noise_px));
+int CausalBound::lasting_at(int tag_id) {
+  if (!problem_.lasting) return -1;
+  const Instant now = truth_->at;
+  const auto is_over = [&](const Visit& visit) {
+    return now - visit.last_seen > problem_.lasting->visit_ends;
+  };
+  auto found = std::find_if(visits_.begin(), visits_.end(), [&](const Visit& visit) {
+    return visit.tag_id == tag_id && !is_over(visit);
+  });
+  if (found == visits_.end()) {
+    found = std::find_if(visits_.begin(), visits_.end(), is_over);
+    if (found == visits_.end()) {
+      found = visits_.insert(visits_.end(), {.at = size_});
+      size_ += 8;
+    }
+    found->tag_id = tag_id;
+    P().middleCols<8>(found->at).setZero();
+    P().middleRows<8>(found->at).setZero();
+    P().diagonal().segment<8>(found->at).setOnes();
+  }
+  found->last_seen = now;
+  return found->at;
 }
 
-void CausalBound::see(std::span<const int> ids, std::span<const double> noise_px) {
-  FIDUCAP_ASSERT(truth_.has_value() && ids.size() == noise_px.size());
+void CausalBound::see(std::span<const int> ids) {
+  std::vector<TagSight> sights;
+  for (const int id : ids) sights.push_back({id, Matrix8::Identity() / problem_.corner_noise_px});
+  see(sights);
+}
+
+void CausalBound::see(std::span<const TagSight> sights) {
+  FIDUCAP_ASSERT(truth_.has_value());
   apply_motion();
-  struct Newcomer {
-    Place* place;
-    Eigen::Matrix<double, 6, 21> by_body;
-    Eigen::Matrix<double, 6, 6> R;
-  };
   std::vector<Newcomer> newcomers;
   std::vector<Row> rows;
-  for (std::size_t k = 0; k < ids.size(); ++k) {
-    Place& place = places_[index_of(ids[k])];
-    const CornerRows corner = corner_rows(truth_->X_WB, problem_.camera, *place.tag, noise_px[k]);
-    const Eigen::Matrix<double, 8, 21> H = body_rows(corner);
+  for (const TagSight& sight : sights) {
+    Place& place = places_[index_of(sight.tag_id)];
+    const CornerRows corner = corner_rows(truth_->X_WB, problem_.camera, *place.tag, 1.0);
+    Row row{sight.whiten * body_rows(corner), {}, -1, {}, lasting_at(sight.tag_id)};
+    const Eigen::Matrix<double, 8, 6> by_tag = sight.whiten * corner.tag;
+    if (row.lasting_at >= 0) row.H_lasting = problem_.lasting->root;
     if (problem_.map_known) {
-      rows.push_back({H, {}, -1});
+      rows.push_back(std::move(row));
     } else if (place.at >= 0) {
-      rows.push_back({H, corner.tag, place.at});
+      row.H_tag = by_tag;
+      row.tag_at = place.at;
+      rows.push_back(std::move(row));
     } else {
-      const Eigen::HouseholderQR<Eigen::Matrix<double, 8, 6>> qr(corner.tag);
-      const Eigen::Matrix<double, 8, 21> turned = qr.householderQ().transpose() * H;
-      rows.push_back({turned.bottomRows<2>(), {}, -1});
-      const Eigen::Matrix<double, 6, 6> R =
-          qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>();
-      newcomers.push_back({&place, turned.topRows<6>(), R});
+      const Eigen::HouseholderQR<Eigen::Matrix<double, 8, 6>> qr(by_tag);
+      const Matrix8 turn = Matrix8(qr.householderQ()).transpose();
+      row.H_body = (turn * row.H_body).eval();
+      if (row.lasting_at >= 0) row.H_lasting = (turn * row.H_lasting).eval();
+      Row rest = row;
+      rest.H_body = row.H_body.bottomRows<2>();
+      if (row.lasting_at >= 0) rest.H_lasting = row.H_lasting.bottomRows<2>();
+      rows.push_back(std::move(rest));
+      row.H_body.conservativeResize(6, Eigen::NoChange);
+      if (row.lasting_at >= 0) row.H_lasting.conservativeResize(6, Eigen::NoChange);
+      newcomers.push_back(
+          {&place, std::move(row), qr.matrixQR().topRows<6>().triangularView<Eigen::Upper>()});
     }
   }
   if (!rows.empty()) update(rows);
-  for (const Newcomer& one : newcomers) join(*one.place, one.by_body, one.R);
+  for (const Newcomer& one : newcomers) join(one);
+}
+
+Eigen::MatrixXd CausalBound::times(const Row& row) const {
+  Eigen::MatrixXd PHt = P().leftCols<kFirstTag>() * row.H_body.transpose();
+  if (row.tag_at >= 0) PHt.noalias() += P().middleCols<6>(row.tag_at) * row.H_tag.transpose();
+  if (row.lasting_at >= 0)
+    PHt.noalias() += P().middleCols<8>(row.lasting_at) * row.H_lasting.transpose();
+  return PHt;
 }
 
 void CausalBound::update(const std::vector<Row>& rows) {
@@ -135,20 +174,17 @@ void CausalBound::update(const std::vector<Row>& rows) {
   Eigen::MatrixXd PHt(size_, count);
   Eigen::Index first = 0;
   for (const Row& row : rows) {
-    const Eigen::Index n = row.H_body.rows();
-    auto columns = PHt.middleCols(first, n);
-    columns.noalias() = P().leftCols<kFirstTag>() * row.H_body.transpose();
-    if (row.tag_at >= 0) columns.noalias() += P().middleCols<6>(row.tag_at) * row.H_tag.transpose();
-    first += n;
+    PHt.middleCols(first, row.H_body.rows()) = times(row);
+    first += row.H_body.rows();
   }
   Eigen::MatrixXd S = Eigen::MatrixXd::Identity(count, count);
   first = 0;
   for (const Row& row : rows) {
-    const Eigen::Index n = row.H_body.rows();
-    S.middleRows(first, n).noalias() += row.H_body * PHt.topRows<kFirstTag>();
-    if (row.tag_at >= 0)
-      S.middleRows(first, n).noalias() += row.H_tag * PHt.middleRows<6>(row.tag_at);
-    first += n;
+    auto some = S.middleRows(first, row.H_body.rows());
+    some.noalias() += row.H_body * PHt.topRows<kFirstTag>();
+    if (row.tag_at >= 0) some.noalias() += row.H_tag * PHt.middleRows<6>(row.tag_at);
+    if (row.lasting_at >= 0) some.noalias() += row.H_lasting * PHt.middleRows<8>(row.lasting_at);
+    first += row.H_body.rows();
   }
   const Eigen::LLT<Eigen::MatrixXd> llt(S);
   FIDUCAP_ASSERT(llt.info() == Eigen::Success);
@@ -158,15 +194,16 @@ void CausalBound::update(const std::vector<Row>& rows) {
   whole.triangularView<Eigen::StrictlyUpper>() = whole.transpose();
 }
 
-void CausalBound::join(Place& place, const Eigen::Matrix<double, 6, 21>& by_body,
-                       const Eigen::Matrix<double, 6, 6>& R) {
-  const auto upper = R.triangularView<Eigen::Upper>();
-  const Eigen::Matrix<double, 6, 21> A = -upper.solve(by_body);
+/// The corners say: R ξ_T = −H_b ξ_b − H_l l − n.
+void CausalBound::join(const Newcomer& one) {
+  const auto upper = one.R.triangularView<Eigen::Upper>();
   const Eigen::Matrix<double, 6, 6> own = upper.solve(Eigen::Matrix<double, 6, 6>::Identity());
-  const Eigen::MatrixXd cross = A * P().topRows<kFirstTag>();
-  const Eigen::Matrix<double, 6, 6> block =
-      cross.leftCols<kFirstTag>() * A.transpose() + own * own.transpose();
-  place.at = size_;
+  const Eigen::MatrixXd cross = -own * times(one.row).transpose();
+  Eigen::MatrixXd block = -cross.leftCols<kFirstTag>() * (own * one.row.H_body).transpose();
+  if (one.row.lasting_at >= 0)
+    block -= cross.middleCols<8>(one.row.lasting_at) * (own * one.row.H_lasting).transpose();
+  block += own * own.transpose();
+  one.place->at = size_;
   P_.block(size_, 0, 6, size_) = cross;
   P_.block(0, size_, size_, 6) = cross.transpose();
   P_.block<6, 6>(size_, size_) = 0.5 * (block + block.transpose());

@@ -10,6 +10,20 @@
 
 namespace fiducap::bound {
 
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
+
+/// Errors of a tag's corners that stay while it is in view.
+struct LastingErrors {
+  Matrix8 root{Matrix8::Zero()};  ///< Whitened coordinates by eight unit errors.
+  Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for so long: other errors.
+};
+
+/// One tag in an image.
+struct TagSight {
+  int tag_id{};
+  Matrix8 whiten;  ///< Its raw coordinates times this have unit white noise.
+};
+
 /// What is known beforehand, and how noisy the sensors are.
 struct BoundProblem {
   CameraMount camera;  ///< True place; its sigmas are the prior (per axis) of cases A and C.
@@ -20,6 +34,7 @@ struct BoundProblem {
   int reference_tag{};
   bool map_known{};         ///< Cases C and D.
   bool extrinsics_known{};  ///< Cases B and D.
+  std::optional<LastingErrors> lasting{};
 };
 
 /// Root of the trace of a covariance: the RMS of the three components' joint error.
@@ -50,7 +65,7 @@ struct MapBound {
 /// fixed at the start, exactly, which changes nothing that is measured from a tag. Tags join
 /// without any prior: their six most informative combinations of corners make them, the other two
 /// are a measurement of the rest. The two-fold planar pose is taken as solved, the corners'
-/// covariance as known.
+/// covariance as known. Errors that last while a tag is in view are eight states more of it.
 class CausalBound final {
  public:
   explicit CausalBound(BoundProblem problem);
@@ -61,8 +76,8 @@ class CausalBound final {
   void move_to(const TruthSample& truth);
   /// An image at the instant of the last move. @param ids  tags of the problem, any order
   void see(std::span<const int> ids);
-  /// The same with a noise of each tag's own, px.
-  void see(std::span<const int> ids, std::span<const double> noise_px);
+  /// The same with a noise of each tag's own.
+  void see(std::span<const TagSight> sights);
   /// nullopt before the reference tag was seen.
   [[nodiscard]] std::optional<BoundAt> now() const;
   [[nodiscard]] MapBound map() const;
@@ -76,18 +91,35 @@ class CausalBound final {
     const RecordedTag* tag{};
     int at{-1};  ///< Row of its error; −1: not in the state.
   };
+  /// Errors that last, of a tag in view.
+  struct Visit {
+    int tag_id{};
+    int at{};  ///< Row of its eight errors.
+    Instant last_seen{};
+  };
   void start(const TruthSample& truth);
   void apply_motion();
+  /// @return row of the tag's lasting errors; −1: there are none
+  [[nodiscard]] int lasting_at(int tag_id);
   [[nodiscard]] std::size_t index_of(int tag_id) const;
   /// Rows of a measurement in the state so far.
   struct Row {
     Eigen::MatrixXd H_body;  ///< Columns 0..20.
     Eigen::MatrixXd H_tag;   ///< Six columns, or none.
     int tag_at{-1};
+    Eigen::MatrixXd H_lasting{};  ///< Eight columns, or none.
+    int lasting_at{-1};
   };
+  /// A tag's first six combinations of corners, which make it.
+  struct Newcomer {
+    Place* place{};
+    Row row;
+    Eigen::Matrix<double, 6, 6> R;
+  };
+  /// P Hᵀ
+  [[nodiscard]] Eigen::MatrixXd times(const Row& row) const;
   void update(const std::vector<Row>& rows);
-  void join(Place& place, const Eigen::Matrix<double, 6, 21>& by_body,
-            const Eigen::Matrix<double, 6, 6>& R);
+  void join(const Newcomer& one);
   [[nodiscard]] Eigen::Block<Eigen::MatrixXd> P() { return P_.topLeftCorner(size_, size_); }
   [[nodiscard]] Eigen::Block<const Eigen::MatrixXd> P() const {
     return P_.topLeftCorner(size_, size_);
@@ -96,6 +128,7 @@ class CausalBound final {
 
   BoundProblem problem_;
   std::vector<Place> places_;
+  std::vector<Visit> visits_;
   std::optional<TruthSample> truth_;
   Matrix15 Phi_;  ///< Since the covariance was last moved.
   Matrix15 Q_;
