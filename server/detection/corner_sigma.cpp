@@ -16,6 +16,10 @@ constexpr int kPointsPerSide = 16;
 constexpr double kModules = 8;
 constexpr double kHalfModule = 1 / kModules;  // as a share of the way from the middle
 constexpr double kClipped = 250;
+// A wall at the sensor's end spreads over quiet zones narrower than this, over all of them below
+// kBareQuiet_px.
+constexpr double kWideQuiet_px = 3.6;
+constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
@@ -30,9 +34,9 @@ constexpr double kEndsAlike = -0.53;  // correlation of both ends: a line fitted
 constexpr double kStep_px = 2.0;
 constexpr double kLeastSharpness = 0.1;
 // Narrow modules: what lies beside them is smeared into them at once (side_fit does not take it
-// out).
+// out): inwards, and the same in the next image.
 constexpr double kNarrow_px = 3.0;
-constexpr double kNarrowSmear = 0.069;
+constexpr double kNarrowSmear = 0.12;
 // Others, from a part of a module on: what the fit of a smeared side leaves, and what noise does to
 // it, which grows with the pixels to tell grays apart over. Both ends for themselves.
 constexpr double kSmear_px = 0.154;
@@ -61,7 +65,8 @@ std::optional<double> gray_at(const GrayImage& image, const Eigen::Vector2d& px)
 struct Step {
   double across{};  ///< Over two pixels.
   double total{};   ///< From the middle of the border to the middle of the quiet zone.
-  int clipped{};    ///< Points whose quiet zone is at the sensor's end.
+  int clipped{};    ///< Points whose quiet zone is at the sensor's end …
+  int glaring{};    ///< … or the wall beyond.
   int points{};
 };
 
@@ -81,9 +86,21 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
     step.across += std::abs(*one - *other);
     step.total += *white - *black;
     step.clipped += *white >= kClipped ? 1 : 0;
+    const auto wall = gray_at(image, px + 3 * kHalfModule * (px - middle));
+    step.glaring += wall && *wall >= kClipped ? 1 : 0;
     ++step.points;
   }
   return step;
+}
+
+/// How much of a wall's light gets across a quiet zone, 0 … 1.
+double reach_of_wall(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                     const Eigen::Vector2d& middle) {
+  const Eigen::Vector2d along = (to - from).normalized();
+  const Eigen::Vector2d inwards = middle - from;
+  const double module_px =
+      2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / kModules;
+  return std::clamp((kWideQuiet_px - module_px) / (kWideQuiet_px - kBareQuiet_px), 0.0, 1.0);
 }
 
 /// What one side is measured by.
@@ -149,7 +166,9 @@ std::array<TagSide, 4> look_at_sides(const GrayImage& image,
   std::array<TagSide, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
     out[i].sharpness = std::min(1.0, steps[i].across / steps[i].points / contrast);
-    out[i].clipped = static_cast<double>(steps[i].clipped) / steps[i].points;
+    const double glare = reach_of_wall(corners_px[i], corners_px[(i + 1) % 4], middle) *
+                         static_cast<double>(steps[i].glaring) / steps[i].points;
+    out[i].clipped = std::max(static_cast<double>(steps[i].clipped) / steps[i].points, glare);
   }
   return out;
 }

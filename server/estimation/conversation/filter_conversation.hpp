@@ -53,10 +53,8 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] int contradicting_images() const override {
     return contradictions_.contradicting_images();
   }
-  [[nodiscard]] LearnedNoise learned_noise() const override {
-    return coordinates().learned_noise();
-  }
-  void begin_with(const LearnedNoise& noise) override { coordinates().begin_with(noise); }
+  [[nodiscard]] StartNoise learned_noise() const override { return coordinates().learned_noise(); }
+  void begin_with(const StartNoise& noise) override { coordinates().begin_with(noise); }
   void end_start() override;
   [[nodiscard]] Axes axes() const override { return {anchor_.is_anchored(), anchor_.defined_by()}; }
   [[nodiscard]] int generation() const override { return generation_; }

@@ -19,6 +19,8 @@ constexpr double kLeast_px = 0.01;
 constexpr double kMost = 20.0;
 // A tag that has moved so far lies anew on the grid of pixels, which the detector's error goes by.
 constexpr double kMoved_px = 1.0;
+// A look at the same place tells at least this much: how far the body has not moved.
+constexpr int kMostRepeated = 8;
 
 Eigen::Vector2d middle_of(const TagObservation& seen) {
   const auto& px = seen.corners_px;
@@ -29,31 +31,54 @@ Eigen::Vector2d middle_of(const TagObservation& seen) {
 
 CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns)
     : start_px_(config.corner_noise_px),
+      begun_px_(config.corner_noise_px),
       unexplained_px_(config.corner_noise_px),
       least_px_(config.corner_noise_px),
       step_(kFirstStep),
       learns_(learns) {}
 
+double CornerNoise::once_px(const TagObservation& seen) const {
+  return std::hypot(seen.corner_sigma_px, unexplained_px_);
+}
+
+/// What one more look at the same place is more noisy than the first.
+double CornerNoise::repeated(const TagObservation& seen) const {
+  const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
+  const bool is_there = seen.knows_sides() && place.tag_id == seen.tag_id &&
+                        (middle_of(seen) - place.px).norm() < kMoved_px;
+  return is_there ? std::min(place.looks + 1, kMostRepeated) : 1.0;
+}
+
 double CornerNoise::of(const TagObservation& seen) const {
-  return learns_ ? std::hypot(seen.corner_sigma_px, unexplained_px_) : start_px_;
+  return learns_ ? repeated(seen) * once_px(seen) : start_px_;
 }
 
 Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) const {
   Matrix8d R = corner_covariance(seen.raw_px, seen.sides);
-  R.diagonal().array() += unexplained_px_ * unexplained_px_ + more_px * more_px;
+  R.diagonal().array() += unexplained_px_ * unexplained_px_;
+  const double times = repeated(seen);
+  R *= times * times;
+  R.diagonal().array() += more_px * more_px;
   return R;
 }
 
+void CornerNoise::begin_with(double unexplained_px) {
+  begun_px_ = unexplained_px_ = least_px_ = std::min(unexplained_px, start_px_);
+}
+
 double CornerNoise::growth(const TagObservation& seen) const {
-  return learns_ ? of(seen) / std::hypot(seen.corner_sigma_px, start_px_) : 1.0;
+  return learns_ ? once_px(seen) / std::hypot(seen.corner_sigma_px, begun_px_) : 1.0;
 }
 
 bool CornerNoise::has_moved(const TagObservation& seen) {
   Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
   const Eigen::Vector2d now = middle_of(seen);
   const bool is_same = place.tag_id == seen.tag_id;
-  if (is_same && (now - place.px).norm() < kMoved_px) return false;
-  place = {seen.tag_id, now};
+  if (is_same && (now - place.px).norm() < kMoved_px) {
+    ++place.looks;
+    return false;
+  }
+  place = {seen.tag_id, now, 1};
   return is_same;
 }
 

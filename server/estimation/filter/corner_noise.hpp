@@ -18,8 +18,11 @@ namespace fiducap {
 /// print leave, is learned: it starts at `corner_noise_px` and follows the median of the tags'
 /// Mahalanobis distances, which wrong ids and covered corners do not move.
 ///
-/// A tag that stands still in the image repeats its error, which the filter takes for the tag's
-/// place: its small distances say nothing. f does not sink by a tag that has not moved.
+/// A tag that stands still in the image repeats its error, which goes by how it lies on the grid of
+/// pixels: a body at rest would soon be sure of what one image says. The n-th look at the same place
+/// counts for a look n times as noisy, so that all of them are worth less than two. Neither do its
+/// small distances say anything: f does not sink by a tag that has not moved. Corners that no
+/// detector here has measured are taken as white.
 class CornerNoise final {
  public:
   /// @param learns  false: `corner_noise_px` for every corner, as in the paper
@@ -38,7 +41,9 @@ class CornerNoise final {
   }
   /// The whole of it where it is uneven. @param more_px  beside all that, of each coordinate
   [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;
-  /// of() as a multiple of what it was before anything was learned.
+  /// Nothing is learned yet, but by another filter from the same images: f is no larger than this.
+  void begin_with(double unexplained_px);
+  /// of() as a multiple of what it was at the beginning.
   [[nodiscard]] double growth(const TagObservation& seen) const;
   /// What one tag of an image says, used or not.
   /// @param distance  its squared Mahalanobis distance, 8 degrees of freedom
@@ -52,12 +57,17 @@ class CornerNoise final {
   struct Place {
     int tag_id{-1};
     Eigen::Vector2d px{Eigen::Vector2d::Zero()};
+    int looks{0};  ///< That have taught there.
   };
   static constexpr std::size_t kPlaces = 64;
 
+  [[nodiscard]] double once_px(const TagObservation& seen) const;
+  [[nodiscard]] double repeated(const TagObservation& seen) const;
+  /// @return whether it had been seen elsewhere before
   [[nodiscard]] bool has_moved(const TagObservation& seen);
 
-  double start_px_;
+  double start_px_;  ///< As configured.
+  double begun_px_;  ///< f at the beginning.
   double unexplained_px_;
   double least_px_;  ///< f when a tag last moved.
   double step_;

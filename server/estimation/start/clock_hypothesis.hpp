@@ -48,9 +48,8 @@ class StartingFilter : public BodyFilter {
   [[nodiscard]] virtual bool is_following() const = 0;
   /// Images in a row of which at least half of the tags contradict.
   [[nodiscard]] virtual int contradicting_images() const = 0;
-  /// Of the sensors' noises; to begin another filter with, that follows the same start again.
-  [[nodiscard]] virtual LearnedNoise learned_noise() const = 0;
-  virtual void begin_with(const LearnedNoise& noise) = 0;
+  [[nodiscard]] virtual StartNoise learned_noise() const = 0;
+  virtual void begin_with(const StartNoise& noise) = 0;
   /// The start is over: from now on a contradiction is a clock that jumped or a tag that moved, and
   /// clocks that were held are free.
   virtual void end_start() = 0;

@@ -124,9 +124,9 @@ void StartSearch::begin_plan(const StartingFilter& present) {
 /// What was placed while a noisy IMU was believed is too sure. Noise that was taken for larger once
 /// is known less well from then on.
 bool StartSearch::is_noise_settled(const StartingFilter& present) const {
-  const LearnedNoise now = present.learned_noise();
+  const LearnedNoise now = present.learned_noise().sensors;
   return now.imu_information() > kNoiseKnown &&
-         now.imu_variance() < kNoisier * noise_.imu_variance() &&
+         now.imu_variance() < kNoisier * noise_.sensors.imu_variance() &&
          now.imu_score() < kMayBeNoisy_sigma;
 }
 
@@ -139,7 +139,9 @@ bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const 
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
   Trial trial{hypothesis, make_(hypothesis), {}, 0, 0, {}};
-  if (is_of_learned_clocks(hypothesis)) trial.filter->begin_with(noise_);
+  trial.filter->begin_with(is_of_learned_clocks(hypothesis)
+                               ? noise_
+                               : StartNoise{.sensors = {}, .corners_px = noise_.corners_px});
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
   const auto exposed_at = [&](std::size_t i) {

@@ -74,7 +74,7 @@ class StartSearch final {
 
   std::optional<HypothesisPlan> plan_;  ///< While a look lasts.
   std::size_t horizon_{0};              ///< Images that every hypothesis of the look is tried on.
-  LearnedNoise noise_;                  ///< By the filter in use, when the present plan began …
+  StartNoise noise_;                    ///< By the filter in use, when the present plan began …
   std::vector<double> noise_clocks_s_;  ///< … with these shifts.
   std::optional<Trial> trial_;
   std::optional<Trial> best_;

@@ -302,6 +302,18 @@ void WorldCoordinates::apply_jitter() {
   for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
 }
 
+StartNoise WorldCoordinates::learned_noise() const {
+  StartNoise out{noise_watch_.learned(), {}};
+  for (const CornerNoise& noise : corner_noise_) out.corners_px.push_back(noise.unexplained_px());
+  return out;
+}
+
+void WorldCoordinates::begin_with(const StartNoise& noise) {
+  noise_watch_.begin_with(noise.sensors);
+  for (std::size_t k = 0; k < noise.corners_px.size(); ++k)
+    corner_noise_[k].begin_with(noise.corners_px[k]);
+}
+
 bool WorldCoordinates::watches_noise() const {
   return is_learning_ && sensors_.imu && config_.doubt_configuration;
 }

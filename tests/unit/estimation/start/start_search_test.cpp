@@ -60,8 +60,8 @@ class FakeFilter final : public StartingFilter {
   }
   [[nodiscard]] bool is_following() const override { return images_ > 0; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
-  [[nodiscard]] LearnedNoise learned_noise() const override { return noise; }
-  void begin_with(const LearnedNoise& begun) override { noise = begun; }
+  [[nodiscard]] StartNoise learned_noise() const override { return noise; }
+  void begin_with(const StartNoise& begun) override { noise = begun; }
   void end_start() override { ++ends; }
   [[nodiscard]] Axes axes() const override { return {}; }
   [[nodiscard]] int generation() const override { return 1; }
