@@ -337,8 +337,13 @@ bool Suspects::is_refined(int camera) const {
 }
 
 Matrix6d Suspects::unstated(const FilterState& state) const {
-  const Vector6d suspected = pull(state);
-  Matrix6d out = suspected * suspected.transpose();
+  Matrix6d out = Matrix6d::Zero();
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    if (state.suspicions[i].is_open || !(std::abs(score(state, all_[i])) > kSuspected_sigma))
+      continue;
+    const Vector6d suspected = pull(state, all_[i]);
+    out += suspected * suspected.transpose();
+  }
   for (const Suspect& suspect : all_) {
     const double held = state.P()(suspect.column, suspect.column);
     if (suspect.assumed_sigma == 0 || !(held > 0)) continue;
@@ -349,23 +354,13 @@ Matrix6d Suspects::unstated(const FilterState& state) const {
   return out;
 }
 
-Vector6d Suspects::pull(const FilterState& state) const {
-  const Suspect* worst = nullptr;
-  double worst_score = kSuspected_sigma;
-  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
-    if (state.suspicions[i].is_open) continue;
-    const double beyond = std::abs(score(state, all_[i]));
-    if (beyond <= worst_score) continue;
-    worst = &all_[i];
-    worst_score = beyond;
-  }
-  if (worst == nullptr) return Vector6d::Zero();
-  const auto p = state.P().col(worst->column);
-  const double gained =
-      1 / (worst->open_sigma * worst->open_sigma) - 1 / (worst->tight_sigma * worst->tight_sigma);
-  const double S = 1 + gained * p(worst->column);
+Vector6d Suspects::pull(const FilterState& state, const Suspect& suspect) {
+  const auto p = state.P().col(suspect.column);
+  const double gained = 1 / (suspect.open_sigma * suspect.open_sigma) -
+                        1 / (suspect.tight_sigma * suspect.tight_sigma);
+  const double S = 1 + gained * p(suspect.column);
   if (!(S > 1e-9)) return Vector6d::Zero();
-  return -gained / S * value(state, *worst) * p.head<6>();
+  return -gained / S * value(state, suspect) * p.head<6>();
 }
 
 LensEstimate Suspects::lens(const FilterState& state, int camera) const {

@@ -48,10 +48,8 @@ class Suspects final {
   bool look(FilterState& state, int camera, double dispersion) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
-  /// How far the body would move (world-side error) if the one most suspected, and not yet opened,
-  /// were as wrong as the data say. Zero while nothing is suspected.
-  [[nodiscard]] Vector6d pull(const FilterState& state) const;
-  /// What the body's covariance (world-side error) lacks: that of what is assumed, and the pull.
+  /// What the body's covariance (world-side error) lacks: that of what is assumed, and how far it
+  /// would move if what is suspected, and not yet opened, were as wrong as the data say.
   [[nodiscard]] Matrix6d unstated(const FilterState& state) const;
   /// Whether images may correct a camera's lens.
   [[nodiscard]] bool is_refined(int camera) const;
@@ -72,6 +70,8 @@ class Suspects final {
   };
 
   [[nodiscard]] static double score(const FilterState& state, const Suspect& suspect);
+  /// How far opening it would move the body (world-side error).
+  [[nodiscard]] static Vector6d pull(const FilterState& state, const Suspect& suspect);
   [[nodiscard]] static double value(const FilterState& state, const Suspect& suspect);
   static void assume(Suspect& suspect, double sigma);
   [[nodiscard]] static bool opens_with(const Suspect& suspect, const Suspect& other);
