@@ -51,6 +51,10 @@ constexpr double kTold_sigma = 4.0;
 constexpr double kRefinedFocal = 5e-3;
 constexpr double kRefinedCentre_px = 5.0;
 
+bool is_of_lens(Kind kind) {
+  return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV;
+}
+
 /// What may be off when it is not told: as much as of one that turned out to be wrong.
 double told_or(double told_sigma, bool is_refined, double usual_sigma) {
   return told_sigma > 0 ? told_sigma : (is_refined ? usual_sigma : 0.0);
@@ -87,13 +91,16 @@ void exchange_prior(FilterState& state, int camera, int column, double value, do
   transport_covariance(state, correction, camera);
 }
 
-/// A column becomes less certain, and with it what hangs on it. Held tags keep what they know.
-void widen(FilterState& state, int column, double sigma) {
+/// A column becomes less certain, and with it what hangs on it. Held tags keep what they know, and
+/// what is closed keeps its prior: with a larger variance than that, the data would seem to know
+/// less than nothing of it, and a moment later everything.
+void widen(FilterState& state, int column, double sigma, const std::vector<int>& closed) {
   auto P = state.P();
   const double variance = P(column, column);
   if (!(variance > 0) || sigma * sigma <= variance) return;
   Eigen::VectorXd along = P.col(column) / variance;
   for (const int at : state.held_tags()) along.segment<6>(at).setZero();
+  for (const int other : closed) along(other) = 0;
   P += (sigma * sigma - variance) * along * along.transpose();
 }
 
@@ -153,14 +160,36 @@ void Suspects::add_sizes(int cameras) {
   if (rules_.assumes) assume(all_.back(), kAssumedScale);
 }
 
-void Suspects::watch_print(FilterState& state, int tag_id) const {
-  const int free = state.sizes.find(-1);
-  if (free < 0 || !state.has_suspects() || !rules_.doubts) return;
+/// A free place, or that of the tag which is out of sight for longest and not suspected: whose
+/// print is not watched while it is in sight, its error is taken for its neighbours'. -1: none.
+int Suspects::room_for_print(const FilterState& state) const {
+  int room = -1;
+  Instant longest = state.time;
   for (std::size_t i = 0; i < all_.size(); ++i) {
-    if (all_[i].print == free) state.suspicions[i] = {};
+    const int print = all_[i].print;
+    if (print < 0) continue;
+    const int tag_id = state.sizes.watched[static_cast<std::size_t>(print)].tag_id;
+    if (tag_id < 0) return print;
+    if (state.suspicions[i].is_open || std::abs(score(state, all_[i])) > kSuspected_sigma) continue;
+    const int tag = state.find(tag_id);
+    if (tag < 0) continue;
+    const Instant seen = state.tags[static_cast<std::size_t>(tag)].last_seen;
+    if (seen >= longest) continue;
+    longest = seen;
+    room = print;
   }
-  state.sizes.watched[static_cast<std::size_t>(free)] = {tag_id, 0.0};
-  state.clear_column(layout::print(state.cameras(), free), kTightScale);
+  return room;
+}
+
+void Suspects::watch_print(FilterState& state, int tag_id) const {
+  if (!state.has_suspects() || !rules_.doubts) return;
+  const int room = room_for_print(state);
+  if (room < 0) return;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (all_[i].print == room) state.suspicions[i] = {};
+  }
+  state.sizes.watched[static_cast<std::size_t>(room)] = {tag_id, 0.0};
+  state.clear_column(layout::print(state.cameras(), room), kTightScale);
 }
 
 double Suspects::value(const FilterState& state, const Suspect& suspect) {
@@ -212,24 +241,48 @@ bool Suspects::look(FilterState& state, int camera, double dispersion) const {
     }
     const double beyond = std::abs(score(state, suspect)) / scale;
     suspicion.images_beyond = beyond > kOpen_sigma ? suspicion.images_beyond + 1 : 0;
-    if (suspicion.images_beyond >= kOpenImages && beyond > worst_score) {
+    if (beyond > worst_score) {
       worst = i;
       worst_score = beyond;
     }
   }
-  const bool opens = worst < all_.size();
+  // Of what the most suspicious one did, others are accused, too, and sometimes sooner.
+  const bool opens = worst < all_.size() && state.suspicions[worst].images_beyond >= kOpenImages;
   if (opens) open(state, camera, worst);
   release_cleared_prints(state);
   return opens;
 }
 
+/// A lens is guessed, or calibrated, as a whole: once one of its numbers is wrong the others are
+/// not known either, and with them taken for exact that one would have to explain what is theirs.
+bool Suspects::opens_with(const Suspect& suspect, const Suspect& other) {
+  return &suspect == &other ||
+         (is_of_lens(suspect.kind) && is_of_lens(other.kind) && suspect.camera == other.camera);
+}
+
 void Suspects::open(FilterState& state, int camera, std::size_t suspect) const {
-  const Suspect& one = all_[suspect];
-  exchange_prior(state, camera, one.column, value(state, one), one.tight_sigma, one.open_sigma);
-  widen(state, one.column, kUnsureShare * std::abs(value(state, one)));
+  std::vector<std::size_t> opened;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    const Suspect& one = all_[i];
+    if (state.suspicions[i].is_open || !opens_with(all_[suspect], one)) continue;
+    exchange_prior(state, camera, one.column, value(state, one), one.tight_sigma, one.open_sigma);
+    state.suspicions[i] = {.is_open = true};
+    opened.push_back(i);
+  }
+  const std::vector<int> closed = closed_columns(state);
+  for (const std::size_t i : opened) {
+    widen(state, all_[i].column, kUnsureShare * std::abs(value(state, all_[i])), closed);
+  }
   // What the others were accused of may have been this one's.
   for (Suspicion& other : state.suspicions) other.images_beyond = 0;
-  state.suspicions[suspect] = {.is_open = true};
+}
+
+std::vector<int> Suspects::closed_columns(const FilterState& state) const {
+  std::vector<int> columns;
+  for (std::size_t i = 0; i < all_.size(); ++i) {
+    if (!state.suspicions[i].is_open) columns.push_back(all_[i].column);
+  }
+  return columns;
 }
 
 void Suspects::close(FilterState& state, int camera, std::size_t suspect) const {
@@ -284,8 +337,13 @@ bool Suspects::is_refined(int camera) const {
 }
 
 Matrix6d Suspects::unstated(const FilterState& state) const {
-  const Vector6d suspected = pull(state);
-  Matrix6d out = suspected * suspected.transpose();
+  Matrix6d out = Matrix6d::Zero();
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    if (state.suspicions[i].is_open || !(std::abs(score(state, all_[i])) > kSuspected_sigma))
+      continue;
+    const Vector6d suspected = pull(state, all_[i]);
+    out += suspected * suspected.transpose();
+  }
   for (const Suspect& suspect : all_) {
     const double held = state.P()(suspect.column, suspect.column);
     if (suspect.assumed_sigma == 0 || !(held > 0)) continue;
@@ -296,23 +354,13 @@ Matrix6d Suspects::unstated(const FilterState& state) const {
   return out;
 }
 
-Vector6d Suspects::pull(const FilterState& state) const {
-  const Suspect* worst = nullptr;
-  double worst_score = kSuspected_sigma;
-  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
-    if (state.suspicions[i].is_open) continue;
-    const double beyond = std::abs(score(state, all_[i]));
-    if (beyond <= worst_score) continue;
-    worst = &all_[i];
-    worst_score = beyond;
-  }
-  if (worst == nullptr) return Vector6d::Zero();
-  const auto p = state.P().col(worst->column);
-  const double gained =
-      1 / (worst->open_sigma * worst->open_sigma) - 1 / (worst->tight_sigma * worst->tight_sigma);
-  const double S = 1 + gained * p(worst->column);
+Vector6d Suspects::pull(const FilterState& state, const Suspect& suspect) {
+  const auto p = state.P().col(suspect.column);
+  const double gained = 1 / (suspect.open_sigma * suspect.open_sigma) -
+                        1 / (suspect.tight_sigma * suspect.tight_sigma);
+  const double S = 1 + gained * p(suspect.column);
   if (!(S > 1e-9)) return Vector6d::Zero();
-  return -gained / S * value(state, *worst) * p.head<6>();
+  return -gained / S * value(state, suspect) * p.head<6>();
 }
 
 LensEstimate Suspects::lens(const FilterState& state, int camera) const {

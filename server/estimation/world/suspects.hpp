@@ -16,10 +16,10 @@ namespace fiducap::world {
 /// while the configuration is right. The posterior shows what the data would say without the prior:
 /// information λ = 1/P − 1/σ², z = b̂ / (P √λ) (a score test; B. Friedland, IEEE
 /// Trans. Autom. Control 14, 1969, treats such a bias apart from the state). When the most
-/// suspicious one stays beyond `kOpen_sigma` it is opened: the tight prior is exchanged for the
-/// honest one, as if it had been there from the beginning (a measurement of zero with negative
-/// information takes the difference back). One that turns out to be as configured is closed again.
-/// The prints of single tags are watched a few at a time, from the moment they join.
+/// suspicious one stays beyond `kOpen_sigma` it is opened (a lens as a whole): the tight prior is
+/// exchanged for the honest one, as if it had been there from the beginning (a measurement of zero
+/// with negative information takes the difference back). One that turns out to be as configured is
+/// closed again. The prints of single tags are watched a few at a time, from the moment they join.
 ///
 /// A lens whose sigma is told, or that shall be refined, is no suspect but a parameter: open from
 /// the beginning with its own prior, and never closed. Where nothing can be doubted, lenses and
@@ -40,7 +40,7 @@ class Suspects final {
 
   /// Into a state that has just been reset.
   void begin(FilterState& state);
-  /// A tag has joined. Its print is watched if there is room.
+  /// A tag has joined. Its print is watched, if need be instead of one that is out of sight.
   void watch_print(FilterState& state, int tag_id) const;
   /// After an image of `camera` has corrected the state.
   /// @param dispersion  innovations squared over what was expected; 1: as they should be
@@ -48,10 +48,8 @@ class Suspects final {
   bool look(FilterState& state, int camera, double dispersion) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
-  /// How far the body would move (world-side error) if the one most suspected, and not yet opened,
-  /// were as wrong as the data say. Zero while nothing is suspected.
-  [[nodiscard]] Vector6d pull(const FilterState& state) const;
-  /// What the body's covariance (world-side error) lacks: that of what is assumed, and the pull.
+  /// What the body's covariance (world-side error) lacks: that of what is assumed, and how far it
+  /// would move if what is suspected, and not yet opened, were as wrong as the data say.
   [[nodiscard]] Matrix6d unstated(const FilterState& state) const;
   /// Whether images may correct a camera's lens.
   [[nodiscard]] bool is_refined(int camera) const;
@@ -72,8 +70,13 @@ class Suspects final {
   };
 
   [[nodiscard]] static double score(const FilterState& state, const Suspect& suspect);
+  /// How far opening it would move the body (world-side error).
+  [[nodiscard]] static Vector6d pull(const FilterState& state, const Suspect& suspect);
   [[nodiscard]] static double value(const FilterState& state, const Suspect& suspect);
   static void assume(Suspect& suspect, double sigma);
+  [[nodiscard]] static bool opens_with(const Suspect& suspect, const Suspect& other);
+  [[nodiscard]] int room_for_print(const FilterState& state) const;
+  [[nodiscard]] std::vector<int> closed_columns(const FilterState& state) const;
   void add_lens(int camera);
   void add_sizes(int cameras);
   void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;

@@ -29,10 +29,11 @@ class SuspectsTest : public testing::Test {
 
   /// Kalman update by `h` x, known to `sigma`, that says `y`; the mean is that of the size and of
   /// the body's place alone.
-  void measure(double on_size, double y, double sigma) {
+  void measure(double on_size, double y, double sigma, double on_focal = 0) {
     auto P = state_.P();
     Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
     h(size_) = on_size;
+    h(layout::focal(0)) = on_focal;
     h(layout::kPosition) = 1;
     const double predicted = on_size * state_.sizes.common + place_;
     const double S = h.dot(P * h) + sigma * sigma;
@@ -148,15 +149,15 @@ TEST_F(SuspectsTest, WhereNothingIsDoubtedNothingStandsInTheState) {
 }
 
 TEST_F(SuspectsTest, TheSuspectedPullsTheBodyAsFarAsOpeningItWill) {
-  EXPECT_EQ(suspects_.pull(state_), Vector6d::Zero().eval());
+  EXPECT_EQ(suspects_.unstated(state_), Matrix6d::Zero().eval());
   state_.P()(layout::kPosition, layout::kPosition) = 1e-6;
   measure(1.0, 0.02, 1e-3);
-  const Vector6d pull = suspects_.pull(state_);
+  const double pull = std::sqrt(suspects_.unstated(state_)(0, 0));
   const double before_m = state_.X_WB.p.x();
   for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
-  EXPECT_GT(pull.norm(), 1e-5);
-  EXPECT_NEAR(state_.X_WB.p.x() - before_m, pull(0), 1e-3 * pull.norm());
-  EXPECT_EQ(suspects_.pull(state_), Vector6d::Zero().eval()) << "it is corrected now";
+  EXPECT_GT(pull, 1e-5);
+  EXPECT_NEAR(std::abs(state_.X_WB.p.x() - before_m), pull, 1e-3 * pull);
+  EXPECT_EQ(suspects_.unstated(state_), Matrix6d::Zero().eval()) << "it is corrected now";
 }
 
 TEST_F(SuspectsTest, WhatIsAssumedIsHeldAndMakesTheBodyAsUnsureAsItWouldMakeIt) {
@@ -227,6 +228,57 @@ TEST_F(SuspectsTest, WatchesATagFromTheMomentItJoinsWhileThereIsRoom) {
   EXPECT_EQ(state_.print_at(2), -1);
   suspects_.watch_print(state_, 99);
   EXPECT_EQ(state_.print_at(99), column);
+}
+
+TEST_F(SuspectsTest, WatchesANewTagInsteadOfOneThatIsOutOfSightForLongest) {
+  state_.time = Instant{} + std::chrono::seconds(60);
+  for (int id = 0; id < layout::kWatchedPrints; ++id) {
+    WorldTag tag;
+    tag.tag_id = id;
+    tag.last_seen = state_.time - std::chrono::seconds(id == 3 ? 20 : 10 * (id % 2));
+    state_.add_tag(tag, Matrix6d::Identity());
+    suspects_.watch_print(state_, id);
+  }
+  suspects_.watch_print(state_, 90);
+  EXPECT_EQ(state_.print_at(3), -1) << "not seen for 20 s";
+  EXPECT_GE(state_.print_at(90), 0);
+  suspects_.watch_print(state_, 91);
+  EXPECT_EQ(state_.print_at(1), -1) << "not seen for 10 s";
+  suspects_.watch_print(state_, 92);
+  EXPECT_EQ(state_.print_at(92), -1) << "all others are in sight";
+}
+
+TEST_F(SuspectsTest, OpensALensAsAWhole) {
+  auto P = state_.P();
+  // Images have halved the variance of the focal length, and moved it by many sigmas.
+  P(layout::focal(0), layout::focal(0)) /= 2;
+  state_.lenses[0].focal = 2e-3;
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  EXPECT_GT(std::sqrt(P(layout::centre(0), layout::centre(0))), 1.0);
+  EXPECT_LT(std::sqrt(P(size_, size_)), 1e-3) << "prints are no part of the lens";
+}
+
+TEST_F(SuspectsTest, DoesNotOpenTheFirstToBeSuspiciousWhenAnotherIsMoreSo) {
+  auto P = state_.P();
+  P(size_, size_) /= 2;
+  state_.sizes.common = 2.5e-3;
+  for (int i = 0; i < kLongEnough - 10; ++i) suspects_.look(state_, 0, 1.0);
+  P(layout::readout(0), layout::readout(0)) /= 2;
+  state_.clocks[0].readout_s = 2e-3;
+  for (int i = 0; i < 10; ++i) suspects_.look(state_, 0, 1.0);
+  for (const Suspicion& suspicion : state_.suspicions) EXPECT_FALSE(suspicion.is_open);
+  for (int i = 0; i < 10; ++i) suspects_.look(state_, 0, 1.0);
+  EXPECT_GT(std::sqrt(P(layout::readout(0), layout::readout(0))), 1e-3);
+  EXPECT_LT(std::sqrt(P(size_, size_)), 1e-3);
+}
+
+TEST_F(SuspectsTest, WhatIsClosedKeepsItsPriorWhenAnotherIsOpened) {
+  auto P = state_.P();
+  const double tight = P(layout::focal(0), layout::focal(0));
+  measure(1e-3, 2e-5, 1e-6, 1e-3);
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  ASSERT_GT(std::sqrt(P(size_, size_)), 5e-3);
+  EXPECT_LE(P(layout::focal(0), layout::focal(0)), tight * (1 + 1e-9));
 }
 
 TEST_F(SuspectsTest, ATagThatLeavesTakesItsPrintAlong) {
