@@ -36,7 +36,8 @@ constexpr double kLeastSharpness = 0.1;
 // Narrow modules: what lies beside them is smeared into them at once (side_fit does not take it
 // out): inwards, and the same in the next image.
 constexpr double kNarrow_px = 3.0;
-constexpr double kNarrowSmear = 0.12;
+constexpr double kNarrowSmear = 0.1;
+constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
 // Others, from a part of a module on: what the fit of a smeared side leaves, and what noise does to
 // it, which grows with the pixels to tell grays apart over. Both ends for themselves.
 constexpr double kSmear_px = 0.154;
@@ -45,6 +46,11 @@ constexpr double kSmearEdge_px = 0.94;
 constexpr double kSmearPart = 0.494;
 constexpr double kShiftTiltPower = 1.9;
 constexpr double kTurnTiltPower = 3.2;
+// What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
+// kNarrowest_px, none of it above kWide_px.
+constexpr double kLastingShift_px = 0.05;
+constexpr double kNarrowest_px = 2.6;
+constexpr double kWide_px = 3.6;
 // White at the sensor's end: what is brighter than it can say spreads into the black, however much
 // brighter it is (up to eight times).
 constexpr double kClippedShift_px = 0.36;
@@ -93,13 +99,16 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
   return step;
 }
 
+/// Of the side from corner i on.
+double module_across(const std::array<Eigen::Vector2d, 4>& px, std::size_t i) {
+  const Eigen::Vector2d along = px[(i + 1) % 4] - px[i];
+  const Eigen::Vector2d inwards = 0.25 * (px[0] + px[1] + px[2] + px[3]) - px[i];
+  const double length_px = std::max(1.0, along.norm());
+  return 2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / length_px / kModules;
+}
+
 /// How much of a wall's light gets across a quiet zone, 0 … 1.
-double reach_of_wall(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-                     const Eigen::Vector2d& middle) {
-  const Eigen::Vector2d along = (to - from).normalized();
-  const Eigen::Vector2d inwards = middle - from;
-  const double module_px =
-      2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / kModules;
+double reach_of_wall(double module_px) {
   return std::clamp((kWideQuiet_px - module_px) / (kWideQuiet_px - kBareQuiet_px), 0.0, 1.0);
 }
 
@@ -117,11 +126,12 @@ struct SideVariance {
 
 /// What a side smeared over some pixels is off more than a sharp one, px².
 SideVariance smear_variance(const Side& side, double sharpness) {
-  const double smear_px = kStep_px * std::sqrt(std::max(0.0, 1 / square(sharpness) - 1));
+  const double smear_px2 = square(kStep_px) * std::max(0.0, 1 / square(sharpness) - 1);
   if (side.module_px < kNarrow_px) {
-    const double both = 0.5 * square(kNarrowSmear * smear_px);
+    const double both = 0.5 * square(kNarrowSmear) * std::max(0.0, smear_px2 - kNoSmear_px2);
     return {both, both};
   }
+  const double smear_px = std::sqrt(smear_px2);
   const double reaches = std::max(0.0, (smear_px + kSmearEdge_px) / side.module_px - kSmearPart);
   const double both = 0.5 *
                       (square(kSmear_px) + square(kSmearNoise * side.noise * side.module_px)) *
@@ -166,7 +176,7 @@ std::array<TagSide, 4> look_at_sides(const GrayImage& image,
   std::array<TagSide, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
     out[i].sharpness = std::min(1.0, steps[i].across / steps[i].points / contrast);
-    const double glare = reach_of_wall(corners_px[i], corners_px[(i + 1) % 4], middle) *
+    const double glare = reach_of_wall(module_across(corners_px, i)) *
                          static_cast<double>(steps[i].glaring) / steps[i].points;
     out[i].clipped = std::max(static_cast<double>(steps[i].clipped) / steps[i].points, glare);
   }
@@ -181,7 +191,6 @@ std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise)
   const TagOutline outline = outline_of(tag.corners_px);
   if (!(tag.sharpness > 0) || !(outline.width_px > 0)) return {};
   const auto& px = tag.corners_px;
-  const Eigen::Vector2d middle = 0.25 * (px[0] + px[1] + px[2] + px[3]);
   Side side{};
   side.tilt = outline.longest_px / outline.width_px;
   side.noise = tag.decision_margin > 0 ? pixel_noise / tag.decision_margin : 0.0;
@@ -190,18 +199,25 @@ std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise)
                                     [](const TagSide& seen) { return seen.sharpness > 0; });
   std::array<SideSigma, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector2d along = px[(i + 1) % 4] - px[i];
-    const Eigen::Vector2d inwards = middle - px[i];
-    side.length_px = std::max(1.0, along.norm());
-    const double depth_px =
-        2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / side.length_px;
-    side.module_px = std::max(kLeastModule_px, depth_px / kModules);
+    side.length_px = std::max(1.0, (px[(i + 1) % 4] - px[i]).norm());
+    side.module_px = std::max(kLeastModule_px, module_across(px, i));
     const TagSide& seen = tag.sides[i];
     const bool is_told = seen.sharpness > 0;
     out[i] = sigma_of(side, is_told ? seen.sharpness : tag.sharpness, seen.clipped);
     if (!is_told && are_told) out[i] = {kGuessed_px, kGuessed_px};
   }
   return out;
+}
+
+std::array<SideSigma, 4> with_what_lasts(std::array<SideSigma, 4> sides,
+                                         const std::array<Eigen::Vector2d, 4>& corners_px) {
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (!(sides[i].shift_px > 0)) continue;
+    const double module_px = module_across(corners_px, i);
+    const double narrow = std::clamp((kWide_px - module_px) / (kWide_px - kNarrowest_px), 0.0, 1.0);
+    sides[i].shift_px = std::hypot(sides[i].shift_px, kLastingShift_px * narrow);
+  }
+  return sides;
 }
 
 double corner_sigma_px(const std::array<Eigen::Vector2d, 4>& corners_px,

@@ -33,6 +33,11 @@ namespace fiducap {
 /// @return zeros for a sighting whose source did not measure its sharpness
 [[nodiscard]] std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise);
 
+/// The same with what stays while a tag is seen from there, as a filter should believe it: of
+/// narrow modules, how far their neighbours pull them, which goes by lens and motion.
+[[nodiscard]] std::array<SideSigma, 4> with_what_lasts(
+    std::array<SideSigma, 4> sides, const std::array<Eigen::Vector2d, 4>& corners_px);
+
 /// 1-sigma of each coordinate of a corner in the mean over the tag, raw pixels; 0: not known.
 [[nodiscard]] double corner_sigma_px(const std::array<Eigen::Vector2d, 4>& corners_px,
                                      const std::array<SideSigma, 4>& sides);

@@ -67,7 +67,7 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     tag.edge_m = tags.edge_of(sighting.tag_id);
     const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px)
                                                     : sighting.corners_px;
-    tag.sides = side_sigmas(sighting, frame.pixel_noise);
+    tag.sides = with_what_lasts(side_sigmas(sighting, frame.pixel_noise), sighting.corners_px);
     tag.corner_sigma_px = corner_sigma_px(sighting.corners_px, tag.sides);
     for (std::size_t i = 0; i < 4; ++i)
       tag.rows[i] = raw_px[i].y() / std::max(1, camera.height - 1) - 0.5;

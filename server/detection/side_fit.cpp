@@ -130,10 +130,12 @@ struct Scan {
   }
 };
 
-/// What is no brighter than the quiet zone beside [a, b]: a sunlit wall around a print in the shade
-/// is another step, a module further out.
+/// What is no brighter than the quiet zone beside [a, b], where the wall beyond is: a sunlit wall
+/// around a print in the shade is another step, a module further out.
 double brightest_paper(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
                        const Eigen::Vector2d& outward, double module_px) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  double wall = 0;
   double white = 0;
   double black = 0;
   int seen = 0;
@@ -141,13 +143,15 @@ double brightest_paper(const Scan& scan, const Eigen::Vector2d& a, const Eigen::
     const Eigen::Vector2d px = a + (k + 1.0) / (kFewestPoints + 1) * (b - a);
     const Eigen::Vector2d outer = px + 0.5 * module_px * outward;
     const Eigen::Vector2d inner = px - 0.5 * module_px * outward;
-    if (!scan.holds(outer) || !scan.holds(inner)) continue;
+    const Eigen::Vector2d beyond = px + 1.5 * module_px * outward;
+    if (!scan.holds(inner) || !scan.holds(beyond)) continue;
+    wall += scan.gray(beyond);
     white += scan.gray(outer);
     black += scan.gray(inner);
     ++seen;
   }
-  if (seen == 0) return std::numeric_limits<double>::infinity();
-  return (white + kBrighter * (white - black)) / seen;
+  const double most = white + kBrighter * (white - black);
+  return seen > 0 && wall > most ? most / seen : kNone;
 }
 
 /// A side as it was found, and over what its gray rises.

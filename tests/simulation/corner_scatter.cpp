@@ -112,7 +112,11 @@ std::vector<CornerError> corner_errors(const EstimationData& data) {
       if (truth == nullptr) continue;
       const CornerResidual residual = corner_residual(tag, X_VW * truth->X_WT, data.camera.model);
       if (!residual.in_front) continue;
-      out.push_back({image->exposed_at, tag.tag_id, tag.raw_px, residual.y, tag.corner_sigma_px});
+      const auto seen_as =
+          std::find_if(image->tags.begin(), image->tags.end(),
+                       [&](const TagSighting& one) { return one.tag_id == tag.tag_id; });
+      out.push_back({image->exposed_at, tag.tag_id, tag.raw_px, residual.y,
+                     corner_sigma_px(*seen_as, image->pixel_noise)});
     }
   }
   return out;
@@ -137,7 +141,8 @@ CornerScatter corner_scatter(const std::vector<CornerError>& errors) {
     out.chi_square += error.off_px.squaredNorm() / (8 * error.sigma_px * error.sigma_px);
     Visit& visit = visits[error.tag_id];
     if (visit.count > 0) {
-      if (to_seconds(error.at - visit.last->at) < kNext_s) in_px.add(visit.last->off_px, error.off_px);
+      if (to_seconds(error.at - visit.last->at) < kNext_s)
+        in_px.add(visit.last->off_px, error.off_px);
       if (error.at - visit.last->at > bound::LastingErrors{}.visit_ends) {
         variances.add(visit);
         visit = {};

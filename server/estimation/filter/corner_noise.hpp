@@ -19,10 +19,10 @@ namespace fiducap {
 /// Mahalanobis distances, which wrong ids and covered corners do not move.
 ///
 /// A tag that stands still in the image repeats its error, which goes by how it lies on the grid of
-/// pixels: a body at rest would soon be sure of what one image says. The n-th look at the same place
-/// counts for a look n times as noisy, so that all of them are worth less than two. Neither do its
-/// small distances say anything: f does not sink by a tag that has not moved. Corners that no
-/// detector here has measured are taken as white.
+/// pixels: a body at rest would soon be sure of what one image says. The n-th look at the same
+/// place counts for a look n times as noisy, so that all of them are worth less than two. Neither
+/// do its small distances say anything: f does not sink by a tag that has not moved. Corners that
+/// no detector here has measured are taken as white.
 class CornerNoise final {
  public:
   /// @param learns  false: `corner_noise_px` for every corner, as in the paper

@@ -14,7 +14,7 @@ using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
 /// Errors of a tag's corners that stay while it is in view.
 struct LastingErrors {
-  Matrix8 root{Matrix8::Zero()};  ///< Whitened coordinates by eight unit errors.
+  Matrix8 root{Matrix8::Zero()};                 ///< Whitened coordinates by eight unit errors.
   Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for so long: other errors.
 };
 

@@ -60,8 +60,11 @@ class FakeFilter final : public StartingFilter {
   }
   [[nodiscard]] bool is_following() const override { return images_ > 0; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
-  [[nodiscard]] StartNoise learned_noise() const override { return noise; }
-  void begin_with(const StartNoise& begun) override { noise = begun; }
+  [[nodiscard]] StartNoise learned_noise() const override { return {noise, corners_px}; }
+  void begin_with(const StartNoise& begun) override {
+    noise = begun.sensors;
+    corners_px = begun.corners_px;
+  }
   void end_start() override { ++ends; }
   [[nodiscard]] Axes axes() const override { return {}; }
   [[nodiscard]] int generation() const override { return 1; }
@@ -70,6 +73,7 @@ class FakeFilter final : public StartingFilter {
 
   int contradicting{0};
   LearnedNoise noise;
+  std::vector<double> corners_px{0.4};
   int ends{0};
   [[nodiscard]] int images() const { return images_; }
   [[nodiscard]] Instant newest_image() const { return newest_image_; }
