@@ -62,6 +62,51 @@ TEST(CornerSigma, WhitePaperAtTheSensorsEndMayHaveMovedASide) {
   EXPECT_EQ(side_sigmas(tag, 1.0)[1].shift_px, fine);
 }
 
+/// A black square from 60.5 to 60.5 + side on its quiet zone, on a wall of this gray.
+GrayImage black_square(int side, int quiet, std::uint8_t wall) {
+  GrayImage image;
+  image.resize(200, 200);
+  const auto within = [&](int px, int more) { return px > 60 - more && px <= 60 + side + more; };
+  for (int v = 0; v < 200; ++v)
+    for (int u = 0; u < 200; ++u)
+      image.pixels[static_cast<std::size_t>(200 * v + u)] = within(u, 0) && within(v, 0) ? 40
+                                                            : within(u, quiet) && within(v, quiet)
+                                                                ? 200
+                                                                : wall;
+  return image;
+}
+
+TEST(TagSides, AWallAtTheSensorsEndReachesAcrossNarrowQuietZones) {
+  for (const int module : {2, 6}) {
+    const double low = 60.5;
+    const double high = 60.5 + 8 * module;
+    const std::array<Eigen::Vector2d, 4> corners{
+        {{low, high}, {high, high}, {high, low}, {low, low}}};
+    const auto dull = look_at_sides(black_square(8 * module, module, 220), corners);
+    const auto glaring = look_at_sides(black_square(8 * module, module, 255), corners);
+    EXPECT_EQ(dull[0].clipped, 0) << module;
+    if (module == 2) {
+      EXPECT_GT(glaring[0].clipped, 0.5);
+    } else {
+      EXPECT_EQ(glaring[0].clipped, 0);
+    }
+  }
+}
+
+TEST(CornerSigma, ShiftsOfNarrowSidesAreBelievedToWhatLasts) {
+  const auto told = [](double side) {
+    const TagSighting tag = square(side);
+    const auto sides = side_sigmas(tag, 1.0);
+    return std::pair(sides[0], with_what_lasts(sides, tag.corners_px)[0]);
+  };
+  const auto [wide, wide_lasting] = told(60);
+  EXPECT_EQ(wide.shift_px, wide_lasting.shift_px);
+  const auto [narrow, narrow_lasting] = told(16);
+  EXPECT_NEAR(narrow_lasting.shift_px, std::hypot(narrow.shift_px, 0.05), 1e-9);
+  EXPECT_EQ(narrow_lasting.turn_px, narrow.turn_px);
+  EXPECT_EQ(with_what_lasts({}, square(16).corners_px)[0].shift_px, 0) << "nothing is known";
+}
+
 TEST(TagSides, IsOneForASharpEdgeAndTheShareOfTwoPixelsForAMotion) {
   GrayImage image;
   image.resize(200, 200);

@@ -121,6 +121,20 @@ TEST(SideFit, WhatLiesBesideANarrowBorderDoesNotMoveItsSides) {
   }
 }
 
+TEST(SideFit, ASunlitWallBeyondTheQuietZoneDoesNotMoveSides) {
+  // Taken for the same rise: 0.07 px outwards.
+  constexpr double kMoved_px = 0.03;
+  for (const double module_px : {2.5, 3.2, 4.5}) {
+    SCOPED_TRACE(module_px);
+    EXPECT_LT(std::abs(outward_px(255.0, module_px)), kMoved_px);
+  }
+}
+
+TEST(SideFit, ABorderHardlyWiderThanAPixelIsNotFoundInsideOfIt) {
+  constexpr double kMoved_px = 0.06;
+  EXPECT_LT(std::abs(outward_px(90.0, 1.4)), kMoved_px);
+}
+
 TEST(SideFit, MotionOverMoreThanAModuleDoesNotMoveSides) {
   // By the steepest place alone: 0.1 px and more inwards on a dark wall.
   constexpr double kMoved_px = 0.04;

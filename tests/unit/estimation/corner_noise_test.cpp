@@ -88,6 +88,49 @@ TEST(CornerNoise, ATagThatStandsStillAndFitsBadlyIsCalledNoisy) {
   EXPECT_GT(noise.of(TagObservation{}), 1.6);
 }
 
+/// As a detector here has measured it.
+TagObservation measured(int k) {
+  TagObservation seen = tag_at(k, 0.03);
+  const double u = kWalks_px * k;
+  seen.corners_px = {{{u, 40}, {u + 40, 40}, {u + 40, 0}, {u, 0}}};
+  seen.raw_px = seen.corners_px;
+  seen.sides.fill({0.02, 0.03});
+  return seen;
+}
+
+TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  double information = 0;
+  double first = 0;
+  for (int look = 0; look < 9; ++look) {
+    const double sigma_px = noise.of(measured(1));
+    if (look == 0) first = sigma_px;
+    information += first * first / (sigma_px * sigma_px);
+    noise.learn(measured(1), 8.0, 0.0001);
+  }
+  EXPECT_LT(information, 2.0);
+  EXPECT_GT(information, 1.4);
+  EXPECT_NEAR(noise.of(measured(2)), first, 0.01 * first) << "elsewhere it is a first look";
+  EXPECT_NEAR(noise.covariance(measured(1), 0.0).trace(),
+              64 * noise.covariance(measured(2), 0.0).trace(), 1.0);
+}
+
+TEST(CornerNoise, CornersThatNoDetectorMeasuredAreWhite) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  const double first = noise.of(tag_at(1));
+  for (int look = 0; look < 9; ++look) noise.learn(tag_at(1), 8.0, 0.0001);
+  EXPECT_NEAR(noise.of(tag_at(1)), first, 0.01 * first);
+}
+
+TEST(CornerNoise, BeginsWithWhatAnotherFilterHasLearned) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  noise.begin_with(0.05);
+  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.05);
+  EXPECT_DOUBLE_EQ(noise.growth(TagObservation{}), 1.0);
+  noise.begin_with(3.0);
+  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.4) << "contradictions are no noise of a start";
+}
+
 TEST(CornerNoise, ThePapersFilterKeepsItsNumber) {
   CornerNoise noise(EstimatorConfig{}, false);
   TagObservation blurred;

@@ -137,6 +137,14 @@ TEST_F(StartSearchTest, ATrialBeginsWithTheNoiseThatTheOtherHasLearned) {
   EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
 }
 
+TEST_F(StartSearchTest, ATrialOfAnyClockBeginsWithTheCornersAsTheyWereLearned) {
+  world_.truth_s = 0.05;
+  present_->corners_px = {0.03};
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_GE(taken_over_, 1);
+  EXPECT_EQ(present_->corners_px, std::vector<double>{0.03});
+}
+
 TEST_F(StartSearchTest, IsOpenForLongerWhileTheImuMayBeNoisier) {
   const Instant begin = now_;
   while (now_ - begin < std::chrono::seconds(5)) show();
