@@ -310,8 +310,11 @@ StartNoise WorldCoordinates::learned_noise() const {
 
 void WorldCoordinates::begin_with(const StartNoise& noise) {
   noise_watch_.begin_with(noise.sensors);
-  for (std::size_t k = 0; k < noise.corners_px.size(); ++k)
-    corner_noise_[k].begin_with(noise.corners_px[k]);
+  // A lens that is learned first bends what the same corners then explain.
+  for (std::size_t k = 0; k < noise.corners_px.size(); ++k) {
+    if (!suspects_.is_refined(static_cast<int>(k)))
+      corner_noise_[k].begin_with(noise.corners_px[k]);
+  }
 }
 
 bool WorldCoordinates::watches_noise() const {
