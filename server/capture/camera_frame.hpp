@@ -27,7 +27,8 @@ struct TagSide {
   /// As TagSighting's. 0 when it was smeared and could not be fitted, or, of all four, when the
   /// source does not say.
   double sharpness{};
-  double clipped{};  ///< Share of the white beside it that is at the sensor's end, 0 … 1.
+  double
+      clipped{};  ///< Share of the white beside it (narrow: the wall's) at the sensor's end, 0 … 1.
 };
 
 /// One tag found in one image, before the lens is taken out.

@@ -16,9 +16,9 @@ constexpr int kPointsPerSide = 16;
 constexpr double kModules = 8;
 constexpr double kHalfModule = 1 / kModules;  // as a share of the way from the middle
 constexpr double kClipped = 250;
-// A wall at the sensor's end spreads over quiet zones narrower than this, over all of them below
-// kBareQuiet_px.
-constexpr double kWideQuiet_px = 3.6;
+// Modules above this are wide: nothing beyond the quiet zone reaches the side. A wall at the
+// sensor's end does all of it below kBareQuiet_px.
+constexpr double kWide_px = 3.6;
 constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
@@ -50,7 +50,6 @@ constexpr double kTurnTiltPower = 3.2;
 // kNarrowest_px, none of it above kWide_px.
 constexpr double kLastingShift_px = 0.05;
 constexpr double kNarrowest_px = 2.6;
-constexpr double kWide_px = 3.6;
 // White at the sensor's end: what is brighter than it can say spreads into the black, however much
 // brighter it is (up to eight times).
 constexpr double kClippedShift_px = 0.36;
@@ -109,7 +108,7 @@ double module_across(const std::array<Eigen::Vector2d, 4>& px, std::size_t i) {
 
 /// How much of a wall's light gets across a quiet zone, 0 … 1.
 double reach_of_wall(double module_px) {
-  return std::clamp((kWideQuiet_px - module_px) / (kWideQuiet_px - kBareQuiet_px), 0.0, 1.0);
+  return std::clamp((kWide_px - module_px) / (kWide_px - kBareQuiet_px), 0.0, 1.0);
 }
 
 /// What one side is measured by.
