@@ -27,8 +27,7 @@ struct TagSide {
   /// As TagSighting's. 0 when it was smeared and could not be fitted, or, of all four, when the
   /// source does not say.
   double sharpness{};
-  double
-      clipped{};  ///< Share of the white beside it (narrow: the wall's) at the sensor's end, 0 … 1.
+  double clipped{};  ///< Share of white beside it (or beyond, if narrow) at the sensor's end.
 };
 
 /// One tag found in one image, before the lens is taken out.
