@@ -38,14 +38,14 @@ constexpr double kLeastSharpness = 0.1;
 constexpr double kNarrow_px = 3.0;
 constexpr double kNarrowSmear = 0.1;
 constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
-// Others, from a part of a module on: what the fit of a smeared side leaves, and what noise does to
-// it, which grows with the pixels to tell grays apart over. Both ends for themselves.
-constexpr double kSmear_px = 0.154;
-constexpr double kSmearNoise = 0.283;
-constexpr double kSmearEdge_px = 0.94;
-constexpr double kSmearPart = 0.494;
-constexpr double kShiftTiltPower = 1.9;
-constexpr double kTurnTiltPower = 3.2;
+// Others, where smear reaches a module: what the fit of a smeared side leaves, and what noise does
+// to it, which grows with the pixels to tell grays apart over. Both ends for themselves.
+constexpr double kSmear_px = 0.0536;
+constexpr double kSmearNoise = 0.0718;
+constexpr double kSmearEdge_px = 0.55;
+constexpr double kReachPower = 4.46;
+constexpr double kShiftTiltPower = 2.4;
+constexpr double kTurnTiltPower = 3.9;
 // What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
 // kNarrowest_px, none of it above kWide_px.
 constexpr double kLastingShift_px = 0.05;
@@ -130,11 +130,10 @@ SideVariance smear_variance(const Side& side, double sharpness) {
     const double both = 0.5 * square(kNarrowSmear) * std::max(0.0, smear_px2 - kNoSmear_px2);
     return {both, both};
   }
-  const double smear_px = std::sqrt(smear_px2);
-  const double reaches = std::max(0.0, (smear_px + kSmearEdge_px) / side.module_px - kSmearPart);
+  const double reaches = (std::sqrt(smear_px2) + kSmearEdge_px) / side.module_px;
   const double both = 0.5 *
                       (square(kSmear_px) + square(kSmearNoise * side.noise * side.module_px)) *
-                      square(reaches);
+                      std::pow(reaches, kReachPower);
   return {both * std::pow(side.tilt, kShiftTiltPower), both * std::pow(side.tilt, kTurnTiltPower)};
 }
 

@@ -34,9 +34,6 @@ constexpr double kAlone_px = 4.0;
 constexpr double kLeastModule_px = 1.1;
 constexpr double kPullOfBits = 0.0245;
 constexpr double kPullOfWall = 0.0224;
-// Hardly wider than a pixel: the quiet zone, too, is gone.
-constexpr double kThin_px = 1.75;
-constexpr double kPullThin = 1.2;
 // Gray that rises over more than this share of a module, RMS, is smeared by motion; whether it is,
 // a narrow border does not show.
 constexpr double kSmeared = 0.2;
@@ -44,6 +41,15 @@ constexpr double kSmearedFrom_px = 3.0;
 // Wide modules are looked at again when it is more than this: the reach above ends before a fifth
 // of them.
 constexpr double kMostSharp_px = 1.35;
+// A side that is so far from where it was looked for is looked for again, at most so often.
+constexpr double kFarOff_px = 0.5;
+constexpr int kMostAgain = 4;
+constexpr double kWellPlaced = 0.2;  // modules; of a smeared one
+// Black and white are looked at between the ends of a side, which smear along it reaches.
+constexpr double kLevelsFrom = 0.25;
+constexpr double kMostSmearOfLevels = 0.8;
+// More than this, in modules, no corner moves: the detector is up to a module off where it is smeared.
+constexpr double kMostMoved = 1.5;
 constexpr int kProfiles = 12;     // along half a side
 constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
 
@@ -81,7 +87,7 @@ struct Scan {
   };
 
   /// @param most  brighter than this is not the tag's paper
-  /// @return nullopt: it rises nowhere
+  /// @return nullopt: it rises nowhere, or the image ends within reach
   [[nodiscard]] std::optional<Rise> rise(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
                                          double most) const {
     double sum = 0;
@@ -90,7 +96,7 @@ struct Scan {
     for (double t = -reach_px; t <= reach_px + 1e-9; t += kStep_px) {
       const Eigen::Vector2d outer = px + (t + gradient_px) * outward;
       const Eigen::Vector2d inner = px + (t - gradient_px) * outward;
-      if (!holds(outer) || !holds(inner)) continue;
+      if (!holds(outer) || !holds(inner)) return std::nullopt;  // half of a rise is another place
       const double rise = std::min(gray(outer), most) - std::min(gray(inner), most);
       if (rise <= 0) continue;
       sum += rise * rise * t;
@@ -121,12 +127,8 @@ struct Scan {
     if (!(white > black)) return 0;
     const double of_bits = std::clamp((gray(bit) - black) / (white - black), 0.0, 1.0);
     const double of_wall = std::clamp((white - gray(wall)) / (white - black), -1.0, 1.0);
-    const double ends = ends_by(of_wall);
-    const double wide_px = std::max(kLeastModule_px, module_px);
-    const double missing_px = kAlone_px - wide_px;
-    const double thin_px = std::max(0.0, kThin_px - wide_px);
-    return missing_px * missing_px * (kPullOfBits * of_bits - kPullOfWall * ends) -
-           kPullThin * thin_px * thin_px * thin_px * std::max(0.0, ends);
+    const double missing_px = kAlone_px - std::max(kLeastModule_px, module_px);
+    return missing_px * missing_px * (kPullOfBits * of_bits - kPullOfWall * ends_by(of_wall));
   }
 };
 
@@ -214,10 +216,29 @@ std::optional<SideProfile> profile_of(const Scan& scan, const Eigen::Vector2d& a
   return out;
 }
 
+/// How far outwards a smeared half of a side is, modules; looked at again from where it was found.
+std::optional<double> find_half(const Scan& scan, const Eigen::Vector2d& first,
+                                const Eigen::Vector2d& last, const Eigen::Vector2d& n,
+                                double module_px, double smear,
+                                const std::optional<TagLevels>& levels) {
+  double off = 0;
+  for (int look = 0; look < kMostAgain; ++look) {
+    const Eigen::Vector2d moved = off * module_px * n;
+    const auto gray = profile_of(scan, first + moved, last + moved, n, module_px);
+    const auto found = gray ? find_smeared_side(*gray, smear, levels) : std::nullopt;
+    if (!found) return std::nullopt;
+    off += found->off;
+    smear = found->smear;
+    if (std::abs(found->off) < kWellPlaced) break;
+  }
+  return off;
+}
+
 /// The side again, from both of its halves, by what its smeared gray adds up from.
 std::optional<Line> fit_smeared(const Scan& scan, const Eigen::Vector2d& a,
                                 const Eigen::Vector2d& b, const Line& line, double module_px,
-                                double smear, const Eigen::Vector2d& outward) {
+                                double smear, const Eigen::Vector2d& outward,
+                                const std::optional<TagLevels>& levels) {
   const Eigen::Vector2d from = a + (line.c - line.n.dot(a)) * line.n;
   const Eigen::Vector2d to = b + (line.c - line.n.dot(b)) * line.n;
   const Eigen::Vector2d n = line.n.dot(outward) < 0 ? Eigen::Vector2d(-line.n) : line.n;
@@ -227,8 +248,7 @@ std::optional<Line> fit_smeared(const Scan& scan, const Eigen::Vector2d& a,
     const double end = half == 0 ? 0.5 : 1 - kCorner;
     const Eigen::Vector2d first = from + begin * (to - from);
     const Eigen::Vector2d last = from + end * (to - from);
-    const auto gray = profile_of(scan, first, last, n, module_px);
-    const auto off = gray ? find_smeared_side(*gray, smear) : std::nullopt;
+    const auto off = find_half(scan, first, last, n, module_px, smear, levels);
     if (!off) return std::nullopt;
     places[half] = 0.5 * (first + last) + *off * module_px * n;
   }
@@ -256,11 +276,31 @@ struct Place {
   [[nodiscard]] bool is_smeared(const Side& side) const {
     return !(side.spread_px < kSmeared * module_px || module_px < kSmearedFrom_px);
   }
+
+  /// Over how many modules, as far as the reach of a scan shows it.
+  [[nodiscard]] double smear_of(const Side& side) const {
+    return std::sqrt(12.0) * side.spread_px / module_px;
+  }
+
+  /// Its ends move onto the line. @return how far, at most
+  double move_to(const Line& line) {
+    const Eigen::Vector2d step_a = (line.c - line.n.dot(a)) * line.n;
+    const Eigen::Vector2d step_b = (line.c - line.n.dot(b)) * line.n;
+    a += step_a;
+    b += step_b;
+    return std::max(step_a.norm(), step_b.norm());
+  }
 };
 
-/// A side by its steepest place, and how far it is smeared.
-std::optional<Side> find_side(const Scan& scan, const Place& place) {
+/// A side by its steepest place, and how far it is smeared. Where the detector was far off, the
+/// reach ended before the side: it is looked for again from where that led, but for smeared ones,
+/// whose steepest place is not where they are.
+std::optional<Side> find_side(const Scan& scan, Place& place) {
   auto side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
+  for (int again = 0; side && !place.is_smeared(*side) && again < kMostAgain; ++again) {
+    if (!(place.move_to(side->line) > kFarOff_px)) break;
+    side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
+  }
   const double reach_px = kReach * place.module_px;
   if (!side || side->spread_px < kMostSharp_px || reach_px <= scan.reach_px) return side;
   const Scan wide{scan.image, reach_px, scan.gradient_px};
@@ -292,6 +332,29 @@ void leave_out_smeared_ends(const Scan& scan, const std::array<Place, 4>& places
   }
 }
 
+/// As the sides show them that are smeared over less than a module.
+std::optional<TagLevels> levels_of(const Scan& scan, const std::array<Place, 4>& places,
+                                   const Sides& sides) {
+  TagLevels sum;
+  int seen = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Place& place = places[i];
+    if (place.smear_of(*sides[i]) > kMostSmearOfLevels) continue;
+    for (int k = 0; k < kProfiles; ++k) {
+      const double share = kLevelsFrom + (1 - 2 * kLevelsFrom) * (k + 0.5) / kProfiles;
+      const Eigen::Vector2d px = place.a + share * (place.b - place.a);
+      const Eigen::Vector2d inner = px - 0.5 * place.module_px * place.outward;
+      const Eigen::Vector2d outer = px + 0.5 * place.module_px * place.outward;
+      if (!scan.holds(inner) || !scan.holds(outer)) continue;
+      sum.black += scan.gray(inner);
+      sum.white += scan.gray(outer);
+      ++seen;
+    }
+  }
+  if (seen < kFewestSeen) return std::nullopt;
+  return TagLevels{sum.black / seen, sum.white / seen};
+}
+
 }  // namespace
 
 std::optional<FittedSides> fit_sides(const GrayImage& image,
@@ -301,25 +364,25 @@ std::optional<FittedSides> fit_sides(const GrayImage& image,
   if (!(module_px > 0)) return std::nullopt;
   const Scan scan{image, std::clamp(kReach * module_px, kLeastReach_px, kMostReach_px),
                   std::clamp(kGradient * module_px, kLeastGradient_px, kMostGradient_px)};
-  const std::array<Place, 4> places{{{corners_px, 0, modules},
-                                     {corners_px, 1, modules},
-                                     {corners_px, 2, modules},
-                                     {corners_px, 3, modules}}};
+  std::array<Place, 4> places{{{corners_px, 0, modules},
+                               {corners_px, 1, modules},
+                               {corners_px, 2, modules},
+                               {corners_px, 3, modules}}};
   Sides sides;
   for (std::size_t i = 0; i < 4; ++i) {
     sides[i] = find_side(scan, places[i]);
     if (!sides[i]) return std::nullopt;
   }
   leave_out_smeared_ends(scan, places, sides);
+  const auto levels = levels_of(scan, places, sides);
   FittedSides out;
   std::array<Line, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) {
     const Place& place = places[i];
     lines[i] = sides[i]->line;
     if (!place.is_smeared(*sides[i])) continue;
-    const double smear = std::sqrt(12.0) * sides[i]->spread_px / place.module_px;
-    const auto smeared =
-        fit_smeared(scan, place.a, place.b, lines[i], place.module_px, smear, place.outward);
+    const auto smeared = fit_smeared(scan, place.a, place.b, lines[i], place.module_px,
+                                     place.smear_of(*sides[i]), place.outward, levels);
     if (smeared) lines[i] = *smeared;
     out.guessed[i] = !smeared;
   }
@@ -329,7 +392,7 @@ std::optional<FittedSides> fit_sides(const GrayImage& image,
     Eigen::Matrix2d N;
     N << before.n.transpose(), after.n.transpose();
     out.corners_px[i] = N.inverse() * Eigen::Vector2d(before.c, after.c);
-    if (!((out.corners_px[i] - corners_px[i]).norm() < std::max(1.0, module_px)))
+    if (!((out.corners_px[i] - corners_px[i]).norm() < std::max(1.0, kMostMoved * module_px)))
       return std::nullopt;  // NaN fails too
   }
   return out;

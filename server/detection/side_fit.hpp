@@ -31,7 +31,7 @@ struct FittedSides {
 /// their ends.
 /// @param corners_px  raw pixels, (0, 0) = centre of the upper-left one
 /// @param modules     along the black border (8 for tag36h11)
-/// @return nullopt where a side does not show, or the corners would move by more than a module
+/// @return nullopt where a side does not show, or the corners would move by more than 1.5 modules
 [[nodiscard]] std::optional<FittedSides> fit_sides(const GrayImage& image,
                                                    const std::array<Eigen::Vector2d, 4>& corners_px,
                                                    int modules);

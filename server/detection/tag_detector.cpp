@@ -32,6 +32,8 @@ constexpr int kTile_px = 4;
 
 /// The library counts pixel *edges*, we count centres.
 constexpr double kEdgeToCentre_px = 0.5;
+// Sides that are less sharp and could not be fitted are where the library says: a pixel off or more.
+constexpr double kSmearedSharpness = 0.4;
 
 TagFamily family_of(const TagSetConfig& tags) {
   auto family = TagFamily::named(tags.family);
@@ -92,8 +94,10 @@ class TagDetector::Impl {
       if (fitted) sighting.corners_px = fitted->corners_px;
       sighting.sides = look_at_sides(image, sighting.corners_px);
       sighting.sharpness = least_sharpness(sighting.sides);
-      for (std::size_t k = 0; fitted && k < 4; ++k)
-        if (fitted->guessed[k]) sighting.sides[k].sharpness = 0;
+      for (std::size_t k = 0; fits_sides_ && k < 4; ++k) {
+        TagSide& side = sighting.sides[k];
+        if (fitted ? fitted->guessed[k] : side.sharpness < kSmearedSharpness) side.sharpness = 0;
+      }
       out.push_back(sighting);
     }
     apriltag_detections_destroy(found);

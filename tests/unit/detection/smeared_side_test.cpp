@@ -40,7 +40,22 @@ TEST(SmearedSide, IsFoundWhateverLiesBesideItAndHoweverFarItIsSmeared) {
       for (const Grays& grays : {Grays{120, 30, 210, 90}, {210, 30, 210, 210}, {30, 30, 210, 20}}) {
         const auto found = find_smeared_side(profile(grays, off, smear), 0.8);
         ASSERT_TRUE(found) << smear << ' ' << off << ' ' << grays.bits;
-        EXPECT_NEAR(*found, off, kExact) << smear << ' ' << grays.bits;
+        EXPECT_NEAR(found->off, off, kExact) << smear << ' ' << grays.bits;
+      }
+    }
+  }
+}
+
+TEST(SmearedSide, IsFoundFromFurtherOffWhereBlackAndWhiteAreKnown) {
+  constexpr double kNear = 0.05;  // modules: side_fit looks again from there
+  for (const double smear : {0.6, 0.9, 1.2, 1.5, 1.8}) {
+    for (const double off : {-0.5, -0.3, 0.3, 0.5}) {
+      for (const Grays& grays : {Grays{120, 30, 210, 90}, {210, 30, 210, 210}, {30, 30, 210, 20}}) {
+        const TagLevels levels{grays.black + 2, grays.white - 4};
+        const auto found = find_smeared_side(profile(grays, off, smear), 0.6, levels);
+        ASSERT_TRUE(found) << smear << ' ' << off << ' ' << grays.bits;
+        EXPECT_NEAR(found->off, off, kNear) << smear << ' ' << grays.bits;
+        EXPECT_NEAR(found->smear, smear, 0.15);
       }
     }
   }
@@ -51,7 +66,7 @@ TEST(SmearedSide, IsFoundInNoise) {
   constexpr double kOff = 0.05;   // what the steepest place is off there: 0.06
   const auto found = find_smeared_side(profile({120, 30, 210, 90}, 0.1, 1.2, kNoise), 0.8);
   ASSERT_TRUE(found);
-  EXPECT_NEAR(*found, 0.1, kOff);
+  EXPECT_NEAR(found->off, 0.1, kOff);
 }
 
 TEST(SmearedSide, IsNotFoundWhereGraySaysSomethingElse) {
