@@ -23,13 +23,21 @@ constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
-constexpr double kFinest_px = 0.0209;  // a large tag seen from the front
-constexpr double kSmall_px = 0.0608;   // times modules per pixel, across the side
-constexpr double kTiltPower = 0.91;
-constexpr double kGridPower = 1.75;  // of the sharpness: smeared edges forget the grid of pixels
-constexpr double kNoise_px = 3.2;    // at a side of one pixel
-constexpr double kNoisePower = -3.5;
-constexpr double kEndsAlike = -0.53;  // correlation of both ends: a line fitted to white noise
+constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
+constexpr double kSmall_px = 0.0865;   // times modules per pixel, across the side
+constexpr double kSmallPower = 2.44;
+constexpr double kTiltPower = 1.12;
+constexpr double kNoise_px = 3.5;  // at a side of one pixel
+constexpr double kNoisePower = -2.4;
+constexpr double kEndsAlike = -0.6;  // correlation of both ends: a line fitted to white noise
+// Narrow modules along the grid of pixels: rows or columns that the side crosses, at the scale of
+// which it is shifted, or turned. All of it at kDrawn_px, none from kNotDrawn_px on.
+constexpr double kDrawnShift_px = 0.066;
+constexpr double kShiftCrossed_px = 0.8;
+constexpr double kDrawnTurn_px = 0.0875;
+constexpr double kTurnCrossed_px = 0.6;
+constexpr double kDrawn_px = 1.5;
+constexpr double kNotDrawn_px = 3.0;
 // What `look_at_sides` steps over.
 constexpr double kStep_px = 2.0;
 constexpr double kLeastSharpness = 0.1;
@@ -40,16 +48,17 @@ constexpr double kNarrowSmear = 0.1;
 constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
 // Others, where smear reaches a module: what the fit of a smeared side leaves, and what noise does
 // to it, which grows with the pixels to tell grays apart over. Both ends for themselves.
-constexpr double kSmear_px = 0.0536;
-constexpr double kSmearNoise = 0.0718;
-constexpr double kSmearEdge_px = 0.55;
-constexpr double kReachPower = 4.46;
-constexpr double kShiftTiltPower = 2.4;
-constexpr double kTurnTiltPower = 3.9;
+constexpr double kSmear_px = 0.0764;
+constexpr double kSmearNoise = 0.174;
+constexpr double kSmearEdge_px = 0.289;
+constexpr double kReachPower = 5.08;
+constexpr double kShiftTiltPower = 2.24;
+constexpr double kTurnTiltPower = 3.4;
 // What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
-// kNarrowest_px, none of it above kWide_px.
+// kNarrowest_px, none of it above kUnpulled_px.
 constexpr double kLastingShift_px = 0.05;
-constexpr double kNarrowest_px = 2.6;
+constexpr double kNarrowest_px = 2.2;
+constexpr double kUnpulled_px = 3.2;
 // White at the sensor's end: what is brighter than it can say spreads into the black, however much
 // brighter it is (up to eight times).
 constexpr double kClippedShift_px = 0.36;
@@ -114,9 +123,10 @@ double reach_of_wall(double module_px) {
 /// What one side is measured by.
 struct Side {
   double length_px;
-  double module_px;  ///< Across it.
-  double tilt;       ///< Of the tag.
-  double noise;      ///< As a share of the contrast.
+  double module_px;   ///< Across it.
+  double tilt;        ///< Of the tag.
+  double crossed_px;  ///< Rows or columns of pixels, whichever are fewer.
+  double noise;       ///< As a share of the contrast.
 };
 
 struct SideVariance {
@@ -139,19 +149,32 @@ SideVariance smear_variance(const Side& side, double sharpness) {
 
 /// What grid and noise of the pixels do, at each end, px².
 double white_variance(const Side& side, double sharpness) {
-  return (square(kFinest_px) + square(kSmall_px / side.module_px)) *
-             std::pow(side.tilt, kTiltPower) * std::pow(sharpness, kGridPower) +
+  return (square(kFinest_px) + std::pow(kSmall_px / side.module_px, kSmallPower)) *
+             std::pow(side.tilt, kTiltPower) +
          square(kNoise_px * side.noise) / side.length_px * std::pow(sharpness, kNoisePower);
+}
+
+/// What the grid of pixels does to narrow modules along it: the same all along the side, or, where
+/// it crosses one row, turning it.
+SideVariance grid_variance(const Side& side) {
+  const double narrow =
+      std::clamp((kNotDrawn_px - side.module_px) / (kNotDrawn_px - kDrawn_px), 0.0, 1.0);
+  const double shift = kDrawnShift_px * std::exp(-square(side.crossed_px / kShiftCrossed_px));
+  const double turn =
+      kDrawnTurn_px * std::exp(-square(side.crossed_px - kTurnCrossed_px) / kTurnCrossed_px);
+  return {square(narrow * shift), square(narrow * turn)};
 }
 
 SideSigma sigma_of(const Side& side, double measured_sharpness, double clipped_share) {
   const double sharpness = std::max(measured_sharpness, kLeastSharpness);
   const double white = white_variance(side, sharpness);
   const SideVariance smear = smear_variance(side, sharpness);
+  const SideVariance grid = grid_variance(side);
   const double clipped = square(clipped_share);
-  return {
-      std::sqrt(0.5 * (1 + kEndsAlike) * white + smear.shift + square(kClippedShift_px * clipped)),
-      std::sqrt(0.5 * (1 - kEndsAlike) * white + smear.turn + square(kClippedTurn_px * clipped))};
+  return {std::sqrt(0.5 * (1 + kEndsAlike) * white + smear.shift + grid.shift +
+                    square(kClippedShift_px * clipped)),
+          std::sqrt(0.5 * (1 - kEndsAlike) * white + smear.turn + grid.turn +
+                    square(kClippedTurn_px * clipped))};
 }
 
 }  // namespace
@@ -197,7 +220,9 @@ std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise)
                                     [](const TagSide& seen) { return seen.sharpness > 0; });
   std::array<SideSigma, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
-    side.length_px = std::max(1.0, (px[(i + 1) % 4] - px[i]).norm());
+    const Eigen::Vector2d along = (px[(i + 1) % 4] - px[i]).cwiseAbs();
+    side.length_px = std::max(1.0, along.norm());
+    side.crossed_px = along.minCoeff();
     side.module_px = std::max(kLeastModule_px, module_across(px, i));
     const TagSide& seen = tag.sides[i];
     const bool is_told = seen.sharpness > 0;
@@ -212,7 +237,8 @@ std::array<SideSigma, 4> with_what_lasts(std::array<SideSigma, 4> sides,
   for (std::size_t i = 0; i < 4; ++i) {
     if (!(sides[i].shift_px > 0)) continue;
     const double module_px = module_across(corners_px, i);
-    const double narrow = std::clamp((kWide_px - module_px) / (kWide_px - kNarrowest_px), 0.0, 1.0);
+    const double narrow =
+        std::clamp((kUnpulled_px - module_px) / (kUnpulled_px - kNarrowest_px), 0.0, 1.0);
     sides[i].shift_px = std::hypot(sides[i].shift_px, kLastingShift_px * narrow);
   }
   return sides;

@@ -3,6 +3,8 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "detection/side_fit.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -42,10 +44,11 @@ std::optional<std::array<Eigen::Vector2d, 4>> corners_of_fitted_sides(
   std::array<Line, 4> sides;
   for (std::size_t i = 0; i < 4; ++i) {
     std::array<Eigen::Vector2d, kPointsPerSide> points;
+    const Eigen::Vector2d along = ideal_px[(i + 1) % 4] - ideal_px[i];
+    const double end = left_out_at_ends(along.norm());
     for (int k = 0; k < kPointsPerSide; ++k) {
-      const double t =
-          (k + 0.5) / kPointsPerSide;  // the detector samples the inside of a side, not its ends
-      const Eigen::Vector2d px = ideal_px[i] + t * (ideal_px[(i + 1) % 4] - ideal_px[i]);
+      const double t = end + (1 - 2 * end) * (k + 0.5) / kPointsPerSide;
+      const Eigen::Vector2d px = ideal_px[i] + t * along;
       const auto raw =
           camera.project({(px.x() - camera.cu) / camera.fu, (px.y() - camera.cv) / camera.fv, 1.0});
       if (!raw) return std::nullopt;

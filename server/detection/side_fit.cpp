@@ -13,8 +13,11 @@ namespace fiducap {
 namespace {
 
 constexpr double kStep_px = 0.25;
-constexpr double kPointEvery_px = 4.0;
+constexpr double kPointEvery_px = 1.3;
 constexpr int kFewestPoints = 16;
+constexpr int kMostPoints = 80;
+constexpr double kEnd_px = 3.5;
+constexpr double kMostEnd = 0.12;
 constexpr int kFewestSeen = 4;
 // Of the contrast: noise and uneven light make paper so much brighter than its mean.
 constexpr double kBrighter = 0.05;
@@ -34,6 +37,15 @@ constexpr double kAlone_px = 4.0;
 constexpr double kLeastModule_px = 1.1;
 constexpr double kPullOfBits = 0.0245;
 constexpr double kPullOfWall = 0.0224;
+// Sides that are looked at by what their gray adds up to: of modules that are wide enough for it,
+// if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides.
+constexpr double kBalanced_px = 1.8;
+constexpr double kCrossed_px = 2.0;
+constexpr double kMostHalf_px = 2.5;
+constexpr double kBalanceStep_px = 0.2;
+constexpr double kSharp_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
+constexpr double kNarrowSharp_px = 0.9;
+constexpr double kMostOff_px = 0.6;
 // Gray that rises over more than this share of a module, RMS, is smeared by motion; whether it is,
 // a narrow border does not show.
 constexpr double kSmeared = 0.2;
@@ -48,7 +60,8 @@ constexpr double kWellPlaced = 0.2;  // modules; of a smeared one
 // Black and white are looked at between the ends of a side, which smear along it reaches.
 constexpr double kLevelsFrom = 0.25;
 constexpr double kMostSmearOfLevels = 0.8;
-// More than this, in modules, no corner moves: the detector is up to a module off where it is smeared.
+// More than this, in modules, no corner moves: the detector is up to a module off where it is
+// smeared.
 constexpr double kMostMoved = 1.5;
 constexpr int kProfiles = 12;     // along half a side
 constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
@@ -106,6 +119,26 @@ struct Scan {
     if (weight <= 0) return std::nullopt;
     const double mean = sum / weight;
     return Rise{mean, squares / weight - mean * mean};
+  }
+
+  /// Where along `outward` an edge must be for black and white on both sides of it to add up to the
+  /// gray between the middles of border and quiet zone, as they do in pixels that are means over
+  /// their area, behind any lens: wherever the edge meets the grid of pixels. Noise does more to it
+  /// than to the rise.
+  [[nodiscard]] std::optional<double> balance(const Eigen::Vector2d& px,
+                                              const Eigen::Vector2d& outward,
+                                              double half_px) const {
+    const Eigen::Vector2d inner = px - half_px * outward;
+    const Eigen::Vector2d outer = px + half_px * outward;
+    if (!holds(inner) || !holds(outer)) return std::nullopt;
+    const double black = gray(inner);
+    const double white = gray(outer);
+    if (!(white > black)) return std::nullopt;
+    const int steps = static_cast<int>(std::ceil(2 * half_px / kBalanceStep_px));
+    double sum = 0;
+    for (int j = 0; j < steps; ++j)
+      sum += gray(px + (2 * (j + 0.5) / steps - 1) * half_px * outward) - black;
+    return half_px * (1 - 2 * sum / (steps * (white - black)));
   }
 
   /// A wall that is darker still ends the rise not that much earlier: |w|^0.75.
@@ -168,35 +201,63 @@ struct Stretch {
   double to{1};
 };
 
+/// A line through points, least squares.
+class LineFit {
+ public:
+  explicit LineFit(const Eigen::Vector2d& origin) : origin_(origin) {}
+  void add(const Eigen::Vector2d& px) {
+    const Eigen::Vector2d edge = px - origin_;
+    sum_ += edge;
+    squares_ += edge * edge.transpose();
+    ++seen_;
+  }
+  [[nodiscard]] std::optional<Line> line() const {
+    if (seen_ < kFewestSeen) return std::nullopt;
+    const Eigen::Vector2d mean = sum_ / seen_;
+    const Eigen::Matrix2d C = squares_ / seen_ - mean * mean.transpose();
+    const double angle =
+        0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
+    const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
+    return Line{n, n.dot(mean + origin_)};
+  }
+  [[nodiscard]] int seen() const { return seen_; }
+
+ private:
+  Eigen::Vector2d origin_;  // sums stay small
+  Eigen::Vector2d sum_{Eigen::Vector2d::Zero()};
+  Eigen::Matrix2d squares_{Eigen::Matrix2d::Zero()};
+  int seen_{0};
+};
+
+/// Calls `see` with points along [a, b], a pixel or so apart, but for its ends.
+template <class See>
+void walk(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Stretch& stretch, See see) {
+  const double length_px = (b - a).norm();
+  const int points =
+      std::clamp(static_cast<int>(length_px / kPointEvery_px), kFewestPoints, kMostPoints);
+  const double end = left_out_at_ends(length_px);
+  for (int k = 0; k < points; ++k) {
+    const double share = end + (1 - 2 * end) * k / (points - 1);
+    if (share >= stretch.from && share <= stretch.to) see(Eigen::Vector2d(a + share * (b - a)));
+  }
+}
+
 std::optional<Side> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
                              const Eigen::Vector2d& outward, double module_px,
                              const Stretch& stretch) {
-  const int points = std::max(kFewestPoints, static_cast<int>((b - a).norm() / kPointEvery_px));
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+  LineFit fit(a);
   double spread_px2 = 0;
-  int seen = 0;
   const double most = brightest_paper(scan, a, b, outward, module_px);
-  for (int k = 0; k < points; ++k) {
-    const double share = (k + 1.0) / (points + 1);
-    if (share < stretch.from || share > stretch.to) continue;
-    const Eigen::Vector2d px = a + share * (b - a);
+  walk(a, b, stretch, [&](const Eigen::Vector2d& px) {
     const auto rise = scan.rise(px, outward, most);
-    if (!rise) continue;
+    if (!rise) return;
     const double pull_px = scan.pull_px(px, outward, module_px);
-    const Eigen::Vector2d edge = px + (rise->mean_px - pull_px) * outward - a;
-    sum += edge;
-    squares += edge * edge.transpose();
+    fit.add(px + (rise->mean_px - pull_px) * outward);
     spread_px2 += rise->variance_px2;
-    ++seen;
-  }
-  if (seen < kFewestSeen) return std::nullopt;
-  const Eigen::Vector2d mean = sum / seen;
-  const Eigen::Matrix2d C = squares / seen - mean * mean.transpose();
-  const double angle =
-      0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
-  const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
-  return Side{{n, n.dot(mean + a)}, std::sqrt(spread_px2 / seen)};
+  });
+  const auto line = fit.line();
+  if (!line) return std::nullopt;
+  return Side{*line, std::sqrt(spread_px2 / fit.seen())};
 }
 
 /// Gray across [a, b], mean along it; nullopt where it leaves the image.
@@ -314,6 +375,26 @@ double smear_px(const Place& place, const Side& side) {
   return place.is_smeared(side) ? std::sqrt(12.0) * side.spread_px : 0.0;
 }
 
+/// Steepest places are drawn to the grid of pixels, which averages out along sides that cross it,
+/// and by what lies beside narrow modules.
+bool is_drawn_aside(const Place& place, const Side& side) {
+  if (place.module_px < kBalanced_px) return false;
+  if (place.module_px < kAlone_px) return side.spread_px < kNarrowSharp_px;
+  return side.spread_px < kSharp_px && (place.b - place.a).cwiseAbs().minCoeff() < kCrossed_px;
+}
+
+/// A sharp side again, by what gray adds up to.
+std::optional<Line> fit_balanced(const Scan& scan, Place place, const Line& line) {
+  place.move_to(line);
+  const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
+  LineFit fit(place.a);
+  walk(place.a, place.b, {}, [&](const Eigen::Vector2d& px) {
+    const auto off = scan.balance(px, place.outward, half_px);
+    if (off && std::abs(*off) < kMostOff_px) fit.add(px + *off * place.outward);
+  });
+  return fit.line();
+}
+
 using Sides = std::array<std::optional<Side>, 4>;
 
 /// Where a tag is smeared along a side, its ends are corners smeared into each other.
@@ -357,6 +438,8 @@ std::optional<TagLevels> levels_of(const Scan& scan, const std::array<Place, 4>&
 
 }  // namespace
 
+double left_out_at_ends(double length_px) { return std::min(kMostEnd, kEnd_px / length_px); }
+
 std::optional<FittedSides> fit_sides(const GrayImage& image,
                                      const std::array<Eigen::Vector2d, 4>& corners_px,
                                      int modules) {
@@ -380,7 +463,11 @@ std::optional<FittedSides> fit_sides(const GrayImage& image,
   for (std::size_t i = 0; i < 4; ++i) {
     const Place& place = places[i];
     lines[i] = sides[i]->line;
-    if (!place.is_smeared(*sides[i])) continue;
+    if (!place.is_smeared(*sides[i])) {
+      if (is_drawn_aside(place, *sides[i]))
+        lines[i] = fit_balanced(scan, place, lines[i]).value_or(lines[i]);
+      continue;
+    }
     const auto smeared = fit_smeared(scan, place.a, place.b, lines[i], place.module_px,
                                      place.smear_of(*sides[i]), place.outward, levels);
     if (smeared) lines[i] = *smeared;

@@ -19,6 +19,9 @@ struct FittedSides {
   const Eigen::Vector2d& operator[](std::size_t i) const { return corners_px[i]; }
 };
 
+/// What a fit leaves out at each end of a side, as a share of it: corners are rounded by pixels.
+[[nodiscard]] double left_out_at_ends(double length_px);
+
 /// Fits the four sides of a tag again, from corners that are good to a pixel or so: straight lines
 /// through the places of steepest gray between black border and white quiet zone, and where they
 /// meet.

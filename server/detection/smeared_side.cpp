@@ -36,8 +36,8 @@ struct Begin {
   double edge;
   double more_smear;
 };
-constexpr std::array kBegins{Begin{0, 0},    Begin{0, 0.4},    Begin{0, 0.8},   Begin{-0.4, 0},
-                             Begin{0.4, 0},  Begin{-0.4, 0.4}, Begin{0.4, 0.4}};
+constexpr std::array kBegins{Begin{0, 0},   Begin{0, 0.4},    Begin{0, 0.8},  Begin{-0.4, 0},
+                             Begin{0.4, 0}, Begin{-0.4, 0.4}, Begin{0.4, 0.4}};
 
 /// What is looked at.
 struct Look {
@@ -132,8 +132,8 @@ std::optional<SmearedSide> find_smeared_side(const SideProfile& gray, double sme
   std::optional<Fit> best;
   for (const Begin& begin : kBegins) {
     if (!levels && begin.edge != 0) break;
-    const auto fit = fit_from(look, begin.edge,
-                              std::clamp(smear + begin.more_smear, kLeastSmear, kMostSmear));
+    const auto fit =
+        fit_from(look, begin.edge, std::clamp(smear + begin.more_smear, kLeastSmear, kMostSmear));
     if (!fit || !is_tag(*fit)) continue;
     if (!best || fit->unexplained() < best->unexplained()) best = fit;
     if (levels && best->unexplained() < kExplained) break;

@@ -32,7 +32,8 @@ constexpr int kTile_px = 4;
 
 /// The library counts pixel *edges*, we count centres.
 constexpr double kEdgeToCentre_px = 0.5;
-// Sides that are less sharp and could not be fitted are where the library says: a pixel off or more.
+// Sides that are less sharp and could not be fitted are where the library says: a pixel off or
+// more.
 constexpr double kSmearedSharpness = 0.4;
 
 TagFamily family_of(const TagSetConfig& tags) {
