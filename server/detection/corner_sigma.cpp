@@ -23,12 +23,12 @@ constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
-constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
-constexpr double kSmall_px = 0.0865;   // times modules per pixel, across the side
+constexpr double kFinest_px = 0.008;  // a large tag seen from the front
+constexpr double kSmall_px = 0.09;    // times modules per pixel, across the side
 constexpr double kSmallPower = 2.44;
 constexpr double kTiltPower = 1.12;
 constexpr double kNoise_px = 3.5;  // at a side of one pixel
-constexpr double kNoisePower = -2.4;
+constexpr double kNoisePower = -2.06;
 constexpr double kEndsAlike = -0.6;  // correlation of both ends: a line fitted to white noise
 // Narrow modules along the grid of pixels: rows or columns that the side crosses, at the scale of
 // which it is shifted, or turned. All of it at kDrawn_px, none from kNotDrawn_px on.
@@ -48,12 +48,12 @@ constexpr double kNarrowSmear = 0.1;
 constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
 // Others, where smear reaches a module: what the fit of a smeared side leaves, and what noise does
 // to it, which grows with the pixels to tell grays apart over. Both ends for themselves.
-constexpr double kSmear_px = 0.0764;
-constexpr double kSmearNoise = 0.174;
-constexpr double kSmearEdge_px = 0.289;
-constexpr double kReachPower = 5.08;
-constexpr double kShiftTiltPower = 2.24;
-constexpr double kTurnTiltPower = 3.4;
+constexpr double kSmear_px = 0.0643;
+constexpr double kSmearNoise = 0.166;
+constexpr double kSmearEdge_px = 0.177;
+constexpr double kReachPower = 4.89;
+constexpr double kShiftOfTilt = 6.7;
+constexpr double kTurnOfTilt = 14.3;
 // What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
 // kNarrowest_px, none of it above kUnpulled_px.
 constexpr double kLastingShift_px = 0.05;
@@ -144,7 +144,8 @@ SideVariance smear_variance(const Side& side, double sharpness) {
   const double both = 0.5 *
                       (square(kSmear_px) + square(kSmearNoise * side.noise * side.module_px)) *
                       std::pow(reaches, kReachPower);
-  return {both * std::pow(side.tilt, kShiftTiltPower), both * std::pow(side.tilt, kTurnTiltPower)};
+  const double tilt = side.tilt - 1;
+  return {both * (1 + kShiftOfTilt * tilt), both * (1 + kTurnOfTilt * tilt)};
 }
 
 /// What grid and noise of the pixels do, at each end, px².

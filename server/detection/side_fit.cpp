@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "detection/side_scan.hpp"
 #include "detection/smeared_side.hpp"
 #include "detection/tag_outline.hpp"
 
@@ -12,7 +13,6 @@ namespace fiducap {
 
 namespace {
 
-constexpr double kStep_px = 0.25;
 constexpr double kPointEvery_px = 1.3;
 constexpr int kFewestPoints = 16;
 constexpr int kMostPoints = 80;
@@ -29,20 +29,11 @@ constexpr double kMostReach_px = 3.0;
 constexpr double kGradient = 0.4;
 constexpr double kLeastGradient_px = 0.5;
 constexpr double kMostGradient_px = 1.0;
-// A border narrower than this shares its pixels with what lies on both sides of it. What these pull
-// goes by the square of what is missing; fitted to 4200 rendered scenes (walls darker than paper)
-// and, for other walls, to squares whose pixels are means over their area. Lenses that are less
-// sharp than a pixel pull up to twice as much.
-constexpr double kAlone_px = 4.0;
-constexpr double kLeastModule_px = 1.1;
-constexpr double kPullOfBits = 0.0245;
-constexpr double kPullOfWall = 0.0224;
 // Sides that are looked at by what their gray adds up to: of modules that are wide enough for it,
 // if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides.
 constexpr double kBalanced_px = 1.8;
 constexpr double kCrossed_px = 2.0;
 constexpr double kMostHalf_px = 2.5;
-constexpr double kBalanceStep_px = 0.2;
 constexpr double kSharp_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
 constexpr double kNarrowSharp_px = 0.9;
 constexpr double kMostOff_px = 0.6;
@@ -72,102 +63,9 @@ struct Line {
   double c;
 };
 
-struct Scan {
-  const GrayImage& image;
-  double reach_px;
-  double gradient_px;
-
-  [[nodiscard]] bool holds(const Eigen::Vector2d& px) const {
-    return px.x() >= 0 && px.y() >= 0 && px.x() < image.width - 1 && px.y() < image.height - 1;
-  }
-
-  /// Bilinear. @pre holds(px)
-  [[nodiscard]] double gray(const Eigen::Vector2d& px) const {
-    const int u = static_cast<int>(px.x());
-    const int v = static_cast<int>(px.y());
-    const double a = px.x() - u;
-    const double b = px.y() - v;
-    const std::uint8_t* p = image.pixels.data() +
-                            static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width) + u;
-    return (1 - b) * ((1 - a) * p[0] + a * p[1]) +
-           b * ((1 - a) * p[image.width] + a * p[image.width + 1]);
-  }
-
-  /// Where along `outward` gray rises, weighted by the square of the rise.
-  struct Rise {
-    double mean_px;
-    double variance_px2;
-  };
-
-  /// @param most  brighter than this is not the tag's paper
-  /// @return nullopt: it rises nowhere, or the image ends within reach
-  [[nodiscard]] std::optional<Rise> rise(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
-                                         double most) const {
-    double sum = 0;
-    double squares = 0;
-    double weight = 0;
-    for (double t = -reach_px; t <= reach_px + 1e-9; t += kStep_px) {
-      const Eigen::Vector2d outer = px + (t + gradient_px) * outward;
-      const Eigen::Vector2d inner = px + (t - gradient_px) * outward;
-      if (!holds(outer) || !holds(inner)) return std::nullopt;  // half of a rise is another place
-      const double rise = std::min(gray(outer), most) - std::min(gray(inner), most);
-      if (rise <= 0) continue;
-      sum += rise * rise * t;
-      squares += rise * rise * t * t;
-      weight += rise * rise;
-    }
-    if (weight <= 0) return std::nullopt;
-    const double mean = sum / weight;
-    return Rise{mean, squares / weight - mean * mean};
-  }
-
-  /// Where along `outward` an edge must be for black and white on both sides of it to add up to the
-  /// gray between the middles of border and quiet zone, as they do in pixels that are means over
-  /// their area, behind any lens: wherever the edge meets the grid of pixels. Noise does more to it
-  /// than to the rise.
-  [[nodiscard]] std::optional<double> balance(const Eigen::Vector2d& px,
-                                              const Eigen::Vector2d& outward,
-                                              double half_px) const {
-    const Eigen::Vector2d inner = px - half_px * outward;
-    const Eigen::Vector2d outer = px + half_px * outward;
-    if (!holds(inner) || !holds(outer)) return std::nullopt;
-    const double black = gray(inner);
-    const double white = gray(outer);
-    if (!(white > black)) return std::nullopt;
-    const int steps = static_cast<int>(std::ceil(2 * half_px / kBalanceStep_px));
-    double sum = 0;
-    for (int j = 0; j < steps; ++j)
-      sum += gray(px + (2 * (j + 0.5) / steps - 1) * half_px * outward) - black;
-    return half_px * (1 - 2 * sum / (steps * (white - black)));
-  }
-
-  /// A wall that is darker still ends the rise not that much earlier: |w|^0.75.
-  [[nodiscard]] static double ends_by(double of_wall) {
-    return std::copysign(std::sqrt(std::abs(of_wall) * std::sqrt(std::abs(of_wall))), of_wall);
-  }
-
-  /// How far the next modules pull the edge outwards: white bits inside of the border let the rise
-  /// begin late, a dark wall beyond the quiet zone lets it end early.
-  [[nodiscard]] double pull_px(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
-                               double module_px) const {
-    if (module_px >= kAlone_px) return 0;
-    const Eigen::Vector2d module = module_px * outward;
-    const Eigen::Vector2d bit = px - 1.5 * module;
-    const Eigen::Vector2d wall = px + 1.5 * module;
-    if (!holds(bit) || !holds(wall)) return 0;
-    const double black = gray(px - 0.5 * module);
-    const double white = gray(px + 0.5 * module);
-    if (!(white > black)) return 0;
-    const double of_bits = std::clamp((gray(bit) - black) / (white - black), 0.0, 1.0);
-    const double of_wall = std::clamp((white - gray(wall)) / (white - black), -1.0, 1.0);
-    const double missing_px = kAlone_px - std::max(kLeastModule_px, module_px);
-    return missing_px * missing_px * (kPullOfBits * of_bits - kPullOfWall * ends_by(of_wall));
-  }
-};
-
 /// What is no brighter than the quiet zone beside [a, b], where the wall beyond is: a sunlit wall
 /// around a print in the shade is another step, a module further out.
-double brightest_paper(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
+double brightest_paper(const SideScan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
                        const Eigen::Vector2d& outward, double module_px) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   double wall = 0;
@@ -242,9 +140,9 @@ void walk(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Stretch& str
   }
 }
 
-std::optional<Side> fit_side(const Scan& scan, const Eigen::Vector2d& a, const Eigen::Vector2d& b,
-                             const Eigen::Vector2d& outward, double module_px,
-                             const Stretch& stretch) {
+std::optional<Side> fit_side(const SideScan& scan, const Eigen::Vector2d& a,
+                             const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
+                             double module_px, const Stretch& stretch) {
   LineFit fit(a);
   double spread_px2 = 0;
   const double most = brightest_paper(scan, a, b, outward, module_px);
@@ -261,7 +159,7 @@ std::optional<Side> fit_side(const Scan& scan, const Eigen::Vector2d& a, const E
 }
 
 /// Gray across [a, b], mean along it; nullopt where it leaves the image.
-std::optional<SideProfile> profile_of(const Scan& scan, const Eigen::Vector2d& a,
+std::optional<SideProfile> profile_of(const SideScan& scan, const Eigen::Vector2d& a,
                                       const Eigen::Vector2d& b, const Eigen::Vector2d& outward,
                                       double module_px) {
   SideProfile out{};
@@ -278,7 +176,7 @@ std::optional<SideProfile> profile_of(const Scan& scan, const Eigen::Vector2d& a
 }
 
 /// How far outwards a smeared half of a side is, modules; looked at again from where it was found.
-std::optional<double> find_half(const Scan& scan, const Eigen::Vector2d& first,
+std::optional<double> find_half(const SideScan& scan, const Eigen::Vector2d& first,
                                 const Eigen::Vector2d& last, const Eigen::Vector2d& n,
                                 double module_px, double smear,
                                 const std::optional<TagLevels>& levels) {
@@ -296,7 +194,7 @@ std::optional<double> find_half(const Scan& scan, const Eigen::Vector2d& first,
 }
 
 /// The side again, from both of its halves, by what its smeared gray adds up from.
-std::optional<Line> fit_smeared(const Scan& scan, const Eigen::Vector2d& a,
+std::optional<Line> fit_smeared(const SideScan& scan, const Eigen::Vector2d& a,
                                 const Eigen::Vector2d& b, const Line& line, double module_px,
                                 double smear, const Eigen::Vector2d& outward,
                                 const std::optional<TagLevels>& levels) {
@@ -356,7 +254,7 @@ struct Place {
 /// A side by its steepest place, and how far it is smeared. Where the detector was far off, the
 /// reach ended before the side: it is looked for again from where that led, but for smeared ones,
 /// whose steepest place is not where they are.
-std::optional<Side> find_side(const Scan& scan, Place& place) {
+std::optional<Side> find_side(const SideScan& scan, Place& place) {
   auto side = fit_side(scan, place.a, place.b, place.outward, place.module_px, {});
   for (int again = 0; side && !place.is_smeared(*side) && again < kMostAgain; ++again) {
     if (!(place.move_to(side->line) > kFarOff_px)) break;
@@ -364,7 +262,7 @@ std::optional<Side> find_side(const Scan& scan, Place& place) {
   }
   const double reach_px = kReach * place.module_px;
   if (!side || side->spread_px < kMostSharp_px || reach_px <= scan.reach_px) return side;
-  const Scan wide{scan.image, reach_px, scan.gradient_px};
+  const SideScan wide{scan.image, reach_px, scan.gradient_px};
   if (const auto seen = fit_side(wide, place.a, place.b, place.outward, place.module_px, {}))
     side->spread_px = seen->spread_px;
   return side;
@@ -379,12 +277,12 @@ double smear_px(const Place& place, const Side& side) {
 /// and by what lies beside narrow modules.
 bool is_drawn_aside(const Place& place, const Side& side) {
   if (place.module_px < kBalanced_px) return false;
-  if (place.module_px < kAlone_px) return side.spread_px < kNarrowSharp_px;
+  if (place.module_px < SideScan::kAlone_px) return side.spread_px < kNarrowSharp_px;
   return side.spread_px < kSharp_px && (place.b - place.a).cwiseAbs().minCoeff() < kCrossed_px;
 }
 
 /// A sharp side again, by what gray adds up to.
-std::optional<Line> fit_balanced(const Scan& scan, Place place, const Line& line) {
+std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& line) {
   place.move_to(line);
   const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
   LineFit fit(place.a);
@@ -398,7 +296,8 @@ std::optional<Line> fit_balanced(const Scan& scan, Place place, const Line& line
 using Sides = std::array<std::optional<Side>, 4>;
 
 /// Where a tag is smeared along a side, its ends are corners smeared into each other.
-void leave_out_smeared_ends(const Scan& scan, const std::array<Place, 4>& places, Sides& sides) {
+void leave_out_smeared_ends(const SideScan& scan, const std::array<Place, 4>& places,
+                            Sides& sides) {
   const Sides all = sides;
   for (std::size_t i = 0; i < 4; ++i) {
     const std::size_t before = (i + 3) % 4;
@@ -414,7 +313,7 @@ void leave_out_smeared_ends(const Scan& scan, const std::array<Place, 4>& places
 }
 
 /// As the sides show them that are smeared over less than a module.
-std::optional<TagLevels> levels_of(const Scan& scan, const std::array<Place, 4>& places,
+std::optional<TagLevels> levels_of(const SideScan& scan, const std::array<Place, 4>& places,
                                    const Sides& sides) {
   TagLevels sum;
   int seen = 0;
@@ -445,8 +344,8 @@ std::optional<FittedSides> fit_sides(const GrayImage& image,
                                      int modules) {
   const double module_px = outline_of(corners_px).width_px / modules;
   if (!(module_px > 0)) return std::nullopt;
-  const Scan scan{image, std::clamp(kReach * module_px, kLeastReach_px, kMostReach_px),
-                  std::clamp(kGradient * module_px, kLeastGradient_px, kMostGradient_px)};
+  const SideScan scan{image, std::clamp(kReach * module_px, kLeastReach_px, kMostReach_px),
+                      std::clamp(kGradient * module_px, kLeastGradient_px, kMostGradient_px)};
   std::array<Place, 4> places{{{corners_px, 0, modules},
                                {corners_px, 1, modules},
                                {corners_px, 2, modules},

@@ -71,6 +71,7 @@ class CornerNoise final {
   double unexplained_px_;
   double least_px_;  ///< f when a tag last moved.
   double step_;
+  double one_sided_{0};  ///< Whether distances were above (1) or below (-1) their median of late.
   bool learns_;
   std::array<Place, kPlaces> places_;
 };

@@ -64,7 +64,7 @@ TEST(CornerNoise, WhatSaysNothingTeachesNothing) {
 TEST(CornerNoise, IsNeverBelievedBetterThanLensAndPrintAre) {
   CornerNoise noise(EstimatorConfig{}, true);
   learn(noise, 0.001, 0.0);
-  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.01);
+  EXPECT_DOUBLE_EQ(noise.of(TagObservation{}), 0.004);
 }
 
 TEST(CornerNoise, ATagThatStandsStillIsNotProvenGood) {
