@@ -36,7 +36,7 @@ constexpr double kCrossed_px = 2.0;
 constexpr double kMostHalf_px = 2.5;
 constexpr double kSharp_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
 constexpr double kNarrowSharp_px = 0.9;
-constexpr double kMostOff_px = 0.6;
+constexpr double kMostOff_px = 1.2;
 // Gray that rises over more than this share of a module, RMS, is smeared by motion; whether it is,
 // a narrow border does not show.
 constexpr double kSmeared = 0.2;

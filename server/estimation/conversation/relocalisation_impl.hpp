@@ -36,6 +36,9 @@ inline constexpr double kMostTurn_rad = 0.15;
 inline constexpr int kDoubtedReturns = 160;
 // Readings alone say so long where the body was, to tell whether a clock has jumped.
 inline constexpr double kJumpBridged_s = 1.5;
+// A body that knows its own place no better than this, as after a start that went wrong, is moved
+// by a shift of the clock as by anything else.
+inline constexpr double kPlaceToTellJump_m = 0.1;
 // After a contradiction images are kept for so long, to be looked at with the next ones.
 inline constexpr double kSuspected_s = 1.0;
 // Of a clock after it was found to have jumped.
@@ -62,6 +65,7 @@ void FilterConversation<C>::look_for_jump(const TagObservations& seen, UpdateRep
   follower_.jump_search().note_image(seen.camera, seen.exposed_at - seen.clock_shift,
                                      coordinates().sighted(seen.camera, tags_.usable));
   if (contradicting < kContradictionsToReopenClock) return;
+  if (coordinates().place().sigma_m() > kPlaceToTellJump_m) return;
   const auto found = follower_.jump_search().find(seen.camera, seen.clock_shift);
   may_have_jumped_ = found.has_value();
   if (!found || !found->is_certain) return;

@@ -9,7 +9,7 @@ namespace {
 constexpr double kMedian = 7.344;  // of chi-square with 8 degrees of freedom
 // In the logarithm of f, per tag seen: quick while distances are on one side of their median, then
 // slow enough that f wanders by two per cent.
-constexpr double kFirstStep = 0.04;
+constexpr double kFirstStep = 0.03;
 constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.985;
 constexpr double kSideMemory = 0.05;

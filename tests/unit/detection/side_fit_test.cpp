@@ -122,6 +122,50 @@ TEST(SideFit, WhatLiesBesideANarrowBorderDoesNotMoveItsSides) {
   }
 }
 
+/// Corners of a square along the pixels.
+std::array<Eigen::Vector2d, 4> square_at(const Eigen::Vector2d& corner_px, double module_px) {
+  const double edge = kModules * module_px;
+  const auto [u, v] = std::pair(corner_px.x(), corner_px.y());
+  return {{{u, v + edge}, {u + edge, v + edge}, {u + edge, v}, {u, v}}};
+}
+
+/// @return RMS per coordinate
+double off_px(const FittedSides& fitted, const std::array<Eigen::Vector2d, 4>& truth) {
+  double squares = 0;
+  for (std::size_t i = 0; i < 4; ++i) squares += (fitted[i] - truth[i]).squaredNorm();
+  return std::sqrt(squares / 8);
+}
+
+TEST(SideFit, SidesAlongTheGridOfPixelsAreNotDrawnToIt) {
+  constexpr double kDrawn_px = 0.015;  // by steepest places: 0.045
+  for (const double module_px : {3.0, 4.0, 7.0}) {
+    for (int eighth = 0; eighth < 8; ++eighth) {  // what `tag_on` tells apart
+      const Eigen::Vector2d corner_px(12 + eighth / 8.0, 12 + (3 * eighth % 8) / 8.0);
+      const auto truth = square_at(corner_px, module_px);
+      const auto fitted = fit_sides(tag_on(90, module_px, corner_px, 5), truth, kModules);
+      ASSERT_TRUE(fitted);
+      EXPECT_LT(off_px(*fitted, truth), kDrawn_px) << module_px << ' ' << eighth;
+    }
+  }
+}
+
+TEST(SideFit, ASmearedTagIsFoundFromACornerThatIsMostOfAModuleOff) {
+  constexpr double kModule_px = 8;
+  constexpr double kSmear_px = 12;
+  constexpr double kNear_px = 0.3;
+  const Eigen::Vector2d corner_px(20.3, 16.6);
+  const auto truth = square_at(corner_px, kModule_px);
+  for (unsigned seed = 1; seed < 7; ++seed) {
+    const GrayImage image = tag_on(100, kModule_px, corner_px, seed, kSmear_px);
+    auto start = truth;
+    start[1].x() -= 5;
+    const auto fitted = fit_sides(image, start, kModules);
+    ASSERT_TRUE(fitted) << seed;
+    EXPECT_LT(off_px(*fitted, truth), kNear_px) << seed;
+    for (const bool guessed : fitted->guessed) EXPECT_FALSE(guessed);
+  }
+}
+
 TEST(SideFit, ASunlitWallBeyondTheQuietZoneDoesNotMoveSides) {
   // Taken for the same rise: 0.2 px outwards. Narrower ones are believed less (corner_sigma).
   constexpr double kMoved_px = 0.05;  // a side of 3 px: 1.5 sigma
