@@ -23,7 +23,7 @@ constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
-constexpr double kFinest_px = 0.008;  // a large tag seen from the front
+constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
 constexpr double kSmall_px = 0.09;    // times modules per pixel, across the side
 constexpr double kSmallPower = 2.44;
 constexpr double kTiltPower = 1.12;

@@ -28,7 +28,7 @@ struct DetectorConfig {
   double decimate{2.0};  ///< Of whole images: 1 sees smaller tags at five times the cost.
   double blur_sigma_px{0.0};
   bool refine_edges{true};
-  /// Sides fitted again between pixels: corners half as far off, 30 µs per tag.
+  /// Sides fitted again between pixels: corners a third as far off, 100 µs per tag.
   bool fit_sides{true};
   int max_hamming{1};  ///< 2 costs 40 MB and finds false ids.
   double min_decision_margin{20.0};

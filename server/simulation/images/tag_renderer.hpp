@@ -71,7 +71,7 @@ class TagRenderer final {
   [[nodiscard]] Homography homography(const RecordedTag& tag, const Pose& X_WV) const;
   void draw_tag(const Placed& tag, int first, int last, GrayCanvas& canvas);
   void corner_row(const Homography& h, int row, int left, int count, CornerRow& out) const;
-  void add_row(const Placed& tag, std::uint16_t* sum, std::uint16_t* cover) const;
+  void add_row(const Placed& tag, int v, std::uint16_t* sum, std::uint16_t* cover) const;
 
   CameraModel model_;
   const RayTable& rays_;
