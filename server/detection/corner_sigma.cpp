@@ -24,7 +24,7 @@ constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
 constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
-constexpr double kSmall_px = 0.09;    // times modules per pixel, across the side
+constexpr double kSmall_px = 0.09;     // times modules per pixel, across the side
 constexpr double kSmallPower = 2.44;
 constexpr double kTiltPower = 1.12;
 constexpr double kNoise_px = 3.5;  // at a side of one pixel

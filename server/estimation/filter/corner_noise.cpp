@@ -15,7 +15,7 @@ constexpr double kStepShrinks = 0.985;
 constexpr double kSideMemory = 0.05;
 constexpr double kOneSided = 0.5;
 // What the best lens model and the flattest print leave is no white noise: averaged over a
-// recording it would be believed to nothing. On rendered images 2 to 6 % of a coordinate's variance
+// recording it would be believed to nothing. On rendered images 1 to 5 % of a coordinate's variance
 // last while a tag is in view, 0.003 px of the 0.012 that a large sharp tag is off.
 constexpr double kLeast_px = 0.004;
 constexpr double kMost = 20.0;
