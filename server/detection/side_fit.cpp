@@ -282,11 +282,12 @@ bool is_drawn_aside(const Place& place, const Side& side) {
 }
 
 /// A sharp side again, by what gray adds up to.
-std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& line) {
+std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& line,
+                                 const Stretch& stretch) {
   place.move_to(line);
   const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
   LineFit fit(place.a);
-  walk(place.a, place.b, {}, [&](const Eigen::Vector2d& px) {
+  walk(place.a, place.b, stretch, [&](const Eigen::Vector2d& px) {
     const auto off = scan.balance(px, place.outward, half_px);
     if (off && std::abs(*off) < kMostOff_px) fit.add(px + *off * place.outward);
   });
@@ -295,21 +296,31 @@ std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& 
 
 using Sides = std::array<std::optional<Side>, 4>;
 
-/// Where a tag is smeared along a side, its ends are corners smeared into each other.
-void leave_out_smeared_ends(const SideScan& scan, const std::array<Place, 4>& places,
-                            Sides& sides) {
-  const Sides all = sides;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const std::size_t before = (i + 3) % 4;
-    const std::size_t after = (i + 1) % 4;
-    const double length_px = (places[i].b - places[i].a).norm();
-    const Stretch stretch{smear_px(places[before], *all[before]) / length_px,
-                          1 - smear_px(places[after], *all[after]) / length_px};
-    if (stretch.from == 0 && stretch.to == 1) continue;
-    const Place& place = places[i];
-    const auto fitted = fit_side(scan, place.a, place.b, place.outward, place.module_px, stretch);
-    if (fitted) sides[i]->line = fitted->line;
+/// What of side i is looked at: where a tag is smeared along it, its ends are corners smeared into
+/// each other.
+Stretch sharp_stretch(const std::array<Place, 4>& places, const Sides& sides, std::size_t i) {
+  const std::size_t before = (i + 3) % 4;
+  const std::size_t after = (i + 1) % 4;
+  const double length_px = (places[i].b - places[i].a).norm();
+  return {smear_px(places[before], *sides[before]) / length_px,
+          1 - smear_px(places[after], *sides[after]) / length_px};
+}
+
+/// Without the ends that are left out.
+Line steepest_line(const SideScan& scan, const Place& place, const Side& side,
+                   const Stretch& stretch) {
+  if (stretch.from == 0 && stretch.to == 1) return side.line;
+  const auto again = fit_side(scan, place.a, place.b, place.outward, place.module_px, stretch);
+  return again ? again->line : side.line;
+}
+
+/// A side that is not smeared across itself.
+Line line_of_sharp(const SideScan& scan, const Place& place, const Side& side,
+                   const Stretch& stretch) {
+  if (is_drawn_aside(place, side)) {
+    if (const auto balanced = fit_balanced(scan, place, side.line, stretch)) return *balanced;
   }
+  return steepest_line(scan, place, side, stretch);
 }
 
 /// As the sides show them that are smeared over less than a module.
@@ -355,20 +366,20 @@ std::optional<FittedSides> fit_sides(const GrayImage& image,
     sides[i] = find_side(scan, places[i]);
     if (!sides[i]) return std::nullopt;
   }
-  leave_out_smeared_ends(scan, places, sides);
   const auto levels = levels_of(scan, places, sides);
   FittedSides out;
   std::array<Line, 4> lines;
   for (std::size_t i = 0; i < 4; ++i) {
     const Place& place = places[i];
-    lines[i] = sides[i]->line;
-    if (!place.is_smeared(*sides[i])) {
-      if (is_drawn_aside(place, *sides[i]))
-        lines[i] = fit_balanced(scan, place, lines[i]).value_or(lines[i]);
+    const Side& side = *sides[i];
+    const Stretch stretch = sharp_stretch(places, sides, i);
+    if (!place.is_smeared(side)) {
+      lines[i] = line_of_sharp(scan, place, side, stretch);
       continue;
     }
+    lines[i] = steepest_line(scan, place, side, stretch);
     const auto smeared = fit_smeared(scan, place.a, place.b, lines[i], place.module_px,
-                                     place.smear_of(*sides[i]), place.outward, levels);
+                                     place.smear_of(side), place.outward, levels);
     if (smeared) lines[i] = *smeared;
     out.guessed[i] = !smeared;
   }

@@ -28,10 +28,11 @@ struct FittedSides {
 ///
 /// libapriltag does the same on whole pixels and with a fixed reach. Between pixels, on every row,
 /// and with a reach that follows the size of a module, corners of rendered tags are two to six
-/// times closer to the truth, and no longer depend on the decimation that the tag was found with.
-/// Some 100 µs per tag. Sides along the grid of pixels and those of narrow modules are fitted
-/// by what their gray adds up to (side_scan.hpp), sides smeared by motion over most of a module by
-/// what it adds up from (smeared_side.hpp); sides along the motion without their ends.
+/// times closer to the truth (small smeared ones hardly), and no longer depend on the decimation
+/// that the tag was found with. Some 100 µs per tag. Sides along the grid of pixels and those of
+/// narrow modules are fitted by what their gray adds up to (side_scan.hpp), sides smeared by motion
+/// over most of a module by what it adds up from (smeared_side.hpp); sides along the motion without
+/// their ends.
 /// @param corners_px  raw pixels, (0, 0) = centre of the upper-left one
 /// @param modules     along the black border (8 for tag36h11)
 /// @return nullopt where a side does not show, or the corners would move by more than 1.5 modules

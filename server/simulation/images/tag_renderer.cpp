@@ -40,7 +40,7 @@ constexpr std::array<Lattice, kShifts> make_lattices() {
 
 constexpr std::array<Lattice, kShifts> kLattices = make_lattices();
 
-/// All shifts take turns along rows, columns and diagonals.
+/// Shifts take turns along rows, columns and diagonals.
 inline const Lattice& lattice_of(int u, int v) {
   return kLattices[static_cast<std::size_t>(3 * u + 2 * v) % kShifts];
 }
