@@ -72,6 +72,9 @@ struct UpdateReport {
                          ///< told.
   /// Images contradicted so long that the body is looked for anew in what was learned.
   bool relocalised{};
+  /// One tag alone said where a body is that did not know it: a moved tag, or its other branch,
+  /// would say so, too.
+  bool returned_alone{};
   /// How often the filter has forgotten everything. Poses of different generations share no axes
   /// unless both are anchored.
   int generation{};

@@ -316,6 +316,7 @@ void BodyPipeline::note_turns() {
     if (!jumped) continue;
     update_.events.back().clock_jump = from_seconds(news->finding.jump_s);
     filter_->note_clock_jump(news->camera, from_seconds(news->finding.shift_s));
+    trust_.note_clock_jump();
   }
 }
 
@@ -339,7 +340,7 @@ void BodyPipeline::note_shown() {
            event.kind == BodyEvent::Kind::kClockJumped;
   };
   update_.doubted = trust_.withholds();
-  update_.is_untested = trust_.is_new();
+  update_.is_untested = trust_.is_untested();
   if (update_.withheld || update_.doubted) {
     disagreement_told_ |= std::any_of(update_.events.begin(), update_.events.end(), is_told);
     return;

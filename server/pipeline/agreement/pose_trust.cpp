@@ -13,6 +13,8 @@ constexpr int kContradicting = 3;
 // What is believed has not been contradicted for so long, and has fitted so many images.
 constexpr Duration kFitting = std::chrono::seconds(2);
 constexpr int kFittingImages = 10;
+// … or for so long, when nothing but the tag that brought the body back could be wrong.
+constexpr Duration kFittingAlone = std::chrono::milliseconds(500);
 // In a new room one image that contradicts makes everybody wait anew, but not for ever: ids are
 // misread.
 constexpr Duration kLongestDoubt = std::chrono::seconds(10);
@@ -29,20 +31,39 @@ void PoseTrust::add(const UpdateReport& report, bool is_established, bool is_roo
     last_ = 0;
     return stage_ == Stage::kNew ? forget_fits() : contradict();
   }
-  if (is_established && !was_lost_) return believe();
+  if (report.returned_alone && stage_ != Stage::kContradicted) {
+    if (stage_ == Stage::kBelieved) stage_ = Stage::kReturned;
+    last_ = 0;
+    forget_fits();
+  }
+  if (stage_ != Stage::kReturned && is_established && !was_lost_) return believe();
   const int usable = report.tags_used + report.tags_rejected;
   if (usable == 0) return;
-  const bool contradicts = 2 * report.tags_rejected > usable;
+  // One tag for and one against is no proof for a body that has none yet.
+  const bool needs_proof = stage_ != Stage::kBelieved && 2 * report.tags_rejected == usable;
+  const bool contradicts = needs_proof || 2 * report.tags_rejected > usable;
   last_ = ((last_ << 1U) | (contradicts ? 1U : 0U)) & kLastImages;
-  if (std::popcount(last_) >= kContradicting) return contradict();
+  if (std::popcount(last_) >= kContradicting) {
+    was_lost_ |= stage_ == Stage::kReturned;
+    return contradict();
+  }
   if (!first_image_) first_image_ = now_;
   const bool is_doubted = stage_ == Stage::kNew && now_ - *first_image_ < kLongestDoubt;
   if (contradicts && is_doubted) return forget_fits();
   fits_ += contradicts ? 0 : 1;
   if (!first_fit_) first_fit_ = now_;
   if (stage_ == Stage::kBelieved) return;
-  const bool has_fitted = fits_ >= kFittingImages && now_ - *first_fit_ >= kFitting;
+  const Duration fitting = stage_ == Stage::kReturned ? kFittingAlone : kFitting;
+  const bool has_fitted = fits_ >= kFittingImages && now_ - *first_fit_ >= fitting;
+  if (contradicts) return;
   if (has_fitted || (stage_ == Stage::kNew && is_room_known && !was_lost_)) believe();
+}
+
+void PoseTrust::note_clock_jump() {
+  was_lost_ = true;
+  last_ = 0;
+  contradict();
+  is_told_ = true;  // in words of its own
 }
 
 void PoseTrust::believe() {

@@ -315,5 +315,27 @@ TEST_P(MapConversation, PosesFromBeforeAResetAreNotMoved) {
   EXPECT_TRUE(room.filter->estimate().anchored);
 }
 
+TEST_P(MapConversation, ABodyThatLostItsPlaceSaysWhenOneTagAloneGivesItBack) {
+  const std::vector<int> nothing{-1};
+  for (const double blind_s : {0.2, 9.0, 12.0}) {  // short; without a place; adrift
+    for (const std::vector<int>& visible : {std::vector<int>{2}, std::vector<int>{1, 2, 3}}) {
+      ExampleRoom room(setup());
+      settle(room);
+      while (room.t_s < 0.05 * kStartImages + blind_s) room.next_image({}, nothing);
+      UpdateReport back;
+      for (int i = 0; i < 60 && back.tags_used == 0; ++i) {
+        back = room.next_image({}, visible);
+        if (back.tags_used == 0) {
+          EXPECT_FALSE(back.returned_alone);
+        }
+      }
+      ASSERT_GT(back.tags_used, 0);
+      const bool is_lost = blind_s > 1;
+      EXPECT_EQ(back.returned_alone, is_lost && visible.size() == 1) << blind_s;
+      EXPECT_FALSE(room.next_image({}, visible).returned_alone);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace fiducap

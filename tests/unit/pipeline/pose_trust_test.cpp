@@ -14,14 +14,18 @@ struct Body {
   bool is_established{false};
   bool is_room_known{false};
   bool is_relocalised{false};
+  bool is_alone{false};
 
-  void images(int count, bool fit) {
+  void images(int count, bool fit) { images(count, fit ? 2 : 0, fit ? 0 : 2); }
+  void images(int count, int used, int rejected) {
     for (int i = 0; i < count; ++i) {
       UpdateReport report;
       report.exposed_at = now += kPeriod;
       report.generation = generation;
       report.relocalised = is_relocalised;
-      (fit ? report.tags_used : report.tags_rejected) = 2;
+      report.returned_alone = is_alone;
+      report.tags_used = used;
+      report.tags_rejected = rejected;
       trust.add(report, is_established, is_room_known);
     }
   }
@@ -119,7 +123,7 @@ TEST(PoseTrust, ANewRoomsStartMayBeTriedAgainButFitsCountAnew) {
   body.images(30, true);
   body.generation = 2;
   body.images(30, true);
-  EXPECT_TRUE(body.trust.is_new());
+  EXPECT_TRUE(body.trust.is_untested());
   EXPECT_FALSE(body.trust.take_news());
   body.images(12, true);
   EXPECT_FALSE(body.trust.withholds());
@@ -132,6 +136,86 @@ TEST(PoseTrust, AFilterThatForgetsEverythingIsDoubtedAlsoInAKnownRoom) {
   body.generation = 2;
   body.images(10, true);
   EXPECT_TRUE(body.trust.withholds());
+}
+
+/// Cameras and gyro agree, poses were shown; then one tag alone said where the body is.
+Body returned_alone() {
+  Body body;
+  body.is_established = true;
+  body.images(60, true);
+  EXPECT_FALSE(body.trust.withholds());
+  body.is_alone = true;
+  body.images(1, true);
+  body.is_alone = false;
+  return body;
+}
+
+TEST(PoseTrust, OneTagThatBringsALostBodyBackHasToFitForHalfASecond) {
+  Body body = returned_alone();
+  body.images(9, true);
+  EXPECT_TRUE(body.trust.withholds());
+  EXPECT_TRUE(body.trust.is_untested());
+  body.images(2, true);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
+TEST(PoseTrust, OneTagThatBroughtABodyBackAndIsContradictedCostsTwoSeconds) {
+  Body body = returned_alone();
+  body.images(5, true);
+  body.images(3, false);
+  EXPECT_TRUE(body.trust.withholds());
+  EXPECT_FALSE(body.trust.is_untested());
+  body.images(35, true);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(20, true);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
+TEST(PoseTrust, InANewRoomOneTagAfterAGapCountsAnew) {
+  Body body;
+  body.images(40, true);
+  body.is_alone = true;
+  body.images(1, true);
+  body.is_alone = false;
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(39, true);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(3, true);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
+TEST(PoseTrust, AfterAClockHasJumpedImagesHaveToFitAnewWithoutASecondWord) {
+  Body body;
+  body.is_established = true;
+  body.images(60, true);
+  body.trust.note_clock_jump();
+  body.images(35, true);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(100, false);
+  EXPECT_FALSE(body.trust.take_news());
+  body.images(60, true);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
+TEST(PoseTrust, HalfOfTheTagsProvesNothingToWhoHasNoProofYet) {
+  Body body;
+  body.images(10, false);
+  body.images(100, 1, 1);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(60, true);
+  EXPECT_FALSE(body.trust.withholds());
+  body.images(100, 1, 1);
+  EXPECT_FALSE(body.trust.withholds());
+}
+
+TEST(PoseTrust, NobodyIsBelievedWithAnImageThatContradicts) {
+  Body body;
+  body.images(10, false);
+  body.images(47, true);
+  body.images(1, false);
+  EXPECT_TRUE(body.trust.withholds());
+  body.images(1, true);
+  EXPECT_FALSE(body.trust.withholds());
 }
 
 }  // namespace
