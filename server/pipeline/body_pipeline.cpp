@@ -96,7 +96,7 @@ bool BodyPipeline::push(SensorSample sample) {
 /// Nobody would learn why: from then on they come when they arrive, for their turns to be compared
 /// with the gyro's.
 void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
-  if (newest_imu_ && late_.note(camera, stamp, was_dropped))
+  if (newest_imu_ && late_.note(camera, stamp, was_dropped, *newest_imu_))
     merger_.set_clock_shift(camera, *newest_imu_ - stamp);
 }
 
@@ -195,6 +195,10 @@ const BodyUpdate* BodyPipeline::watched_image() {
   update_.report.exposed_at = update_.seen.exposed_at;
   update_.known.clear();
   update_.contradicted.clear();
+  if (std::string news = late_.take_news(update_.corners.camera); !news.empty()) {
+    note(BodyEvent::Kind::kTurnsDisagree);
+    update_.events.back().text = std::move(news);
+  }
   note_turns();
   note_shown();
   update_.estimate.reset();
@@ -291,6 +295,7 @@ void BodyPipeline::note_events() {
 }
 
 void BodyPipeline::note_mismatches() {
+  if (update_.withheld) return;  // a clock or axes are wrong: that has words of its own
   const Instant now = update_.seen.exposed_at;
   if (mismatches_at_ && now >= *mismatches_at_ && now - *mismatches_at_ < kCamerasPeriod) return;
   mismatches_at_ = now;

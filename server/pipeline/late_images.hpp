@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "base/time.hpp"
@@ -14,16 +15,21 @@ class LateImages final {
   explicit LateImages(std::size_t cameras) : cameras_(cameras) {}
 
   /// An image has come. @param stamp  the device's
+  /// @param newest_imu  of the readings that came before it
   /// @return the camera is only watched from here on
-  bool note(int camera, Instant stamp, bool was_dropped) {
+  bool note(int camera, Instant stamp, bool was_dropped, Instant newest_imu) {
     if (camera < 0 || static_cast<std::size_t>(camera) >= cameras_.size()) return false;
     Camera& of = cameras_[static_cast<std::size_t>(camera)];
     if (!was_dropped || of.late_in_a_row == 0) of.since = stamp;
     of.late_in_a_row = was_dropped ? of.late_in_a_row + 1 : 0;
     if (of.late_in_a_row < kAllAreLate || stamp - of.since < kForLong) return false;
-    of = {.late_in_a_row = 0, .since = stamp, .only_watched = true};
+    of.late_in_a_row = 0;
+    of.only_watched = true;
+    of.behind = newest_imu - stamp;
     return true;
   }
+  /// What to tell a person when a camera is only watched from now on, once; empty: no news.
+  [[nodiscard]] std::string take_news(int camera);
 
   [[nodiscard]] bool only_watches(int camera) const {
     return cameras_[static_cast<std::size_t>(camera)].only_watched;
@@ -41,6 +47,8 @@ class LateImages final {
     int late_in_a_row{0};
     Instant since{};
     bool only_watched{false};
+    bool is_told{false};
+    Duration behind{};  ///< The IMU's readings that came before.
   };
   std::vector<Camera> cameras_;
 };
