@@ -72,6 +72,13 @@ struct UpdateReport {
                          ///< told.
   /// Images contradicted so long that the body is looked for anew in what was learned.
   bool relocalised{};
+  /// All known tags in view contradict: they were moved, or the body is elsewhere. Until another
+  /// one decides, the estimate's covariance reaches that far.
+  struct Elsewhere {
+    int tag_id{};   ///< One of those tags.
+    double by_m{};  ///< Where they want the body, from where it is thought to be.
+  };
+  std::optional<Elsewhere> elsewhere;
   /// One tag alone said where a body is that did not know it: a moved tag, or its other branch,
   /// would say so, too.
   bool returned_alone{};

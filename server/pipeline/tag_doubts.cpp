@@ -10,6 +10,8 @@ namespace {
 constexpr std::size_t kMostSaid = 20;
 constexpr double kPercent = 100;
 constexpr Duration kPatienceWithBranch = std::chrono::seconds(5);
+constexpr Duration kPatienceWithWitness = std::chrono::seconds(1);
+constexpr double kWorthAWord_m = 0.05;
 }  // namespace
 
 std::string size_text(const SizeFinding& finding) {
@@ -48,8 +50,9 @@ std::string TagDoubts::add(const TagObservations& seen, const UpdateReport& repo
   }
   const std::string up = up_.add(seen.exposed_at, estimate, own, known);
   if (!up.empty()) text += (text.empty() ? "" : "; ") + up;
-  const std::string branch = wait_for_branch(report, estimate.has_value());
-  if (!branch.empty()) text += (text.empty() ? "" : "; ") + branch;
+  for (const std::string& wait :
+       {wait_for_branch(report, estimate.has_value()), wait_for_witness(report)})
+    if (!wait.empty()) text += (text.empty() ? "" : "; ") + wait;
   if (text.empty()) return text;
   const std::lock_guard lock(mutex_);
   if (said_.size() < kMostSaid) said_.push_back(text);
@@ -70,6 +73,22 @@ std::string TagDoubts::wait_for_branch(const UpdateReport& report, bool has_pose
          "an "
          "IMU nothing else tells which. Come nearer, look at them from aside, or show more of the "
          "tags that are known";
+}
+
+std::string TagDoubts::wait_for_witness(const UpdateReport& report) {
+  if (!report.elsewhere) {
+    elsewhere_since_.reset();
+    is_elsewhere_told_ = false;
+    return {};
+  }
+  if (!elsewhere_since_) elsewhere_since_ = report.exposed_at;
+  if (is_elsewhere_told_ || report.elsewhere->by_m < kWorthAWord_m) return {};
+  if (report.exposed_at - *elsewhere_since_ < kPatienceWithWitness) return {};
+  is_elsewhere_told_ = true;
+  return fmt::format(
+      "tag {} says that the body is {:.2f} m from where it is thought to be: the tag was moved, or "
+      "the body went astray. Until another known tag decides, the pose is no surer than that",
+      report.elsewhere->tag_id, report.elsewhere->by_m);
 }
 
 std::vector<std::string> TagDoubts::said() const {

@@ -44,6 +44,8 @@ class TagDoubts final {
  private:
   /// Without an IMU a body waits until it is certain which of a tag's two poses is the right one.
   [[nodiscard]] std::string wait_for_branch(const UpdateReport& report, bool has_pose);
+  /// Known tags say that the body is elsewhere, and nobody decides.
+  [[nodiscard]] std::string wait_for_witness(const UpdateReport& report);
 
   SizeCheck sizes_;
   RejectionWatch rejections_;
@@ -51,6 +53,8 @@ class TagDoubts final {
   bool has_imu_;
   std::optional<Instant> waits_since_;
   bool is_wait_told_{false};  ///< Of this one.
+  std::optional<Instant> elsewhere_since_;
+  bool is_elsewhere_told_{false};
   mutable std::mutex mutex_;
   std::vector<std::string> said_;
 };

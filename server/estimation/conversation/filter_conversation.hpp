@@ -88,6 +88,7 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] bool may_give_up_usable() const;
   void give_up(int tag_id, Instant at, UpdateReport& report);
   void note_witnesses();
+  void note_elsewhere(const TagObservations& seen);
   void watch_return(const TagObservations& seen, UpdateReport& report);
   void answer_return(const TagObservations& seen, LoneReturn::Verdict verdict,
                      std::span<const int> against, UpdateReport& report);
@@ -134,6 +135,10 @@ class FilterConversation final : public StartingFilter {
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
   std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.
+  /// Where proven tags that contradict want the body, from where it is thought to be, W axes; until
+  /// another proven one decides.
+  std::optional<Eigen::Vector3d> elsewhere_W_;
+  int elsewhere_tag_{-1};  ///< One of them.
   LoneReturn return_;
   std::optional<Instant> suspected_at_;  ///< Images contradicted last: a clock may have jumped.
   bool may_have_jumped_{false};          ///< That, or a tag was moved.

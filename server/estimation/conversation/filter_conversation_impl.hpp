@@ -38,6 +38,7 @@ void FilterConversation<C>::restart() {
   candidates_.forget_all();
   restless_.forget_all();
   unwitnessed_.clear();
+  elsewhere_W_.reset();
   return_.forget();
   relocalisations_ = 0;
 }
@@ -137,6 +138,8 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   answer_contradictions(seen, report);
   if (is_following())
     shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
+  if (elsewhere_W_)
+    report.elsewhere = UpdateReport::Elsewhere{elsewhere_tag_, elsewhere_W_->norm()};
   if (!has_imu() && report.tags_used > 0) note_exact_tags();
   return report;
 }
@@ -207,6 +210,7 @@ void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
   for (const int tag_id : std::vector<int>(given_up.begin(), given_up.end()))
     give_up(tag_id, seen.exposed_at, report);
   note_witnesses();
+  note_elsewhere(seen);
   watch_return(seen, report);
 }
 
@@ -215,6 +219,7 @@ void FilterConversation<C>::shift_axes(const std::optional<Pose>& X_new_old, Upd
   if (!X_new_old) return;
   report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});
   coordinates().moved_axes(*X_new_old);
+  if (elsewhere_W_) elsewhere_W_ = X_new_old->q * *elsewhere_W_;
   follower_.jump_search().forget_all();
   if (!has_imu()) candidates_.forget_all();  // their views were in the old axes
 }
@@ -224,6 +229,8 @@ BodyEstimate FilterConversation<C>::estimate() const {
   FIDUCAP_ASSERT(running());
   BodyEstimate out = follower_.estimate();
   out.anchored = anchor_.is_anchored();
+  if (elsewhere_W_)
+    out.covariance.topLeftCorner<3, 3>() += *elsewhere_W_ * elsewhere_W_->transpose();
   if (!has_imu() && follower_.config().doubt_configuration) add_bend_of_prints(out);
   return out;
 }

@@ -22,6 +22,8 @@ inline constexpr double kPlaceKept_m = 0.1;
 // more of them, and it is the body that is wrong. Young ones do not count: where they stand is what
 // a few images said, glaring ones perhaps.
 inline constexpr std::ptrdiff_t kMostUnwitnessed = 2;
+// Images in a row of which nothing fits, before the pose is as unsure as they are apart from it.
+inline constexpr int kContradictionsToDoubt = 5;
 // A tag that alone brought the body back is on probation when it could have moved the body so far:
 // after a gap, and by the body's own uncertainty before it was used.
 inline constexpr double kGap_s = 0.5;
@@ -32,6 +34,8 @@ inline constexpr double kPlaceUnknown_m = 0.25;
 // learned cannot mend.
 inline constexpr int kMostRelocalisations = 4;
 inline constexpr int kImagesToTrust = 40;
+// Where nobody else ever comes into view, so many that fit in a row decide that tags were moved.
+inline constexpr int kImagesToDecide = 600;
 // A lone tag that contradicted before, or that would turn the body against the gyro by this, brings
 // it back only when so many images have shown nothing better.
 inline constexpr double kMostTurn_rad = 0.15;
@@ -85,6 +89,7 @@ void FilterConversation<C>::pardon_all() {
   coordinates().forget_past();
   restless_.forget_all();
   unwitnessed_.clear();
+  elsewhere_W_.reset();
   return_.forget();
   contradictions_.pardon();
   follower_.jump_search().forget_images();
@@ -202,11 +207,37 @@ void FilterConversation<C>::note_witnesses() {
     fits = fits || tags_.accepted[i];
     const auto is_same = [&](const GivenUpTag& one) { return one.tag_id == tag.seen->tag_id; };
     if (tags_.accepted[i] && is_proven(tag) &&
-        std::none_of(unwitnessed_.begin(), unwitnessed_.end(), is_same))
+        std::none_of(unwitnessed_.begin(), unwitnessed_.end(), is_same)) {
       unwitnessed_.clear();
+      elsewhere_W_.reset();
+    }
   }
   images_trusted_ = fits ? images_trusted_ + 1 : 0;
   if (images_trusted_ >= kImagesToTrust) relocalisations_ = 0;
+  if (images_trusted_ >= kImagesToDecide) {
+    unwitnessed_.clear();
+    elsewhere_W_.reset();
+  }
+}
+
+/// All that is seen contradicts: either it was moved, or the body is elsewhere. Until another tag
+/// decides, the pose is as unsure as they are apart.
+template <class C>
+void FilterConversation<C>::note_elsewhere(const TagObservations& seen) {
+  using namespace filter_rules;  // NOLINT: short names for what filters go by
+  if (!has_imu() || !is_start_over_) return;
+  if (contradictions_.images_without_fit() == 0 && unwitnessed_.empty()) elsewhere_W_.reset();
+  if (contradictions_.images_without_fit() < kContradictionsToDoubt) return;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int tags = 0;
+  for (const TagToUse& tag : tags_.usable) {
+    const auto shift_W = is_proven(tag) ? follower_.shift_by(seen, tag) : std::nullopt;
+    if (!shift_W) continue;
+    sum += *shift_W;
+    ++tags;
+    elsewhere_tag_ = tag.seen->tag_id;
+  }
+  if (tags > 0) elsewhere_W_ = sum / tags;
 }
 
 template <class C>
@@ -264,6 +295,7 @@ template <class C>
 void FilterConversation<C>::lose_motion(bool is_turn_lost) {
   if (!is_following()) return;
   if (!running()) return restart();
+  elsewhere_W_.reset();
   follower_.lose_motion(is_turn_lost);
   candidates_.forget_all();
   return_attempts_ = 0;

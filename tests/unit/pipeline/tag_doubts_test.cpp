@@ -64,5 +64,30 @@ TEST(TagDoubts, SayOnceWhyThereIsNoPoseWhileATagsBranchIsOpen) {
   EXPECT_THAT(sentences(ImuNoise{}), testing::IsEmpty());
 }
 
+TEST(TagDoubts, SayOnceEachTimeThatATagWantsTheBodyElsewhere) {
+  TagDoubts doubts(BodySensors{.cameras = {CameraMount{}}, .imu = ImuNoise{}}, EstimatorConfig{});
+  int image = 0;
+  const auto sentences = [&](int images, std::optional<UpdateReport::Elsewhere> elsewhere) {
+    std::vector<std::string> said;
+    for (int i = 0; i < images; ++i) {
+      UpdateReport report;
+      report.exposed_at = instant_from_ns(50'000'000LL * ++image);
+      report.tags_seen = report.tags_used = 1;
+      report.elsewhere = elsewhere;
+      const std::string news = doubts.add({}, report, std::nullopt, {}, {});
+      if (!news.empty()) said.push_back(news);
+    }
+    return said;
+  };
+  using Elsewhere = UpdateReport::Elsewhere;
+  EXPECT_TRUE(sentences(19, Elsewhere{4, 0.3}).empty()) << "a clock may have jumped";
+  EXPECT_TRUE(sentences(20, std::nullopt).empty());
+  const auto said = sentences(60, Elsewhere{4, 0.3});
+  ASSERT_EQ(said.size(), 1u);
+  EXPECT_THAT(said.front(), HasSubstr("tag 4 says that the body is 0.30 m from"));
+  EXPECT_TRUE(sentences(60, std::nullopt).empty());
+  EXPECT_TRUE(sentences(60, Elsewhere{4, 0.02}).empty()) << "a breath of air";
+}
+
 }  // namespace
 }  // namespace fiducap
