@@ -15,6 +15,8 @@ struct FoundMismatch {
     kAllPrints,    ///< All tags are so much larger, relative …
     kOnePrint,     ///< … or this one, beyond what all are.
     kImuNoise,     ///< Densities are so many times the declared ones.
+    kGyroRange,    ///< Rates stood at one number, rad/s, and were not believed …
+    kAccelRange,   ///< … or forces, m/s².
     kStampJitter,  ///< Each image's stamp is off on its own, 1-sigma, s.
   } kind{};
   int camera{-1};

@@ -55,6 +55,13 @@ std::string refined_text(const FoundMismatch& found, const CameraModel& configur
       lens.centre_sigma_px.x(), configured.cu, now.cv, lens.centre_sigma_px.y(), configured.cv);
 }
 
+std::string range_text(const char* sensor, const std::string& end) {
+  return fmt::format(
+      "the {} reaches the end of its range ({}), or an axis of it is stuck: what it says there is "
+      "not used, and poses are less sure meanwhile. Set a wider range, or move more gently",
+      sensor, end);
+}
+
 bool is_same(const FoundMismatch& a, const FoundMismatch& b) {
   return a.kind == b.kind && a.camera == b.camera && a.tag_id == b.tag_id;
 }
@@ -101,6 +108,10 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
           "the IMU seems {:.1f} times as noisy as configured; the estimate reckons with it. Look "
           "for vibration, or run fiducap calibrate imu",
           found.value);
+    case Kind::kGyroRange:
+      return range_text("gyro", fmt::format("{:.1f} rad/s", found.value));
+    case Kind::kAccelRange:
+      return range_text("accelerometer", fmt::format("{:.0f} m/s²", found.value));
     case Kind::kStampJitter:
       return fmt::format(
           "the images' stamps seem to jitter by {:.1f} ms; the estimate reckons with it. Take the "

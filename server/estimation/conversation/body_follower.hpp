@@ -55,6 +55,7 @@ class BodyFollower final {
     return sensors_.cameras[static_cast<std::size_t>(camera)].model;
   }
   [[nodiscard]] bool knows_attitude() const { return !has_imu() || attitude_.ready(); }
+  [[nodiscard]] const ImuBuffer::RangesMet& ranges_met() const { return imu_.ranges_met(); }
   /// While adrift: the gyro does not say how the body turned since.
   [[nodiscard]] bool is_turn_lost() const { return is_turn_lost_; }
 

@@ -42,10 +42,7 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] ClockEstimate clock(int camera) const override {
     return coordinates().clock(camera);
   }
-  void mismatches(std::vector<FoundMismatch>& out) const override {
-    out.clear();
-    coordinates().list_mismatches(out);
-  }
+  void mismatches(std::vector<FoundMismatch>& out) const override;
 
   [[nodiscard]] Explanation explain(const TagObservations& seen,
                                     const UpdateReport& report) const override;

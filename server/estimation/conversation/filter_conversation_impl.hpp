@@ -279,6 +279,16 @@ void FilterConversation<C>::tag_beliefs(std::vector<TagBelief>& out) const {
 }
 
 template <class C>
+void FilterConversation<C>::mismatches(std::vector<FoundMismatch>& out) const {
+  using Kind = FoundMismatch::Kind;
+  out.clear();
+  coordinates().list_mismatches(out);
+  const ImuBuffer::RangesMet& met = follower_.ranges_met();
+  if (met.gyro_rad_s > 0) out.push_back({.kind = Kind::kGyroRange, .value = met.gyro_rad_s});
+  if (met.accel_m_s2 > 0) out.push_back({.kind = Kind::kAccelRange, .value = met.accel_m_s2});
+}
+
+template <class C>
 std::vector<ExtrinsicsEstimate> FilterConversation<C>::extrinsics() const {
   std::vector<ExtrinsicsEstimate> out;
   for (int c = 0; c < state().cameras(); ++c) {

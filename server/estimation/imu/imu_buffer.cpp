@@ -29,6 +29,11 @@ bool ImuBuffer::push(const ImuSample& imu) {
   if (size_ > 0 && imu.sampled_at <= reading(size_ - 1).imu.sampled_at) return false;
   if (is_full()) forget_oldest(1);
   const auto found = watch_.look_at(imu);
+  const auto meet = [](double& met, bool is_met, const Eigen::Vector3d& reading) {
+    if (is_met) met = std::max(met, reading.cwiseAbs().maxCoeff());
+  };
+  meet(ranges_met_.gyro_rad_s, found.now.gyro, imu.w_WB_B);
+  meet(ranges_met_.accel_m_s2, found.now.accel, imu.f_B);
   const std::size_t earlier = size_++;
   at(earlier) = {imu, found.now};
   for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k)

@@ -33,6 +33,12 @@ class ImuBuffer final {
     return ring_[(begin_ + i) % ring_.size()];
   }
   [[nodiscard]] std::optional<ImuSample> newest() const;
+  /// Largest axis of the readings that were not believed so far; 0: all were.
+  struct RangesMet {
+    double gyro_rad_s{0};
+    double accel_m_s2{0};
+  };
+  [[nodiscard]] const RangesMet& ranges_met() const { return ranges_met_; }
   /// The newest rate is at the end of the gyro's range.
   [[nodiscard]] bool is_gyro_blind() const {
     return size_ > 0 && reading(size_ - 1).saturated.gyro;
@@ -69,6 +75,7 @@ class ImuBuffer final {
   double max_gap_s_;
   double gap_accel_noise_;
   SaturationWatch watch_;
+  RangesMet ranges_met_;
   std::vector<JudgedReading> ring_;
   std::size_t begin_{0};
   std::size_t size_{0};

@@ -26,6 +26,22 @@ TEST(ImuBufferPast, AnIntervalBeforeTheFirstReadingIsAGap) {
   EXPECT_GT(input.accel_noise, 0.5 * kGapAccel);
 }
 
+TEST(ImuBufferPast, RemembersTheEndOfTheRangeThatReadingsMet) {
+  constexpr double kRange = 8.7;
+  ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
+  const auto push = [&](int i, double most) {
+    const Eigen::Vector3d w(0.3 * std::sin(0.1 * i), 10 * std::sin(0.05 * i), std::sin(0.2 * i));
+    buffer.push({ExampleRoom::at(0.005 * i),
+                 w.cwiseMin(most).cwiseMax(-most),
+                 {std::cos(0.03 * i), std::sin(0.07 * i), 9.81 + std::sin(0.1 * i)}});
+  };
+  for (int i = 0; i < 400; ++i) push(i, 100);
+  EXPECT_EQ(buffer.ranges_met().gyro_rad_s, 0);
+  for (int i = 400; i < 800; ++i) push(i, kRange);
+  EXPECT_EQ(buffer.ranges_met().gyro_rad_s, kRange);
+  EXPECT_EQ(buffer.ranges_met().accel_m_s2, 0);
+}
+
 TEST(ImuBufferPast, WithoutReadingsEverythingIsAGap) {
   const ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
   const InertialInput input = buffer.input_between(ExampleRoom::at(1.0), ExampleRoom::at(1.01));

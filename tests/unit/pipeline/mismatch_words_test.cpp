@@ -47,6 +47,8 @@ INSTANTIATE_TEST_SUITE_P(
         Words{{Kind::kOnePrint, -1, 12, -0.03, 0.004},
               {"tag 12", "3.0 ± 0.4 % smaller", "sizes_m"}},
         Words{{Kind::kImuNoise, -1, -1, 5.1, 0.2}, {"5.1 times as noisy", "calibrate imu"}},
+        Words{{Kind::kGyroRange, -1, -1, 8.73, 0}, {"gyro", "8.7 rad/s", "wider range"}},
+        Words{{Kind::kAccelRange, -1, -1, 39.2, 0}, {"accelerometer", "39 m/s²"}},
         Words{{Kind::kStampJitter, -1, -1, 0.0031, 0}, {"jitter by 3.1 ms"}}));
 
 const FoundMismatch kPrints{Kind::kAllPrints, -1, -1, 0.02, 0.002};
