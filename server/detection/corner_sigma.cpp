@@ -27,7 +27,8 @@ constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
 constexpr double kSmall_px = 0.09;     // times modules per pixel, across the side
 constexpr double kSmallPower = 2.44;
 constexpr double kTiltPower = 1.12;
-constexpr double kNoise_px = 3.5;  // at a side of one pixel
+constexpr double kSoftPower = 1.5;  // of sharpness: a soft edge is drawn by more pixels
+constexpr double kNoise_px = 3.5;   // at a side of one pixel
 constexpr double kNoisePower = -2.06;
 constexpr double kEndsAlike = -0.6;  // correlation of both ends: a line fitted to white noise
 // Narrow modules along the grid of pixels: rows or columns that the side crosses, at the scale of
@@ -48,10 +49,10 @@ constexpr double kNarrowSmear = 0.1;
 constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
 // Others, where smear reaches a module: what the fit of a smeared side leaves, and what noise does
 // to it, which grows with the pixels to tell grays apart over. Both ends for themselves.
-constexpr double kSmear_px = 0.0643;
+constexpr double kSmear_px = 0.0588;
 constexpr double kSmearNoise = 0.166;
-constexpr double kSmearEdge_px = 0.177;
-constexpr double kReachPower = 4.89;
+constexpr double kSmearEdge_px = 0.192;
+constexpr double kReachPower = 4.74;
 constexpr double kShiftOfTilt = 6.7;
 constexpr double kTurnOfTilt = 14.3;
 // What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
@@ -151,7 +152,7 @@ SideVariance smear_variance(const Side& side, double sharpness) {
 /// What grid and noise of the pixels do, at each end, px².
 double white_variance(const Side& side, double sharpness) {
   return (square(kFinest_px) + std::pow(kSmall_px / side.module_px, kSmallPower)) *
-             std::pow(side.tilt, kTiltPower) +
+             std::pow(side.tilt, kTiltPower) * std::pow(sharpness, kSoftPower) +
          square(kNoise_px * side.noise) / side.length_px * std::pow(sharpness, kNoisePower);
 }
 
