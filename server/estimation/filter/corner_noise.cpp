@@ -14,10 +14,6 @@ constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.985;
 constexpr double kSideMemory = 0.05;
 constexpr double kOneSided = 0.5;
-// As much quicker downwards, while they all are below it, where the detector tells its part: f has
-// two decades to go. Not upwards: stamps that jitter are to be found before their scatter is taken
-// for that of corners.
-constexpr double kFalls = 2;
 // What the best lens model and the flattest print leave is no white noise: averaged over a
 // recording it would be believed to nothing. On rendered images 1 to 5 % of a coordinate's variance
 // last while a tag is in view, 0.003 px of the 0.012 that a large sharp tag is off.
@@ -91,8 +87,7 @@ bool CornerNoise::has_moved(const TagObservation& seen) {
 void CornerNoise::learn(const TagObservation& seen, double distance, double share) {
   if (!learns_ || !(share > 0) || std::isnan(distance)) return;
   const double side = distance > kMedian ? 1 : -1;
-  const bool falls = one_sided_ < -kOneSided && side < 0 && seen.knows_sides();
-  unexplained_px_ *= std::exp(side * (falls ? kFalls : 1) * step_ * share);
+  unexplained_px_ *= std::exp(side * step_ * share);
   const bool moved = has_moved(seen);
   const double least_px = moved ? std::min(kLeast_px, start_px_) : least_px_;
   unexplained_px_ = std::clamp(unexplained_px_, least_px, kMost * start_px_);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include <Eigen/Core>
@@ -28,10 +29,15 @@ class CornerNoise final {
   explicit CornerNoise(const EstimatorConfig& config, bool learns);
 
   [[nodiscard]] double of(const TagObservation& seen) const;
-  /// Whether it is not the same in all directions: where each side has sigmas of its own. A line
-  /// through white noise is turned by more than it is shifted.
+  /// Whether its sides are known so differently that it is not the same in all directions. Sharp
+  /// sides are shifted by less than they are turned, if errors are white; what lasts shifts them.
   [[nodiscard]] bool is_uneven(const TagObservation& seen) const {
-    return learns_ && seen.knows_sides();
+    const auto less = [](const SideSigma& a, const SideSigma& b) {
+      return a.shift_px < b.shift_px;
+    };
+    const auto [least, most] = std::minmax_element(seen.sides.begin(), seen.sides.end(), less);
+    constexpr double kUneven = 1.5;
+    return learns_ && seen.knows_sides() && most->shift_px > kUneven * least->shift_px;
   }
   /// The whole of it where it is uneven. @param more_px  beside all that, of each coordinate
   [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;

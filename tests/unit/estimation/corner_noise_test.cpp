@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <functional>
 #include <random>
 
 namespace fiducap {
@@ -97,27 +96,6 @@ TagObservation measured(int k) {
   seen.raw_px = seen.corners_px;
   seen.sides.fill({0.02, 0.03});
   return seen;
-}
-
-/// f after some tags in a row that all are nearer, or all further off, than the median.
-double after_looks(const std::function<TagObservation(int)>& tag, double distance) {
-  constexpr int kLooks = 60;
-  CornerNoise noise(EstimatorConfig{}, true);
-  for (int i = 0; i < kLooks; ++i) noise.learn(tag(i), distance, 1.0);
-  return noise.unexplained_px();
-}
-
-TEST(CornerNoise, FallsQuickerThanItRisesWhereTheDetectorTellsItsPart) {
-  const auto unknown = [](int k) { return tag_at(k); };
-  EXPECT_LT(after_looks(measured, 0.1), 0.4 * after_looks(unknown, 0.1));
-  EXPECT_DOUBLE_EQ(after_looks(measured, 100.0), after_looks(unknown, 100.0));
-}
-
-TEST(CornerNoise, IsOneNumberWhereNobodyToldTheSidesApart) {
-  const CornerNoise noise(EstimatorConfig{}, true);
-  EXPECT_TRUE(noise.is_uneven(measured(1))) << "shifted and turned differently, all sides alike";
-  EXPECT_FALSE(noise.is_uneven(tag_at(1, 0.3)));
-  EXPECT_FALSE(CornerNoise(EstimatorConfig{}, false).is_uneven(measured(1)));
 }
 
 TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
