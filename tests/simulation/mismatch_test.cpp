@@ -142,6 +142,22 @@ TEST(GuessedLens, IsLearnedWhenItsSigmaIsTold) { expect_refined(guessed_lens(0.1
 
 TEST(GuessedLens, IsLearnedWhenLensesAreRefined) { expect_refined(guessed_lens(0, true)); }
 
+/// Rendered images of a lens that is 8 % shorter than what is told as exact.
+double rmse_behind_a_wrong_lens(std::uint64_t seed) {
+  EstimationData data =
+      simulate({.world = "table", .seconds = 25, .seed = seed, .images_for = "world"});
+  mismatch::lengthen_told_lens(data, 1.08);
+  FilterChoice choice;
+  choice.filter = "world";
+  choice.live = true;
+  return run_filter(data, choice).scored_after(10).position_rmse_m();
+}
+
+TEST(ToldLens, IsDoubtedBeforeImagesAreGatedByWhatSharpCornersAllow) {
+  for (std::uint64_t seed = 41; seed <= 45; ++seed)
+    EXPECT_LT(rmse_behind_a_wrong_lens(seed), 0.04) << "seed " << seed;
+}
+
 TEST(MismatchedSparse, SwappedPrintsAreGivenUpAndFoundAgainWithoutAReset) {
   const Outcome done = outcome_of("two prints swapped", "sparse", 31);
   EXPECT_LT(done.median_m, 0.03);

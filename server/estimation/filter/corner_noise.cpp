@@ -14,6 +14,8 @@ constexpr double kLastStep = 0.003;
 constexpr double kStepShrinks = 0.985;
 constexpr double kSideMemory = 0.05;
 constexpr double kOneSided = 0.5;
+// As much quicker downwards while all are below it, for who may: f has two decades to go.
+constexpr double kFallsQuickly = 4;
 // What the best lens model and the flattest print leave is no white noise: averaged over a
 // recording it would be believed to nothing. On rendered images 1 to 5 % of a coordinate's variance
 // last while a tag is in view, 0.003 px of the 0.012 that a large sharp tag is off.
@@ -87,7 +89,8 @@ bool CornerNoise::has_moved(const TagObservation& seen) {
 void CornerNoise::learn(const TagObservation& seen, double distance, double share) {
   if (!learns_ || !(share > 0) || std::isnan(distance)) return;
   const double side = distance > kMedian ? 1 : -1;
-  unexplained_px_ *= std::exp(side * step_ * share);
+  const bool falls = falls_quickly_ && seen.knows_sides() && one_sided_ < -kOneSided && side < 0;
+  unexplained_px_ *= std::exp(side * (falls ? kFallsQuickly : 1) * step_ * share);
   const bool moved = has_moved(seen);
   const double least_px = moved ? std::min(kLeast_px, start_px_) : least_px_;
   unexplained_px_ = std::clamp(unexplained_px_, least_px, kMost * start_px_);

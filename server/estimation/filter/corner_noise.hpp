@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 
 #include <Eigen/Core>
@@ -29,15 +28,10 @@ class CornerNoise final {
   explicit CornerNoise(const EstimatorConfig& config, bool learns);
 
   [[nodiscard]] double of(const TagObservation& seen) const;
-  /// Whether its sides are known so differently that it is not the same in all directions. Sharp
-  /// sides are shifted by less than they are turned, if errors are white; what lasts shifts them.
+  /// Whether it is not the same in all directions: where each side has sigmas of its own. A line
+  /// through white noise is turned by more than it is shifted.
   [[nodiscard]] bool is_uneven(const TagObservation& seen) const {
-    const auto less = [](const SideSigma& a, const SideSigma& b) {
-      return a.shift_px < b.shift_px;
-    };
-    const auto [least, most] = std::minmax_element(seen.sides.begin(), seen.sides.end(), less);
-    constexpr double kUneven = 1.5;
-    return learns_ && seen.knows_sides() && most->shift_px > kUneven * least->shift_px;
+    return learns_ && seen.knows_sides();
   }
   /// The whole of it where it is uneven. @param more_px  beside all that, of each coordinate
   [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;
@@ -45,6 +39,10 @@ class CornerNoise final {
   void begin_with(double unexplained_px);
   /// of() as a multiple of what it was at the beginning.
   [[nodiscard]] double growth(const TagObservation& seen) const;
+  /// Whether nothing but corners can be off: f may come down quickly. Else images would be gated by
+  /// a small f before a wrong lens is found; and it never rises quickly, as stamps that jitter
+  /// would be taken for noise of corners.
+  void fall_quickly(bool may) { falls_quickly_ = may; }
   /// What one tag of an image says, used or not.
   /// @param distance  its squared Mahalanobis distance, 8 degrees of freedom
   /// @param share     of its innovation covariance that is corner noise, 0 … 1
@@ -73,6 +71,7 @@ class CornerNoise final {
   double step_;
   double one_sided_{0};  ///< Whether distances were above (1) or below (-1) their median of late.
   bool learns_;
+  bool falls_quickly_{false};
   std::array<Place, kPlaces> places_;
 };
 

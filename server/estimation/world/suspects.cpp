@@ -45,6 +45,8 @@ constexpr int kLeastOpenImages = 100;
 // A lone print that the data know this well and do not accuse is cleared; the next one is watched.
 constexpr double kCleared = 5e-4;
 constexpr double kCleared_sigma = 3.0;
+// A camera is cleared when its numbers are known to so many times what would close them.
+constexpr double kClearedSettled = 5.0;
 // What is told is known to this many sigmas.
 constexpr double kTold_sigma = 4.0;
 // A refined lens is told once it is known like this.
@@ -334,6 +336,20 @@ bool Suspects::is_refined(int camera) const {
   return std::any_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
     return suspect.is_parameter && suspect.camera == camera;
   });
+}
+
+bool Suspects::are_cleared(const FilterState& state, int camera) const {
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    const bool is_another = suspect.camera >= 0 && suspect.camera != camera;
+    if (suspect.print >= 0 || is_another) continue;
+    if (state.suspicions[i].is_open) return false;
+    const double least = kClearedSettled * suspect.settled;
+    const double information = information_of(state, suspect.column, suspect.tight_sigma);
+    if (!(information * least * least > 1)) return false;
+    if (std::abs(score(state, suspect)) > kSuspected_sigma) return false;
+  }
+  return state.has_suspects() && rules_.doubts;
 }
 
 Matrix6d Suspects::unstated(const FilterState& state) const {

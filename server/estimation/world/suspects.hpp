@@ -53,6 +53,9 @@ class Suspects final {
   [[nodiscard]] Matrix6d unstated(const FilterState& state) const;
   /// Whether images may correct a camera's lens.
   [[nodiscard]] bool is_refined(int camera) const;
+  /// Whether the data know a camera's lens and readout, and the size of all prints, well enough to
+  /// say that they are as configured.
+  [[nodiscard]] bool are_cleared(const FilterState& state, int camera) const;
   /// A camera's lens as far as it is open.
   [[nodiscard]] LensEstimate lens(const FilterState& state, int camera) const;
 

@@ -259,6 +259,7 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
   const Vector6d on_time = camera_at(state_, seen.camera, seconds).on_time;
   if (!sensors_.imu) hold_sensors(state_, suspects_, tags.size());
   if (!sensors_.imu && linearisation_) hold_sensors(*linearisation_, suspects_, tags.size());
+  corner_noise_[camera].fall_quickly(suspects_.are_cleared(state_, seen.camera));
   const UpdateReport report =
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
                            {.gate = gate,

@@ -41,6 +41,7 @@ const std::vector<TrueLens>& lenses() {
   static const std::vector<TrueLens> all{{"as told", 1.0},
                                          {"8 % longer", 1.08},
                                          {"8 % shorter", 0.92},
+                                         {"3 % longer", 1.03},
                                          {"8 %, centre", 1.08, kCentreOff_px},
                                          {"8 %, barrel", 1.08, 0, kBarrel}};
   return all;

@@ -98,6 +98,27 @@ TagObservation measured(int k) {
   return seen;
 }
 
+/// f after some tags that are all nearer, or all further off, than the median.
+double after_looks(bool falls_quickly, double distance) {
+  CornerNoise noise(EstimatorConfig{}, true);
+  noise.fall_quickly(falls_quickly);
+  constexpr int kLooks = 60;
+  for (int i = 0; i < kLooks; ++i) noise.learn(measured(i), distance, 1.0);
+  return noise.unexplained_px();
+}
+
+TEST(CornerNoise, FallsQuicklyWhereItMayAndNeverRisesQuickly) {
+  EXPECT_LT(after_looks(true, 0.1), 0.4 * after_looks(false, 0.1));
+  EXPECT_DOUBLE_EQ(after_looks(true, 100.0), after_looks(false, 100.0));
+}
+
+TEST(CornerNoise, IsOneNumberWhereNobodyToldTheSidesApart) {
+  const CornerNoise noise(EstimatorConfig{}, true);
+  EXPECT_TRUE(noise.is_uneven(measured(1))) << "all sides alike, but shifted less than turned";
+  EXPECT_FALSE(noise.is_uneven(tag_at(1, 0.3)));
+  EXPECT_FALSE(CornerNoise(EstimatorConfig{}, false).is_uneven(measured(1)));
+}
+
 TEST(CornerNoise, LooksAtTheSamePlaceAreWorthLessThanTwo) {
   CornerNoise noise(EstimatorConfig{}, true);
   double information = 0;

@@ -79,6 +79,29 @@ TEST_F(SuspectsTest, OneThatIsSurelyWrongIsOpenedAsIfItHadBeenFromTheBeginningBu
   EXPECT_NEAR(found[0].value, 0.02, 0.003);
 }
 
+TEST_F(SuspectsTest, AreClearedOnceTheDataKnowEveryNumberOfTheCameraAsConfigured) {
+  const auto know = [&](int column, double sigma) {
+    double& variance = state_.P()(column, column);
+    variance = 1 / (1 / variance + 1 / (sigma * sigma));
+  };
+  EXPECT_FALSE(suspects_.are_cleared(state_, 0)) << "nothing was seen";
+  know(layout::focal(0), 1e-3);
+  know(layout::centre(0), 0.5);
+  know(layout::centre(0) + 1, 0.5);
+  know(layout::readout(0), 3e-4);
+  EXPECT_FALSE(suspects_.are_cleared(state_, 0)) << "prints may be of another size";
+  know(size_, 5e-4);
+  EXPECT_TRUE(suspects_.are_cleared(state_, 0));
+  state_.lenses[0].focal = 1e-5;  // of a prior of 5e-5: 4 sigma where it is known to 1e-3
+  EXPECT_FALSE(suspects_.are_cleared(state_, 0));
+}
+
+TEST_F(SuspectsTest, NobodyIsClearedWhereNothingIsDoubted) {
+  const Suspects believed(mounts_, {.doubts = false});
+  Suspects(mounts_, {.doubts = false}).begin(state_);
+  EXPECT_FALSE(believed.are_cleared(state_, 0));
+}
+
 class LensParameter : public testing::Test {
  protected:
   LensParameter() {
