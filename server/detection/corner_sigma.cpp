@@ -23,12 +23,21 @@ constexpr double kBareQuiet_px = 1.5;
 constexpr double kLeastModule_px = 0.5;  // smaller ones are not decoded
 
 // The fit, in pixels of this detector at any resolution; powers are of variances.
-constexpr double kFinest_px = 0.0085;  // a large tag seen from the front
-constexpr double kSmall_px = 0.09;     // times modules per pixel, across the side
-constexpr double kSmallPower = 2.44;
-constexpr double kTiltPower = 1.12;
-constexpr double kSoftPower = 1.5;  // of sharpness: a soft edge is drawn by more pixels
-constexpr double kNoise_px = 3.5;   // at a side of one pixel
+/// What the grid of pixels leaves of a sharp side, by how side_fit finds it.
+struct SharpSide {
+  double finest_px;  ///< A large tag seen from the front.
+  double small_px;   ///< Times modules per pixel, across the side.
+  double small_power;
+  double tilt_power;
+  double soft_power;  ///< Of sharpness: a soft edge is drawn by more pixels.
+};
+constexpr SharpSide kBySteepest{0.0085, 0.09, 2.44, 1.12, 1.5};
+constexpr SharpSide kByBalance{0.0066, 0.38, 4.57, 0.785, 0};
+// Sides along the grid that are so sharp are found by balance.
+constexpr double kAlongGrid_px = 2.0;
+constexpr double kBalanced_px = 1.8;
+constexpr double kSharp = 0.9;
+constexpr double kNoise_px = 3.5;  // at a side of one pixel
 constexpr double kNoisePower = -2.06;
 constexpr double kEndsAlike = -0.6;  // correlation of both ends: a line fitted to white noise
 // Narrow modules along the grid of pixels: rows or columns that the side crosses, at the scale of
@@ -151,8 +160,11 @@ SideVariance smear_variance(const Side& side, double sharpness) {
 
 /// What grid and noise of the pixels do, at each end, px².
 double white_variance(const Side& side, double sharpness) {
-  return (square(kFinest_px) + std::pow(kSmall_px / side.module_px, kSmallPower)) *
-             std::pow(side.tilt, kTiltPower) * std::pow(sharpness, kSoftPower) +
+  const bool is_balanced =
+      side.crossed_px < kAlongGrid_px && side.module_px >= kBalanced_px && sharpness >= kSharp;
+  const SharpSide& by = is_balanced ? kByBalance : kBySteepest;
+  return (square(by.finest_px) + std::pow(by.small_px / side.module_px, by.small_power)) *
+             std::pow(side.tilt, by.tilt_power) * std::pow(sharpness, by.soft_power) +
          square(kNoise_px * side.noise) / side.length_px * std::pow(sharpness, kNoisePower);
 }
 

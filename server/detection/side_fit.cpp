@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "detection/line_fit.hpp"
 #include "detection/side_scan.hpp"
 #include "detection/smeared_side.hpp"
 #include "detection/tag_outline.hpp"
@@ -18,7 +19,6 @@ constexpr int kFewestPoints = 16;
 constexpr int kMostPoints = 80;
 constexpr double kEnd_px = 3.5;
 constexpr double kMostEnd = 0.12;
-constexpr int kFewestSeen = 4;
 // Of the contrast: noise and uneven light make paper so much brighter than its mean.
 constexpr double kBrighter = 0.05;
 // How far from the given side an edge is looked for, and over which distance its steepness is
@@ -30,10 +30,12 @@ constexpr double kGradient = 0.4;
 constexpr double kLeastGradient_px = 0.5;
 constexpr double kMostGradient_px = 1.0;
 // Sides that are looked at by what their gray adds up to: of modules that are wide enough for it,
-// if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides.
+// if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides it is
+// added up, and up to where black and white are plain (corners of 45° stay out of it).
 constexpr double kBalanced_px = 1.8;
 constexpr double kCrossed_px = 2.0;
-constexpr double kMostHalf_px = 2.5;
+constexpr double kMostHalf_px = 1.5;
+constexpr double kMostPlain_px = kEnd_px;
 constexpr double kSharp_px = 0.7;  // RMS of the rise; 0.57 where nothing moves
 constexpr double kNarrowSharp_px = 0.9;
 constexpr double kMostOff_px = 1.2;
@@ -56,12 +58,6 @@ constexpr double kMostSmearOfLevels = 0.8;
 constexpr double kMostMoved = 1.5;
 constexpr int kProfiles = 12;     // along half a side
 constexpr double kCorner = 0.06;  // of a side, at both ends: the other side is smeared into it
-
-/// A line n·x = c.
-struct Line {
-  Eigen::Vector2d n;
-  double c;
-};
 
 /// What is no brighter than the quiet zone beside [a, b], where the wall beyond is: a sunlit wall
 /// around a print in the shade is another step, a module further out.
@@ -97,34 +93,6 @@ struct Side {
 struct Stretch {
   double from{0};
   double to{1};
-};
-
-/// A line through points, least squares.
-class LineFit {
- public:
-  explicit LineFit(const Eigen::Vector2d& origin) : origin_(origin) {}
-  void add(const Eigen::Vector2d& px) {
-    const Eigen::Vector2d edge = px - origin_;
-    sum_ += edge;
-    squares_ += edge * edge.transpose();
-    ++seen_;
-  }
-  [[nodiscard]] std::optional<Line> line() const {
-    if (seen_ < kFewestSeen) return std::nullopt;
-    const Eigen::Vector2d mean = sum_ / seen_;
-    const Eigen::Matrix2d C = squares_ / seen_ - mean * mean.transpose();
-    const double angle =
-        0.5 * std::atan2(2 * C(0, 1), C(0, 0) - C(1, 1));  // direction of the longer axis
-    const Eigen::Vector2d n(-std::sin(angle), std::cos(angle));
-    return Line{n, n.dot(mean + origin_)};
-  }
-  [[nodiscard]] int seen() const { return seen_; }
-
- private:
-  Eigen::Vector2d origin_;  // sums stay small
-  Eigen::Vector2d sum_{Eigen::Vector2d::Zero()};
-  Eigen::Matrix2d squares_{Eigen::Matrix2d::Zero()};
-  int seen_{0};
 };
 
 /// Calls `see` with points along [a, b], a pixel or so apart, but for its ends.
@@ -221,6 +189,7 @@ struct Place {
   Eigen::Vector2d a, b;
   Eigen::Vector2d outward;
   double module_px;
+  double narrowest_px;  ///< The least across it: its far end, if it is the far side.
 
   Place(const std::array<Eigen::Vector2d, 4>& corners_px, std::size_t i, int modules)
       : a(corners_px[i]), b(corners_px[(i + 1) % 4]) {
@@ -230,6 +199,11 @@ struct Place {
     outward = {-along.y(), along.x()};
     if (outward.dot(a - middle) < 0) outward = -outward;
     module_px = 2 * outward.dot(a - middle) / modules;
+    const Eigen::Vector2d& behind_b = corners_px[(i + 2) % 4];
+    const Eigen::Vector2d& behind_a = corners_px[(i + 3) % 4];
+    const double across_px = std::min(outward.dot(a - behind_a), outward.dot(b - behind_b));
+    narrowest_px =
+        across_px / modules * std::min(1.0, (b - a).norm() / (behind_b - behind_a).norm());
   }
 
   [[nodiscard]] bool is_smeared(const Side& side) const {
@@ -286,9 +260,10 @@ std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& 
                                  const Stretch& stretch) {
   place.move_to(line);
   const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
+  const double plain_px = std::clamp(place.narrowest_px - half_px, half_px, kMostPlain_px);
   LineFit fit(place.a);
   walk(place.a, place.b, stretch, [&](const Eigen::Vector2d& px) {
-    const auto off = scan.balance(px, place.outward, half_px);
+    const auto off = scan.balance(px, place.outward, half_px, plain_px);
     if (off && std::abs(*off) < kMostOff_px) fit.add(px + *off * place.outward);
   });
   return fit.line();
@@ -342,7 +317,7 @@ std::optional<TagLevels> levels_of(const SideScan& scan, const std::array<Place,
       ++seen;
     }
   }
-  if (seen < kFewestSeen) return std::nullopt;
+  if (seen < LineFit::kFewestPoints) return std::nullopt;
   return TagLevels{sum.black / seen, sum.white / seen};
 }
 

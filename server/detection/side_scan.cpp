@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kStep_px = 0.25;
 constexpr double kBalanceStep_px = 0.2;
+constexpr double kLevelStep_px = 0.5;
 // What the next modules pull goes by the square of what is missing; fitted to 4200 rendered scenes
 // (walls darker than paper) and, for other walls, to squares whose pixels are means over their
 // area. Lenses that are less sharp than a pixel pull up to twice as much.
@@ -59,13 +60,21 @@ double SideScan::pull_px(const Eigen::Vector2d& px, const Eigen::Vector2d& outwa
   return missing_px * missing_px * (kPullOfBits * of_bits - kPullOfWall * ends_by(of_wall));
 }
 
+double SideScan::mean_gray(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
+                           double from_px, double to_px) const {
+  const double width_px = to_px - from_px;
+  const int steps = 1 + static_cast<int>(width_px / kLevelStep_px);
+  double sum = 0;
+  for (int j = 0; j < steps; ++j)
+    sum += gray(px + (from_px + (j + 0.5) / steps * width_px) * outward);
+  return sum / steps;
+}
+
 std::optional<double> SideScan::balance(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
-                                        double half_px) const {
-  const Eigen::Vector2d inner = px - half_px * outward;
-  const Eigen::Vector2d outer = px + half_px * outward;
-  if (!holds(inner) || !holds(outer)) return std::nullopt;
-  const double black = gray(inner);
-  const double white = gray(outer);
+                                        double half_px, double plain_px) const {
+  if (!holds(px - plain_px * outward) || !holds(px + plain_px * outward)) return std::nullopt;
+  const double black = mean_gray(px, outward, -plain_px, -half_px);
+  const double white = mean_gray(px, outward, half_px, plain_px);
   if (!(white > black)) return std::nullopt;
   const int steps = static_cast<int>(std::ceil(2 * half_px / kBalanceStep_px));
   double sum = 0;

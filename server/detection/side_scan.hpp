@@ -54,11 +54,15 @@ struct SideScan {
 
   /// Where along `outward` an edge must be for black and white on both sides of it to add up to the
   /// gray from `half_px` inside to `half_px` outside. Right wherever the edge meets the grid of
-  /// pixels and behind any lens, when both ends lie in plain black and white; noise does twice as
-  /// much to it as to the rise.
+  /// pixels and behind any lens, when black and white are plain from there to `plain_px`.
   /// @return nullopt: no step from black to white, or the image ends
   [[nodiscard]] std::optional<double> balance(const Eigen::Vector2d& px,
-                                              const Eigen::Vector2d& outward, double half_px) const;
+                                              const Eigen::Vector2d& outward, double half_px,
+                                              double plain_px) const;
+
+ private:
+  [[nodiscard]] double mean_gray(const Eigen::Vector2d& px, const Eigen::Vector2d& outward,
+                                 double from_px, double to_px) const;
 };
 
 }  // namespace fiducap

@@ -25,8 +25,10 @@ struct CornerScene {
 
 /// Six tags of any size, tilt, blur and noise; another number is another scene. 752 × 480, every
 /// second one with a lens.
-/// @param light  on the tags, as a multiple of what the exposure is right for
-inline CornerScene make_corner_scene(unsigned number, double light = 1.0) {
+/// @param light    on the tags, as a multiple of what the exposure is right for
+/// @param upright  tags stand on walls before a level camera, nearly: sides lie along rows and
+///                 columns of pixels
+inline CornerScene make_corner_scene(unsigned number, double light = 1.0, bool upright = false) {
   using namespace simulation;
   std::mt19937 random(number);
   const auto within = [&](double low, double high) {
@@ -53,8 +55,12 @@ inline CornerScene make_corner_scene(unsigned number, double light = 1.0) {
     tag.X_WT.p = {x, y, 0};
     const double tilt = std::acos(within(0.2, 1));
     const double towards = within(0, 2 * M_PI);
-    tag.X_WT.q = exp_so3(tilt * Eigen::Vector3d(std::cos(towards), std::sin(towards), 0)) *
-                 exp_so3({0, 0, within(-M_PI, M_PI)});
+    const double turned = within(-M_PI, M_PI);
+    const Eigen::Vector3d axis(std::cos(towards), std::sin(towards), 0);
+    constexpr double kNearly = 0.02 / M_PI;
+    tag.X_WT.q = upright ? exp_so3({0, std::copysign(tilt, towards - M_PI), 0}) *
+                               exp_so3({0, 0, kNearly * turned})
+                         : exp_so3(tilt * axis) * exp_so3({0, 0, turned});
     tags.push_back(tag);
   }
   Pose X_WV = facing_camera(distance);

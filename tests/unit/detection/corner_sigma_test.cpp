@@ -26,7 +26,7 @@ TEST(CornerSigma, IsUnknownWhenTheSourceMeasuredNothing) {
 
 TEST(CornerSigma, GrowsForSmallTiltedSmearedAndNoisyTags) {
   const double fine = corner_sigma_px(square(60), 1.0);
-  EXPECT_NEAR(fine, 0.010, 0.001);
+  EXPECT_NEAR(fine, 0.008, 0.001);
   EXPECT_GT(corner_sigma_px(square(12), 1.0), 1.8 * fine);
   EXPECT_GT(corner_sigma_px(square(60, 0.3), 1.0), 2 * fine);
   EXPECT_GT(corner_sigma_px(square(60), 15.0), 1.5 * fine);
@@ -241,6 +241,33 @@ TEST(CornerSigma, MakesResidualsUnitOnImagesThatItWasNotFittedTo) {
   ASSERT_GT(along.count, 60);
   EXPECT_NEAR(across.mean(), 1.0, 0.35);
   EXPECT_NEAR(along.mean(), 1.0, 0.4);
+}
+
+TEST(CornerSigma, IsRightForSidesAlongTheGridOfPixels) {
+  constexpr unsigned kScenes = 220;
+  ChiSquare shift_small, shift_large, turn;
+  TagSearch search({}, {});
+  for (unsigned k = 0; k < kScenes; ++k) {
+    for (const Found& found : find_in(search, make_corner_scene(kFirst + k, 1.0, true), k)) {
+      if (found.worst_px() > kOff_px) continue;
+      const double module_px = (found.corners_px[2] - found.corners_px[0]).norm() / 8 / M_SQRT2;
+      const auto sides = side_sigmas(found.tag, found.pixel_noise);
+      for (std::size_t i = 0; i < 4; ++i) {
+        const auto along = (found.corners_px[(i + 1) % 4] - found.corners_px[i]).cwiseAbs();
+        if (along.minCoeff() > 2 || found.tag.sides[i].sharpness < 0.95 || module_px < 1.8)
+          continue;
+        const auto [shifted, turned] = side_squares(found, i, sides[i]);
+        (module_px < 4 ? shift_small : shift_large).add(shifted);
+        turn.add(turned);
+      }
+    }
+  }
+  ASSERT_GT(shift_small.count, 500);
+  ASSERT_GT(shift_large.count, 500);
+  EXPECT_NEAR(shift_small.mean_within(), 1.0, 0.2);
+  EXPECT_NEAR(shift_large.mean_within(), 1.0, 0.2);
+  EXPECT_NEAR(turn.mean_within(), 1.0, 0.2);
+  EXPECT_LT(turn.share_beyond(), 0.01);
 }
 
 TEST(CornerSigma, IsRightToAFactorWhereWhiteIsAtTheSensorsEnd) {
