@@ -142,7 +142,7 @@ class FilterConversation final : public StartingFilter {
   double gap_before_s_{0};               ///< Without a fit, before the present image.
   BodyPlace place_before_;               ///< Before it was corrected.
   int relocalisations_{0};               ///< Since the filter was last trusted …
-  int images_trusted_{0};                ///< … for so many images in a row now.
+  int images_trusted_{0};                ///< … for so many images now.
   int generation_{0};
 };
 

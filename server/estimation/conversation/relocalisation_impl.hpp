@@ -34,8 +34,10 @@ inline constexpr double kPlaceUnknown_m = 0.25;
 // learned cannot mend.
 inline constexpr int kMostRelocalisations = 4;
 inline constexpr int kImagesToTrust = 40;
-// Where nobody else ever comes into view, so many that fit in a row decide that tags were moved.
+// Where nobody else ever comes into view, so many that fit decide that tags were moved. One that
+// does not takes back so many: a gate rejects some by chance.
 inline constexpr int kImagesToDecide = 600;
+inline constexpr int kTakenBack = 60;
 // A lone tag that contradicted before, or that would turn the body against the gyro by this, brings
 // it back only when so many images have shown nothing better.
 inline constexpr double kMostTurn_rad = 0.15;
@@ -212,7 +214,7 @@ void FilterConversation<C>::note_witnesses() {
       elsewhere_W_.reset();
     }
   }
-  images_trusted_ = fits ? images_trusted_ + 1 : 0;
+  images_trusted_ = fits ? images_trusted_ + 1 : std::max(0, images_trusted_ - kTakenBack);
   if (images_trusted_ >= kImagesToTrust) relocalisations_ = 0;
   if (images_trusted_ >= kImagesToDecide) {
     unwitnessed_.clear();

@@ -129,11 +129,13 @@ const Pose& place_of(const FilterState& state, const TagToUse& tag) {
 }
 
 TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model,
-                       const TagToUse& tag, double corner_noise_px) {
+                       const TagToUse& tag, const CornerNoise& noise) {
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
-  m.noise_px = std::hypot(corner_noise_px, beyond_linear_px(state, camera, model, *tag.seen));
-  m.R = Matrix8d::Identity() * m.noise_px * m.noise_px;
+  const double beyond_px = beyond_linear_px(state, camera, model, *tag.seen);
+  m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
+  m.R = noise.is_uneven(*tag.seen) ? noise.covariance(*tag.seen, beyond_px)
+                                   : Matrix8d(Matrix8d::Identity() * m.noise_px * m.noise_px);
   const CameraClock& clock = state.clocks[static_cast<std::size_t>(camera)];
   const auto compare_at = [&](double row, Eigen::Index first, Eigen::Index rows) {
     const CameraAt at = camera_at(state, camera, clock.seconds_to(row));
@@ -160,12 +162,8 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
   out.tags.resize(tags.size());
   out.suspects = {};
   if (clock.rows_apart) {
-    for (std::size_t i = 0; i < tags.size(); ++i) {
-      const TagObservation& seen = *tags[i].seen;
-      out.tags[i] = measure(state, camera, model, tags[i], noise.of(seen));
-      if (noise.is_uneven(seen))
-        out.tags[i].R = noise.covariance(seen, beyond_linear_px(state, camera, model, seen));
-    }
+    for (std::size_t i = 0; i < tags.size(); ++i)
+      out.tags[i] = measure(state, camera, model, tags[i], noise);
     return;
   }
   if (state.has_suspects())

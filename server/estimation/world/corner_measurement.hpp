@@ -14,7 +14,7 @@ namespace fiducap::world {
 /// opposite signs and the same lever arm, so a common shift of both cancels exactly, wherever this
 /// is linearised.
 [[nodiscard]] TagMeasurement measure(const FilterState& state, int camera, const CameraModel& model,
-                                     const TagToUse& tag, double corner_noise_px);
+                                     const TagToUse& tag, const CornerNoise& noise);
 
 /// All tags of an image. When all rows were exposed at once, for certain, they share the camera's
 /// pose and come in the relative form: what measure() says, in fewer numbers.

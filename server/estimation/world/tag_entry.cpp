@@ -30,27 +30,34 @@ int steps_to_place(const LensOffset& lens) {
   return is_far_off ? kStepsWhenFarOff : 0;
 }
 
-Matrix86d pose_columns(const TagMeasurement& m, int at) {
+/// What its corners make of a tag's place: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b,
+/// solved for ξ_T, each corner by how well it is known.
+struct PlaceByCorners {
+  Eigen::Matrix<double, 6, 8> solve;  ///< ∂ ξ_T / ∂ y
+  Matrix6d own;                       ///< Covariance of what n makes of it.
+};
+
+PlaceByCorners place_by_corners(const TagMeasurement& m, int at) {
   Matrix86d H = Matrix86d::Zero();
   for (std::size_t b = 0; b < m.block_count; ++b) {
     if (m.blocks[b].at == at) H.leftCols<3>() = m.blocks[b].H;
     if (m.blocks[b].at == at + 3) H.rightCols<3>() = m.blocks[b].H;
   }
-  return H;
+  const Eigen::Matrix<double, 6, 8> weighted = m.R.ldlt().solve(H).transpose();
+  const Matrix6d own = (weighted * H).inverse();
+  return {own * weighted, 0.5 * (own + own.transpose())};
 }
 
 /// Moves the newest tag to where its corners show it through the lens as it is thought to be: its
 /// place was found through the configured one.
-void place_by_corners(FilterState& state, int camera, const CameraModel& model,
-                      const TagToUse& tag) {
+void correct_place(FilterState& state, int camera, const CameraModel& model, const TagToUse& tag,
+                   const CornerNoise& noise) {
   const int at = state.tag_at(static_cast<std::size_t>(tag.local));
   const int steps = steps_to_place(state.lenses[static_cast<std::size_t>(camera)]);
   for (int step = 0; step < steps; ++step) {
-    const TagMeasurement m = measure(state, camera, model, tag, 1.0);
-    const Matrix86d H = pose_columns(m, at);
-    const Matrix6d A = H.transpose() * H;
+    const TagMeasurement m = measure(state, camera, model, tag, noise);
     Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
-    error.tail<6>() = A.ldlt().solve(H.transpose() * m.y);
+    error.tail<6>() = place_by_corners(m, at).solve * m.y;
     if (!m.in_front || !error.allFinite()) return;
     state.add_error(error);
   }
@@ -59,7 +66,7 @@ void place_by_corners(FilterState& state, int camera, const CameraModel& model,
 }  // namespace
 
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
-             const Pose& X_VT, double corner_noise_px) {
+             const Pose& X_VT, const CornerNoise& noise) {
   WorldTag tag;
   tag.tag_id = seen.tag_id;
   tag.edge_m = seen.edge_m;
@@ -70,24 +77,20 @@ void augment(FilterState& state, int camera, const CameraModel& model, const Tag
   const int local = static_cast<int>(state.tags.size());
   state.add_tag(tag, Matrix6d::Zero());
 
-  // The corners say: H_T ξ_T = y − Σ H_b ξ_b − n over the other blocks b. Solved for ξ_T.
   const TagToUse use{&seen, local, nullptr};
   const int at = state.tag_at(static_cast<std::size_t>(local));
-  place_by_corners(state, camera, model, use);
-  const TagMeasurement m = measure(state, camera, model, use, corner_noise_px);
-  const Matrix86d H_T = pose_columns(m, at);
-  const Matrix6d inverse = (H_T.transpose() * H_T).inverse();
-  const Eigen::Matrix<double, 6, 8> solve = inverse * H_T.transpose();
+  correct_place(state, camera, model, use, noise);
+  const TagMeasurement m = measure(state, camera, model, use, noise);
+  const PlaceByCorners place = place_by_corners(m, at);
   std::array<LinearTerm, TagMeasurement::kMaxBlocks> terms;
   std::size_t count = 0;
   for (std::size_t b = 0; b < m.block_count; ++b) {
-    if (m.blocks[b].at < at) terms[count++] = {m.blocks[b].at, -solve * m.blocks[b].H};
+    if (m.blocks[b].at < at) terms[count++] = {m.blocks[b].at, -place.solve * m.blocks[b].H};
   }
-  redefine(state.covariance, at, at + 3, std::span(terms).first(count),
-           corner_noise_px * corner_noise_px * inverse);
+  redefine(state.covariance, at, at + 3, std::span(terms).first(count), place.own);
   // The mean is where the corners, linearised, say it is.
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
-  error.tail<6>() = solve * m.y;
+  error.tail<6>() = place.solve * m.y;
   state.add_error(error);
 }
 

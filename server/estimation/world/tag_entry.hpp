@@ -2,6 +2,7 @@
 
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
+#include "estimation/filter/corner_noise.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
@@ -11,7 +12,7 @@ namespace fiducap::world {
 /// @param X_VT  near its place, in the certain one of its two branches: the corners are linearised
 /// here
 void augment(FilterState& state, int camera, const CameraModel& model, const TagObservation& seen,
-             const Pose& X_VT, double corner_noise_px);
+             const Pose& X_VT, const CornerNoise& noise);
 
 /// A tag of the map joins with the map's covariance, as a tag that is used and not corrected.
 void hold(FilterState& state, const KnownTag& known, Instant at);

@@ -264,6 +264,7 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
                            {.gate = gate,
                             .iterations = iterations,
+                            .most_iterations = kFirstIterations,
                             .start = linearisation_ ? &*linearisation_ : nullptr,
                             .wants_score = watches},
                            corner_noise_[camera], accepted);
@@ -359,7 +360,7 @@ void WorldCoordinates::correct_by_points(const TagObservations& seen, long image
 
 void WorldCoordinates::augment(const TagObservations& seen, const TagObservation& tag,
                                const Pose& X_VT) {
-  world::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, noise(seen.camera).of(tag));
+  world::augment(state_, seen.camera, model_of(seen.camera), tag, X_VT, noise(seen.camera));
   suspects_.watch_print(state_, tag.tag_id);
 }
 

@@ -82,14 +82,8 @@ class TurnedTag : public testing::TestWithParam<double> {
 
   [[nodiscard]] ImageMeasurement whole() const {
     ImageMeasurement image;
-    for (const TagToUse& tag : use_) {
-      const double noise_px = noise().of(*tag.seen);
-      TagMeasurement& m =
-          image.tags.emplace_back(measure(state_, 0, example_camera(), tag, noise_px));
-      if (!noise().is_uneven(*tag.seen)) continue;
-      const double beyond_linear_px = std::sqrt(m.noise_px * m.noise_px - noise_px * noise_px);
-      m.R = noise().covariance(*tag.seen, beyond_linear_px);
-    }
+    for (const TagToUse& tag : use_)
+      image.tags.push_back(measure(state_, 0, example_camera(), tag, noise()));
     return image;
   }
 

@@ -114,7 +114,7 @@ class WorldMeasurement : public testing::TestWithParam<std::tuple<int, bool>> {
         (state.X_WB * state.X_BV[static_cast<std::size_t>(camera)]).inverse() * state.tags[1].X_WT;
     seen_ = example_observation(11, 0.2, X_VT, model_);
     seen_.rows = {0.4, 0.35, -0.3, -0.2};
-    const TagMeasurement m = measure(state, camera, model_, use_, 0.4);
+    const TagMeasurement m = measure(state, camera, model_, use_, white_);
     EXPECT_TRUE(m.in_front);
     Eigen::MatrixXd H = Eigen::MatrixXd::Zero(8, state.size());
     for (std::size_t b = 0; b < m.block_count; ++b)
@@ -122,6 +122,7 @@ class WorldMeasurement : public testing::TestWithParam<std::tuple<int, bool>> {
     return H;
   }
 
+  CornerNoise white_{EstimatorConfig{}, false};
   CameraModel model_ = example_camera();
   KnownTag known_{11, 0.2, example_state().tags[1].X_WT, Matrix6d::Zero()};
   TagObservation seen_;
@@ -137,7 +138,7 @@ TEST_P(WorldMeasurement, MatchesDifferences) {
   const Eigen::MatrixXd H = jacobian(state);
   const int camera = std::get<0>(GetParam());
   expect_jacobian(-H, [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-    return measure(moved(state, d), camera, model_, use_, 0.4).y;
+    return measure(moved(state, d), camera, model_, use_, white_).y;
   });
 }
 
@@ -234,11 +235,15 @@ TEST(WorldTagEntry, CarriesBodyAndExtrinsics) {
   const FilterState before = example_state();
   const Pose X_VT{exp_so3({3.0, 0.2, 0.1}), {0.1, 0.05, 1.2}};
   const TagObservation seen = example_observation(42, 0.2, X_VT, model);
-  const auto change = [&](FilterState& state) { augment(state, 1, model, seen, X_VT, 0.4); };
+  const auto change = [&](FilterState& state) {
+    augment(state, 1, model, seen, X_VT, CornerNoise(EstimatorConfig{}, false));
+  };
   FilterState after = before;
   change(after);
   const CornerResidual r = corner_residual(seen, X_VT, model);
-  const Matrix6d own = (r.H.transpose() * r.H / 0.16).inverse();
+  const CornerNoise white(EstimatorConfig{}, false);
+  const double noise_px = measure(after, 1, model, {&seen, 3, nullptr}, white).noise_px;
+  const Matrix6d own = noise_px * noise_px * (r.H.transpose() * r.H).inverse();
   // A turning of the tag in camera axes, as an error on the world's side.
   const Pose X_WV = before.X_WB_after(before.clocks[1].seconds_to(0)) * before.X_BV[1];
   const Eigen::MatrixXd from_seen = central_differences(
@@ -251,6 +256,41 @@ TEST(WorldTagEntry, CarriesBodyAndExtrinsics) {
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(after.size(), after.size());
   noise.bottomRightCorner<6, 6>() = from_seen * own * from_seen.transpose();
   expect_covariance_follows_mean(change, noise);
+}
+
+/// ∂ of the corners by the place of the newest tag, W axes.
+Matrix86d place_columns(const FilterState& state, int camera, const CameraModel& model,
+                        const TagObservation& seen, const CornerNoise& noise) {
+  const int local = static_cast<int>(state.tags.size()) - 1;
+  const TagMeasurement m = measure(state, camera, model, {&seen, local, nullptr}, noise);
+  Matrix86d H = Matrix86d::Zero();
+  const int at = state.tag_at(static_cast<std::size_t>(local));
+  for (std::size_t b = 0; b < m.block_count; ++b) {
+    if (m.blocks[b].at == at) H.leftCols<3>() = m.blocks[b].H;
+    if (m.blocks[b].at == at + 3) H.rightCols<3>() = m.blocks[b].H;
+  }
+  return H;
+}
+
+TEST(WorldTagEntry, WeighsEveryCornerByHowWellItIsKnown) {
+  const CameraModel model = example_camera();
+  FilterState state = example_state();
+  state.P().setZero();  // the tag's own alone
+  const Pose X_VT{exp_so3({3.0, 0.2, 0.1}), {0.1, 0.05, 1.2}};
+  TagObservation seen = example_observation(42, 0.2, X_VT, model);
+  seen.corner_sigma_px = 0.3;
+  // Smeared along two of its sides.
+  seen.sides = {SideSigma{0.03, 0.05}, {0.6, 0.9}, {0.03, 0.05}, {0.6, 0.9}};
+  EstimatorConfig config;
+  config.corner_noise_px = 0.01;
+  const CornerNoise noise(config, true);
+  augment(state, 1, model, seen, X_VT, noise);
+
+  const Matrix86d H = place_columns(state, 1, model, seen, noise);
+  const Matrix8d R = noise.covariance(seen, 0.0);
+  const Matrix6d expected = (H.transpose() * R.ldlt().solve(H)).inverse();
+  const Matrix6d got = state.P().bottomRightCorner<6, 6>();
+  EXPECT_LT((got - expected).cwiseAbs().maxCoeff(), 1e-6 * expected.cwiseAbs().maxCoeff());
 }
 
 TEST(WorldTagEntry, APriorThatSaysNothingChangesNothing) {
