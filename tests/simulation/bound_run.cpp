@@ -16,12 +16,13 @@ std::vector<int> ids_in(const CornerFrame& image, const EstimationData& data) {
 
 BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge) {
   const bound::Matrix8 alike = bound::Matrix8::Identity() / data.corner_noise_px;
-  return run_bound(
-      data, knowledge, [&](const CornerFrame&, const TagSighting&) { return alike; }, std::nullopt);
+  const auto noise = [&](const CornerFrame&, const TagSighting& tag) {
+    return bound::TagSight{.tag_id = tag.tag_id, .whiten = alike};
+  };
+  return run_bound(data, knowledge, noise, std::nullopt);
 }
 
-BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
-                   const CornerWhitening& whiten,
+BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge, const SightNoise& noise,
                    const std::optional<bound::LastingErrors>& lasting) {
   FIDUCAP_ASSERT(data.imu.has_value());
   bound::BoundProblem problem;
@@ -52,7 +53,7 @@ BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
     }
     std::vector<bound::TagSight> sights;
     for (const TagSighting& seen : image->tags) {
-      if (data.tag(seen.tag_id) != nullptr) sights.push_back({seen.tag_id, whiten(*image, seen)});
+      if (data.tag(seen.tag_id) != nullptr) sights.push_back(noise(*image, seen));
     }
     bound.see(sights);
     if (const auto now = bound.now()) run.at.push_back(*now);

@@ -36,11 +36,10 @@ inline constexpr double kAway_s = 30.0;
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge);
 
 /// How the corners of one sighting are off.
-using CornerWhitening = std::function<bound::Matrix8(const CornerFrame&, const TagSighting&)>;
+using SightNoise = std::function<bound::TagSight(const CornerFrame&, const TagSighting&)>;
 /// The same with corners of which each tag's are differently good.
-/// @param whiten  see bound::TagSight
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
-                                 const CornerWhitening& whiten,
+                                 const SightNoise& noise,
                                  const std::optional<bound::LastingErrors>& lasting);
 
 }  // namespace fiducap

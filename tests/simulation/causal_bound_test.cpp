@@ -13,8 +13,7 @@ namespace {
 
 constexpr int kImages = 6;
 constexpr double kInterval_s = 0.05;
-// Two of each tag: before and after image 3.
-constexpr int kVisits = 4;
+constexpr double kFades_s = 0.08;
 
 /// A body that turns and accelerates in front of two tags.
 TruthSample truth(int k) {
@@ -42,6 +41,15 @@ BoundProblem problem(char letter) {
   return p;
 }
 
+/// How the errors that last enter a tag's corners.
+Matrix8 lasting_root() {
+  Matrix8 out;
+  for (int i = 0; i < 8; ++i) {
+    for (int j = 0; j < 8; ++j) out(i, j) = i == j ? 0.5 : 0.1 * std::sin(i + 3 * j);
+  }
+  return out;
+}
+
 /// Which tags image k shows: the second one joins later, and one image is empty.
 std::vector<int> seen(int k) {
   if (k == 3) return {};
@@ -55,10 +63,11 @@ class WholeProblem {
  public:
   explicit WholeProblem(const BoundProblem& p) : p_(p) {
     const int tags = p.map_known ? 0 : 12;
-    const int size = kBody * kImages + 6 + tags + 8 * kVisits;
+    first_lasting_ = kBody * kImages + 6 + tags;
+    const int size = first_lasting_ + 2 * 8 * kImages;
     information_.setZero(size, size);
-    know(size - 8 * kVisits, 8 * kVisits, 1.0);
     start();
+    for (const int id : {4, 9}) fade(id);
     for (int k = 0; k < kImages; ++k) {
       if (k > 0) motion(k);
       for (const int id : seen(k)) corners(k, id);
@@ -105,6 +114,34 @@ class WholeProblem {
     know(extrinsics_at() + 3, 3, p_.extrinsics_known ? kExact : p_.camera.rotation_sigma_rad);
   }
 
+  /// The tag's lasting errors in image k; those that are in no image are a prior.
+  [[nodiscard]] int lasting_at(int k, int id) const {
+    return first_lasting_ + 8 * (2 * k + (id == 4 ? 0 : 1));
+  }
+
+  /// From image to image; image 3 shows nothing and ends the visits.
+  void fade(int id) {
+    const double a = std::exp(-kInterval_s / kFades_s);
+    know(lasting_at(0, id), 8, 1.0);
+    for (int k = 1; k < kImages; ++k) {
+      if (k == 4) {
+        know(lasting_at(k, id), 8, 1.0);
+        continue;
+      }
+      Eigen::Matrix<double, 8, 1> ones;
+      ones.setOnes();
+      const double weight = 1 / (1 - a * a);
+      const int before = lasting_at(k - 1, id);
+      const int now = lasting_at(k, id);
+      information_.diagonal().segment<8>(before) += a * a * weight * ones;
+      information_.diagonal().segment<8>(now) += weight * ones;
+      for (int i = 0; i < 8; ++i) {
+        information_(before + i, now + i) -= a * weight;
+        information_(now + i, before + i) -= a * weight;
+      }
+    }
+  }
+
   void motion(int k) {
     const InertialStep step = inertial_step(truth(k - 1), truth(k), p_.imu, p_.gravity_m_s2);
     Eigen::Matrix<double, 15, 30> J;
@@ -121,14 +158,12 @@ class WholeProblem {
     J.middleCols<3>(kBody * k + kPosition) = rows.position;
     J.middleCols<6>(extrinsics_at()) = rows.extrinsics;
     if (!p_.map_known) J.middleCols<6>(tag_at(id)) = rows.tag;
-    if (p_.lasting) {
-      const Eigen::Index visit = (id == 9 ? 0 : 2) + (k < 3 ? 0 : 1);
-      J.middleCols<8>(J.cols() - 8 * (visit + 1)) = p_.lasting->root;
-    }
+    if (p_.lasting) J.middleCols<8>(lasting_at(k, id)) = lasting_root();
     information_ += J.transpose() * J;
   }
 
   BoundProblem p_;
+  int first_lasting_{};
   Eigen::MatrixXd information_;
 };
 
@@ -139,8 +174,10 @@ void expect_alike(const BoundProblem& p) {
   CausalBound bound(p);
   for (int k = 0; k < kImages; ++k) {
     bound.move_to(truth(k));
-    const std::vector<int> ids = seen(k);
-    bound.see(ids);
+    std::vector<TagSight> sights;
+    for (const int id : seen(k))
+      sights.push_back({id, Matrix8::Identity() / p.corner_noise_px, lasting_root()});
+    bound.see(sights);
   }
   const WholeProblem whole(p);
   for (const RecordedTag& tag : p.tags) {
@@ -159,12 +196,9 @@ void expect_alike(const BoundProblem& p) {
 
 TEST_P(TwoTags, HaveTheCovarianceOfOneBigInformationMatrix) { expect_alike(problem(GetParam())); }
 
-TEST_P(TwoTags, HaveItAlsoWithErrorsThatLastWhileATagIsInView) {
+TEST_P(TwoTags, HaveItAlsoWithErrorsThatFadeWhileATagIsInView) {
   BoundProblem p = problem(GetParam());
-  p.lasting = LastingErrors{.visit_ends = from_seconds(1.5 * kInterval_s)};
-  for (int i = 0; i < 8; ++i) {
-    for (int j = 0; j < 8; ++j) p.lasting->root(i, j) = i == j ? 0.5 : 0.1 * std::sin(i + 3 * j);
-  }
+  p.lasting = LastingErrors{.fades_s = kFades_s, .visit_ends = from_seconds(1.5 * kInterval_s)};
   expect_alike(p);
 }
 

@@ -8,6 +8,7 @@
 
 #include "detection/corner_sigma.hpp"
 #include "detection/observe.hpp"
+#include "detection/tag_outline.hpp"
 
 namespace fiducap {
 
@@ -19,6 +20,16 @@ constexpr double kMisread_px = 1.0;
 constexpr double kMisreadSigmas = 10.0;
 // Images further apart than this are no neighbours.
 constexpr double kNext_s = 0.15;
+// Pairs of sightings that tell how much lasts, and others that tell for how long.
+constexpr double kNear_s = 0.3;
+constexpr double kFarFrom_s = 0.75;
+constexpr double kFarTo_s = 1.25;
+constexpr double kLeastFades_s = 0.3;
+constexpr double kMostFades_s = 30;
+// What is new in every image is at least this share of all.
+constexpr double kLeastPassing = 0.1;
+constexpr int kFewestPairs = 500;
+constexpr double kModules = 8;
 
 bool is_misread(const CornerError& error) {
   return error.off_px.cwiseAbs().maxCoeff() >
@@ -49,46 +60,79 @@ struct Lasting {
   [[nodiscard]] double correlation() const { return product / square; }
 };
 
-/// Errors in sigmas of one tag while it is in view.
-struct Visit {
-  Vector8d sum{Vector8d::Zero()};
-  Matrix8 squares{Matrix8::Zero()};
-  int count{};
-  const CornerError* last{};
+/// One sighting, in sigmas.
+struct InSigmas {
+  Instant at;
+  double module_px{};
+  Vector8d error;
+};
 
-  void add(const CornerError& error, const Vector8d& in_sigmas) {
-    sum += in_sigmas;
-    squares += in_sigmas * in_sigmas.transpose();
-    ++count;
-    last = &error;
+/// Products of errors with errors of the same tag somewhat later.
+struct LaterProducts {
+  Matrix8 sum{Matrix8::Zero()};
+  double seconds{};
+  int pairs{};
+
+  void add(const InSigmas& before, const InSigmas& now) {
+    const Matrix8 product = before.error * now.error.transpose();
+    sum += 0.5 * (product + product.transpose());
+    seconds += to_seconds(now.at - before.at);
+    ++pairs;
+  }
+  [[nodiscard]] Matrix8 mean() const { return sum / std::max(1, pairs); }
+  [[nodiscard]] double mean_s() const { return seconds / std::max(1, pairs); }
+};
+
+/// Of one class of tags.
+struct Products {
+  Matrix8 at_once{Matrix8::Zero()};
+  int sightings{};
+  LaterProducts near, far;
+
+  void add(const std::vector<InSigmas>& visit, std::size_t i) {
+    const InSigmas& now = visit[i];
+    at_once += now.error * now.error.transpose();
+    ++sightings;
+    for (std::size_t k = i; k-- > 0;) {
+      const double apart_s = to_seconds(now.at - visit[k].at);
+      if (apart_s > kFarTo_s) break;
+      if (apart_s <= kNear_s) near.add(visit[k], now);
+      if (apart_s >= kFarFrom_s) far.add(visit[k], now);
+    }
   }
 };
 
-/// Variances among the images of a visit and among visits: each visit's mean has its share of what
-/// passes in it, too.
-class Variances {
- public:
-  void add(const Visit& visit) {
-    const Matrix8 means = visit.sum * visit.sum.transpose() / visit.count;
-    within_ += visit.squares - means;
-    between_ += means;
-    sightings_ += visit.count;
-    ++visits_;
-  }
-  [[nodiscard]] Matrix8 passing() const { return within_ / std::max(1, sightings_ - visits_); }
-  [[nodiscard]] Matrix8 lasting() const {
-    const Matrix8 found = (between_ - visits_ * passing()) / std::max(1, sightings_);
-    const Eigen::SelfAdjointEigenSolver<Matrix8> eigen(found);
-    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).asDiagonal() *
-           eigen.eigenvectors().transpose();
-  }
+/// Nothing of it below `least` of the largest.
+Matrix8 positive(const Matrix8& found, double least) {
+  const Eigen::SelfAdjointEigenSolver<Matrix8> eigen(found);
+  return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(least).asDiagonal() *
+         eigen.eigenvectors().transpose();
+}
 
- private:
-  Matrix8 within_{Matrix8::Zero()};
-  Matrix8 between_{Matrix8::Zero()};
-  int sightings_{};
-  int visits_{};
-};
+/// By how much less errors have in common later than at once after each other.
+double fading_time(const Products& narrow, const Products& wide) {
+  const double near = narrow.near.sum.trace() + wide.near.sum.trace();
+  const double far = narrow.far.sum.trace() + wide.far.sum.trace();
+  const int near_pairs = narrow.near.pairs + wide.near.pairs;
+  const int far_pairs = narrow.far.pairs + wide.far.pairs;
+  if (near_pairs == 0 || far_pairs == 0 || !(near > 0)) return kLeastFades_s;
+  const double left = (far / far_pairs) / (near / near_pairs);
+  const double apart_s = (narrow.far.seconds + wide.far.seconds) / far_pairs -
+                         (narrow.near.seconds + wide.near.seconds) / near_pairs;
+  if (!(left > 0)) return kLeastFades_s;
+  return left < 1 ? std::clamp(-apart_s / std::log(left), kLeastFades_s, kMostFades_s)
+                  : kMostFades_s;
+}
+
+ScatterShare share_of(const Products& of, double fades_s) {
+  ScatterShare out;
+  if (of.sightings == 0) return out;
+  const Matrix8 all = of.at_once / of.sightings;
+  if (of.near.pairs >= kFewestPairs)
+    out.lasting = positive(of.near.mean() * std::exp(of.near.mean_s() / fades_s), 0.0);
+  out.passing = positive(all - out.lasting, kLeastPassing * all.trace() / 8);
+  return out;
+}
 
 /// Root of a covariance that may have no inverse.
 Matrix8 root_of(const Matrix8& covariance) {
@@ -124,61 +168,92 @@ std::vector<CornerError> corner_errors(const EstimationData& data) {
 
 double CornerScatter::excess() const { return std::sqrt(chi_square); }
 
-double CornerScatter::lasting_share() const {
-  return lasting.trace() / (lasting.trace() + passing.trace());
-}
+namespace {
 
-CornerScatter corner_scatter(const std::vector<CornerError>& errors) {
+/// Sorts one run's errors by tag and visit.
+class Visits {
+ public:
+  Visits(Products& narrow, Products& wide) : narrow_(narrow), wide_(wide) {}
+
+  void add(const CornerError& error) {
+    std::vector<InSigmas>& visit = visits_[error.tag_id];
+    if (!visit.empty() && error.at - visit.back().at > bound::LastingErrors{}.visit_ends)
+      visit.clear();
+    visit.push_back({error.at, outline_of(error.seen_px).width_px / kModules,
+                     outwards(error.seen_px) * error.off_px / error.sigma_px});
+    const bool is_narrow = visit.back().module_px < CornerScatter::kNarrow_px;
+    (is_narrow ? narrow_ : wide_).add(visit, visit.size() - 1);
+  }
+
+ private:
+  Products& narrow_;
+  Products& wide_;
+  std::map<int, std::vector<InSigmas>> visits_;
+};
+
+}  // namespace
+
+CornerScatter corner_scatter(std::span<const std::vector<CornerError>> runs) {
   CornerScatter out;
-  std::map<int, Visit> visits;
-  Variances variances;
+  Products narrow, wide;
   double square = 0;
   Lasting in_px;
-  for (const CornerError& error : errors) {
-    if (is_misread(error)) continue;
-    ++out.sightings;
-    square += error.off_px.squaredNorm();
-    out.chi_square += error.off_px.squaredNorm() / (8 * error.sigma_px * error.sigma_px);
-    Visit& visit = visits[error.tag_id];
-    if (visit.count > 0) {
-      if (to_seconds(error.at - visit.last->at) < kNext_s)
-        in_px.add(visit.last->off_px, error.off_px);
-      if (error.at - visit.last->at > bound::LastingErrors{}.visit_ends) {
-        variances.add(visit);
-        visit = {};
-      }
+  for (const std::vector<CornerError>& run : runs) {
+    Visits visits(narrow, wide);
+    std::map<int, const CornerError*> last;
+    for (const CornerError& error : run) {
+      if (is_misread(error)) continue;
+      ++out.sightings;
+      square += error.off_px.squaredNorm();
+      out.chi_square += error.off_px.squaredNorm() / (8 * error.sigma_px * error.sigma_px);
+      const CornerError*& before = last[error.tag_id];
+      if (before != nullptr && to_seconds(error.at - before->at) < kNext_s)
+        in_px.add(before->off_px, error.off_px);
+      before = &error;
+      visits.add(error);
     }
-    visit.add(error, outwards(error.seen_px) * error.off_px / error.sigma_px);
   }
-  for (const auto& [tag_id, visit] : visits) variances.add(visit);
   out.rms_px = std::sqrt(square / (8.0 * out.sightings));
   out.chi_square /= out.sightings;
   if (!std::isfinite(out.chi_square)) out.chi_square = std::nan("");
   out.to_next = in_px.correlation();
-  out.passing = variances.passing();
-  out.lasting = variances.lasting();
+  out.fades_s = fading_time(narrow, wide);
+  out.narrow = share_of(narrow, out.fades_s);
+  out.wide = share_of(wide, out.fades_s);
+  const double lasting =
+      narrow.sightings * out.narrow.lasting.trace() + wide.sightings * out.wide.lasting.trace();
+  const double passing =
+      narrow.sightings * out.narrow.passing.trace() + wide.sightings * out.wide.passing.trace();
+  out.lasting_share = lasting / (lasting + passing);
   return out;
 }
 
 BoundRun white_bound(const EstimationData& data, KnowledgeCase knowledge,
                      const CornerScatter& scatter) {
-  const auto whiten = [&](const CornerFrame& image, const TagSighting& tag) {
+  const auto noise = [&](const CornerFrame& image, const TagSighting& tag) {
     const double sigma_px = scatter.excess() * corner_sigma_px(tag, image.pixel_noise);
-    return Matrix8(Matrix8::Identity() / sigma_px);
+    return bound::TagSight{.tag_id = tag.tag_id, .whiten = Matrix8::Identity() / sigma_px};
   };
-  return run_bound(data, knowledge, whiten, std::nullopt);
+  return run_bound(data, knowledge, noise, std::nullopt);
 }
 
 BoundRun scatter_bound(const EstimationData& data, KnowledgeCase knowledge,
                        const CornerScatter& scatter) {
-  const Matrix8 passing = root_of(scatter.passing);
-  const Matrix8 whiten_sigmas = passing.inverse();
-  const auto whiten = [&](const CornerFrame& image, const TagSighting& tag) {
-    return Matrix8(whiten_sigmas * outwards(tag.corners_px) /
-                   corner_sigma_px(tag, image.pixel_noise));
+  struct Roots {
+    Matrix8 whiten, lasting;
+    explicit Roots(const ScatterShare& of)
+        : whiten(root_of(of.passing).inverse()), lasting(whiten * root_of(of.lasting)) {}
   };
-  return run_bound(data, knowledge, whiten,
-                   bound::LastingErrors{.root = whiten_sigmas * root_of(scatter.lasting)});
+  const Roots narrow(scatter.narrow);
+  const Roots wide(scatter.wide);
+  const auto noise = [&](const CornerFrame& image, const TagSighting& tag) {
+    const bool is_narrow =
+        outline_of(tag.corners_px).width_px < CornerScatter::kNarrow_px * kModules;
+    const Roots& roots = is_narrow ? narrow : wide;
+    const Matrix8 in_sigmas = outwards(tag.corners_px) / corner_sigma_px(tag, image.pixel_noise);
+    return bound::TagSight{tag.tag_id, roots.whiten * in_sigmas, roots.lasting};
+  };
+  return run_bound(data, knowledge, noise, bound::LastingErrors{.fades_s = scatter.fades_s});
 }
 
 }  // namespace fiducap

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "detection/corner_projection.hpp"
@@ -21,26 +22,34 @@ struct CornerError {
 /// Of all sightings of tags whose place is known, in order of time; true extrinsics, true lens.
 [[nodiscard]] std::vector<CornerError> corner_errors(const EstimationData& data);
 
+/// Covariance, in sigmas, of each corner away from the middle of its tag and across …
+struct ScatterShare {
+  bound::Matrix8 passing{bound::Matrix8::Identity()};  ///< … of what is new in every image …
+  bound::Matrix8 lasting{bound::Matrix8::Zero()};      ///< … and of what fades.
+};
+
 /// How corners scatter in truth. Misread tags (off by more than a pixel and ten sigmas) are not in
 /// it.
 struct CornerScatter {
+  // Modules narrower than this share their pixels with what lies beside them.
+  static constexpr double kNarrow_px = 2.5;
+
   double rms_px{};      ///< Of a coordinate.
   double chi_square{};  ///< Of a coordinate, by the detector's sigma; NaN where it says none.
   /// Correlation of a coordinate with the same one in the next image: 0 is white noise, 1 an error
   /// that stays.
   double to_next{};
-  /// Covariance, in sigmas, of each corner away from the middle of its tag and across: of what is
-  /// new in every image …
-  bound::Matrix8 passing{bound::Matrix8::Zero()};
-  bound::Matrix8 lasting{bound::Matrix8::Zero()};  ///< … and of what stays while a tag is in view.
+  ScatterShare narrow, wide;  ///< Of tags with such modules.
+  double fades_s{};           ///< Until 1/e of what lasts is left.
+  double lasting_share{};     ///< Of the variance in sigmas.
   int sightings{};
 
   /// What to multiply the detector's sigma by.
   [[nodiscard]] double excess() const;
-  /// Of the variance in sigmas.
-  [[nodiscard]] double lasting_share() const;
 };
-[[nodiscard]] CornerScatter corner_scatter(const std::vector<CornerError>& errors);
+
+/// @param runs  of the same experiment: one of them has too few sightings to tell what lasts
+[[nodiscard]] CornerScatter corner_scatter(std::span<const std::vector<CornerError>> runs);
 
 /// The bound for corners that scatter so, if all their errors were white and alike …
 [[nodiscard]] BoundRun white_bound(const EstimationData& data, KnowledgeCase knowledge,

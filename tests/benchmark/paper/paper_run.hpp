@@ -30,7 +30,7 @@ struct PaperRun {
   EstimationData data;
   FilterRun run;
   std::vector<At> at;
-  CornerScatter corners;  ///< As found.
+  CornerScatter corners;  ///< Of all runs.
   BoundRun bound;         ///< For corners that scatter so …
   BoundRun white_bound;   ///< … and if their errors were white, and alike.
 

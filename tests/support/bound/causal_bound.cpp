@@ -113,9 +113,19 @@ int CausalBound::lasting_at(int tag_id) {
     P().middleCols<8>(found->at).setZero();
     P().middleRows<8>(found->at).setZero();
     P().diagonal().segment<8>(found->at).setOnes();
+  } else {
+    fade(*found);
   }
   found->last_seen = now;
   return found->at;
+}
+
+/// l ← a l + √(1 − a²) w, with unit w.
+void CausalBound::fade(const Visit& visit) {
+  const double a = std::exp(-to_seconds(truth_->at - visit.last_seen) / problem_.lasting->fades_s);
+  P().middleRows<8>(visit.at) *= a;
+  P().middleCols<8>(visit.at) *= a;
+  P().diagonal().segment<8>(visit.at).array() += 1 - a * a;
 }
 
 void CausalBound::see(std::span<const int> ids) {
@@ -134,7 +144,7 @@ void CausalBound::see(std::span<const TagSight> sights) {
     const CornerRows corner = corner_rows(truth_->X_WB, problem_.camera, *place.tag, 1.0);
     Row row{sight.whiten * body_rows(corner), {}, -1, {}, lasting_at(sight.tag_id)};
     const Eigen::Matrix<double, 8, 6> by_tag = sight.whiten * corner.tag;
-    if (row.lasting_at >= 0) row.H_lasting = problem_.lasting->root;
+    if (row.lasting_at >= 0) row.H_lasting = sight.lasting;
     if (problem_.map_known) {
       rows.push_back(std::move(row));
     } else if (place.at >= 0) {

@@ -12,16 +12,17 @@ namespace fiducap::bound {
 
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-/// Errors of a tag's corners that stay while it is in view.
+/// Errors of a tag's corners that fade while it is in view, first-order Gauss–Markov.
 struct LastingErrors {
-  Matrix8 root{Matrix8::Zero()};                 ///< Whitened coordinates by eight unit errors.
+  double fades_s{};                              ///< Until 1/e of them is left.
   Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for so long: other errors.
 };
 
 /// One tag in an image.
 struct TagSight {
   int tag_id{};
-  Matrix8 whiten;  ///< Its raw coordinates times this have unit white noise.
+  Matrix8 whiten;                    ///< Its raw coordinates times this have unit white noise …
+  Matrix8 lasting{Matrix8::Zero()};  ///< … and these, by eight unit errors that last.
 };
 
 /// What is known beforehand, and how noisy the sensors are.
@@ -65,7 +66,8 @@ struct MapBound {
 /// fixed at the start, exactly, which changes nothing that is measured from a tag. Tags join
 /// without any prior: their six most informative combinations of corners make them, the other two
 /// are a measurement of the rest. The two-fold planar pose is taken as solved, the corners'
-/// covariance as known. Errors that last while a tag is in view are eight states more of it.
+/// covariance as known. Errors that last while a tag is in view are eight states more of it, which
+/// fade.
 class CausalBound final {
  public:
   explicit CausalBound(BoundProblem problem);
@@ -99,8 +101,9 @@ class CausalBound final {
   };
   void start(const TruthSample& truth);
   void apply_motion();
-  /// @return row of the tag's lasting errors; −1: there are none
+  /// @return row of the tag's lasting errors, as they are now; −1: there are none
   [[nodiscard]] int lasting_at(int tag_id);
+  void fade(const Visit& visit);
   [[nodiscard]] std::size_t index_of(int tag_id) const;
   /// Rows of a measurement in the state so far.
   struct Row {
