@@ -91,7 +91,9 @@ class Loop {
       return;
     }
     ++outcome_.images;
-    const Pose X_VW = (source.truth(at).X_WB * mount().X_BV).inverse();
+    // Where the image was taken, not where the filter thinks that it was.
+    const Instant taken_at = at - update.corners.clock_shift;
+    const Pose X_VW = (source.truth(taken_at).X_WB * mount().X_BV).inverse();
     for (const TagSighting& tag : update.corners.tags) compare(tag, X_VW);
   }
 

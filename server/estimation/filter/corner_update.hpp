@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -24,12 +23,8 @@ class CornerUpdate final {
  public:
   struct Options {
     double gate{};  ///< Chi-square limit for the 8 numbers of one tag; a tag above it is left out.
-    /// 1: plain EKF. More: iterated, for a first image far from the linearisation point.
-    int iterations{1};
-    /// So many, if need be, until the corners are where linearity said they would be after the
-    /// correction: what a body drifts in two seconds without a tag is more than a line can tell to
-    /// hundredths of a pixel.
-    int most_iterations{1};
+    int iterations{
+        1};  ///< 1: plain EKF. More: iterated, for a first image far from the linearisation point.
     /// Where the first linearisation is done, when something better than the prior mean is known;
     /// nullptr: at the prior.
     const State* start{nullptr};
@@ -43,10 +38,11 @@ class CornerUpdate final {
                      std::span<const TagToUse> tags, const Options& options, CornerNoise& noise,
                      std::vector<bool>& accepted) {
     UpdateReport report;
-    if (moves(options)) prior_.copy_mean(state);
+    const bool moves = options.iterations > 1 || options.start != nullptr;
+    if (moves) prior_.copy_mean(state);
     if (options.start != nullptr) state.copy_mean(*options.start);
     measure_image(state, camera, model, tags, noise, image_);
-    if (options.start != nullptr) image_.take_off(state.error_to(prior_));
+    if (moves) image_.take_off(state.error_to(prior_));
     update_.prepare(state.P(), image_);
     update_.gate(state.P(), image_, options.gate, accepted);
     for (std::size_t i = 0; i < tags.size(); ++i)
@@ -58,13 +54,29 @@ class CornerUpdate final {
     if (options.wants_score && 2 * report.tags_rejected >= static_cast<int>(tags.size()))
       score_all(state);
     if (update_.empty()) {
-      if (moves(options)) state.copy_mean(prior_);
+      if (moves) state.copy_mean(prior_);
       return report;
     }
-    report.nis = iterate(state, camera, model, tags, options, noise);
+    for (int iteration = 0; iteration < options.iterations; ++iteration) {
+      if (iteration > 0) {
+        // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present
+        // point.
+        measure_image(state, camera, model, tags, noise, image_);
+        image_.take_off(state.error_to(prior_));
+        update_.prepare(state.P(), image_);
+      }
+      const double nis = update_.solve(state.P(), image_, state.held_tags());
+      if (iteration == 0) {
+        report.nis = nis;
+        if (options.wants_score && !has_score_) note_score();
+      }
+      if (moves) state.copy_mean(prior_);
+      state.add_error(update_.correction());
+    }
     update_.shrink(state.P(), state.held_tags());
     transport_covariance(state, update_.correction(), camera);
     report.nis_dof = update_.degrees_of_freedom();
+    measure_image(state, camera, model, tags, noise, image_);
     report.reprojection_px = update_.rms_px(image_);
     return report;
   }
@@ -75,61 +87,6 @@ class CornerUpdate final {
   [[nodiscard]] const StackedUpdate::SharedScore& shared_score() const { return score_; }
 
  private:
-  /// Solves, corrects and looks again, until that is enough. The image is measured at the end.
-  /// @return squared innovation of the first solution
-  double iterate(State& state, int camera, const CameraModel& model, std::span<const TagToUse> tags,
-                 const Options& options, const CornerNoise& noise) {
-    double first_nis = 0;
-    for (int iteration = 1;; ++iteration) {
-      const double nis = update_.solve(state.P(), image_, state.held_tags());
-      if (iteration == 1) {
-        first_nis = nis;
-        if (options.wants_score && !has_score_) note_score();
-      }
-      image_.take_off(update_.correction());
-      note_innovations();
-      if (moves(options)) state.copy_mean(prior_);
-      state.add_error(update_.correction());
-      measure_image(state, camera, model, tags, noise, image_);
-      const bool is_enough = iteration >= options.iterations && is_as_linear();
-      if (is_enough || iteration >= most_of(options)) return first_nis;
-      // Iterated Kalman filter: the innovation is taken back to the prior, H stays at the present
-      // point.
-      image_.take_off(state.error_to(prior_));
-      update_.prepare(state.P(), image_);
-    }
-  }
-
-  [[nodiscard]] static int most_of(const Options& options) {
-    return std::max(options.iterations, options.most_iterations);
-  }
-  /// Whether the mean is taken elsewhere than to prior plus correction in between.
-  [[nodiscard]] static bool moves(const Options& options) {
-    return most_of(options) > 1 || options.start != nullptr;
-  }
-
-  // Of a tag's eight numbers together, each by its sigma. From 0.03 to 1 the paper's experiments
-  // come out the same.
-  static constexpr double kLinear = 0.3;
-
-  void note_innovations() {
-    linear_.resize(image_.tags.size());
-    for (const std::size_t i : update_.used()) linear_[i] = image_.tags[i].y;
-  }
-
-  /// Whether the corners are where linearity said they would be.
-  [[nodiscard]] bool is_as_linear() const {
-    const auto used = update_.used();
-    return std::all_of(used.begin(), used.end(), [&](std::size_t i) {
-      const TagMeasurement& m = image_.tags[i];
-      const Vector8d off = m.y - linear_[i];
-      const bool is_even = m.relative && m.even;
-      const double square =
-          is_even ? off.squaredNorm() / (m.noise_px * m.noise_px) : off.dot(m.R.llt().solve(off));
-      return square < kLinear * kLinear;
-    });
-  }
-
   void score_all(const State& state) {
     gated_.assign(update_.used().begin(), update_.used().end());
     update_.use_all(image_);
@@ -148,7 +105,6 @@ class CornerUpdate final {
   State prior_;  ///< mean only
   ImageMeasurement image_;
   StackedUpdate update_;
-  std::vector<Vector8d> linear_;  ///< By tag of the image: what linearity says is left of it.
   std::vector<std::size_t> gated_;
   StackedUpdate::SharedScore score_;
   bool has_score_{false};

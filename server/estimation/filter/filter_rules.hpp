@@ -23,8 +23,10 @@ inline constexpr double kStepWithoutImu_s = 0.05;
 inline constexpr std::size_t kFewestPoints = 10;
 // An image with so many landmarks says how the body moved, with or without a tag.
 inline constexpr int kLandmarksToStay = 3;
-// An update far from the linearisation point is iterated.
+// An update far from the linearisation point is iterated, as after so long without a fit: what the
+// body has drifted is more than one line can tell to hundredths of a pixel.
 inline constexpr int kFirstIterations = 5;
+inline constexpr double kCoasted_s = 0.5;
 inline constexpr int kCornerStepIterations = 2;
 // Images in a row in which at least half of the usable tags contradict, before the camera's clock
 // is thought to have jumped.

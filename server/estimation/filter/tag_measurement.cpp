@@ -2,7 +2,7 @@
 
 namespace fiducap {
 
-void ImageMeasurement::take_off(const Eigen::Ref<const Eigen::VectorXd>& error) {
+void ImageMeasurement::take_off(const Eigen::VectorXd& error) {
   Vector6d of_shared = Vector6d::Zero();
   for (std::size_t k = 0; k < shared.term_count; ++k)
     of_shared += shared.terms[k].J * error.segment<3>(shared.terms[k].at);

@@ -98,7 +98,7 @@ struct ImageMeasurement {
   std::vector<TagMeasurement> tags;
 
   /// Takes H `error` off every innovation.
-  void take_off(const Eigen::Ref<const Eigen::VectorXd>& error);
+  void take_off(const Eigen::VectorXd& error);
 };
 
 }  // namespace fiducap

@@ -101,9 +101,7 @@ UpdateReport RobocentricCoordinates::correct(const TagObservations& seen,
                                              std::span<const TagToUse> tags, double gate,
                                              int iterations, std::vector<bool>& accepted) {
   return corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
-                              {.gate = gate,
-                               .iterations = iterations,
-                               .start = linearisation_ ? &*linearisation_ : nullptr},
+                              {gate, iterations, linearisation_ ? &*linearisation_ : nullptr},
                               corner_noise_, accepted);
 }
 

@@ -264,7 +264,6 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
       corner_update_.apply(state_, seen.camera, model_of(seen.camera), tags,
                            {.gate = gate,
                             .iterations = iterations,
-                            .most_iterations = kFirstIterations,
                             .start = linearisation_ ? &*linearisation_ : nullptr,
                             .wants_score = watches},
                            corner_noise_[camera], accepted);

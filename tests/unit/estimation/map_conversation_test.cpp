@@ -337,6 +337,34 @@ TEST_P(MapConversation, ABodyThatLostItsPlaceSaysWhenOneTagAloneGivesItBack) {
   }
 }
 
+/// Of the body's pose, per degree of freedom, in a known map.
+double pose_nees(const ExampleRoom& room) {
+  const BodyEstimate body = room.filter->estimate();
+  Vector6d off;
+  off << room.truth().p - body.X_WB.p, log_so3(room.truth().q * body.X_WB.q.conjugate());
+  return off.dot(body.covariance.topLeftCorner<6, 6>().ldlt().solve(off)) / 6;
+}
+
+TEST_P(MapConversation, ABodyThatComesBackFarOffIsAsSureAsItIsRight) {
+  constexpr int kRuns = 20;
+  double nees = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    ExampleRoom::Setup sharp = setup();
+    sharp.seed = static_cast<std::uint64_t>(run + 1);
+    sharp.pixel_sigma = 0.03;
+    sharp.estimator.corner_noise_px = 0.03;
+    ExampleRoom room(sharp);
+    const std::vector<KnownTag> map = room.known_all(1e-4);
+    for (int i = 0; i < kStartImages; ++i) room.next_image({map});
+    for (int i = 0; i < 60; ++i) room.next_image({map}, {-1});
+    UpdateReport back;
+    for (int i = 0; i < 3 && back.tags_used == 0; ++i) back = room.next_image({map}, {2});
+    EXPECT_EQ(back.tags_used, 1) << run;
+    nees += pose_nees(room) / kRuns;
+  }
+  EXPECT_LT(nees, 1.4) << "by one linear step it is 2.1";
+}
+
 /// Root of the covariance along an axis.
 double sigma_m(const ExampleRoom& room, int axis) {
   return std::sqrt(room.filter->estimate().covariance(axis, axis));
@@ -368,6 +396,21 @@ TEST(MovedTagAlone, IsBelievedAfterManyImagesThatFitWhereNobodyElseDecides) {
   for (int i = 0; i < 200; ++i) report = room.next_image({}, {2});
   EXPECT_TRUE(report.elsewhere);
   for (int i = 0; i < 600; ++i) report = room.next_image({}, {2});
+  EXPECT_FALSE(report.elsewhere);
+}
+
+TEST(MovedTagAlone, IsBelievedAlthoughOneImageDidNotFit) {
+  ExampleRoom room({});
+  settle(room);
+  room.tags[2].p += kMoved;
+  UpdateReport report;
+  for (int i = 0; i < 500; ++i) report = room.next_image({}, {2});
+  EXPECT_TRUE(report.elsewhere);
+  room.tags[2].p += kMoved;
+  report = room.next_image({}, {2});
+  EXPECT_EQ(report.tags_used, 0) << "rejected";
+  room.tags[2].p -= kMoved;
+  for (int i = 0; i < 300; ++i) report = room.next_image({}, {2});
   EXPECT_FALSE(report.elsewhere);
 }
 
