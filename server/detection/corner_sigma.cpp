@@ -56,14 +56,19 @@ constexpr double kLeastSharpness = 0.1;
 constexpr double kNarrow_px = 3.0;
 constexpr double kNarrowSmear = 0.1;
 constexpr double kNoSmear_px2 = 0.25;  // noise looks like so much
-// Others, where smear reaches a module: what the fit of a smeared side leaves, and what noise does
-// to it, which grows with the pixels to tell grays apart over. Both ends for themselves.
-constexpr double kSmear_px = 0.0588;
-constexpr double kSmearNoise = 0.166;
-constexpr double kSmearEdge_px = 0.192;
-constexpr double kReachPower = 4.74;
-constexpr double kShiftOfTilt = 6.7;
-constexpr double kTurnOfTilt = 14.3;
+/// Others: what smear leaves of a side, and what noise does to it, which grows with the pixels to
+/// tell grays apart over. Both ends for themselves.
+struct SmearedSide {
+  double left_px;
+  double noise;  ///< Times module and noise.
+  double edge_px;
+  double reach_power;  ///< Of smear by module.
+  double shift_of_tilt, turn_of_tilt;
+};
+// By its steepest place, or told apart into grays (smeared_side), from there on.
+constexpr SmearedSide kLittleSmear{0.0482, 0.173, 0.553, 5.59, 5.8, 13.6};
+constexpr SmearedSide kToldApart{0.0695, 0.074, 0.0, 2.30, 7.5, 11.7};
+constexpr double kToldApartFrom = 0.7;
 // What a lens less sharp than a pixel, or some motion, pulls a narrow side: all of it below
 // kNarrowest_px, none of it above kUnpulled_px.
 constexpr double kLastingShift_px = 0.05;
@@ -150,12 +155,12 @@ SideVariance smear_variance(const Side& side, double sharpness) {
     const double both = 0.5 * square(kNarrowSmear) * std::max(0.0, smear_px2 - kNoSmear_px2);
     return {both, both};
   }
-  const double reaches = (std::sqrt(smear_px2) + kSmearEdge_px) / side.module_px;
-  const double both = 0.5 *
-                      (square(kSmear_px) + square(kSmearNoise * side.noise * side.module_px)) *
-                      std::pow(reaches, kReachPower);
+  const double smear_px = std::sqrt(smear_px2);
+  const SmearedSide& by = smear_px < kToldApartFrom * side.module_px ? kLittleSmear : kToldApart;
+  const double both = 0.5 * (square(by.left_px) + square(by.noise * side.noise * side.module_px)) *
+                      std::pow((smear_px + by.edge_px) / side.module_px, by.reach_power);
   const double tilt = side.tilt - 1;
-  return {both * (1 + kShiftOfTilt * tilt), both * (1 + kTurnOfTilt * tilt)};
+  return {both * (1 + by.shift_of_tilt * tilt), both * (1 + by.turn_of_tilt * tilt)};
 }
 
 /// What grid and noise of the pixels do, at each end, px².

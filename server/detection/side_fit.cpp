@@ -31,7 +31,7 @@ constexpr double kLeastGradient_px = 0.5;
 constexpr double kMostGradient_px = 1.0;
 // Sides that are looked at by what their gray adds up to: of modules that are wide enough for it,
 // if narrow, or if the side crosses fewer rows or columns of pixels. How far to both sides it is
-// added up, and up to where black and white are plain (corners of 45° stay out of it).
+// added up, and up to where black and white are plain.
 constexpr double kBalanced_px = 1.8;
 constexpr double kCrossed_px = 2.0;
 constexpr double kMostHalf_px = 1.5;
@@ -190,6 +190,8 @@ struct Place {
   Eigen::Vector2d outward;
   double module_px;
   double narrowest_px;  ///< The least across it: its far end, if it is the far side.
+  /// How far along it the neighbour at either end leads, per pixel inwards; 0: not over the side.
+  double lean_a, lean_b;
 
   Place(const std::array<Eigen::Vector2d, 4>& corners_px, std::size_t i, int modules)
       : a(corners_px[i]), b(corners_px[(i + 1) % 4]) {
@@ -204,6 +206,8 @@ struct Place {
     const double across_px = std::min(outward.dot(a - behind_a), outward.dot(b - behind_b));
     narrowest_px =
         across_px / modules * std::min(1.0, (b - a).norm() / (behind_b - behind_a).norm());
+    lean_a = std::max(0.0, along.dot(behind_a - a) / outward.dot(a - behind_a));
+    lean_b = std::max(0.0, along.dot(b - behind_b) / outward.dot(b - behind_b));
   }
 
   [[nodiscard]] bool is_smeared(const Side& side) const {
@@ -261,8 +265,13 @@ std::optional<Line> fit_balanced(const SideScan& scan, Place place, const Line& 
   place.move_to(line);
   const double half_px = std::min(0.5 * place.module_px, kMostHalf_px);
   const double plain_px = std::clamp(place.narrowest_px - half_px, half_px, kMostPlain_px);
+  // Where neighbours at sharp corners stay out of the black.
+  const double length_px = (place.b - place.a).norm();
+  const double end = left_out_at_ends(length_px);
+  const Stretch black{std::max(stretch.from, end + place.lean_a * plain_px / length_px),
+                      std::min(stretch.to, 1 - end - place.lean_b * plain_px / length_px)};
   LineFit fit(place.a);
-  walk(place.a, place.b, stretch, [&](const Eigen::Vector2d& px) {
+  walk(place.a, place.b, black, [&](const Eigen::Vector2d& px) {
     const auto off = scan.balance(px, place.outward, half_px, plain_px);
     if (off && std::abs(*off) < kMostOff_px) fit.add(px + *off * place.outward);
   });
