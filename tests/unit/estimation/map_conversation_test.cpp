@@ -365,54 +365,5 @@ TEST_P(MapConversation, ABodyThatComesBackFarOffIsAsSureAsItIsRight) {
   EXPECT_LT(nees, 1.4) << "by one linear step it is 2.1";
 }
 
-/// Root of the covariance along an axis.
-double sigma_m(const ExampleRoom& room, int axis) {
-  return std::sqrt(room.filter->estimate().covariance(axis, axis));
-}
-
-TEST(MovedTagAlone, MakesTheSigmaReachToWhereItWantsTheBody) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 15; ++i) report = room.next_image({}, {2});
-  ASSERT_TRUE(report.elsewhere);
-  EXPECT_EQ(report.elsewhere->tag_id, 2);
-  EXPECT_NEAR(report.elsewhere->by_m, kMoved.norm(), 0.1 * kMoved.norm());
-  const Matrix15d P = room.filter->estimate().covariance;
-  EXPECT_NEAR(std::sqrt(P.diagonal().head<3>().sum()), kMoved.norm(), 0.2 * kMoved.norm());
-  for (int i = 0; i < 30; ++i) report = room.next_image({}, {2});  // given up meanwhile
-  EXPECT_TRUE(report.elsewhere);
-  report = room.next_image({}, {2, 3});
-  EXPECT_FALSE(report.elsewhere) << "another one decides";
-  EXPECT_LT(sigma_m(room, 0) + sigma_m(room, 1) + sigma_m(room, 2), 3 * kGood_m);
-}
-
-TEST(MovedTagAlone, IsBelievedAfterManyImagesThatFitWhereNobodyElseDecides) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 200; ++i) report = room.next_image({}, {2});
-  EXPECT_TRUE(report.elsewhere);
-  for (int i = 0; i < 600; ++i) report = room.next_image({}, {2});
-  EXPECT_FALSE(report.elsewhere);
-}
-
-TEST(MovedTagAlone, IsBelievedAlthoughOneImageDidNotFit) {
-  ExampleRoom room({});
-  settle(room);
-  room.tags[2].p += kMoved;
-  UpdateReport report;
-  for (int i = 0; i < 500; ++i) report = room.next_image({}, {2});
-  EXPECT_TRUE(report.elsewhere);
-  room.tags[2].p += kMoved;
-  report = room.next_image({}, {2});
-  EXPECT_EQ(report.tags_used, 0) << "rejected";
-  room.tags[2].p -= kMoved;
-  for (int i = 0; i < 300; ++i) report = room.next_image({}, {2});
-  EXPECT_FALSE(report.elsewhere);
-}
-
 }  // namespace
 }  // namespace fiducap
