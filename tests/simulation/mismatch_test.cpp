@@ -153,9 +153,11 @@ double rmse_behind_a_wrong_lens(std::uint64_t seed) {
   return run_filter(data, choice).scored_after(10).position_rmse_m();
 }
 
-TEST(ToldLens, IsDoubtedBeforeImagesAreGatedByWhatSharpCornersAllow) {
+/// 4 to 6 mm; 4 to 70 when images are gated by what sharp corners allow before the lens is doubted,
+/// 5 to 28 when a start that is followed again believes in the lens once more.
+TEST(ToldLens, IsDoubtedSoonAndForGood) {
   for (std::uint64_t seed = 41; seed <= 45; ++seed)
-    EXPECT_LT(rmse_behind_a_wrong_lens(seed), 0.04) << "seed " << seed;
+    EXPECT_LT(rmse_behind_a_wrong_lens(seed), 0.012) << "seed " << seed;
 }
 
 TEST(MismatchedSparse, SwappedPrintsAreGivenUpAndFoundAgainWithoutAReset) {

@@ -50,8 +50,8 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] int contradicting_images() const override {
     return contradictions_.contradicting_images();
   }
-  [[nodiscard]] StartNoise learned_noise() const override { return coordinates().learned_noise(); }
-  void begin_with(const StartNoise& noise) override { coordinates().begin_with(noise); }
+  [[nodiscard]] StartLessons lessons() const override { return coordinates().lessons(); }
+  void begin_with(const StartLessons& lessons) override { coordinates().begin_with(lessons); }
   void end_start() override;
   [[nodiscard]] Axes axes() const override { return {anchor_.is_anchored(), anchor_.defined_by()}; }
   [[nodiscard]] int generation() const override { return generation_; }

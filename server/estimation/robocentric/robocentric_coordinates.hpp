@@ -52,8 +52,8 @@ class RobocentricCoordinates final {
   /// @param q_WB  nullopt: without IMU
   void start(Instant at, const std::optional<Eigen::Quaterniond>& q_WB);
   void open_clock(int, double) {}
-  [[nodiscard]] static StartNoise learned_noise() { return {}; }
-  void begin_with(const StartNoise&) {}
+  [[nodiscard]] static StartLessons lessons() { return {}; }
+  void begin_with(const StartLessons&) {}
   void set_clock(int, double, double) {}
 
   void step(const InertialInput& input, double dt);

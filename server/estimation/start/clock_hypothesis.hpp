@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "estimation/body_filter.hpp"
-#include "estimation/start/learned_noise.hpp"
+#include "estimation/start/start_lessons.hpp"
 
 namespace fiducap {
 
@@ -48,8 +48,8 @@ class StartingFilter : public BodyFilter {
   [[nodiscard]] virtual bool is_following() const = 0;
   /// Images in a row of which at least half of the tags contradict.
   [[nodiscard]] virtual int contradicting_images() const = 0;
-  [[nodiscard]] virtual StartNoise learned_noise() const = 0;
-  virtual void begin_with(const StartNoise& noise) = 0;
+  [[nodiscard]] virtual StartLessons lessons() const = 0;
+  virtual void begin_with(const StartLessons& lessons) = 0;
   /// The start is over: from now on a contradiction is a clock that jumped or a tag that moved, and
   /// clocks that were held are free.
   virtual void end_start() = 0;

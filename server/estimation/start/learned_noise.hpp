@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <vector>
 
 namespace fiducap {
 
@@ -22,13 +21,6 @@ struct LearnedNoise {
   [[nodiscard]] double imu_score() const {
     return information(0, 0) > 0 ? derivative(0) / std::sqrt(information(0, 0)) : 0.0;
   }
-};
-
-/// Of all that a filter has learned of noises in a start: to begin another one with, that follows
-/// the same start again.
-struct StartNoise {
-  LearnedNoise sensors;
-  std::vector<double> corners_px;  ///< CornerNoise::unexplained_px of each camera.
 };
 
 }  // namespace fiducap

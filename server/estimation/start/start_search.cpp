@@ -54,7 +54,7 @@ void StartSearch::begin() {
   plan_.reset();
   trial_.reset();
   best_.reset();
-  noise_ = {};
+  lessons_ = {};
 }
 
 void StartSearch::close(StartingFilter& filter) {
@@ -116,32 +116,32 @@ void StartSearch::begin_plan(const StartingFilter& present) {
     clocks.push_back(present.clock(static_cast<int>(k)));
   plan_.emplace(prior_, clocks, failed_clock_searches_ < kMostFailedClockSearches);
   horizon_ = log_.images().size();
-  noise_ = present.learned_noise();
-  noise_clocks_s_.clear();
-  for (const ClockEstimate& clock : clocks) noise_clocks_s_.push_back(clock.shift_s);
+  lessons_ = present.lessons();
+  lessons_clocks_s_.clear();
+  for (const ClockEstimate& clock : clocks) lessons_clocks_s_.push_back(clock.shift_s);
 }
 
 /// What was placed while a noisy IMU was believed is too sure. Noise that was taken for larger once
 /// is known less well from then on.
 bool StartSearch::is_noise_settled(const StartingFilter& present) const {
-  const LearnedNoise now = present.learned_noise().sensors;
+  const LearnedNoise now = present.lessons().sensors;
   return now.imu_information() > kNoiseKnown &&
-         now.imu_variance() < kNoisier * noise_.sensors.imu_variance() &&
+         now.imu_variance() < kNoisier * lessons_.sensors.imu_variance() &&
          now.imu_score() < kMayBeNoisy_sigma;
 }
 
-/// With other clocks than these the images would have looked noisier, or less so.
+/// With other clocks than these the images would have looked noisier, or less so, or like those of
+/// another lens.
 bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const {
-  return std::equal(hypothesis.shifts_s.begin(), hypothesis.shifts_s.end(), noise_clocks_s_.begin(),
-                    noise_clocks_s_.end(),
+  return std::equal(hypothesis.shifts_s.begin(), hypothesis.shifts_s.end(),
+                    lessons_clocks_s_.begin(), lessons_clocks_s_.end(),
                     [](double a, double b) { return std::abs(a - b) < kSameClock_s; });
 }
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
   Trial trial{hypothesis, make_(hypothesis), {}, 0, 0, {}};
-  trial.filter->begin_with(is_of_learned_clocks(hypothesis)
-                               ? noise_
-                               : StartNoise{.sensors = {}, .corners_px = noise_.corners_px});
+  trial.filter->begin_with(
+      is_of_learned_clocks(hypothesis) ? lessons_ : StartLessons{{}, lessons_.corners_px, {}});
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
   const auto exposed_at = [&](std::size_t i) {

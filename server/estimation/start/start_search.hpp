@@ -72,10 +72,10 @@ class StartSearch final {
   std::size_t next_contradicted_{0};   ///< Not before so many images.
   int failed_clock_searches_{0};  ///< For another clock, since a start was last explained well.
 
-  std::optional<HypothesisPlan> plan_;  ///< While a look lasts.
-  std::size_t horizon_{0};              ///< Images that every hypothesis of the look is tried on.
-  StartNoise noise_;                    ///< By the filter in use, when the present plan began …
-  std::vector<double> noise_clocks_s_;  ///< … with these shifts.
+  std::optional<HypothesisPlan> plan_;    ///< While a look lasts.
+  std::size_t horizon_{0};                ///< Images that every hypothesis of the look is tried on.
+  StartLessons lessons_;                  ///< Of the filter in use, when the present plan began …
+  std::vector<double> lessons_clocks_s_;  ///< … with these shifts.
   std::optional<Trial> trial_;
   std::optional<Trial> best_;
 };

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimation/world/prior_exchange.hpp"
+
 namespace fiducap::world {
 
 namespace {
@@ -60,50 +62,6 @@ bool is_of_lens(Kind kind) {
 /// What may be off when it is not told: as much as of one that turned out to be wrong.
 double told_or(double told_sigma, bool is_refined, double usual_sigma) {
   return told_sigma > 0 ? told_sigma : (is_refined ? usual_sigma : 0.0);
-}
-
-/// What the data alone know of it: 1/σ².
-double information_of(const FilterState& state, int column, double prior_sigma) {
-  const double variance = state.P()(column, column);
-  return variance > 0 ? 1 / variance - 1 / (prior_sigma * prior_sigma) : 0.0;
-}
-
-/// Exchanges the prior of one column, whose mean is zero: a measurement of zero whose information
-/// is the difference of both. Held tags keep what they know.
-void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
-                    double to_sigma) {
-  const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
-  auto P = state.P();
-  const double S = 1 + gained * P(column, column);
-  if (!(S > 1e-9)) return;
-  const Eigen::VectorXd p = P.col(column);
-  std::vector<bool> is_held(static_cast<std::size_t>(P.rows()), false);
-  for (const int at : state.held_tags()) std::fill_n(is_held.begin() + at, 6, true);
-  const double factor = gained / S;
-  for (Eigen::Index k = 0; k < P.cols(); ++k) {
-    for (Eigen::Index i = 0; i < P.rows(); ++i) {
-      const bool both =
-          is_held[static_cast<std::size_t>(i)] && is_held[static_cast<std::size_t>(k)];
-      if (!both) P(i, k) -= factor * p(i) * p(k);
-    }
-  }
-  Eigen::VectorXd correction = -factor * value * p;
-  for (const int at : state.held_tags()) correction.segment<6>(at).setZero();
-  state.add_error(correction);
-  transport_covariance(state, correction, camera);
-}
-
-/// A column becomes less certain, and with it what hangs on it. Held tags keep what they know, and
-/// what is closed keeps its prior: with a larger variance than that, the data would seem to know
-/// less than nothing of it, and a moment later everything.
-void widen(FilterState& state, int column, double sigma, const std::vector<int>& closed) {
-  auto P = state.P();
-  const double variance = P(column, column);
-  if (!(variance > 0) || sigma * sigma <= variance) return;
-  Eigen::VectorXd along = P.col(column) / variance;
-  for (const int at : state.held_tags()) along.segment<6>(at).setZero();
-  for (const int other : closed) along(other) = 0;
-  P += (sigma * sigma - variance) * along * along.transpose();
 }
 
 }  // namespace
@@ -277,6 +235,28 @@ void Suspects::open(FilterState& state, int camera, std::size_t suspect) const {
   }
   // What the others were accused of may have been this one's.
   for (Suspicion& other : state.suspicions) other.images_beyond = 0;
+}
+
+void Suspects::begin_open(FilterState& state, std::span<const WrongNumber> wrong) const {
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& one = all_[i];
+    const auto is_this = [&](const WrongNumber& number) {
+      return number.kind == one.kind && number.camera == one.camera;
+    };
+    if (one.is_parameter || std::none_of(wrong.begin(), wrong.end(), is_this)) continue;
+    state.suspicions[i].is_open = true;
+    state.clear_column(one.column, one.open_sigma);
+  }
+}
+
+std::vector<WrongNumber> Suspects::found_wrong(const FilterState& state) const {
+  std::vector<WrongNumber> out;
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& one = all_[i];
+    if (state.suspicions[i].is_open && !one.is_parameter && one.camera >= 0)
+      out.push_back({one.kind, one.camera});
+  }
+  return out;
 }
 
 std::vector<int> Suspects::closed_columns(const FilterState& state) const {

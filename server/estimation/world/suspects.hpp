@@ -1,10 +1,12 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "estimation/found_mismatch.hpp"
 #include "estimation/lens_estimate.hpp"
+#include "estimation/start/start_lessons.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
@@ -40,6 +42,10 @@ class Suspects final {
 
   /// Into a state that has just been reset.
   void begin(FilterState& state);
+  /// After begin(): what another filter found to be wrong in the same start is open from the first.
+  void begin_open(FilterState& state, std::span<const WrongNumber> wrong) const;
+  /// What is open now of lenses and readouts, but for what always is.
+  [[nodiscard]] std::vector<WrongNumber> found_wrong(const FilterState& state) const;
   /// A tag has joined. Its print is watched, if need be instead of one that is out of sight.
   void watch_print(FilterState& state, int tag_id) const;
   /// After an image of `camera` has corrected the state.

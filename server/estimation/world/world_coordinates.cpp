@@ -303,18 +303,19 @@ void WorldCoordinates::apply_jitter() {
   for (CameraClock& clock : state_.clocks) clock.jitter_s = noise_watch_.jitter_s();
 }
 
-StartNoise WorldCoordinates::learned_noise() const {
-  StartNoise out{noise_watch_.learned(), {}};
+StartLessons WorldCoordinates::lessons() const {
+  StartLessons out{noise_watch_.learned(), {}, suspects_.found_wrong(state_)};
   for (const CornerNoise& noise : corner_noise_) out.corners_px.push_back(noise.unexplained_px());
   return out;
 }
 
-void WorldCoordinates::begin_with(const StartNoise& noise) {
-  noise_watch_.begin_with(noise.sensors);
+void WorldCoordinates::begin_with(const StartLessons& lessons) {
+  noise_watch_.begin_with(lessons.sensors);
+  suspects_.begin_open(state_, lessons.wrong);
   // A lens that is learned first bends what the same corners then explain.
-  for (std::size_t k = 0; k < noise.corners_px.size(); ++k) {
-    if (!suspects_.is_refined(static_cast<int>(k)))
-      corner_noise_[k].begin_with(noise.corners_px[k]);
+  for (std::size_t k = 0; k < lessons.corners_px.size(); ++k) {
+    if (!suspects_.lens(state_, static_cast<int>(k)).is_estimated())
+      corner_noise_[k].begin_with(lessons.corners_px[k]);
   }
 }
 

@@ -101,9 +101,9 @@ class WorldCoordinates final {
   void set_learning(bool is_learning) { is_learning_ = is_learning; }
   /// A tag was wrong where images contradicted: that was no noise.
   void convict_tag();
-  [[nodiscard]] StartNoise learned_noise() const;
+  [[nodiscard]] StartLessons lessons() const;
   /// Jitter counts from the first image on that teaches of it: a clock must be known before.
-  void begin_with(const StartNoise& noise);
+  void begin_with(const StartLessons& lessons);
   void augment(const TagObservations& seen, const TagObservation& tag, const Pose& X_VT);
   /// Takes back what linearisation let the tag slip that W was defined by.
   void keep_defined(std::size_t tag, const HeadingRule& rule);

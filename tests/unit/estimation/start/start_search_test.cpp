@@ -60,10 +60,11 @@ class FakeFilter final : public StartingFilter {
   }
   [[nodiscard]] bool is_following() const override { return images_ > 0; }
   [[nodiscard]] int contradicting_images() const override { return contradicting; }
-  [[nodiscard]] StartNoise learned_noise() const override { return {noise, corners_px}; }
-  void begin_with(const StartNoise& begun) override {
+  [[nodiscard]] StartLessons lessons() const override { return {noise, corners_px, wrong}; }
+  void begin_with(const StartLessons& begun) override {
     noise = begun.sensors;
     corners_px = begun.corners_px;
+    wrong = begun.wrong;
   }
   void end_start() override { ++ends; }
   [[nodiscard]] Axes axes() const override { return {}; }
@@ -74,6 +75,7 @@ class FakeFilter final : public StartingFilter {
   int contradicting{0};
   LearnedNoise noise;
   std::vector<double> corners_px{0.4};
+  std::vector<WrongNumber> wrong;
   int ends{0};
   [[nodiscard]] int images() const { return images_; }
   [[nodiscard]] Instant newest_image() const { return newest_image_; }
@@ -135,6 +137,23 @@ TEST_F(StartSearchTest, ATrialBeginsWithTheNoiseThatTheOtherHasLearned) {
   for (int i = 0; i < 300 && search_.is_open(); ++i) show();
   EXPECT_GE(taken_over_, 1);
   EXPECT_EQ(present_->noise.applied, Eigen::Vector2d(25.0, 1e-6));
+}
+
+TEST_F(StartSearchTest, ATrialBeginsWithWhatTheOtherHasFoundWrong) {
+  present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_GE(taken_over_, 1);
+  ASSERT_EQ(present_->wrong.size(), 1u);
+  EXPECT_EQ(present_->wrong.front().kind, FoundMismatch::Kind::kFocalLength);
+  EXPECT_EQ(present_->wrong.front().camera, 0);
+}
+
+TEST_F(StartSearchTest, WhatWasFoundWrongWithAnotherClockIsForgotten) {
+  world_.truth_s = 0.05;
+  present_->wrong = {{FoundMismatch::Kind::kFocalLength, 0}};
+  for (int i = 0; i < 300 && search_.is_open(); ++i) show();
+  EXPECT_GE(taken_over_, 1);
+  EXPECT_TRUE(present_->wrong.empty());
 }
 
 TEST_F(StartSearchTest, ATrialOfAnyClockBeginsWithTheCornersAsTheyWereLearned) {

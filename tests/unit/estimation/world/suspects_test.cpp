@@ -50,6 +50,26 @@ class SuspectsTest : public testing::Test {
   double place_{0};
 };
 
+TEST_F(SuspectsTest, WhatAnotherFilterFoundWrongIsOpenFromTheFirst) {
+  EXPECT_TRUE(suspects_.found_wrong(state_).empty());
+  const std::vector<WrongNumber> wrong{{FoundMismatch::Kind::kFocalLength, 0},
+                                       {FoundMismatch::Kind::kCentreU, 1}};  // no such camera
+  suspects_.begin_open(state_, wrong);
+  EXPECT_NEAR(suspects_.lens(state_, 0).focal_sigma, 0.05, 1e-12);
+  EXPECT_EQ(suspects_.lens(state_, 0).centre_sigma_px, Eigen::Vector2d::Zero());
+  const auto found = suspects_.found_wrong(state_);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.front().kind, FoundMismatch::Kind::kFocalLength);
+  EXPECT_EQ(found.front().camera, 0);
+}
+
+TEST_F(SuspectsTest, TheSizeOfPrintsIsNotHandedOn) {
+  measure(1e-3, 2e-5, 1e-6);
+  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
+  ASSERT_GT(std::abs(state_.sizes.common), 0.01) << "it is open";
+  EXPECT_TRUE(suspects_.found_wrong(state_).empty());
+}
+
 TEST_F(SuspectsTest, OneThatIsSurelyWrongIsOpenedAsIfItHadBeenFromTheBeginningButForItsSigma) {
   FilterState from_the_beginning = state_;
   from_the_beginning.clear_column(size_, 0.05);
