@@ -24,13 +24,18 @@ struct CornerResidual {
   Matrix86d H{Matrix86d::Zero()};
   /// ∂ predicted / ∂ size, relative to the one reckoned with, raw pixels.
   Vector8d H_size{Vector8d::Zero()};
+  /// ∂ predicted / ∂ first coefficient of the lens's distortion, raw pixels.
+  Vector8d H_k1{Vector8d::Zero()};
   bool in_front{true};  ///< False: a corner lies behind the camera, y and H mean nothing.
 
   [[nodiscard]] double rms_px() const { return std::sqrt(y.squaredNorm() / 4.0); }
 };
 
 /// @param size  so many times the configured edge
+/// @param k1    how much larger the first coefficient of distortion is than `camera`, by which the
+///              corners were undistorted, has it
 [[nodiscard]] CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
-                                             const CameraModel& camera, double size = 1.0);
+                                             const CameraModel& camera, double size = 1.0,
+                                             double k1 = 0.0);
 
 }  // namespace fiducap

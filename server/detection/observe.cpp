@@ -47,6 +47,11 @@ void drop_doubled_ids(std::vector<TagObservation>& tags) {
 
 }  // namespace
 
+bool see_through(const CameraModel& camera, TagObservation& tag) {
+  const std::array<Eigen::Vector2d, 4> raw_px = tag.raw_px;
+  return undistort_corners(raw_px, camera, tag);
+}
+
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out) {
   out.camera = frame.camera;

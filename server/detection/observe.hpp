@@ -13,4 +13,8 @@ namespace fiducap {
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out);
 
+/// Takes another lens out of the corners of a tag than observe() did.
+/// @return false: they lie outside of it, or form no tag there
+[[nodiscard]] bool see_through(const CameraModel& camera, TagObservation& tag);
+
 }  // namespace fiducap

@@ -10,6 +10,7 @@ struct FoundMismatch {
     kFocalLength,  ///< `value`: relative; 0.01: the lens is 1 % longer.
     kCentreU,      ///< Principal point, px to the right …
     kCentreV,      ///< … and down.
+    kDistortion,   ///< `value`: its first coefficient is so much larger.
     kLens,         ///< Not doubted but refined: `lens` is what came out. `value`: its focal length.
     kReadout,      ///< Rolling shutter, first row to last, s; as configured: 0.
     kAllPrints,    ///< All tags are so much larger, relative …

@@ -9,9 +9,10 @@ struct LensEstimate {
   LensOffset offset;
   double focal_sigma{};  ///< 0: not estimated.
   Eigen::Vector2d centre_sigma_px{Eigen::Vector2d::Zero()};
+  double k1_sigma{};
 
   [[nodiscard]] bool is_estimated() const {
-    return focal_sigma > 0 || centre_sigma_px.maxCoeff() > 0;
+    return focal_sigma > 0 || centre_sigma_px.maxCoeff() > 0 || k1_sigma > 0;
   }
 };
 

@@ -34,6 +34,12 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
         percent(found.value, found.sigma), found.value > 0 ? "longer" : "shorter", model.fu,
         model.fu * (1 + found.value), kAdvice);
   }
+  if (found.kind == Kind::kDistortion) {
+    const double configured = model.coefficients[0];
+    return fmt::format(
+        "camera {}: the lens's distortion k1 seems {:.3f} ± {:.3f}, configured {:.3f}{}",
+        found.camera, configured + found.value, found.sigma, configured, kAdvice);
+  }
   const bool is_u = found.kind == Kind::kCentreU;
   const double configured = is_u ? model.cu : model.cv;
   return fmt::format(
@@ -47,12 +53,17 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
 std::string refined_text(const FoundMismatch& found, const CameraModel& configured) {
   const LensEstimate& lens = found.lens;
   const CameraModel now = lens.offset.applied_to(configured);
+  const std::string bend = lens.k1_sigma > 0
+                               ? fmt::format(", k1 {:.3f} ± {:.3f} ({:.3f})", now.coefficients[0],
+                                             lens.k1_sigma, configured.coefficients[0])
+                               : std::string();
   return fmt::format(
       "camera {}: the lens is refined: fu {:.1f} ± {:.1f} (configured {:.1f}), cu {:.1f} ± {:.1f} "
-      "({:.1f}), cv {:.1f} ± {:.1f} ({:.1f}). Run fiducap calibrate camera before you measure: "
-      "distortion stays as configured",
+      "({:.1f}), cv {:.1f} ± {:.1f} ({:.1f}){}. Run fiducap calibrate camera before you measure: "
+      "{} distortion stays as configured",
       found.camera, now.fu, configured.fu * lens.focal_sigma, configured.fu, now.cu,
-      lens.centre_sigma_px.x(), configured.cu, now.cv, lens.centre_sigma_px.y(), configured.cv);
+      lens.centre_sigma_px.x(), configured.cu, now.cv, lens.centre_sigma_px.y(), configured.cv,
+      bend, bend.empty() ? "its" : "the rest of its");
 }
 
 std::string range_text(const char* sensor, const std::string& end) {
@@ -83,6 +94,7 @@ std::string mismatch_text(const FoundMismatch& found, const std::vector<CameraMo
     case Kind::kFocalLength:
     case Kind::kCentreU:
     case Kind::kCentreV:
+    case Kind::kDistortion:
       return lens_text(found, cameras[static_cast<std::size_t>(found.camera)].model);
     case Kind::kLens:
       return refined_text(found, cameras[static_cast<std::size_t>(found.camera)].model);

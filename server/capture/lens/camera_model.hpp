@@ -69,6 +69,7 @@ struct CameraMount {
   /// calibrated.
   double focal_sigma{0.0};      ///< Of fu and fv together, relative.
   double centre_sigma_px{0.0};  ///< Of cu and cv, each.
+  double k1_sigma{0.0};         ///< Of the first coefficient of distortion.
   double rate_hz{20.0};
 };
 

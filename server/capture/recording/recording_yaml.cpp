@@ -62,9 +62,9 @@ std::string camera_yaml(const CameraMount& mount) {
       << "readout_sigma: " << mount.readout_sigma_s << "\n"
       << "T_BS_sigma: {translation_m: " << mount.position_sigma_m
       << ", rotation_rad: " << mount.rotation_sigma_rad << "}\n";
-  if (mount.focal_sigma > 0 || mount.centre_sigma_px > 0)
+  if (mount.focal_sigma > 0 || mount.centre_sigma_px > 0 || mount.k1_sigma > 0)
     out << "intrinsics_sigma: {focal: " << mount.focal_sigma
-        << ", centre_px: " << mount.centre_sigma_px << "}\n";
+        << ", centre_px: " << mount.centre_sigma_px << ", k1: " << mount.k1_sigma << "}\n";
   return out.str();
 }
 

@@ -44,6 +44,7 @@ constexpr double kLargestClockError_s = 0.2;
 // A lens that is known worse than this says nothing of where anything is.
 constexpr double kLargestFocalError = 0.3;
 constexpr double kLargestCentreError_px = 1000;
+constexpr double kLargestDistortionError = 1;
 
 void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std::string& prefix) {
   append(all,
@@ -55,6 +56,7 @@ void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std
              .within("readout_sigma_s", mount.readout_sigma_s, 0, kLargestClockError_s)
              .within("focal_sigma", mount.focal_sigma, 0, kLargestFocalError)
              .within("centre_sigma_px", mount.centre_sigma_px, 0, kLargestCentreError_px)
+             .within("k1_sigma", mount.k1_sigma, 0, kLargestDistortionError)
              .positive("rate_hz", mount.rate_hz)
              .errors,
          prefix);

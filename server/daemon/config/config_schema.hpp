@@ -98,6 +98,7 @@ void describe(V& v, CameraMount& c) {
   v.value("readout_sigma_s", c.readout_sigma_s);
   v.value("focal_sigma", c.focal_sigma);
   v.value("centre_sigma_px", c.centre_sigma_px);
+  v.value("k1_sigma", c.k1_sigma);
   v.value("rate_hz", c.rate_hz);
 }
 

@@ -77,12 +77,12 @@ StackedUpdate::Turned StackedUpdate::turn(const TagMeasurement& m, bool suspects
   Matrix86d H = m.H;
   Vector8d y = m.y;
   if (suspects) {
-    Matrix86d rest;
+    Eigen::Matrix<double, 8, 1 + SuspectColumns::kAll> rest;
     rest << m.y, m.H_camera, m.H_size;
     if (!m.even) make_even(m.R, H, rest);
     triangularise(H, rest);
     y = rest.col(0);
-    out.H_suspects = rest.block<6, 5>(0, 1);
+    out.H_suspects = rest.topRightCorner<6, SuspectColumns::kAll>();
   } else {
     if (!m.even) make_even(m.R, H, y);
     triangularise(H, y);
@@ -136,24 +136,26 @@ StackedUpdate::SharedScore StackedUpdate::shared_score(const ImageMeasurement& i
 /// What the suspects add to the covariance of a turned measurement.
 void StackedUpdate::add_suspects(ConstCovariance P, const SuspectColumns& suspects,
                                  const TagMeasurement& m, const Turned& turned, Matrix6d& S) const {
-  // Of all five together: the camera's four, and the size of this print.
-  const Eigen::Matrix<double, 6, 5>& H = turned.H_suspects;
-  Eigen::Matrix<double, 6, 5> cross;  // with (own − shared)
-  Eigen::Matrix<double, 5, 5> own;
+  // Of all together: the camera's, and the size of this print.
+  constexpr int kCamera = SuspectColumns::kOfCamera;
+  constexpr int kSize = SuspectColumns::kOfCamera;  // the column after them
+  const SuspectsMatrix& H = turned.H_suspects;
+  SuspectsMatrix cross;  // with (own − shared)
+  Eigen::Matrix<double, SuspectColumns::kAll, SuspectColumns::kAll> own;
   const int at = suspects.camera;
   const auto size_column = [&](Eigen::Index row) {
     return P(row, suspects.size) + (m.own_size < 0 ? 0.0 : P(row, m.own_size));
   };
-  cross.leftCols<4>() = -shared_.middleRows<4>(at).transpose();
-  cross.col(4) = -shared_.row(suspects.size).transpose();
-  if (m.own_size >= 0) cross.col(4) -= shared_.row(m.own_size).transpose();
+  cross.leftCols<kCamera>() = -shared_.middleRows<kCamera>(at).transpose();
+  cross.col(kSize) = -shared_.row(suspects.size).transpose();
+  if (m.own_size >= 0) cross.col(kSize) -= shared_.row(m.own_size).transpose();
   if (m.own != TagMeasurement::kGiven) {
-    cross.leftCols<4>() += P.block<6, 4>(m.own, at);
-    for (Eigen::Index k = 0; k < 6; ++k) cross(k, 4) += size_column(m.own + k);
+    cross.leftCols<kCamera>() += P.block<6, kCamera>(m.own, at);
+    for (Eigen::Index k = 0; k < 6; ++k) cross(k, kSize) += size_column(m.own + k);
   }
-  own.topLeftCorner<4, 4>() = P.block<4, 4>(at, at);
-  for (Eigen::Index k = 0; k < 4; ++k) own(k, 4) = own(4, k) = size_column(at + k);
-  own(4, 4) = size_column(suspects.size) + (m.own_size < 0 ? 0.0 : size_column(m.own_size));
+  own.topLeftCorner<kCamera, kCamera>() = P.block<kCamera, kCamera>(at, at);
+  for (Eigen::Index k = 0; k < kCamera; ++k) own(k, kSize) = own(kSize, k) = size_column(at + k);
+  own(kSize, kSize) = size_column(suspects.size) + (m.own_size < 0 ? 0.0 : size_column(m.own_size));
   const Matrix6d mixed = turned.H * cross * H.transpose();
   S += mixed + mixed.transpose() + H * own * H.transpose();
 }
@@ -191,7 +193,7 @@ void StackedUpdate::reserve(Eigen::Index rows) {
   if (PHt_.rows() >= n_ && PHt_.cols() >= rows) return;
   PHt_.resize(n_ + n_ / 2, rows * 2);
   shared_rows_.resize(rows * 2, 6);
-  suspect_rows_.resize(rows * 2, 5);
+  suspect_rows_.resize(rows * 2, SuspectColumns::kAll);
   own_rows_.resize(rows * 2, 6);
   shared_H_.setZero(8, rows * 2);
   S_.resize(rows * 2, rows * 2);
@@ -242,9 +244,10 @@ void StackedUpdate::stack_gain(ConstCovariance P, const TagMeasurement& m, const
 void StackedUpdate::stack_suspects(ConstCovariance P, const SuspectColumns& suspects,
                                    const TagMeasurement& m, const Turned& turned, Eigen::Index at) {
   const dense::View PHt{PHt_.col(at).data(), PHt_.outerStride()};
-  const dense::ConstView H_size{turned.H_suspects.col(4).data(), kTurnedRows};
-  dense::add_product(columns_of(P, suspects.camera), 4, {turned.H_suspects.data(), kTurnedRows},
-                     PHt, n_);
+  const dense::ConstView H_size{turned.H_suspects.col(SuspectColumns::kOfCamera).data(),
+                                kTurnedRows};
+  dense::add_product(columns_of(P, suspects.camera), SuspectColumns::kOfCamera,
+                     {turned.H_suspects.data(), kTurnedRows}, PHt, n_);
   dense::add_product(columns_of(P, suspects.size), 1, H_size, PHt, n_);
   if (m.own_size >= 0) dense::add_product(columns_of(P, m.own_size), 1, H_size, PHt, n_);
 }
@@ -269,8 +272,10 @@ void StackedUpdate::view_gain(const ImageMeasurement& image) {
                        kalman::view_of(shared_rows_), rows_);
   }
   if (!image.suspects.are_there()) return;
-  suspect_rows_.topRows(rows_).leftCols<4>() = PHt.middleRows<4>(image.suspects.camera).transpose();
-  suspect_rows_.col(4).head(rows_) = PHt.row(image.suspects.size).transpose();
+  constexpr int kCamera = SuspectColumns::kOfCamera;
+  suspect_rows_.topRows(rows_).leftCols<kCamera>() =
+      PHt.middleRows<kCamera>(image.suspects.camera).transpose();
+  suspect_rows_.col(kCamera).head(rows_) = PHt.row(image.suspects.size).transpose();
 }
 
 /// Columns of S from the diagonal on: H of this one, seen by it and all that follow.
@@ -286,12 +291,13 @@ void StackedUpdate::stack_scatter(const SuspectColumns& suspects, const TagMeasu
                              {turned.H.data(), kTurnedRows}, S, rest);
   S_.diagonal().segment<kTurnedRows>(at).array() += turned.noise;
   if (!suspects.are_there()) return;
-  dense::add_product({&suspect_rows_(at, 0), suspect_rows_.outerStride()}, 5,
+  dense::add_product({&suspect_rows_(at, 0), suspect_rows_.outerStride()}, SuspectColumns::kAll,
                      {turned.H_suspects.data(), kTurnedRows}, S, rest);
   if (m.own_size < 0) return;
   own_rows_.col(0).head(rest) = PHt.row(m.own_size).transpose();
-  dense::add_product(kalman::view_of(own_rows_), 1, {turned.H_suspects.col(4).data(), kTurnedRows},
-                     S, rest);
+  dense::add_product(kalman::view_of(own_rows_), 1,
+                     {turned.H_suspects.col(SuspectColumns::kOfCamera).data(), kTurnedRows}, S,
+                     rest);
 }
 
 void StackedUpdate::stack_scatter(const TagMeasurement& m, Eigen::Index at) {

@@ -77,12 +77,14 @@ class StackedUpdate final {
   [[nodiscard]] double rms_px(const ImageMeasurement& image) const;
 
  private:
+  using SuspectsMatrix = Eigen::Matrix<double, 6, SuspectColumns::kAll>;
+
   /// A relative measurement after turning.
   struct Turned {
     Matrix6d H;  ///< upper triangular
     Vector6d y;
-    Eigen::Matrix<double, 6, 5> H_suspects;  ///< the camera's four, then the print's size
-    double noise{};                          ///< variance of each number
+    SuspectsMatrix H_suspects;  ///< the camera's, then the print's size
+    double noise{};             ///< variance of each number
     double rest_square{};  ///< of the two numbers that hold nothing but noise, in variances of it
   };
 
@@ -118,7 +120,7 @@ class StackedUpdate final {
   // Rows of PHt that others are compared with, each rows_ × …: of the shared pose, of the five
   // suspects, of one tag, or of another number.
   Eigen::Matrix<double, Eigen::Dynamic, 6> shared_rows_;
-  Eigen::Matrix<double, Eigen::Dynamic, 5> suspect_rows_;
+  Eigen::Matrix<double, Eigen::Dynamic, SuspectColumns::kAll> suspect_rows_;
   Eigen::Matrix<double, Eigen::Dynamic, 6> own_rows_;
   /// Hᵀ by the shared pose; after shared_score() L⁻¹ H: 6 × rows, and zeros for whole tiles.
   Eigen::Matrix<double, 8, Eigen::Dynamic> shared_H_;

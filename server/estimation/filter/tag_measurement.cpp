@@ -11,7 +11,7 @@ void ImageMeasurement::take_off(const Eigen::VectorXd& error) {
       m.y += m.H * of_shared;
       if (m.own != TagMeasurement::kGiven) m.y -= m.H * error.segment<6>(m.own);
       if (!suspects.are_there()) continue;
-      m.y -= m.H_camera * error.segment<4>(suspects.camera);
+      m.y -= m.H_camera * error.segment<SuspectColumns::kOfCamera>(suspects.camera);
       const double own_size = m.own_size < 0 ? 0.0 : error(m.own_size);
       m.y -= m.H_size * (error(suspects.size) + own_size);
     } else {

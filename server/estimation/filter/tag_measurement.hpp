@@ -16,7 +16,6 @@
 namespace fiducap {
 
 using Matrix83d = Eigen::Matrix<double, 8, 3>;
-using Matrix84d = Eigen::Matrix<double, 8, 4>;
 
 /// One tag of an image with what is known about its place: in the state, or given.
 struct TagToUse {
@@ -42,13 +41,19 @@ struct SharedPose {
 };
 
 /// First columns of numbers that all tags of an image depend on beside the poses: what may be wrong
-/// about the camera, four of them, and the size of all prints. -1: none of this is in the state.
+/// about the camera, `kOfCamera` of them, and the size of all prints. -1: none of this is in the
+/// state.
 struct SuspectColumns {
+  static constexpr int kOfCamera = 5;
+  static constexpr int kAll = kOfCamera + 1;
+
   int camera{-1};
   int size{-1};
 
   [[nodiscard]] bool are_there() const { return camera >= 0; }
 };
+
+using CameraSuspectsMatrix = Eigen::Matrix<double, 8, SuspectColumns::kOfCamera>;
 
 /// The innovation of one tag and how it depends on the state, in one of two forms.
 struct TagMeasurement {
@@ -69,9 +74,9 @@ struct TagMeasurement {
   bool relative{false};
   int own{kGiven};  ///< First of the tag's own six columns, or kGiven.
   Matrix86d H{Matrix86d::Zero()};
-  Matrix84d H_camera;  ///< On the camera's suspects; only set when there are any …
-  Vector8d H_size;     ///< … and on the size of all prints and the tag's own one.
-  int own_size{-1};    ///< Column of the latter, or -1.
+  CameraSuspectsMatrix H_camera;  ///< On the camera's suspects; only set when there are any …
+  Vector8d H_size;                ///< … and on the size of all prints and the tag's own one.
+  int own_size{-1};               ///< Column of the latter, or -1.
   double noise_px{};
   bool even{true};
 

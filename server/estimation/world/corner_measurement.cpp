@@ -26,9 +26,9 @@ Matrix86d on_tag(const Matrix86d& H_VT, const Eigen::Matrix3d& R_VW, const Eigen
 /// What the camera's lens and the print make of the corners.
 CornerResidual residual_of(const FilterState& state, int camera, const CameraModel& model,
                            const TagToUse& tag, const Pose& X_VT) {
-  CornerResidual out =
-      corner_residual(*tag.seen, X_VT, model, state.sizes.factor(tag.seen->tag_id));
   const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
+  CornerResidual out =
+      corner_residual(*tag.seen, X_VT, model, state.sizes.factor(tag.seen->tag_id), lens.k1);
   if (lens.is_none()) return out;
   const Eigen::Vector2d centre(model.cu, model.cv);
   // What is predicted stands (1 + focal) times as far from the centre as the configured lens says.
@@ -39,23 +39,25 @@ CornerResidual residual_of(const FilterState& state, int camera, const CameraMod
   }
   out.H *= 1 + lens.focal;
   out.H_size *= 1 + lens.focal;
+  out.H_k1 *= 1 + lens.focal;
   return out;
 }
 
-/// ∂ predicted / ∂ (readout, focal length, principal point).
-/// @param y  seen − predicted
-Matrix84d on_camera_suspects(const FilterState& state, int camera, const CameraModel& model,
-                             const TagObservation& seen, const Vector8d& y,
-                             const Vector8d& on_shift) {
+/// ∂ predicted / ∂ (readout, focal length, principal point, distortion).
+CameraSuspectsMatrix on_camera_suspects(const FilterState& state, int camera,
+                                        const CameraModel& model, const TagObservation& seen,
+                                        const CornerResidual& residual, const Vector8d& on_shift) {
   const LensOffset& lens = state.lenses[static_cast<std::size_t>(camera)];
   const Eigen::Vector2d centre = Eigen::Vector2d(model.cu, model.cv) + lens.centre_px;
-  Matrix84d H;
+  CameraSuspectsMatrix H;
+  const Vector8d& y = residual.y;
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
     H.col(0).segment<2>(2 * i) = seen.rows[k] * on_shift.segment<2>(2 * i);
     H.col(1).segment<2>(2 * i) = (seen.raw_px[k] - y.segment<2>(2 * i) - centre) / (1 + lens.focal);
     H.block<2, 2>(2 * i, 2).setIdentity();
   }
+  H.col(4) = residual.H_k1;
   return H;
 }
 
@@ -107,16 +109,14 @@ void compare(const FilterState& state, int camera, const CameraModel& model, con
   if (!state.clock_is_open(camera) && !state.has_suspects()) return;
   Matrix83d clock = Matrix83d::Zero();
   clock.col(0) = -H * at.on_time;
-  Matrix84d suspects = Matrix84d::Zero();
+  CameraSuspectsMatrix suspects = CameraSuspectsMatrix::Zero();
   suspects.middleRows(first, rows) =
-      on_camera_suspects(state, camera, model, *tag.seen, residual.y, clock.col(0))
+      on_camera_suspects(state, camera, model, *tag.seen, residual, clock.col(0))
           .middleRows(first, rows);
   clock.col(1) = suspects.col(0);
   if (state.has_suspects()) {
     clock.col(2) = suspects.col(1);
-    Matrix83d centre = Matrix83d::Zero();
-    centre.leftCols<2>() = suspects.rightCols<2>();
-    m.add(layout::centre(camera), centre);
+    m.add(layout::centre(camera), suspects.rightCols<3>());
     add_sizes(state, residual, tag, first, rows, m);
   }
   m.add(layout::clock(camera), clock);
@@ -188,7 +188,7 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     if (!m.even) m.R = noise.covariance(*tag.seen, beyond_px);
     m.block_count = 0;
     if (!out.suspects.are_there()) continue;
-    m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, m.y, -m.H * at.on_time);
+    m.H_camera = on_camera_suspects(state, camera, model, *tag.seen, residual, -m.H * at.on_time);
     m.H_size = residual.H_size;
     m.own_size = state.print_at(m.tag_id);
     m.y -= clock.readout_s * m.H_camera.col(0);

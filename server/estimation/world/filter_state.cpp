@@ -160,6 +160,7 @@ void FilterState::add_error(const ErrorRef& error) {
     LensOffset& lens = lenses[static_cast<std::size_t>(c)];
     lens.focal += error(layout::focal(c));
     lens.centre_px += error.segment<2>(layout::centre(c));
+    lens.k1 += error(layout::distortion(c));
   }
   sizes.common += error(layout::sizes(cameras()));
   for (std::size_t k = 0; k < sizes.watched.size(); ++k)
@@ -187,7 +188,8 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     const LensOffset& other_lens = other.lenses[static_cast<std::size_t>(c)];
     error.segment<3>(layout::clock(c)) << there.shift_s - here.shift_s,
         there.readout_s - here.readout_s, other_lens.focal - lens.focal;
-    error.segment<3>(layout::centre(c)) << other_lens.centre_px - lens.centre_px, 0;
+    error.segment<3>(layout::centre(c)) << other_lens.centre_px - lens.centre_px,
+        other_lens.k1 - lens.k1;
   }
   error(layout::sizes(cameras())) = other.sizes.common - sizes.common;
   for (std::size_t k = 0; k < sizes.watched.size(); ++k) {

@@ -27,11 +27,11 @@ inline constexpr int kCameraSize = kPoseSize + 6;
 /// Clock of camera c: time shift, s; readout, s; then its lens's focal length, relative.
 [[nodiscard]] constexpr int clock(int camera) { return layout::camera(camera) + kPoseSize; }
 /// What may be wrong about camera c, one after the other: readout, s; focal length, relative;
-/// principal point u, v, px. (The column after them is not used: blocks are three wide.)
-inline constexpr int kSuspectsOfCamera = 4;
+/// principal point u, v, px; first coefficient of distortion.
 [[nodiscard]] constexpr int readout(int camera) { return clock(camera) + 1; }
 [[nodiscard]] constexpr int focal(int camera) { return clock(camera) + 2; }
 [[nodiscard]] constexpr int centre(int camera) { return clock(camera) + 3; }
+[[nodiscard]] constexpr int distortion(int camera) { return clock(camera) + 5; }
 /// Print sizes, relative: of all tags together, then of those that are watched one by one.
 inline constexpr int kWatchedPrints = 5;
 [[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }

@@ -15,6 +15,7 @@ using Kind = FoundMismatch::Kind;
 constexpr double kTightScale = 4e-4;
 constexpr double kTightFocal = 5e-5;  // along a round trip 2e-4 bends the heading by milliradians
 constexpr double kTightCentre_px = 0.1;
+constexpr double kTightDistortion = 5e-5;
 constexpr double kTightReadout_s = 5e-5;
 // Assumed, 1-sigma: how far two good calibrations of one lens are apart, what a ruler tells of a
 // print.
@@ -28,11 +29,13 @@ constexpr double kOpenCommon = 0.05;
 constexpr double kOpenPrint = 0.1;
 constexpr double kOpenFocal = 0.05;
 constexpr double kOpenCentre_px = 20.0;
+constexpr double kOpenDistortion = 0.1;
 constexpr double kOpenReadout_s = 0.02;
 // As configured after all, when it is known to be so to this, 1-sigma.
 constexpr double kSettledScale = 5e-4;
 constexpr double kSettledFocal = 1e-3;
 constexpr double kSettledCentre_px = 0.5;
+constexpr double kSettledDistortion = 2e-3;
 constexpr double kSettledReadout_s = 3e-4;
 
 // Worth considering: what nine of ten numbers that are right never reach.
@@ -56,7 +59,8 @@ constexpr double kRefinedFocal = 5e-3;
 constexpr double kRefinedCentre_px = 5.0;
 
 bool is_of_lens(Kind kind) {
-  return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV;
+  return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
+         kind == Kind::kDistortion;
 }
 
 /// What may be off when it is not told: as much as of one that turned out to be wrong.
@@ -96,11 +100,13 @@ void Suspects::add_lens(int camera) {
   const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
   const double focal = told_or(mount.focal_sigma, rules_.refines, kOpenFocal);
   const double centre = told_or(mount.centre_sigma_px, rules_.refines, kOpenCentre_px);
+  const double k1 = told_or(mount.k1_sigma, rules_.refines, kOpenDistortion);
   const auto add = [&](Suspect suspect, double told_sigma, double assumed_sigma) {
     suspect.is_parameter = told_sigma > 0;
     if (suspect.is_parameter) suspect.open_sigma = told_sigma;
-    if (!suspect.is_parameter && rules_.assumes) assume(suspect, assumed_sigma);
-    if (suspect.is_parameter || rules_.doubts || rules_.assumes) all_.push_back(suspect);
+    const bool is_assumed = rules_.assumes && assumed_sigma > 0;
+    if (!suspect.is_parameter && is_assumed) assume(suspect, assumed_sigma);
+    if (suspect.is_parameter || rules_.doubts || is_assumed) all_.push_back(suspect);
   };
   add({Kind::kFocalLength, camera, -1, layout::focal(camera), kTightFocal, kOpenFocal,
        kSettledFocal},
@@ -111,6 +117,9 @@ void Suspects::add_lens(int camera) {
   add({Kind::kCentreV, camera, -1, layout::centre(camera) + 1, kTightCentre_px, kOpenCentre_px,
        kSettledCentre_px},
       centre, kAssumedCentre_px);
+  add({Kind::kDistortion, camera, -1, layout::distortion(camera), kTightDistortion, kOpenDistortion,
+       kSettledDistortion},
+      k1, 0);
 }
 
 void Suspects::add_sizes(int cameras) {
@@ -161,6 +170,8 @@ double Suspects::value(const FilterState& state, const Suspect& suspect) {
       return state.lenses[camera].centre_px.x();
     case Kind::kCentreV:
       return state.lenses[camera].centre_px.y();
+    case Kind::kDistortion:
+      return state.lenses[camera].k1;
     case Kind::kReadout:
       return state.clocks[camera].readout_s;
     case Kind::kAllPrints:
@@ -368,6 +379,7 @@ LensEstimate Suspects::lens(const FilterState& state, int camera) const {
     if (suspect.kind == Kind::kFocalLength) out.focal_sigma = sigma;
     if (suspect.kind == Kind::kCentreU) out.centre_sigma_px.x() = sigma;
     if (suspect.kind == Kind::kCentreV) out.centre_sigma_px.y() = sigma;
+    if (suspect.kind == Kind::kDistortion) out.k1_sigma = sigma;
   }
   if (out.is_estimated()) out.offset = state.lenses[static_cast<std::size_t>(camera)];
   return out;

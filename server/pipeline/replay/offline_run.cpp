@@ -176,7 +176,10 @@ class BodyNotes final {
     for (std::size_t k = 0; k < result_.extrinsics.size(); ++k) {
       CameraMount& camera = start.cameras[k];
       camera.X_BV = result_.extrinsics[k].X_BV;
-      camera.model = result_.extrinsics[k].lens.offset.applied_to(camera.model);
+      const LensOffset& found = result_.extrinsics[k].lens.offset;
+      if (found.is_none()) continue;
+      camera.model = found.applied_to(camera.model);
+      settled_.see_through(static_cast<int>(k), camera.model);
     }
     std::erase_if(result_.tags, [&](const TagBelief& belief) {
       return std::any_of(setup_.known.begin(), setup_.known.end(),

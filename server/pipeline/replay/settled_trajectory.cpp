@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/so3.hpp"
+#include "detection/observe.hpp"
 #include "detection/tag_pose.hpp"
 #include "mapping/refinement.hpp"
 #include "mapping/refinement_residuals.hpp"
@@ -169,6 +170,16 @@ Expected<void> SettledTrajectory::refine_all(const SettlingStart& start,
   for (Frame& frame : frames_)
     if (frame.X_WB) frame.X_WB = *X_WB++;
   return {};
+}
+
+void SettledTrajectory::see_through(int camera, const CameraModel& lens) {
+  for (Frame& frame : frames_) {
+    for (TagObservations& image : frame.images) {
+      if (image.camera != camera) continue;
+      std::erase_if(image.tags,
+                    [&](TagObservation& tag) { return !fiducap::see_through(lens, tag); });
+    }
+  }
 }
 
 Expected<Settlement> SettledTrajectory::settle(const SettlingStart& start) {

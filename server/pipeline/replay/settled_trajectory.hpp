@@ -45,6 +45,8 @@ class SettledTrajectory final {
   /// @param tags   where the filter has its tags now (only those of `seen` are looked at)
   void add(const TagObservations& seen, const std::optional<Pose>& X_WB,
            const std::vector<KnownTag>& tags);
+  /// All images of a camera were taken by another lens than was thought when they were added.
+  void see_through(int camera, const CameraModel& lens);
   /// @return empty when no image saw a tag of the map; Error when the refinement fails
   [[nodiscard]] Expected<Settlement> settle(const SettlingStart& start);
 

@@ -197,7 +197,7 @@ class Watcher {
 Score run_day(const Day& day, ServerConfig config, const Told& told) {
   BodyConfig& body = config.bodies.front();
   CameraMount& mount = body.cameras.front().mount;
-  if (!told.is_guessed) mount.focal_sigma = mount.centre_sigma_px = 0;
+  if (!told.is_guessed) mount.focal_sigma = mount.centre_sigma_px = mount.k1_sigma = 0;
   config.estimator.doubt_configuration = told.doubts;
   config.estimator.refine_intrinsics = told.refines;
   const RecordedTag& surveyed = first_seen(day);

@@ -87,6 +87,41 @@ TEST(CornerResidual, JacobianMatchesDifferences) {
   });
 }
 
+class CornerResidualBent : public testing::TestWithParam<Distortion> {};
+
+TEST_P(CornerResidualBent, KnowsALensByItsFirstCoefficient) {
+  CameraModel configured = camera();
+  configured.distortion = GetParam();
+  if (GetParam() != Distortion::kNone) configured.coefficients = {-0.2, 0.03, 0, 0, 0};
+  constexpr double kMore = -0.07;
+  const CameraModel bent = LensOffset{.k1 = kMore}.applied_to(configured);
+  const Pose X_VT{exp_so3({0.4, -0.3, 0.2}) * kFacing, {0.4, -0.3, 1.2}};
+  TagObservation tag = seen_from(X_VT, 0.2);
+  for (int i = 0; i < 4; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    tag.raw_px[k] = *bent.project(X_VT * tag_corner(i, tag.edge_m));
+    // Linearised where the configured lens sees the corner, to tell k1's own share exactly.
+    const auto pixel = undistort(configured, *configured.project(X_VT * tag_corner(i, tag.edge_m)));
+    tag.ideal_from_raw[k] = pixel->ideal_from_raw;
+    tag.corners_px[k] =
+        pixel->px + pixel->ideal_from_raw *
+                        (tag.raw_px[k] - *configured.project(X_VT * tag_corner(i, tag.edge_m)));
+  }
+  const CornerResidual told = corner_residual(tag, X_VT, configured);
+  EXPECT_GT(told.rms_px(), 0.5);
+  EXPECT_LT((told.y - kMore * told.H_k1).norm(), 1e-6 * told.y.norm());
+  const CornerResidual known = corner_residual(tag, X_VT, configured, 1.0, kMore);
+  EXPECT_LT(known.rms_px(), 1e-6);
+  expect_jacobian(-known.H, [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
+    const Pose X{exp_so3(d.tail<3>()) * X_VT.q, X_VT.p + d.head<3>()};
+    return corner_residual(tag, X, configured, 1.0, kMore).y;
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Lenses, CornerResidualBent,
+                         testing::Values(Distortion::kNone, Distortion::kRadialTangential,
+                                         Distortion::kEquidistant));
+
 TEST(CornerResidual, SaysWhenATagIsBehindTheCamera) {
   const TagObservation tag = seen_from({kFacing, {0, 0, 1}}, 0.2);
   EXPECT_FALSE(corner_residual(tag, {kFacing, {0, 0, -1}}, camera()).in_front);

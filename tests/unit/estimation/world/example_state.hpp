@@ -38,7 +38,6 @@ inline FilterState example_state() {
   std::normal_distribution<double> gauss;
   Eigen::MatrixXd A(state.size(), state.size());
   for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss(random);
-  for (int c = 0; c < state.cameras(); ++c) A.row(layout::centre(c) + 2).setZero();  // not used
   state.P() = 0.01 * A * A.transpose();
   state.gyro_B = {0.8, -1.2, 0.5};
   state.clocks[0] = {.shift_s = 0.013, .readout_s = 0.0, .applied_s = 0.013};

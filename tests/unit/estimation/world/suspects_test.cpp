@@ -108,6 +108,7 @@ TEST_F(SuspectsTest, AreClearedOnceTheDataKnowEveryNumberOfTheCameraAsConfigured
   know(layout::focal(0), 1e-3);
   know(layout::centre(0), 0.5);
   know(layout::centre(0) + 1, 0.5);
+  know(layout::distortion(0), 2e-3);
   know(layout::readout(0), 3e-4);
   EXPECT_FALSE(suspects_.are_cleared(state_, 0)) << "prints may be of another size";
   know(size_, 5e-4);
@@ -140,11 +141,14 @@ class LensParameter : public testing::Test {
 TEST_F(LensParameter, StandsOpenFromTheFirstImageWithTheSigmaThatIsTold) {
   mounts_[0].focal_sigma = 0.1;
   mounts_[0].centre_sigma_px = 15;
+  mounts_[0].k1_sigma = 0.2;
   Suspects suspects(mounts_, {.doubts = false});
   suspects.begin(state_);
   EXPECT_NEAR(sigma(layout::focal(0)), 0.1, 1e-12);
   EXPECT_NEAR(sigma(layout::centre(0)), 15, 1e-9);
   EXPECT_NEAR(sigma(layout::centre(0) + 1), 15, 1e-9);
+  EXPECT_NEAR(sigma(layout::distortion(0)), 0.2, 1e-12);
+  EXPECT_NEAR(suspects.lens(state_, 0).k1_sigma, 0.2, 1e-12);
   EXPECT_EQ(sigma(layout::sizes(1)), 0) << "nothing else is doubted";
   EXPECT_EQ(sigma(layout::readout(0)), 0);
   EXPECT_TRUE(is_open_among(suspects));
@@ -155,6 +159,7 @@ TEST_F(LensParameter, StandsOpenOfEveryCameraThatShallBeRefined) {
   suspects.begin(state_);
   EXPECT_GT(sigma(layout::focal(0)), 0.01);
   EXPECT_GT(sigma(layout::centre(0)), 5);
+  EXPECT_GT(sigma(layout::distortion(0)), 0.05);
 }
 
 TEST_F(LensParameter, IsNeverClosedAndToldOnceItIsKnown) {
@@ -298,6 +303,7 @@ TEST_F(SuspectsTest, OpensALensAsAWhole) {
   state_.lenses[0].focal = 2e-3;
   for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
   EXPECT_GT(std::sqrt(P(layout::centre(0), layout::centre(0))), 1.0);
+  EXPECT_GT(std::sqrt(P(layout::distortion(0), layout::distortion(0))), 0.05);
   EXPECT_LT(std::sqrt(P(size_, size_)), 1e-3) << "prints are no part of the lens";
 }
 
