@@ -5,6 +5,7 @@
 #include <random>
 
 #include "base/so3.hpp"
+#include "capture/lens/lens_offset.hpp"
 #include "support/jacobian_check.hpp"
 
 namespace fiducap {
