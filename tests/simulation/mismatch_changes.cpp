@@ -195,6 +195,21 @@ void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px) {
   data.camera.model.cv += by_px.y();
 }
 
+void bend_images(EstimationData& data, double k1) {
+  const CameraModel& told = data.camera.model;
+  for_images(data, [&](CornerFrame& image, std::size_t, double) {
+    for (TagSighting& tag : image.tags) {
+      for (Eigen::Vector2d& px : tag.corners_px) {
+        const auto ideal = undistort(told, px);
+        if (!ideal) continue;
+        const Eigen::Vector2d from_centre = ideal->px - Eigen::Vector2d(told.cu, told.cv);
+        const Eigen::Vector2d ray = from_centre.cwiseQuotient(Eigen::Vector2d(told.fu, told.fv));
+        px += k1 * ray.squaredNorm() * from_centre;
+      }
+    }
+  });
+}
+
 void blind(EstimationData& data, double every_s, double length_s) {
   for_images(data, [&](CornerFrame& image, std::size_t, double t_s) {
     if (t_s >= every_s && std::fmod(t_s, every_s) < length_s) image.tags.clear();

@@ -93,6 +93,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(Expected{"nothing", 0.005, 2.0, nullptr},
                     Expected{"prints 2 %", 0.005, 3.0, "all tags seem"},
                     Expected{"focal 1 %", 0.005, 3.0, "the lens seems"},
+                    Expected{"barrel", 0.005, 2.5, "distortion k1 seems"},
                     Expected{"readout 15 ms", 0.005, 2.5, "exposed in turn"},
                     Expected{"stamps 3 ms", 0.005, 2.5, "stamps seem to jitter"},
                     Expected{"IMU x5", 0.016, 3.0, "times as noisy"},

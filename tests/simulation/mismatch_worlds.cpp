@@ -49,6 +49,7 @@ std::vector<Mismatch> of_sensors() {
          lengthen_told_lens(d, 1.01);
          move_told_centre(d, {4, 3});
        }},
+      {"barrel", {}, [](EstimationData& d, std::uint64_t) { bend_images(d, -0.05); }},
       {"readout 15 ms", [](SimulatedDataSetup& s, const EstimationData&) { s.readout_s = 0.015; }},
   };
 }

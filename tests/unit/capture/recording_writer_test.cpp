@@ -37,6 +37,9 @@ class RecordingWriterTest : public testing::Test {
       mount.X_BV = {exp_so3({0.3, -1.2, 0.7 + k}), {0.1, 1.0 / 7, -0.3}};
       mount.position_sigma_m = 0.0123;
       mount.rotation_sigma_rad = 0.045;
+      mount.focal_sigma = 0.07;
+      mount.centre_sigma_px = 11;
+      mount.k1_sigma = 0.04;
       mount.time_shift = Duration(2'500'123);
       mount.rate_hz = 29.97;
       info_.cameras.push_back(mount);
@@ -96,6 +99,9 @@ TEST_F(RecordingWriterTest, TheCalibrationComesBackAsItWas) {
     EXPECT_EQ(is.time_shift, was.time_shift);
     EXPECT_EQ(is.position_sigma_m, was.position_sigma_m);
     EXPECT_EQ(is.rotation_sigma_rad, was.rotation_sigma_rad);
+    EXPECT_EQ(is.focal_sigma, was.focal_sigma);
+    EXPECT_EQ(is.centre_sigma_px, was.centre_sigma_px);
+    EXPECT_EQ(is.k1_sigma, was.k1_sigma);
     EXPECT_EQ(is.rate_hz, was.rate_hz);
     expect_equal(is.X_BV, was.X_BV, 0, kRotation_rad);
   }

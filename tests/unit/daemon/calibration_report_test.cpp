@@ -33,6 +33,9 @@ TEST(CalibrationReport, SaysWhatWasLearnedOfALens) {
   EXPECT_EQ(calibration_text(0, camera, told()),
             "camera 0: position ±2 mm, rotation ±0.4 mrad, clock +31.24 ±0.1 ms, focal length "
             "+8.12 ±0.12 %");
+  camera.lens.offset.k1 = -0.05;
+  camera.lens.k1_sigma = 0.003;
+  EXPECT_TRUE(calibration_text(0, camera, told()).ends_with(", k1 -0.050 ±0.003"));
   CameraMount guessed = told();
   guessed.focal_sigma = 0.1;
   camera.lens.focal_sigma = 0.09;

@@ -62,15 +62,18 @@ TEST(ConfigFile, SaysHowFarALensMayBeOff) {
   const auto config =
       parse_config(kOneCamera, "test.yaml",
                    {"bodies.0.cameras.0.focal_sigma=0.1", "bodies.0.cameras.0.centre_sigma_px=20",
-                    "estimator.refine_intrinsics=true"});
+                    "bodies.0.cameras.0.k1_sigma=0.3", "estimator.refine_intrinsics=true"});
   ASSERT_TRUE(config) << config.error().front().text();
   EXPECT_EQ(config->bodies[0].cameras[0].mount.focal_sigma, 0.1);
   EXPECT_EQ(config->bodies[0].cameras[0].mount.centre_sigma_px, 20);
+  EXPECT_EQ(config->bodies[0].cameras[0].mount.k1_sigma, 0.3);
   EXPECT_TRUE(config->estimator.refine_intrinsics);
   EXPECT_THAT(faults_of(kOneCamera, {"bodies.0.cameras.0.focal_sigma=10"}),
               ElementsAre(HasSubstr("focal_sigma = 10: must be in [0, 0.3]")));
   EXPECT_THAT(faults_of(kOneCamera, {"bodies.0.cameras.0.centre_sigma_px=-1"}),
               ElementsAre(HasSubstr("centre_sigma_px = -1: must be in [0, 1000]")));
+  EXPECT_THAT(faults_of(kOneCamera, {"bodies.0.cameras.0.k1_sigma=2"}),
+              ElementsAre(HasSubstr("k1_sigma = 2: must be in [0, 1]")));
 }
 
 TEST(ConfigFile, HasADefaultForEverything) {

@@ -50,6 +50,20 @@ TEST_F(Observe, GivesTagsSortedByIdWithTheirSizes) {
   EXPECT_EQ(out_.exposed_at, instant_from_ns(42));
 }
 
+TEST_F(Observe, LooksAtTheSameCornersThroughAnotherLens) {
+  TagObservation tag = observed().tags.front();
+  camera_.fu = camera_.fv = 480;
+  camera_.distortion = Distortion::kRadialTangential;
+  camera_.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
+  ASSERT_TRUE(see_through(camera_, tag));
+  const TagObservation& expected = observed().tags.front();
+  EXPECT_GT((expected.corners_px[3] - sighting(3).corners_px[3]).norm(), 5) << "another lens";
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_LT((tag.corners_px[i] - expected.corners_px[i]).norm(), 1e-9);
+    EXPECT_LT((tag.ideal_from_raw[i] - expected.ideal_from_raw[i]).norm(), 1e-9);
+  }
+}
+
 TEST_F(Observe, TakesTheLensOutOfFollowedPointsAndForgetsThoseOfTheImageBefore) {
   camera_.distortion = Distortion::kRadialTangential;
   camera_.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
