@@ -81,7 +81,9 @@ bool is_same(const FoundMismatch& a, const FoundMismatch& b) {
 bool has_changed(const FoundMismatch& now, const FoundMismatch& told) {
   const double value = now.value;
   const double said = told.value;
-  if (now.kind == Kind::kLens) return std::abs(value - said) > kMoved_sigma * told.sigma;
+  if (now.kind == Kind::kLens)
+    return std::abs(value - said) > kMoved_sigma * told.sigma ||
+           std::abs(now.lens.offset.k1 - told.lens.offset.k1) > kMoved_sigma * told.lens.k1_sigma;
   return value * said <= 0 || std::abs(value) > kChanged * std::abs(said) ||
          std::abs(said) > kChanged * std::abs(value);
 }

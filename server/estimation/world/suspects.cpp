@@ -57,6 +57,7 @@ constexpr double kTold_sigma = 4.0;
 // A refined lens is told once it is known like this.
 constexpr double kRefinedFocal = 5e-3;
 constexpr double kRefinedCentre_px = 5.0;
+constexpr double kRefinedDistortion = 0.02;  // of one of which nothing else is refined
 
 bool is_of_lens(Kind kind) {
   return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
@@ -320,6 +321,7 @@ void Suspects::list_lens(const FilterState& state, int camera,
   if (!is_refined(camera) || now.focal_sigma > kRefinedFocal ||
       now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
     return;
+  if (now.focal_sigma == 0 && now.k1_sigma > kRefinedDistortion) return;
   out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
 }
 

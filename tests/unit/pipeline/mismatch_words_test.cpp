@@ -95,6 +95,18 @@ TEST(MismatchNews, SaysOfARefinedLensOnlyThatItHasMovedBeyondItsSigma) {
   EXPECT_EQ(news.take({lens}, at_s(30)).size(), 1u);
 }
 
+TEST(MismatchNews, SaysOfARefinedLensThatItsDistortionHasMoved) {
+  MismatchNews news;
+  FoundMismatch lens{Kind::kLens, 0, -1, 0, 0};
+  lens.lens.k1_sigma = 0.01;
+  (void)news.take({lens}, at_s(0));
+  ASSERT_EQ(news.take({lens}, at_s(3)).size(), 1u);
+  lens.lens.offset.k1 = 0.03;
+  for (int t = 4; t < 20; ++t) EXPECT_TRUE(news.take({lens}, at_s(t)).empty());
+  lens.lens.offset.k1 = -0.05;
+  EXPECT_EQ(news.take({lens}, at_s(30)).size(), 1u);
+}
+
 TEST(MismatchNews, KeepsCamerasAndTagsApart) {
   MismatchNews news;
   const FoundMismatch one{Kind::kOnePrint, -1, 1, 0.02, 0.002};

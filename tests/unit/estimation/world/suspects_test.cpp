@@ -180,6 +180,20 @@ TEST_F(LensParameter, IsNeverClosedAndToldOnceItIsKnown) {
   EXPECT_NEAR(found[0].lens.focal_sigma, 3e-4, 1e-12);
 }
 
+TEST_F(LensParameter, OfDistortionAloneIsToldOnceThatIsKnown) {
+  mounts_[0].k1_sigma = 0.1;
+  Suspects suspects(mounts_, {.doubts = false});
+  suspects.begin(state_);
+  std::vector<FoundMismatch> found;
+  suspects.list(state_, found);
+  EXPECT_TRUE(found.empty());
+  state_.clear_column(layout::distortion(0), 0.003);
+  state_.lenses[0].k1 = -0.05;
+  suspects.list(state_, found);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].lens.offset.k1, -0.05);
+}
+
 TEST_F(LensParameter, IsClosedWhereNothingIsToldOrWanted) {
   Suspects suspects(mounts_, {});
   suspects.begin(state_);
