@@ -195,7 +195,7 @@ void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px) {
   data.camera.model.cv += by_px.y();
 }
 
-void bend_images(EstimationData& data, double k1) {
+void bend_images(EstimationData& data, double k1, double k2) {
   const CameraModel& told = data.camera.model;
   for_images(data, [&](CornerFrame& image, std::size_t, double) {
     for (TagSighting& tag : image.tags) {
@@ -204,7 +204,8 @@ void bend_images(EstimationData& data, double k1) {
         if (!ideal) continue;
         const Eigen::Vector2d from_centre = ideal->px - Eigen::Vector2d(told.cu, told.cv);
         const Eigen::Vector2d ray = from_centre.cwiseQuotient(Eigen::Vector2d(told.fu, told.fv));
-        px += k1 * ray.squaredNorm() * from_centre;
+        const double square = ray.squaredNorm();
+        px += (k1 + k2 * square) * square * from_centre;
       }
     }
   });

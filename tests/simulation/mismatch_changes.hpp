@@ -27,8 +27,8 @@ void jitter_stamps(EstimationData& data, double sigma_s, std::uint64_t seed);
 void print_larger(EstimationData& data, double factor, std::optional<int> only = {});
 void lengthen_told_lens(EstimationData& data, double factor);
 void move_told_centre(EstimationData& data, const Eigen::Vector2d& by_px);
-/// The lens has more distortion than is told, by so much of its first coefficient.
-void bend_images(EstimationData& data, double k1);
+/// The lens has more distortion than is told, by so much of its first two coefficients.
+void bend_images(EstimationData& data, double k1, double k2 = 0);
 /// No tags in [k · every, k · every + length), k > 0.
 void blind(EstimationData& data, double every_s, double length_s);
 void show_no_tag(EstimationData& data);

@@ -143,6 +143,22 @@ TEST(GuessedLens, IsLearnedWhenItsSigmaIsTold) { expect_refined(guessed_lens(0.1
 
 TEST(GuessedLens, IsLearnedWhenLensesAreRefined) { expect_refined(guessed_lens(0, true)); }
 
+/// A lens that is told as one without distortion, its sigmas with it, and has two coefficients of
+/// it: of which only the first is learned.
+TEST(GuessedLens, HasMoreDistortionThanIsLearnedWithoutBeingSureOfIt) {
+  EstimationData data = simulate({.world = "table", .seconds = 25, .seed = 41});
+  mismatch::bend_images(data, -0.12, 0.04);
+  data.camera.focal_sigma = data.camera.k1_sigma = 0.1;
+  data.camera.centre_sigma_px = 20;
+  FilterChoice choice;
+  choice.filter = "world";
+  choice.live = true;
+  const FilterRun run = run_filter(data, choice).scored_after(kScoredAfter_s);
+  EXPECT_LT(run.position_rmse_m(), 0.006);
+  EXPECT_LT(run.mean([](const FilterRun::At& at) { return at.nees.pose; }) / 6, 2.5);
+  EXPECT_THAT(run.said, testing::Contains(testing::HasSubstr("k1 -0.1")));
+}
+
 /// Rendered images of a lens that is 8 % shorter than what is told as exact.
 double rmse_behind_a_wrong_lens(std::uint64_t seed) {
   EstimationData data =

@@ -61,17 +61,24 @@ CameraSuspectsMatrix on_camera_suspects(const FilterState& state, int camera,
   return H;
 }
 
-/// How far a corner stands from where it is linearised, 1-sigma, when the lens is as uncertain as
-/// it is: the focal length times all that hangs on it (depths), the second order.
+/// How far a corner stands from where it is expected, 1-sigma, by what no state knows of the lens.
+/// While the focal length is uncertain: that times all that hangs on it (depths), the second order.
+/// When the first coefficient of distortion is off: the second one, which is then off, too.
 double beyond_linear_px(const FilterState& state, int camera, const CameraModel& model,
                         const TagObservation& seen) {
   constexpr double kSettledFocal = 1e-3;
+  constexpr double kSettledDistortion = 1e-3;
+  constexpr double kSecondCoefficient = 1.5;  // so many times the square of the first one
   const double variance = state.P()(layout::focal(camera), layout::focal(camera));
-  if (variance < kSettledFocal * kSettledFocal) return 0;
+  const double k1 = state.lenses[static_cast<std::size_t>(camera)].k1;
+  const bool is_settled = variance < kSettledFocal * kSettledFocal;
+  if (is_settled && std::abs(k1) < kSettledDistortion) return 0;
   double radius_px = 0;
   for (const Eigen::Vector2d& px : seen.raw_px)
     radius_px += 0.25 * (px - Eigen::Vector2d(model.cu, model.cv)).norm();
-  return variance * radius_px;
+  const double radius = radius_px / model.fu;
+  const double bend = kSecondCoefficient * k1 * k1 * std::pow(radius, 4);
+  return radius_px * std::hypot(is_settled ? 0.0 : variance, bend);
 }
 
 void add_sizes(const FilterState& state, const CornerResidual& residual, const TagToUse& tag,

@@ -141,6 +141,22 @@ TEST_P(WorldMeasurement, MatchesDifferences) {
   });
 }
 
+TEST_P(WorldMeasurement, IsNoisierOffTheAxisOfALensWhoseDistortionWasFoundToBeWrong) {
+  FilterState state = example_state();
+  (void)jacobian(state);  // shows a tag
+  const int camera = std::get<0>(GetParam());
+  state.P()(layout::focal(camera), layout::focal(camera)) = 0;
+  const double configured = measure(state, camera, model_, use_, white_).noise_px;
+  state.lenses[static_cast<std::size_t>(camera)].k1 = -0.3;
+  const TagMeasurement bent = measure(state, camera, model_, use_, white_);
+  double radius = 0;
+  for (const Eigen::Vector2d& px : seen_.raw_px)
+    radius += 0.25 * (px - Eigen::Vector2d(model_.cu, model_.cv)).norm() / model_.fu;
+  const double rest = 1.5 * 0.09 * std::pow(radius, 5) * model_.fu;  // a second coefficient's
+  EXPECT_NEAR(bent.noise_px, std::hypot(configured, rest), 1e-9);
+  EXPECT_GT(bent.noise_px, configured);
+}
+
 TEST_P(WorldMeasurement, DoesNotSeeAShiftOfTheRoom) {
   if (std::get<1>(GetParam())) return;  // a known tag says where the room is: that is its purpose
   const FilterState state = example_state();
