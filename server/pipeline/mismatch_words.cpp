@@ -19,9 +19,15 @@ constexpr Duration kLasting = std::chrono::seconds(3);
 constexpr double kChanged = 1.5;
 // A refined number when it has moved by so many of the sigmas that were told.
 constexpr double kMoved_sigma = 4.0;
+// … and distortion once it is known like this: few motions show it as soon as the focal length.
+constexpr double kDistortionKnown = 0.02;
 
 std::string percent(double value, double sigma) {
   return fmt::format("{:.1f} ± {:.1f} %", kInPercent * std::abs(value), kInPercent * sigma);
+}
+
+double k1_of(const CameraModel& model) {
+  return model.distortion == Distortion::kNone ? 0.0 : model.coefficients[0];
 }
 
 std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
@@ -35,9 +41,9 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
         model.fu * (1 + found.value), kAdvice);
   }
   if (found.kind == Kind::kDistortion) {
-    const double configured = model.coefficients[0];
+    const double configured = k1_of(model);
     return fmt::format(
-        "camera {}: the lens's distortion k1 seems {:.3f} ± {:.3f}, configured {:.3f}{}",
+        "camera {}: the lens's distortion k1 seems {:.4f} ± {:.4f}, configured {:.4f}{}",
         found.camera, configured + found.value, found.sigma, configured, kAdvice);
   }
   const bool is_u = found.kind == Kind::kCentreU;
@@ -50,20 +56,27 @@ std::string lens_text(const FoundMismatch& found, const CameraModel& model) {
       is_u ? "cu" : "cv", configured, configured + found.value, kAdvice);
 }
 
+/// A number that is refined; nothing when it is not.
+std::string refined_part(const char* name, double now, double sigma, double configured,
+                         int digits) {
+  if (sigma <= 0) return {};
+  return fmt::format(" {} {:.{}f} ± {:.{}f} (configured {:.{}f}),", name, now, digits, sigma,
+                     digits, configured, digits);
+}
+
 std::string refined_text(const FoundMismatch& found, const CameraModel& configured) {
   const LensEstimate& lens = found.lens;
   const CameraModel now = lens.offset.applied_to(configured);
-  const std::string bend = lens.k1_sigma > 0
-                               ? fmt::format(", k1 {:.3f} ± {:.3f} ({:.3f})", now.coefficients[0],
-                                             lens.k1_sigma, configured.coefficients[0])
-                               : std::string();
+  std::string numbers =
+      refined_part("fu", now.fu, configured.fu * lens.focal_sigma, configured.fu, 1) +
+      refined_part("cu", now.cu, lens.centre_sigma_px.x(), configured.cu, 1) +
+      refined_part("cv", now.cv, lens.centre_sigma_px.y(), configured.cv, 1) +
+      refined_part("k1", k1_of(now), lens.k1_sigma, k1_of(configured), 4);
+  if (!numbers.empty()) numbers.pop_back();  // the last comma
   return fmt::format(
-      "camera {}: the lens is refined: fu {:.1f} ± {:.1f} (configured {:.1f}), cu {:.1f} ± {:.1f} "
-      "({:.1f}), cv {:.1f} ± {:.1f} ({:.1f}){}. Run fiducap calibrate camera before you measure: "
-      "{} distortion stays as configured",
-      found.camera, now.fu, configured.fu * lens.focal_sigma, configured.fu, now.cu,
-      lens.centre_sigma_px.x(), configured.cu, now.cv, lens.centre_sigma_px.y(), configured.cv,
-      bend, bend.empty() ? "its" : "the rest of its");
+      "camera {}: the lens is refined:{}. Run fiducap calibrate camera before you measure: {} "
+      "distortion stays as configured",
+      found.camera, numbers, lens.k1_sigma > 0 ? "the rest of its" : "its");
 }
 
 std::string range_text(const char* sensor, const std::string& end) {
@@ -77,15 +90,22 @@ bool is_same(const FoundMismatch& a, const FoundMismatch& b) {
   return a.kind == b.kind && a.camera == b.camera && a.tag_id == b.tag_id;
 }
 
-/// @param said  when it was told last
+/// A number that is refined has moved by more than it was told to be unsure.
+bool has_moved(double now, double told, double told_sigma) {
+  return told_sigma > 0 && std::abs(now - told) > kMoved_sigma * told_sigma;
+}
+
+bool has_changed(const LensEstimate& now, const LensEstimate& told) {
+  const bool is_bend_new = told.k1_sigma > kDistortionKnown && now.k1_sigma <= kDistortionKnown;
+  return has_moved(now.offset.focal, told.offset.focal, told.focal_sigma) ||
+         has_moved(now.offset.k1, told.offset.k1, told.k1_sigma) || is_bend_new;
+}
+
+/// @param told  when it was told last
 bool has_changed(const FoundMismatch& now, const FoundMismatch& told) {
-  const double value = now.value;
-  const double said = told.value;
-  if (now.kind == Kind::kLens)
-    return std::abs(value - said) > kMoved_sigma * told.sigma ||
-           std::abs(now.lens.offset.k1 - told.lens.offset.k1) > kMoved_sigma * told.lens.k1_sigma;
-  return value * said <= 0 || std::abs(value) > kChanged * std::abs(said) ||
-         std::abs(said) > kChanged * std::abs(value);
+  if (now.kind == Kind::kLens) return has_changed(now.lens, told.lens);
+  return now.value * told.value <= 0 || std::abs(now.value) > kChanged * std::abs(told.value) ||
+         std::abs(told.value) > kChanged * std::abs(now.value);
 }
 
 }  // namespace

@@ -20,8 +20,10 @@ struct LensOffset {
     configured.cu += centre_px.x();
     configured.cv += centre_px.y();
     if (k1 == 0) return configured;
-    if (configured.distortion == Distortion::kNone)
+    if (configured.distortion == Distortion::kNone) {
       configured.distortion = Distortion::kRadialTangential;
+      configured.coefficients = {};
+    }
     configured.coefficients[0] += k1;
     return configured;
   }

@@ -22,11 +22,12 @@ std::string part(const char* what, double sigma, double told_sigma, double unit,
 /// Of a lens that is estimated.
 std::string lens_part(const LensEstimate& learned, const CameraMount& told) {
   constexpr double kPercent = 100;
-  if (learned.focal_sigma == 0) return {};
   if (told.focal_sigma > 0 && learned.focal_sigma > kNothingLearned * told.focal_sigma)
     return ", lens not shown by this motion (see several tags from different places)";
-  std::string text = fmt::format(", focal length {:+.2f} ±{:.2g} %",
-                                 kPercent * learned.offset.focal, kPercent * learned.focal_sigma);
+  std::string text;
+  if (learned.focal_sigma > 0)
+    text = fmt::format(", focal length {:+.2f} ±{:.2g} %", kPercent * learned.offset.focal,
+                       kPercent * learned.focal_sigma);
   if (learned.k1_sigma > 0)
     text += fmt::format(", k1 {:+.3f} ±{:.2g}", learned.offset.k1, learned.k1_sigma);
   return text;

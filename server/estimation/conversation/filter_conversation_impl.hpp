@@ -175,7 +175,7 @@ int FilterConversation<C>::move_to(const TagObservations& seen) {
   if (is_following()) {
     is_at_image = follower_.move_to(seen, tags_.usable);
     if (coordinates().is_aimed()) iterations = kCornerStepIterations;
-    if (gap_before_s_ > kCoasted_s) iterations = kFirstIterations;
+    if (has_imu() && gap_before_s_ > kCoasted_s) iterations = kFirstIterations;
     if (is_at_image && has_imu() && coordinates().is_attitude_unknown()) {
       lose_motion(true);
       is_at_image = false;

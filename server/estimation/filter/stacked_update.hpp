@@ -117,7 +117,7 @@ class StackedUpdate final {
       shared_;           ///< covariance of the state with the shared pose, n × 6
   Matrix6d shared_own_;  ///< covariance of the shared pose itself
   Eigen::MatrixXd PHt_;  ///< n × rows; after solve() the square-root gain K S^{1/2}
-  // Rows of PHt that others are compared with, each rows_ × …: of the shared pose, of the five
+  // Rows of PHt that others are compared with, each rows_ × …: of the shared pose, of the
   // suspects, of one tag, or of another number.
   Eigen::Matrix<double, Eigen::Dynamic, 6> shared_rows_;
   Eigen::Matrix<double, Eigen::Dynamic, SuspectColumns::kAll> suspect_rows_;

@@ -30,8 +30,8 @@ double cost_of(const Pose& X_AB, std::span<const SightedTag> tags, const PlaceGu
                double noise_px) {
   double cost = surprise_of(X_AB, guess);
   for (const SightedTag& tag : tags) {
-    const CornerResidual r =
-        corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT, *tag.camera);
+    const CornerResidual r = corner_residual(*tag.seen, (X_AB * tag.X_BV).inverse() * tag.X_AT,
+                                             *tag.camera, 1.0, tag.k1);
     cost += r.in_front ? std::min(kCostCapPerTag, r.y.squaredNorm() / (noise_px * noise_px))
                        : kCostCapPerTag;
   }

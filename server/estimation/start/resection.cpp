@@ -21,7 +21,8 @@ Pose resect(Pose X_AB, std::span<const SightedTag> tags, double inlier_px) {
     Eigen::Matrix<double, 6, 1> b = Eigen::Matrix<double, 6, 1>::Zero();
     for (const SightedTag& tag : tags) {
       const Pose X_BT = X_AB.inverse() * tag.X_AT;
-      const CornerResidual r = corner_residual(*tag.seen, tag.X_BV.inverse() * X_BT, *tag.camera);
+      const CornerResidual r =
+          corner_residual(*tag.seen, tag.X_BV.inverse() * X_BT, *tag.camera, 1.0, tag.k1);
       if (!r.in_front || r.y.squaredNorm() > limit) continue;
       const Eigen::Matrix3d R_VB = tag.X_BV.rotation().transpose();
       const Eigen::Matrix<double, 8, 3> H_p = r.H.leftCols<3>() * R_VB;

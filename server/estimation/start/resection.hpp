@@ -14,6 +14,7 @@ struct SightedTag {
   const CameraModel* camera{};
   Pose X_BV;
   Pose X_AT;
+  double k1{0};  ///< Of the lens beyond the one by which the corners were undistorted.
 };
 
 /// Where a body stands when these tags stand where they are said to: least squares over all

@@ -22,11 +22,13 @@ namespace {
 // is for one linear step.
 constexpr double kFocalFarOff = 1e-3;
 constexpr double kCentreFarOff_px = 1.0;
+constexpr double kDistortionFarOff = 1e-2;
 constexpr int kStepsWhenFarOff = 4;
 
 int steps_to_place(const LensOffset& lens) {
-  const bool is_far_off =
-      std::abs(lens.focal) > kFocalFarOff || lens.centre_px.norm() > kCentreFarOff_px;
+  const bool is_far_off = std::abs(lens.focal) > kFocalFarOff ||
+                          lens.centre_px.norm() > kCentreFarOff_px ||
+                          std::abs(lens.k1) > kDistortionFarOff;
   return is_far_off ? kStepsWhenFarOff : 0;
 }
 

@@ -245,7 +245,8 @@ std::vector<SightedTag> WorldCoordinates::sighted(int camera,
   std::vector<SightedTag> out;
   for (const TagToUse& tag : tags) {
     out.push_back({tag.seen, &lenses_[static_cast<std::size_t>(camera)],
-                   state_.X_BV[static_cast<std::size_t>(camera)], place_of(state_, tag)});
+                   state_.X_BV[static_cast<std::size_t>(camera)], place_of(state_, tag),
+                   state_.lenses[static_cast<std::size_t>(camera)].k1});
   }
   return out;
 }

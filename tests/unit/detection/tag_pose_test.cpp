@@ -123,6 +123,15 @@ INSTANTIATE_TEST_SUITE_P(Lenses, CornerResidualBent,
                          testing::Values(Distortion::kNone, Distortion::kRadialTangential,
                                          Distortion::kEquidistant));
 
+TEST(LensOffset, GivesALensWithoutDistortionNothingButItsOwn) {
+  CameraModel none = camera();
+  none.coefficients = {-0.3, 0.1, 0, 0, 0};  // not used while there is no distortion
+  const CameraModel bent = LensOffset{.k1 = -0.07}.applied_to(none);
+  EXPECT_EQ(bent.distortion, Distortion::kRadialTangential);
+  EXPECT_EQ(bent.coefficients, (std::array<double, 5>{-0.07, 0, 0, 0, 0}));
+  EXPECT_EQ(LensOffset{.focal = 0.1}.applied_to(none).distortion, Distortion::kNone);
+}
+
 TEST(CornerResidual, SaysWhenATagIsBehindTheCamera) {
   const TagObservation tag = seen_from({kFacing, {0, 0, 1}}, 0.2);
   EXPECT_FALSE(corner_residual(tag, {kFacing, {0, 0, -1}}, camera()).in_front);

@@ -40,12 +40,13 @@ INSTANTIATE_TEST_SUITE_P(
         Words{{Kind::kCentreU, 0, -1, -4.2, 0.3}, {"4.2 ± 0.3 px left", "cu 376.0, seems 371.8"}},
         Words{{Kind::kCentreV, 0, -1, 3.0, 0.3}, {"3.0 ± 0.3 px below", "cv 240.0"}},
         Words{{Kind::kLens, 0, -1, 0.08, 0.002, {{0.08, {5, -3}}, 0.002, {1.5, 1.25}}},
-              {"camera 0", "refined", "fu 496.8 ± 0.9 (configured 460.0)", "cu 381.0 ± 1.5 (376.0)",
-               "cv 237.0 ± 1.2 (240.0)", "calibrate camera"}},
+              {"camera 0", "refined", "fu 496.8 ± 0.9 (configured 460.0)",
+               "cu 381.0 ± 1.5 (configured 376.0)", "cv 237.0 ± 1.2 (configured 240.0). Run",
+               "calibrate camera", ": its distortion stays"}},
         Words{{Kind::kLens, 0, -1, 0.08, 0.002, {{0.08, {5, -3}, -0.05}, 0.002, {1.5, 1.25}, 3e-3}},
-              {"k1 -0.050 ± 0.003 (0.000)", "the rest of its distortion"}},
+              {"k1 -0.0500 ± 0.0030 (configured 0.0000)", "the rest of its distortion"}},
         Words{{Kind::kDistortion, 0, -1, -0.05, 0.002},
-              {"camera 0", "k1 seems -0.050 ± 0.002, configured 0.000", "calibrate camera"}},
+              {"camera 0", "k1 seems -0.0500 ± 0.0020, configured 0.0000", "calibrate camera"}},
         Words{{Kind::kReadout, 0, -1, 0.0151, 0.0004}, {"15.1 ± 0.4 ms", "readout_s"}},
         Words{{Kind::kAllPrints, -1, -1, 0.021, 0.002}, {"2.1 ± 0.2 % larger", "tags.size_m"}},
         Words{{Kind::kOnePrint, -1, 12, -0.03, 0.004},
@@ -84,14 +85,24 @@ TEST(MismatchNews, SaysItAgainWhenItHasChangedForGood) {
   EXPECT_TRUE(news.take({more}, at_s(9)).empty());
 }
 
+TEST(RefinedLensText, NamesOnlyWhatIsRefined) {
+  FoundMismatch lens{Kind::kLens, 0, -1, 0, 0};
+  lens.lens.offset.k1 = -0.05;
+  lens.lens.k1_sigma = 0.003;
+  const std::string text = mismatch_text(lens, one_camera());
+  EXPECT_THAT(text, HasSubstr("the lens is refined: k1 -0.0500 ± 0.0030 (configured 0.0000). Run"));
+}
+
 TEST(MismatchNews, SaysOfARefinedLensOnlyThatItHasMovedBeyondItsSigma) {
   MismatchNews news;
   FoundMismatch lens{Kind::kLens, 0, -1, 1e-3, 2e-3};
+  lens.lens.focal_sigma = 2e-3;
   (void)news.take({lens}, at_s(0));
   ASSERT_EQ(news.take({lens}, at_s(3)).size(), 1u);
-  lens.value = -1e-3;
+  lens.lens.offset.focal = -1e-3;
+  lens.lens.offset.k1 = 1e-7;  // it is held, not refined
   for (int t = 4; t < 20; ++t) EXPECT_TRUE(news.take({lens}, at_s(t)).empty());
-  lens.value = 0.02;
+  lens.lens.offset.focal = 0.02;
   EXPECT_EQ(news.take({lens}, at_s(30)).size(), 1u);
 }
 
@@ -105,6 +116,18 @@ TEST(MismatchNews, SaysOfARefinedLensThatItsDistortionHasMoved) {
   for (int t = 4; t < 20; ++t) EXPECT_TRUE(news.take({lens}, at_s(t)).empty());
   lens.lens.offset.k1 = -0.05;
   EXPECT_EQ(news.take({lens}, at_s(30)).size(), 1u);
+}
+
+TEST(MismatchNews, SaysOfARefinedLensThatItsDistortionIsKnownNow) {
+  MismatchNews news;
+  FoundMismatch lens{Kind::kLens, 0, -1, 0, 0};
+  lens.lens.k1_sigma = 0.09;
+  (void)news.take({lens}, at_s(0));
+  ASSERT_EQ(news.take({lens}, at_s(3)).size(), 1u);
+  lens.lens.offset.k1 = -0.1;
+  lens.lens.k1_sigma = 0.01;
+  (void)news.take({lens}, at_s(4));
+  EXPECT_EQ(news.take({lens}, at_s(8)).size(), 1u);
 }
 
 TEST(MismatchNews, KeepsCamerasAndTagsApart) {
