@@ -1,41 +1,15 @@
 #include "detection/corner_projection.hpp"
 
-#include <cmath>
-
 #include <Eigen/LU>
 
 #include "base/so3.hpp"
+#include "capture/lens/lens.hpp"
 
 namespace fiducap {
 
 namespace {
 // Closer than this the pinhole model blows up; no real camera focuses there.
 constexpr double kMinDepth_m = 1e-3;
-
-/// What the first coefficient of distortion, if it is 1, adds to a raw pixel, and how that moves
-/// with the ideal one.
-struct RadialBend {
-  Eigen::Vector2d px;
-  Eigen::Matrix2d on_ideal;
-};
-
-/// @param ray  x / z, y / z
-RadialBend first_bend(const CameraModel& camera, const Eigen::Vector2d& ray) {
-  const double square = ray.squaredNorm();
-  // Both models add `along` · ray: r² of it, or of the angle θ: θ³ / r.
-  double along = square;
-  double slope = 1;  // d along / d r²
-  if (camera.distortion == Distortion::kEquidistant && square > 1e-8) {
-    const double r = std::sqrt(square);
-    const double angle = std::atan(r);
-    along = angle * angle * angle / r;
-    slope = (3 * angle * angle / (1 + square) - along) / (2 * square);
-  }
-  const Eigen::Vector2d f(camera.fu, camera.fv);
-  const Eigen::Matrix2d on_ray =
-      along * Eigen::Matrix2d::Identity() + 2 * slope * ray * ray.transpose();
-  return {along * f.cwiseProduct(ray), f.asDiagonal() * on_ray * f.cwiseInverse().asDiagonal()};
-}
 }  // namespace
 
 Eigen::Vector3d tag_corner(int i, double edge_m) {
@@ -62,11 +36,13 @@ CornerResidual corner_residual(const TagObservation& seen, const Pose& X_VT,
     const Eigen::Matrix2d raw_from_ideal = seen.ideal_from_raw[k].inverse();
     out.y.segment<2>(2 * i) = raw_from_ideal * (seen.corners_px[k] - camera.pinhole(p));
     Eigen::Matrix<double, 2, 3> J = raw_from_ideal * d_pixel_d_point;
-    const RadialBend bend = first_bend(camera, p.head<2>() * iz);
-    out.H_k1.segment<2>(2 * i) = bend.px;
+    const FirstBend bend(camera.distortion, p.head<2>() * iz);
+    const Eigen::Vector2d focal(camera.fu, camera.fv);
+    out.H_k1.segment<2>(2 * i) = focal.cwiseProduct(bend.point());
     if (k1 != 0) {
-      out.y.segment<2>(2 * i) -= k1 * bend.px;
-      J += k1 * bend.on_ideal * d_pixel_d_point;
+      out.y.segment<2>(2 * i) -= k1 * out.H_k1.segment<2>(2 * i);
+      J += k1 * (focal.asDiagonal() * bend.raw_from_ideal() * focal.cwiseInverse().asDiagonal()) *
+           d_pixel_d_point;
     }
     out.H.block<2, 3>(2 * i, 0) = J;
     out.H.block<2, 3>(2 * i, 3) = -J * skew(arm);

@@ -153,4 +153,19 @@ std::optional<Eigen::Vector2d> Lens::undistort(const Eigen::Vector2d& raw,
   return std::nullopt;
 }
 
+FirstBend::FirstBend(Distortion distortion, const Eigen::Vector2d& ideal)
+    : ideal_(ideal), along_(ideal.squaredNorm()), slope_(1) {
+  const double square = along_;
+  // Nearer to the axis both models are the same but for rounding.
+  if (distortion != Distortion::kEquidistant || square < 1e-8) return;
+  const double r = std::sqrt(square);
+  const double angle = std::atan(r);
+  along_ = angle * angle * angle / r;
+  slope_ = (3 * angle * angle / (1 + square) - along_) / (2 * square);
+}
+
+Eigen::Matrix2d FirstBend::raw_from_ideal() const {
+  return along_ * Eigen::Matrix2d::Identity() + 2 * slope_ * ideal_ * ideal_.transpose();
+}
+
 }  // namespace fiducap

@@ -54,4 +54,21 @@ class Lens final {
   double p2_;
 };
 
+/// What the first coefficient of distortion, where it is 1, adds to the raw point of an ideal one,
+/// at focal length 1, principal point (0, 0). Both models add it in proportion to k1, whatever the
+/// other coefficients are.
+class FirstBend final {
+ public:
+  /// @param distortion  kNone: as radial-tangential
+  FirstBend(Distortion distortion, const Eigen::Vector2d& ideal);
+
+  [[nodiscard]] Eigen::Vector2d point() const { return along_ * ideal_; }
+  [[nodiscard]] Eigen::Matrix2d raw_from_ideal() const;
+
+ private:
+  Eigen::Vector2d ideal_;
+  double along_;  ///< point / ideal: r², or θ³ / r
+  double slope_;  ///< d along / d r²
+};
+
 }  // namespace fiducap

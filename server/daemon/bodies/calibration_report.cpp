@@ -28,7 +28,9 @@ std::string lens_part(const LensEstimate& learned, const CameraMount& told) {
   if (learned.focal_sigma > 0)
     text = fmt::format(", focal length {:+.2f} ±{:.2g} %", kPercent * learned.offset.focal,
                        kPercent * learned.focal_sigma);
-  if (learned.k1_sigma > 0)
+  const bool is_k1_shown =
+      told.k1_sigma == 0 || learned.k1_sigma <= kNothingLearned * told.k1_sigma;
+  if (learned.k1_sigma > 0 && is_k1_shown)
     text += fmt::format(", k1 {:+.3f} ±{:.2g}", learned.offset.k1, learned.k1_sigma);
   return text;
 }

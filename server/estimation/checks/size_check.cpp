@@ -6,6 +6,7 @@
 
 #include "base/so3.hpp"
 #include "detection/corner_projection.hpp"
+#include "detection/observe.hpp"
 #include "detection/tag_pose.hpp"
 
 namespace fiducap {
@@ -108,6 +109,7 @@ std::optional<Sighted> locate(const TagObservation& tag, const CameraModel& mode
 SizeCheck::SizeCheck(BodySensors sensors, double corner_noise_px)
     : sensors_(std::move(sensors)),
       configured_(sensors_.cameras),
+      is_learned_(sensors_.cameras.size(), false),
       corner_noise_px_(corner_noise_px),
       motion_(sensors_.imu.value_or(ImuNoise{})) {
   scores_.reserve(kFirstTags);
@@ -128,7 +130,11 @@ void SizeCheck::add(const Image& image) {
   if (!open_) begin(image);
   if (image.seen.camera != camera_) return;
   if (imu_holds_) imu_holds_ = motion_.move_to(image.seen.exposed_at);
-  for (const TagObservation& tag : image.seen.tags) look_at(tag, image);
+  const auto camera = static_cast<std::size_t>(camera_);
+  for (TagObservation tag : image.seen.tags) {
+    if (is_learned_[camera] && !see_through(sensors_.cameras[camera].model, tag)) continue;
+    look_at(tag, image);
+  }
 }
 
 void SizeCheck::note_bias(const BodyEstimate& estimate) {

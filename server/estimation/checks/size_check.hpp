@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "capture/lens/camera_model.hpp"
+#include "capture/lens/lens_offset.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/body_filter.hpp"
@@ -40,6 +40,7 @@ class SizeCheck final {
   /// A camera's lens as it is known now: looks from here on go by it.
   void set_lens(std::size_t camera, const LensOffset& lens) {
     sensors_.cameras[camera].model = lens.applied_to(configured_[camera].model);
+    is_learned_[camera] = !lens.is_none();
   }
 
   /// What the filter made of an image.
@@ -106,6 +107,7 @@ class SizeCheck final {
 
   BodySensors sensors_;
   std::vector<CameraMount> configured_;
+  std::vector<bool> is_learned_;  ///< Per camera: its lens is not the configured one.
   double corner_noise_px_;
   MotionWindow motion_;
   bool open_{false};                       ///< A look is going on …

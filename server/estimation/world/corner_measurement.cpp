@@ -64,8 +64,8 @@ CameraSuspectsMatrix on_camera_suspects(const FilterState& state, int camera,
 /// How far a corner stands from where it is expected, 1-sigma, by what no state knows of the lens.
 /// While the focal length is uncertain: that times all that hangs on it (depths), the second order.
 /// When the first coefficient of distortion is off: the second one, which is then off, too.
-double beyond_linear_px(const FilterState& state, int camera, const CameraModel& model,
-                        const TagObservation& seen) {
+double beyond_model_px(const FilterState& state, int camera, const CameraModel& model,
+                       const TagObservation& seen) {
   constexpr double kSettledFocal = 1e-3;
   constexpr double kSettledDistortion = 1e-3;
   constexpr double kSecondCoefficient = 1.5;  // so many times the square of the first one
@@ -139,7 +139,7 @@ TagMeasurement measure(const FilterState& state, int camera, const CameraModel& 
                        const TagToUse& tag, const CornerNoise& noise) {
   TagMeasurement m;
   m.tag_id = tag.seen->tag_id;
-  const double beyond_px = beyond_linear_px(state, camera, model, *tag.seen);
+  const double beyond_px = beyond_model_px(state, camera, model, *tag.seen);
   m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
   m.R = noise.is_uneven(*tag.seen) ? noise.covariance(*tag.seen, beyond_px)
                                    : Matrix8d(Matrix8d::Identity() * m.noise_px * m.noise_px);
@@ -189,7 +189,7 @@ void measure_image(const FilterState& state, int camera, const CameraModel& mode
     m.own =
         tag.local >= 0 ? state.tag_at(static_cast<std::size_t>(tag.local)) : TagMeasurement::kGiven;
     m.H = on_tag(residual.H, R_VW, X_WT.p);
-    const double beyond_px = beyond_linear_px(state, camera, model, *tag.seen);
+    const double beyond_px = beyond_model_px(state, camera, model, *tag.seen);
     m.noise_px = std::hypot(noise.of(*tag.seen), beyond_px);
     m.even = !noise.is_uneven(*tag.seen);
     if (!m.even) m.R = noise.covariance(*tag.seen, beyond_px);

@@ -176,8 +176,11 @@ void SettledTrajectory::see_through(int camera, const CameraModel& lens) {
   for (Frame& frame : frames_) {
     for (TagObservations& image : frame.images) {
       if (image.camera != camera) continue;
-      std::erase_if(image.tags,
-                    [&](TagObservation& tag) { return !fiducap::see_through(lens, tag); });
+      std::vector<TagObservation> kept;
+      for (TagObservation& tag : image.tags) {
+        if (fiducap::see_through(lens, tag)) kept.push_back(tag);
+      }
+      image.tags = std::move(kept);
     }
   }
 }

@@ -37,6 +37,9 @@ TEST(CalibrationReport, SaysWhatWasLearnedOfALens) {
   camera.lens.k1_sigma = 0.003;
   EXPECT_TRUE(calibration_text(0, camera, told()).ends_with(", k1 -0.050 ±0.003"));
   CameraMount guessed = told();
+  guessed.k1_sigma = 0.1;
+  camera.lens.k1_sigma = 0.09;
+  EXPECT_EQ(calibration_text(0, camera, guessed).find("k1"), std::string::npos) << "not shown";
   guessed.focal_sigma = 0.1;
   camera.lens.focal_sigma = 0.09;
   EXPECT_NE(calibration_text(0, camera, guessed).find("lens not shown"), std::string::npos);

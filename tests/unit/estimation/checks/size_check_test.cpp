@@ -5,6 +5,7 @@
 #include <map>
 
 #include "base/so3.hpp"
+#include "capture/lens/lens_offset.hpp"
 #include "detection/corner_projection.hpp"
 #include "known_motion.hpp"
 #include "support/allocation_counter.hpp"
@@ -58,9 +59,13 @@ class SizeCheckTest : public testing::Test {
       const auto ratio = printed_.find(id);
       tag.edge_m = kEdge_m / (ratio == printed_.end() ? 1.0 : ratio->second);
       tag.ideal_from_raw.fill(Eigen::Matrix2d::Identity());
-      for (int i = 0; i < 4; ++i)
-        tag.corners_px[static_cast<std::size_t>(i)] =
-            model.pinhole((X_WB(t + late_s_) * X_BV).inverse() * (X_WT * tag_corner(i, kEdge_m)));
+      const CameraModel lens = true_lens_.applied_to(model);
+      for (int i = 0; i < 4; ++i) {
+        const auto k = static_cast<std::size_t>(i);
+        tag.raw_px[k] =
+            *lens.project((X_WB(t + late_s_) * X_BV).inverse() * (X_WT * tag_corner(i, kEdge_m)));
+        tag.corners_px[k] = tag.raw_px[k];  // told as a lens without distortion
+      }
       seen.tags.push_back(tag);
     }
     return seen;
@@ -105,6 +110,7 @@ class SizeCheckTest : public testing::Test {
   std::map<int, Pose> tags_;
   std::map<int, double> printed_;  ///< printed / told
   std::optional<Pose> true_X_BV_;  ///< nullopt: as told
+  LensOffset true_lens_{};         ///< Against what is told.
   double amplitude_{1};
   double late_s_{0};        ///< Images show the body so much later than their stamps say.
   double filter_scale_{1};  ///< Of the places the filter believes in.
@@ -188,6 +194,19 @@ TEST_F(SizeCheckTest, IsNotFooledByWrongExtrinsics) {
   SizeCheck check(told_, kCornerNoise_px);
   EXPECT_TRUE(run(check, 40).empty());
   EXPECT_NEAR(check.common()->value, 0, 2 * kExact);
+}
+
+TEST_F(SizeCheckTest, GoesByTheLensThatWasLearned) {
+  true_lens_.k1 = -0.3;
+  SizeCheck told(told_, kCornerNoise_px);
+  run(told, 20);
+  ASSERT_TRUE(told.common());
+  SizeCheck learned(told_, kCornerNoise_px);
+  learned.set_lens(0, true_lens_);
+  EXPECT_TRUE(run(learned, 20).empty());
+  ASSERT_TRUE(learned.common());
+  EXPECT_GT(std::abs(told.common()->value), kExact) << "the tags are near the axis";
+  EXPECT_LT(std::abs(learned.common()->value), 0.1 * kExact);
 }
 
 TEST_F(SizeCheckTest, IsNotFooledByAClockThatIsOff) {
