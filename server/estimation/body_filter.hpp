@@ -50,6 +50,15 @@ struct ExtrinsicsEstimate {
   LensEstimate lens{};
 };
 
+class CornerNoise;
+
+/// How noisy sensors are, by what a filter has learned.
+struct LearnedSensors {
+  const CornerNoise* corners{};  ///< The filter's own; nullptr: as configured.
+  double imu_variance{1};        ///< So many times that of the declared densities.
+  double jitter_s{0};            ///< 1-sigma by which each image's stamp is off on its own.
+};
+
 /// The filter of one rigid body. Two implementations stand side by side and are measured against
 /// each other
 /// (`robocentric`: the paper's; `world`: production), therefore the interface.
@@ -97,6 +106,8 @@ class BodyFilter {
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter
   /// bridges what is left.
   [[nodiscard]] virtual ClockEstimate clock(int camera) const = 0;
+  /// Of one camera, and of the IMU.
+  [[nodiscard]] virtual LearnedSensors learned(int /*camera*/) const { return {}; }
   /// Replaces `out` by what was found to be other than the configuration says. The estimate
   /// reckons with it.
   virtual void mismatches(std::vector<FoundMismatch>& out) const { out.clear(); }

@@ -69,6 +69,7 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
     : setup_(std::move(setup)),
       merger_(merger_of(setup_)),
       filter_(filter ? std::move(filter) : filter_of(setup_)),
+      segments_(setup_.sensors, setup_.estimator),
       doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
@@ -144,6 +145,7 @@ const BodyUpdate* BodyPipeline::take(const MapView& view) {
 void BodyPipeline::take_imu(const ImuSample& imu) {
   const CpuMeter meter(statistics_.propagate_cpu);
   filter_->propagate(imu);
+  segments_.add(imu);
   if (search_) search_->add_imu(imu);
   doubts_.add(imu);
   plausibility_.add(imu);
@@ -171,6 +173,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   agreement_.set_used_shift(corners.camera, clock.shift_s);
   note_contradicted();
   filter_->tag_beliefs(update_.beliefs);
+  segments_.add(update_.seen, *filter_, update_.report, update_.beliefs, update_.known);
+  update_.segment = segments_.take();
   hand_over_tags(*view.map);
   if (setup_.sensors.imu)
     imu_silence_.image_used(corners.exposed_at, corners.exposed_at - corners.clock_shift);
@@ -195,6 +199,7 @@ const BodyUpdate* BodyPipeline::watched_image() {
   update_.report.exposed_at = update_.seen.exposed_at;
   update_.known.clear();
   update_.contradicted.clear();
+  update_.segment.reset();
   if (std::string news = late_.take_news(update_.corners.camera); !news.empty()) {
     note(BodyEvent::Kind::kTurnsDisagree);
     update_.events.back().text = std::move(news);
@@ -240,6 +245,7 @@ void BodyPipeline::lose_motion_if_lost() {
   if (!anchored_ || !carried_at_) return;
   if (to_seconds(update_.seen.exposed_at - *carried_at_) <= setup_.lose_after_s) return;
   filter_->lose_motion();
+  segments_.break_chain();
   ++statistics_.motion_losses;
   note(BodyEvent::Kind::kMotionLost);
   carried_at_.reset();

@@ -8,6 +8,7 @@
 #include "base/this_thread.hpp"
 #include "capture/sample_merger.hpp"
 #include "capture/sensor_source.hpp"
+#include "estimation/segment/segment_recorder.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/agreement/pose_trust.hpp"
 #include "pipeline/agreement/rotation_agreement.hpp"
@@ -106,6 +107,7 @@ class BodyPipeline final {
   std::unique_ptr<BodyFilter> filter_;
   std::optional<GuidedSearch>
       search_;  // built with the first image: recordings of corners need none
+  SegmentRecorder segments_;
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;

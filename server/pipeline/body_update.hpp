@@ -6,6 +6,7 @@
 
 #include "capture/camera_frame.hpp"
 #include "detection/tag_observation.hpp"
+#include "estimation/segment/motion_segment.hpp"
 #include "estimation/body_filter.hpp"
 #include "mapping/map_builder.hpp"
 
@@ -58,6 +59,7 @@ struct BodyUpdate {
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.
   std::vector<ExtrinsicsEstimate> cameras;  ///< What was learned about them, at most a second old.
   std::vector<BodyEvent> events;
+  std::optional<MotionSegment> segment;  ///< One that has just ended, for the map graph.
 
   /// What clients may see of the estimate.
   [[nodiscard]] const std::optional<BodyEstimate>& shown() const;

@@ -97,6 +97,8 @@ std::vector<ConfigError> check(const TrajectoryConfig& trajectory, const std::st
                "must name a file when kind is file")
       .not_negative("duration_s", trajectory.duration_s)
       .within("speed", trajectory.speed, 0.01, 100)
+      .within("from", trajectory.from, 0, 1)
+      .within("share", trajectory.share, 0.05, 1)
       .errors;
 }
 

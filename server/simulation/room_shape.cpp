@@ -128,7 +128,7 @@ std::vector<RecordedTag> ceiling() {
 
 const std::vector<std::string>& room_presets() {
   static const std::vector<std::string> names{"hall",    "table",    "sparse", "loop",
-                                              "ceiling", "pavillon", "custom"};
+                                              "ceiling", "pavillon", "ring",   "custom"};
   return names;
 }
 
@@ -146,7 +146,10 @@ std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag) {
           tag.X_WT * Eigen::Vector3d(h, h, 0), tag.X_WT * Eigen::Vector3d(-h, h, 0)};
 }
 
-LoopShape loop_of(const RoomConfig& room) { return room.preset == "pavillon" ? kPavillon : kLoop; }
+LoopShape loop_of(const RoomConfig& room) {
+  if (room.preset == "ring") return {room.ring.length_m, room.ring.tags};
+  return room.preset == "pavillon" ? kPavillon : kLoop;
+}
 
 LoopPoint loop_at(const LoopShape& shape, double distance_m) {
   constexpr double kQuarter = 0.5 * pi * kLoopRadius_m;
@@ -181,7 +184,8 @@ std::vector<RecordedTag> tags_of(const RoomConfig& room) {
   if (room.preset == "hall") preset = hall(room.tag_size_m);
   if (room.preset == "table") preset = table();
   if (room.preset == "sparse") preset = sparse();
-  if (room.preset == "loop" || room.preset == "pavillon") preset = loop(loop_of(room));
+  if (room.preset == "loop" || room.preset == "pavillon" || room.preset == "ring")
+    preset = loop(loop_of(room));
   if (room.preset == "ceiling") preset = ceiling();
   for (const RecordedTag& t : preset) by_id[t.tag_id] = t;
   for (RecordedTag t : room.tags) {

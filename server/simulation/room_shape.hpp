@@ -34,7 +34,8 @@ struct RoomLook {
 /// Corners 0..3 of a tag in W: bottom-left, bottom-right, top-right, top-left.
 [[nodiscard]] std::array<Eigen::Vector3d, 4> corners_of(const RecordedTag& tag);
 
-/// The round trip of the presets `loop` and `pavillon`: a rounded rectangle with a height change.
+/// The round trip of the presets `loop`, `pavillon` and `ring`: a rounded rectangle with a height
+/// change.
 struct LoopShape {
   double length_m;
   int tags;

@@ -21,17 +21,25 @@ struct DaylightConfig {
   Eigen::Vector3d high{Eigen::Vector3d::Zero()};
 };
 
+/// The round trip of preset `ring`: a rounded rectangle with a height change, tags at its outside.
+struct RingConfig {
+  double length_m{92.0};  ///< At least 60.
+  int tags{100};
+};
+
 /// The room: tags on its walls, floor, ceiling or tables.
 struct RoomConfig {
   std::string preset{
       "hall"};  ///< `hall`: 24 tags on four walls; `table` `sparse` `loop` `ceiling`: the classes
-                ///< of data/; `pavillon`: as `loop`, 33 tags on 80 m; `custom`: `tags` only.
+                ///< of data/; `pavillon`: as `loop`, 33 tags on 80 m; `ring`: as
+                ///< `loop`, as large as `ring` says; `custom`: `tags` only.
   std::string family{"tag36h11"};
   double tag_size_m{
       0.4};  ///< Of `hall` and of `tags` whose edge is 0; the classes of data/ have their own.
   std::vector<RecordedTag>
       tags;  ///< Added to (or with `custom`: instead of) the preset's; an equal id replaces.
   double gravity_m_s2{9.81};
+  RingConfig ring;
   DaylightConfig daylight;
   /// What walls, floor and ceiling show: `clutter` a little out of focus (quick), `sharp` the same
   /// in focus with fine grain on it, for following image points (some 10 ms per image more),
@@ -47,6 +55,10 @@ struct TrajectoryConfig {
   std::string file;            ///< CSV or TUM poses for kind `file`, fitted by a spline.
   double duration_s{0};        ///< 0: for ever (the motion repeats smoothly).
   double speed{1.0};           ///< Scales time.
+  /// Of the round trip of kind `loop`: where it begins, 0 … 1, and how much of it is walked. Less
+  /// than all of it is walked back and forth.
+  double from{0};
+  double share{1};
   std::uint64_t seed{1};
 };
 

@@ -13,12 +13,19 @@ void describe(V& v, DaylightConfig& c) {
 }
 
 template <class V>
+void describe(V& v, RingConfig& c) {
+  v.value("length_m", c.length_m);
+  v.value("tags", c.tags);
+}
+
+template <class V>
 void describe(V& v, RoomConfig& c) {
   v.value("preset", c.preset);
   v.value("family", c.family);
   v.value("tag_size_m", c.tag_size_m);
   v.list("tags", c.tags);
   v.value("gravity_m_s2", c.gravity_m_s2);
+  v.section("ring", c.ring);
   v.section("daylight", c.daylight);
   v.value("texture", c.texture);
 }
@@ -29,6 +36,8 @@ void describe(V& v, TrajectoryConfig& c) {
   v.path("file", c.file);
   v.value("duration_s", c.duration_s);
   v.value("speed", c.speed);
+  v.value("from", c.from);
+  v.value("share", c.share);
   v.value("seed", c.seed);
 }
 

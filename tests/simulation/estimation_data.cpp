@@ -193,7 +193,7 @@ void set_sizes(EstimationData& data) {
 std::string motion_in(const std::string& world) {
   if (world == "hall") return "survey";
   if (world == "big") return "ceiling";
-  return world == "pavillon" ? "loop" : world;
+  return world == "pavillon" || world == "ring" ? "loop" : world;
 }
 
 ImuNoise scaled(ImuNoise noise, double factor) {
@@ -300,6 +300,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   simulation::RoomConfig room;
   room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
   room.daylight = setup.daylight;
+  room.ring = setup.ring;
   simulation::SimulatedBodyConfig body;
   body.cameras = simulated_rig(setup);
   body.has_imu = setup.has_imu;
@@ -311,6 +312,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.trajectory.seed = setup.seed;
   body.trajectory.speed = setup.speed;
   body.trajectory.duration_s = 0;
+  body.trajectory.from = setup.from;
+  body.trajectory.share = setup.share;
   body.faults = setup.faults;
   body.seed = setup.seed;
   const ImuNoise told = body.imu.noise;

@@ -43,7 +43,7 @@ struct EstimationData {
 struct SimulatedDataSetup {
   std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,
                                ///< `hover` is nearly at rest in it, `big` is `ceiling`,
-                               ///< `pavillon` is walked by `loop`.
+                               ///< `pavillon` and `ring` are walked by `loop`.
   double seconds{30.0};
   double speed{1.0};  ///< Scales the motion's time.
   std::uint64_t seed{1};
@@ -68,6 +68,10 @@ struct SimulatedDataSetup {
   int cameras{1};          ///< More than one: they look along x, -x, y and -y of the body.
   double tag_size_m{0};    ///< Of the hall, whose walk stays as it is; 0: its own.
   double min_side_px{16};  ///< Smaller tags are not seen.
+  /// Of world `ring`: its size, and what of it the body walks (TrajectoryConfig).
+  simulation::RingConfig ring{};
+  double from{0};
+  double share{1};
   /// Lenses are told wrongly, drawn with these sigmas.
   double focal_error{0};
   double centre_error_px{0};

@@ -17,14 +17,6 @@ namespace {
 // Tags are compared at every tenth image: they hardly move in between.
 constexpr int kImagesPerTagCheck = 10;
 
-/// Room axes → the workspace that a filter ties to its reference tag.
-Pose workspace_of(const Pose& X_RT, bool level) {
-  if (!level) return X_RT.inverse();
-  const Eigen::Vector3d h = X_RT.q * Eigen::Vector3d::Unit(bound::heading_axis(X_RT.q));
-  const Eigen::Quaterniond turn = exp_so3({0, 0, -std::atan2(h.y(), h.x())});
-  return {turn, -(turn * X_RT.p)};
-}
-
 Eigen::Matrix<double, 6, 1> pose_error(const Pose& estimate, const Pose& truth) {
   Eigen::Matrix<double, 6, 1> e;
   e << estimate.p - truth.p, log_so3(estimate.q * truth.q.conjugate());
@@ -50,9 +42,7 @@ class Run {
   Run(const EstimationData& data, const FilterChoice& choice)
       : data_(data),
         choice_(choice),
-        X_WR_(choice.knowledge.map_known() ? Pose{}
-                                           : workspace_of(reference().X_WT, data.imu.has_value())) {
-  }
+        X_WR_(choice.knowledge.map_known() ? Pose{} : workspace_of(data)) {}
 
   void take(const BodyUpdate& update, const BodyPipeline& pipeline) {
     const Instant first = time_of(data_.samples.front());
@@ -230,7 +220,17 @@ class Run {
   FilterRun result_;
 };
 
-PipelineSetup setup_of(const EstimationData& data, const FilterChoice& choice) {
+}  // namespace
+
+Pose workspace_of(const EstimationData& data) {
+  const Pose& X_RT = data.tag(data.reference_tag)->X_WT;
+  if (!data.imu) return X_RT.inverse();
+  const Eigen::Vector3d h = X_RT.q * Eigen::Vector3d::Unit(bound::heading_axis(X_RT.q));
+  const Eigen::Quaterniond turn = exp_so3({0, 0, -std::atan2(h.y(), h.x())});
+  return {turn, -(turn * X_RT.p)};
+}
+
+PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice) {
   PipelineSetup setup;
   setup.sensors.cameras = {data.camera};
   if (!choice.knowledge.extrinsics_known()) setup.sensors.cameras.front().X_BV = data.nominal_X_BV;
@@ -250,6 +250,8 @@ PipelineSetup setup_of(const EstimationData& data, const FilterChoice& choice) {
   if (!choice.live) setup.lose_after_s = kNever_s;
   return setup;
 }
+
+namespace {
 
 TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
   TagMap map;
@@ -316,12 +318,13 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
   std::vector<ReplayedBody> bodies;
   for (std::size_t i = 0; i < data.size(); ++i)
     bodies.push_back(
-        {static_cast<int>(i) + 1, data[i].name, setup_of(data[i], choice), &sources[i]});
+        {static_cast<int>(i) + 1, data[i].name, pipeline_of(data[i], choice), &sources[i]});
   MapConfig map;
   map.mode = choice.live ? MapMode::kMapping : MapMode::kFrozen;
   BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     runs[body].take(update, replay.pipeline(body));
+    if (choice.listen) choice.listen(body, update);
   });
   FIDUCAP_ASSERT(done.has_value());
   TogetherRun out;

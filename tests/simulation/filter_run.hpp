@@ -9,6 +9,7 @@
 
 #include "estimation/body_filter.hpp"
 #include "mapping/tag_map.hpp"
+#include "pipeline/body_pipeline.hpp"
 #include "simulation/bound_run.hpp"
 #include "simulation/estimation_data.hpp"
 
@@ -34,6 +35,8 @@ struct FilterChoice {
   bool live{false};
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
+  /// Called at every image with what its body, counted from 0, made of it.
+  std::function<void(std::size_t, const BodyUpdate&)> listen{};
 };
 
 /// Normalised squared errors (expected value: their degrees of freedom). NaN: not known at this
@@ -108,6 +111,11 @@ struct FilterRun {
     return mean([](const At& a) { return a.nees.whole; });
   }
 };
+
+/// A body's pipeline over such data.
+[[nodiscard]] PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice);
+/// Room axes → the workspace that is defined by the data's reference tag.
+[[nodiscard]] Pose workspace_of(const EstimationData& data);
 
 [[nodiscard]] FilterRun run_filter(const EstimationData& data, const FilterChoice& choice);
 

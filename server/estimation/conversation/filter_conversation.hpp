@@ -43,6 +43,9 @@ class FilterConversation final : public StartingFilter {
     return coordinates().clock(camera);
   }
   void mismatches(std::vector<FoundMismatch>& out) const override;
+  [[nodiscard]] LearnedSensors learned(int camera) const override {
+    return coordinates().learned(camera);
+  }
 
   [[nodiscard]] Explanation explain(const TagObservations& seen,
                                     const UpdateReport& report) const override;

@@ -93,6 +93,7 @@ class RobocentricCoordinates final {
   void convict_tag() {}
 
   [[nodiscard]] const CornerNoise& noise(int) const { return corner_noise_; }
+  [[nodiscard]] LearnedSensors learned(int) const { return {.corners = &corner_noise_}; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return std::nullopt; }
   void forget_past() {}
   void forget_first_sight(int) {}

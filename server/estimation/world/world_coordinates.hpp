@@ -112,6 +112,9 @@ class WorldCoordinates final {
   [[nodiscard]] const CornerNoise& noise(int camera) const {
     return corner_noise_[static_cast<std::size_t>(camera)];
   }
+  [[nodiscard]] LearnedSensors learned(int camera) const {
+    return {&noise(camera), noise_watch_.imu_variance(), noise_watch_.jitter_s()};
+  }
   [[nodiscard]] ImageMemory& memory() { return memory_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return memory_.needed_since(); }
   void forget_past() { memory_.forget_all(); }

@@ -36,6 +36,9 @@ class WorldFilter final : public BodyFilter {
     return present_->extrinsics();
   }
   [[nodiscard]] ClockEstimate clock(int camera) const override { return present_->clock(camera); }
+  [[nodiscard]] LearnedSensors learned(int camera) const override {
+    return present_->learned(camera);
+  }
 
   /// None while the start may be taken back.
   void mismatches(std::vector<FoundMismatch>& out) const override;

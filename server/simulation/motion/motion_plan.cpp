@@ -204,17 +204,27 @@ MotionPlan sparse(std::uint64_t seed, const RoomConfig& room) {
   return finish(waypoints, random, 0.3, {1.8, 2.0, 5.0}, {0.05, 0.05, 0.05}, {0.08, 0.08, 0.1});
 }
 
-MotionPlan loop(std::uint64_t seed, const RoomConfig& room) {
-  Random random(seed, Purpose::kMotion);
+/// @param distance_m  walked along the loop
+Pose view_along(const LoopShape& shape, double distance_m) {
+  const LoopPoint at = loop_at(shape, distance_m);
+  const Eigen::Vector3d ahead(-at.outward.y(), at.outward.x(), 0);
+  return look_at(at.p, at.p + at.outward + 0.7 * ahead, Eigen::Vector3d::UnitZ());
+}
+
+MotionPlan loop(const TrajectoryConfig& config, const RoomConfig& room) {
+  Random random(config.seed, Purpose::kMotion);
   constexpr double kSpeed_m_s = 1.15;
   constexpr int kSteps = 120;
   const LoopShape shape = loop_of(room);
-  MotionPlan plan{{}, shape.length_m / kSpeed_m_s / kSteps, 0, 0, 0};
+  const bool is_round = config.share >= 1;
+  const double walked_m = shape.length_m * (is_round ? 1.0 : 2 * config.share);
+  MotionPlan plan{{}, walked_m / kSpeed_m_s / kSteps, 0, 0, 0};
   for (int i = 0; i < kSteps; ++i) {
-    const LoopPoint at = loop_at(shape, i * shape.length_m / kSteps);
-    const Eigen::Vector3d ahead(-at.outward.y(), at.outward.x(), 0);
-    plan.X_WV.push_back(look_at(at.p, at.p + at.outward + 0.7 * ahead, Eigen::Vector3d::UnitZ()));
+    const double gone = i * walked_m / kSteps;
+    const double out = is_round ? gone : std::min(gone, walked_m - gone);
+    plan.X_WV.push_back(view_along(shape, config.from * shape.length_m + out));
   }
+  if (!is_round) smooth(plan.X_WV, 3);  // it turns back, but not at once
   sway(plan.X_WV, random, {0.05, 0.1, 0.1}, {0.06, 0.06, 0.06}, plan.spacing_s);
   return plan;
 }
@@ -243,7 +253,7 @@ Pose look_at(const Eigen::Vector3d& p, const Eigen::Vector3d& target, const Eige
 
 std::optional<MotionPlan> plan_motion(const TrajectoryConfig& config, const RoomConfig& room) {
   if (config.kind == "table") return table(config.seed);
-  if (config.kind == "loop") return loop(config.seed, room);
+  if (config.kind == "loop") return loop(config, room);
   if (config.kind == "ceiling") return ceiling(config.seed);
   if (config.kind == "survey") return survey(config.seed, room);
   if (config.kind == "hover") return hover(config.seed, room);

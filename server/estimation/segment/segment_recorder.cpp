@@ -1,0 +1,174 @@
+#include "estimation/segment/segment_recorder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "estimation/filter/corner_noise.hpp"
+#include "estimation/filter/filter_rules.hpp"
+#include "estimation/segment/world_error.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr Duration kSegment = std::chrono::seconds(1);
+// Without a tag for longer, the next one is met anew: readings of minutes are no use.
+constexpr Duration kLongest = std::chrono::seconds(10);
+
+BodyMoment moment_of(const BodyEstimate& body) {
+  return {body.at, body.X_WB, body.v_WB, body.bias_f, body.bias_w};
+}
+
+}  // namespace
+
+SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config)
+    : sensors_(sensors),
+      config_(config),
+      imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
+  open_.has_imu = sensors.imu.has_value();
+  open_.gravity_m_s2 = sensors.gravity_m_s2;
+}
+
+void SegmentRecorder::add(const ImuSample& imu) {
+  if (!sensors_.imu || !imu_.push(imu)) return;
+  if (!is_open_) return imu_.keep_newest_pair();
+  if (imu_.is_full()) integrate_to(imu_.before_newest().sampled_at, 1.0);
+}
+
+void SegmentRecorder::break_chain() { is_open_ = false; }
+
+std::optional<MotionSegment> SegmentRecorder::take() { return std::exchange(done_, std::nullopt); }
+
+void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
+                          const UpdateReport& report, std::span<const TagBelief> beliefs,
+                          std::span<const KnownTag> known) {
+  if (report.generation != generation_) break_chain();
+  generation_ = report.generation;
+  if (!filter.running() || report.start_is_open || report.relocalised || report.clock_jump ||
+      report.elsewhere) {
+    return break_chain();
+  }
+  const BodyEstimate body = filter.estimate();
+  if (body.at != seen.exposed_at) return;  // without IMU: it was not moved here
+  if (report.gauge_shift) shift_axes(*report.gauge_shift);
+  if (is_open_ && body.at - reached_ > kLongest) break_chain();
+  for (const TagBelief& belief : beliefs) places_[belief.tag.tag_id] = belief.tag;
+  for (const KnownTag& tag : known) {
+    if (body.anchored) places_.try_emplace(tag.tag_id, tag);
+  }
+  SegmentImage image = image_of(seen, filter);
+  const bool is_of_use = std::any_of(image.tags.begin(), image.tags.end(),
+                                     [&](const auto& s) { return has_place(s.seen.tag_id); });
+  if (!is_open_) {
+    if (!is_of_use) return places_.clear();
+    ++chain_;
+    begin(body);
+    open_.instances.back().images.push_back(std::move(image));
+    return;
+  }
+  integrate_to(body.at, filter.learned(seen.camera).imu_variance);
+  if (image.tags.empty()) return;
+  if (open_.instances.back().body.at != body.at)
+    open_.instances.push_back({moment_of(body), std::exchange(steps_, {}), {}});
+  open_.instances.back().images.push_back(std::move(image));
+  if (is_of_use && body.at - open_.begin().at >= kSegment) {
+    open_.anchored = body.anchored;
+    end(filter);
+    begin(body);
+  }
+}
+
+void SegmentRecorder::begin(const BodyEstimate& body) {
+  open_.chain = chain_;
+  open_.anchored = body.anchored;
+  open_.instances.clear();
+  open_.instances.push_back({moment_of(body), {}, {}});
+  open_.cameras.clear();
+  open_.tags.clear();
+  steps_.clear();
+  reached_ = body.at;
+  imu_.forget_before(body.at);
+  is_open_ = true;
+}
+
+/// Tags without a place until now, and images that show no other, are left out.
+void SegmentRecorder::end(const BodyFilter& filter) {
+  std::map<int, bool> is_seen;
+  for (MotionSegment::Instance& instance : open_.instances) {
+    for (SegmentImage& image : instance.images) {
+      std::erase_if(image.tags, [&](const auto& s) { return !has_place(s.seen.tag_id); });
+      for (const SegmentSighting& s : image.tags) is_seen[s.seen.tag_id] = true;
+    }
+    std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
+  }
+  for (const auto& [tag_id, seen] : is_seen) open_.tags.push_back(places_.at(tag_id));
+  places_.clear();
+  for (const ExtrinsicsEstimate& camera : filter.extrinsics()) {
+    const auto c = open_.cameras.size();
+    const CameraMount& mount = sensors_.cameras[c];
+    open_.cameras.push_back({.X_BV = camera.X_BV,
+                             .shift_s = camera.clock.shift_s,
+                             .readout_s = camera.clock.readout_s,
+                             .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0 ||
+                                           camera.clock.readout_s != 0,
+                             .lens = camera.lens.offset});
+  }
+  done_ = std::move(open_);
+  open_ = {};
+  open_.has_imu = done_->has_imu;
+  open_.gravity_m_s2 = done_->gravity_m_s2;
+}
+
+SegmentImage SegmentRecorder::image_of(const TagObservations& seen,
+                                       const BodyFilter& filter) const {
+  const LearnedSensors learned = filter.learned(seen.camera);
+  SegmentImage image{seen.camera, to_seconds(seen.clock_shift), learned.jitter_s, {}};
+  for (const TagObservation& tag : seen.tags) {
+    SegmentSighting sighting;
+    sighting.seen = tag;
+    sighting.noise_px =
+        learned.corners != nullptr ? learned.corners->of(tag) : config_.corner_noise_px;
+    sighting.is_even = learned.corners == nullptr || !learned.corners->is_uneven(tag);
+    if (!sighting.is_even) sighting.covariance = learned.corners->covariance(tag, 0);
+    image.tags.push_back(std::move(sighting));
+  }
+  return image;
+}
+
+void SegmentRecorder::shift_axes(const Pose& X_new_old) {
+  for (MotionSegment::Instance& instance : open_.instances)
+    instance.body = in_other_axes(X_new_old, instance.body);
+  for (auto& [tag_id, tag] : places_) tag.X_WT = X_new_old * tag.X_WT;
+}
+
+void SegmentRecorder::integrate_to(Instant to, double imu_variance) {
+  if (!sensors_.imu) {
+    InertialInput input;
+    input.has_accelerometer = false;
+    input.accel_noise = config_.motion_accel_m_s2_rtHz;
+    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
+    return add_step(to, input, from_seconds(filter_rules::kStepWithoutImu_s));
+  }
+  const double factor = std::sqrt(imu_variance);
+  while (reached_ < to) {
+    const Instant end = imu_.end_of_interval(reached_, to);
+    InertialInput input = imu_.input_between(reached_, end);
+    input.gyro_noise *= factor;
+    input.accel_noise *= factor;
+    input.gyro_walk *= factor;
+    input.accel_walk *= factor;
+    add_step(end, input, from_seconds(filter_rules::kStepWithImu_s));
+  }
+  imu_.forget_before(to);
+}
+
+void SegmentRecorder::add_step(Instant to, const InertialInput& input, Duration longest) {
+  while (reached_ < to) {
+    const Instant end = std::min(to, reached_ + longest);
+    steps_.push_back({input, to_seconds(end - reached_)});
+    reached_ = end;
+  }
+}
+
+}  // namespace fiducap

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "capture/imu_sample.hpp"
+#include "estimation/body_filter.hpp"
+#include "estimation/imu/imu_buffer.hpp"
+#include "estimation/segment/motion_segment.hpp"
+
+namespace fiducap {
+
+/// Cuts what one body sees and feels into segments for the map graph.
+///
+/// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
+/// the filter forgets, loses the body, or its start is taken back. Images without a tag that the
+/// filter or the map has a place for are left out, their readings are not. Nothing of the filter's
+/// covariance enters: the graph gets every reading and every corner once.
+class SegmentRecorder final {
+ public:
+  SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config);
+
+  void add(const ImuSample& imu);
+  /// After the filter has taken the image.
+  /// @param beliefs  the tags in the filter's state
+  /// @param known    what the map said of the image's tags
+  void add(const TagObservations& seen, const BodyFilter& filter, const UpdateReport& report,
+           std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
+  /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
+  void break_chain();
+  /// A segment that has just ended.
+  [[nodiscard]] std::optional<MotionSegment> take();
+
+ private:
+  void begin(const BodyEstimate& body);
+  void integrate_to(Instant to, double imu_variance);
+  void add_step(Instant to, const InertialInput& input, Duration longest);
+  [[nodiscard]] SegmentImage image_of(const TagObservations& seen, const BodyFilter& filter) const;
+  [[nodiscard]] bool has_place(int tag_id) const { return places_.contains(tag_id); }
+  void shift_axes(const Pose& X_new_old);
+  void end(const BodyFilter& filter);
+
+  BodySensors sensors_;
+  EstimatorConfig config_;
+  ImuBuffer imu_;
+  MotionSegment open_;
+  bool is_open_{false};
+  Instant reached_{};               ///< Readings are in the steps up to here.
+  std::vector<SegmentStep> steps_;  ///< Since the last instance.
+  std::map<int, KnownTag> places_;  ///< Of the tags seen since the segment began.
+  int chain_{0};
+  int generation_{-1};
+  std::optional<MotionSegment> done_;
+};
+
+}  // namespace fiducap

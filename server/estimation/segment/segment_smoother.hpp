@@ -1,0 +1,53 @@
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "capture/lens/camera_model.hpp"
+#include "estimation/segment/motion_segment.hpp"
+
+namespace fiducap {
+
+/// Where the numbers of a SegmentFactor stand.
+namespace segment_layout {
+inline constexpr int kBegin = 0;  ///< As world::layout has a body.
+inline constexpr int kEnd = 15;
+inline constexpr int kCameraSize = 12;
+/// Camera c: e of X_BV = Exp(e) X̂_BV, then clock, readout, focal length, centre, distortion as in
+/// world::layout.
+[[nodiscard]] constexpr int camera(int c) { return 30 + kCameraSize * c; }
+[[nodiscard]] constexpr int tag(int cameras, int i) { return camera(cameras) + 6 * i; }
+}  // namespace segment_layout
+
+/// What a whole segment says of where the body was at its two ends, of its cameras and of the tags
+/// that it saw: the body's path between is taken out (Schur complement). To second order around
+/// where it was linearised, in errors on the world's side; a common shift of all of it, and a turn
+/// about the vertical when there is an IMU, a turn about any axis when there is none, changes
+/// nothing.
+///
+///     cost(ξ) = ½ ξᵀ H ξ + gᵀ ξ + cost
+struct SegmentFactor {
+  /// Linearised here, in axes parallel to W whose origin is where the body began.
+  BodyMoment begin;
+  BodyMoment end;
+  std::vector<CameraBelief> cameras;
+  std::vector<KnownTag> tags;
+  Eigen::MatrixXd H;
+  Eigen::VectorXd g;
+  double cost{};
+  int numbers{};  ///< Corner coordinates in it.
+  int sightings{};
+  int outliers{};  ///< Sightings that pull at less than half their weight.
+};
+
+/// Least squares over all images and readings of the segment, ends, cameras and tags held where the
+/// segment has them. Moves its instances between to where they fit best, in W axes.
+/// @param lenses  configured, one per camera
+/// @return nullopt when the numbers are not finite or no image shows a tag of the segment
+[[nodiscard]] std::optional<SegmentFactor> condense(MotionSegment& segment,
+                                                    std::span<const CameraModel> lenses);
+
+}  // namespace fiducap

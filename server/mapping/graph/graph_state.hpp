@@ -1,0 +1,73 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "capture/lens/camera_model.hpp"
+#include "estimation/segment/motion_segment.hpp"
+#include "estimation/segment/segment_smoother.hpp"
+#include "estimation/segment/world_error.hpp"
+
+namespace fiducap {
+
+/// A body where two of its segments meet.
+struct GraphNode {
+  int body{};  ///< Index in GraphState::bodies.
+  BodyMoment at;
+  int component{};
+};
+
+struct GraphTag {
+  int tag_id{};
+  double edge_m{};
+  Pose X_WT;
+  int component{};
+  int sightings{};
+  Instant first_seen{};
+  Instant last_seen{};
+};
+
+/// What the graph knows of a body as a whole.
+struct GraphBody {
+  int id{};
+  std::vector<CameraModel> lenses;
+  std::vector<CameraBelief> cameras;
+  std::vector<CameraBelief> expected;  ///< By the configuration, with …
+  Eigen::MatrixXd information;         ///< … this information about all cameras' numbers.
+};
+
+struct GraphSegment {
+  MotionSegment raw;
+  SegmentFactor factor;
+  std::size_t begin{};  ///< Nodes …
+  std::size_t end{};
+  std::vector<std::size_t> tags;  ///< … and tags, in the order of the factor.
+};
+
+/// A node whose velocity and biases are known a little without any segment: the first of a chain.
+/// Biases go on from where the body's last chain left them.
+struct ChainStart {
+  std::size_t node{};
+  int after{-1};  ///< Node at which the body's last chain ended; -1: none, or there is no IMU.
+  bool has_imu{true};
+  double accel_walk{};
+  double gyro_walk{};
+};
+
+/// All that is estimated, and all that says something about it.
+struct GraphState {
+  std::vector<GraphBody> bodies;
+  std::vector<GraphNode> nodes;
+  std::vector<GraphTag> tags;
+  std::vector<GraphSegment> segments;
+  std::vector<ChainStart> starts;
+  std::map<int, bool> level;  ///< Per component: gravity is felt in it.
+};
+
+/// The yaw and shift (all of the turn when it is not level) that brings one pose over another as
+/// well as that can be: G from ≈ to.
+[[nodiscard]] Pose axes_between(const Pose& from, const Pose& to, bool level);
+
+}  // namespace fiducap

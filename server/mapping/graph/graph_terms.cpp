@@ -1,0 +1,274 @@
+#include "mapping/graph/graph_terms.hpp"
+
+#include <cmath>
+
+#include "base/so3.hpp"
+#include "estimation/world/filter_state.hpp"
+
+namespace fiducap {
+
+namespace {
+
+using Matrix15d = Eigen::Matrix<double, 15, 15>;
+
+// What is known of a body before any image: m/s, m/s², rad/s.
+constexpr double kStartVelocity = 5.0;
+constexpr double kStartBiasF = 0.5;
+constexpr double kStartBiasW = 0.05;
+constexpr double kStartRate = 5.0;  // without IMU the rate stands in the gyro bias's place
+// Nothing says where a component is: one of its tags is held, this well. What follows from it is
+// the same whatever the number.
+constexpr double kGauge = 1e6;
+
+/// How a segment's variables stand in the normal equations, and how their errors there change with
+/// the estimate.
+struct Part {
+  int variable{};
+  int at{};  ///< In the factor.
+  Eigen::MatrixXd J;
+};
+
+Matrix15d on_body(const Vector15d& error, const Pose& G_inverse) {
+  const Matrix6d Ad = world::adjoint(G_inverse);
+  const Eigen::Matrix3d R = G_inverse.rotation();
+  Matrix15d J = Matrix15d::Identity();
+  const Vector6d pose = error.head<6>();
+  J.topLeftCorner<6, 6>() = inverse_left_jacobian(pose) * Ad;
+  Vector6d swing;
+  swing << error.segment<3>(6), error.segment<3>(3);
+  const Matrix6d left = inverse_left_jacobian(swing);
+  J.block<3, 3>(6, 6) = left.topLeftCorner<3, 3>() * R;
+  J.block<3, 3>(6, 3) = left.topRightCorner<3, 3>() * R;
+  return J;
+}
+
+Pose axes_of(const GraphState& graph, const GraphSegment& segment) {
+  return axes_between(segment.factor.begin.X_WB, graph.nodes[segment.begin].at.X_WB,
+                      segment.raw.has_imu);
+}
+
+std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variables,
+                           const GraphSegment& segment, const Pose& G_inverse,
+                           const Eigen::VectorXd& error) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const int cameras = static_cast<int>(segment.factor.cameras.size());
+  std::vector<Part> parts;
+  parts.push_back(
+      {variables.node(segment.begin), kBegin, on_body(error.segment<15>(kBegin), G_inverse)});
+  parts.push_back({variables.node(segment.end), kEnd, on_body(error.segment<15>(kEnd), G_inverse)});
+  Eigen::MatrixXd J = Eigen::MatrixXd::Identity(kCameraSize * cameras, kCameraSize * cameras);
+  for (int c = 0; c < cameras; ++c) {
+    J.block<6, 6>(kCameraSize * c, kCameraSize * c) =
+        inverse_left_jacobian(Vector6d(error.segment<6>(camera(c))));
+  }
+  const auto body = static_cast<std::size_t>(graph.nodes[segment.begin].body);
+  parts.push_back({variables.body(body), camera(0), std::move(J)});
+  const Matrix6d Ad = world::adjoint(G_inverse);
+  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
+    const int at = tag(cameras, static_cast<int>(i));
+    parts.push_back({variables.tag(segment.tags[i]), at,
+                     inverse_left_jacobian(Vector6d(error.segment<6>(at))) * Ad});
+  }
+  return parts;
+}
+
+void add_segment(const GraphState& graph, const GraphVariables& variables,
+                 const GraphSegment& segment, NormalEquations& out) {
+  const SegmentFactor& f = segment.factor;
+  const Eigen::VectorXd error = error_of(graph, segment);
+  const Eigen::VectorXd gradient = f.H * error + f.g;
+  out.cost += cost_of(f, error);
+  const auto parts = parts_of(graph, variables, segment, axes_of(graph, segment).inverse(), error);
+  for (const Part& a : parts) {
+    const Eigen::Index rows = a.J.rows();
+    out.pull.segment(out.H.first(a.variable), rows) -=
+        a.J.transpose() * gradient.segment(a.at, rows);
+    const Eigen::MatrixXd left = a.J.transpose() * f.H.middleRows(a.at, rows);
+    for (const Part& b : parts) {
+      if (b.variable > a.variable) continue;
+      out.H.add(a.variable, b.variable, left.middleCols(b.at, b.J.rows()) * b.J);
+    }
+  }
+}
+
+/// A body's velocity and biases where a chain begins.
+struct StartError {
+  Vector15d error{Vector15d::Zero()};
+  Vector15d information{Vector15d::Zero()};
+};
+
+StartError start_error(const GraphState& graph, const ChainStart& start) {
+  using namespace world::layout;  // NOLINT: the block names are the subject
+  const BodyMoment& now = graph.nodes[start.node].at;
+  StartError out;
+  out.error.segment<3>(kVelocity) = now.v_WB;
+  out.information.segment<3>(kVelocity).setConstant(1 / (kStartVelocity * kStartVelocity));
+  if (start.after < 0) {
+    out.error.segment<3>(kBiasF) = now.bias_f;
+    out.error.segment<3>(kBiasW) = now.bias_w;
+    out.information.segment<3>(kBiasF).setConstant(1 / (kStartBiasF * kStartBiasF));
+    const double rate = start.has_imu ? kStartBiasW : kStartRate;
+    out.information.segment<3>(kBiasW).setConstant(1 / (rate * rate));
+    return out;
+  }
+  const BodyMoment& before = graph.nodes[static_cast<std::size_t>(start.after)].at;
+  constexpr double kLeast_s = 0.1;
+  const double dt = std::max(kLeast_s, to_seconds(now.at - before.at));
+  out.error.segment<3>(kBiasF) = now.bias_f - before.bias_f;
+  out.error.segment<3>(kBiasW) = now.bias_w - before.bias_w;
+  out.information.segment<3>(kBiasF).setConstant(1 / (start.accel_walk * start.accel_walk * dt));
+  out.information.segment<3>(kBiasW).setConstant(1 / (start.gyro_walk * start.gyro_walk * dt));
+  return out;
+}
+
+void add_start(const GraphState& graph, const GraphVariables& variables, const ChainStart& start,
+               NormalEquations& out) {
+  const StartError s = start_error(graph, start);
+  const Vector15d pull = s.information.cwiseProduct(s.error);
+  out.cost += 0.5 * s.error.dot(pull);
+  const int now = variables.node(start.node);
+  out.H.add(now, now, Matrix15d(s.information.asDiagonal()));
+  out.pull.segment<15>(out.H.first(now)) -= pull;
+  if (start.after < 0) return;
+  Vector15d of_biases = s.information;
+  of_biases.head<9>().setZero();
+  const int before = variables.node(static_cast<std::size_t>(start.after));
+  out.H.add(before, before, Matrix15d(of_biases.asDiagonal()));
+  out.H.add(now, before, -Matrix15d(of_biases.asDiagonal()));
+  out.pull.segment<6>(out.H.first(before) + 9) += pull.tail<6>();
+}
+
+void add_body(const GraphBody& body, int variable, NormalEquations& out) {
+  const Eigen::VectorXd error = error_between(body.expected, body.cameras);
+  const Eigen::VectorXd pull = body.information * error;
+  out.cost += 0.5 * error.dot(pull);
+  out.H.add(variable, variable, body.information);
+  out.pull.segment(out.H.first(variable), error.size()) -= pull;
+}
+
+/// Holds the tag seen most often of each component.
+void add_gauges(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
+  std::map<int, std::size_t> held;
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    const auto [at, is_new] = held.try_emplace(graph.tags[i].component, i);
+    if (graph.tags[i].sightings > graph.tags[at->second].sightings) at->second = i;
+  }
+  for (const auto& [component, i] : held) {
+    const int tag = variables.tag(i);
+    Matrix6d gauge = Matrix6d::Zero();
+    gauge.diagonal().head<3>().setConstant(kGauge);
+    gauge(5, 5) = kGauge;
+    if (!graph.level.at(component)) gauge.diagonal().segment<2>(3).setConstant(kGauge);
+    out.H.add(tag, tag, gauge);
+  }
+}
+
+}  // namespace
+
+Pose axes_between(const Pose& from, const Pose& to, bool level) {
+  Eigen::Quaterniond turn = (to.q * from.q.conjugate()).normalized();
+  if (level) {
+    // Of the turn the part about the vertical.
+    const double norm = std::hypot(turn.w(), turn.z());
+    turn = norm > 0 ? Eigen::Quaterniond(turn.w() / norm, 0, 0, turn.z() / norm)
+                    : Eigen::Quaterniond::Identity();
+  }
+  return {turn, to.p - turn * from.p};
+}
+
+GraphVariables::GraphVariables(const GraphState& graph)
+    : nodes_(graph.nodes.size()), bodies_(graph.bodies.size()) {
+  sizes_.assign(nodes_, 15);
+  for (const GraphBody& body : graph.bodies)
+    sizes_.push_back(segment_layout::kCameraSize * static_cast<int>(body.cameras.size()));
+  sizes_.insert(sizes_.end(), graph.tags.size(), 6);
+}
+
+Eigen::VectorXd error_between(const std::vector<CameraBelief>& from,
+                              const std::vector<CameraBelief>& to) {
+  constexpr int kSize = segment_layout::kCameraSize;
+  Eigen::VectorXd error(kSize * static_cast<int>(from.size()));
+  for (std::size_t c = 0; c < from.size(); ++c) {
+    const CameraBelief& a = from[c];
+    const CameraBelief& b = to[c];
+    auto own = error.segment<kSize>(kSize * static_cast<int>(c));
+    own.head<6>() = world::world_error_between(a.X_BV, b.X_BV);
+    own.tail<6>() << b.shift_s - a.shift_s, b.readout_s - a.readout_s, b.lens.focal - a.lens.focal,
+        b.lens.centre_px - a.lens.centre_px, b.lens.k1 - a.lens.k1;
+  }
+  return error;
+}
+
+Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const SegmentFactor& f = segment.factor;
+  const int cameras = static_cast<int>(f.cameras.size());
+  const Pose G_inverse = axes_of(graph, segment).inverse();
+  const GraphNode& begin = graph.nodes[segment.begin];
+  const GraphNode& end = graph.nodes[segment.end];
+  Eigen::VectorXd error(f.H.rows());
+  error.segment<15>(kBegin) = error_between(f.begin, in_other_axes(G_inverse, begin.at));
+  error.segment<15>(kEnd) = error_between(f.end, in_other_axes(G_inverse, end.at));
+  error.segment(camera(0), kCameraSize * cameras) =
+      error_between(f.cameras, graph.bodies[static_cast<std::size_t>(begin.body)].cameras);
+  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
+    error.segment<6>(tag(cameras, static_cast<int>(i))) =
+        world::world_error_between(f.tags[i].X_WT, G_inverse * graph.tags[segment.tags[i]].X_WT);
+  }
+  return error;
+}
+
+double cost_of(const SegmentFactor& factor, const Eigen::VectorXd& error) {
+  return factor.cost + error.dot(factor.g + 0.5 * (factor.H * error));
+}
+
+NormalEquations normal_equations(const GraphState& graph, const GraphVariables& variables) {
+  NormalEquations out(variables);
+  for (const GraphSegment& segment : graph.segments) add_segment(graph, variables, segment, out);
+  for (const ChainStart& start : graph.starts) add_start(graph, variables, start, out);
+  for (std::size_t i = 0; i < graph.bodies.size(); ++i)
+    add_body(graph.bodies[i], variables.body(i), out);
+  add_gauges(graph, variables, out);
+  return out;
+}
+
+double cost_of(const GraphState& graph) {
+  double cost = 0;
+  for (const GraphSegment& segment : graph.segments)
+    cost += cost_of(segment.factor, error_of(graph, segment));
+  for (const ChainStart& start : graph.starts) {
+    const StartError s = start_error(graph, start);
+    cost += 0.5 * s.error.dot(s.information.cwiseProduct(s.error));
+  }
+  for (const GraphBody& body : graph.bodies) {
+    const Eigen::VectorXd error = error_between(body.expected, body.cameras);
+    cost += 0.5 * error.dot(body.information * error);
+  }
+  return cost;
+}
+
+void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,
+             GraphState& graph) {
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+    BodyMoment& at = graph.nodes[i].at;
+    at = moved(at, Vector15d(delta.segment<15>(H.first(variables.node(i)))));
+  }
+  for (std::size_t i = 0; i < graph.bodies.size(); ++i) {
+    int at = H.first(variables.body(i));
+    for (CameraBelief& camera : graph.bodies[i].cameras) {
+      camera.X_BV = moved(camera.X_BV, Vector6d(delta.segment<6>(at)));
+      camera.shift_s += delta(at + 6);
+      camera.readout_s += delta(at + 7);
+      camera.lens.focal += delta(at + 8);
+      camera.lens.centre_px += delta.segment<2>(at + 9);
+      camera.lens.k1 += delta(at + 11);
+      at += segment_layout::kCameraSize;
+    }
+  }
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    Pose& X = graph.tags[i].X_WT;
+    X = moved(X, Vector6d(delta.segment<6>(H.first(variables.tag(i)))));
+  }
+}
+
+}  // namespace fiducap

@@ -1,0 +1,361 @@
+#include "mapping/graph/map_graph.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/assert.hpp"
+#include "base/so3.hpp"
+#include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "mapping/graph/graph_terms.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// What is exact by the configuration is known this well, and not better: m, rad, s and relative.
+constexpr double kExact = 1e-7;
+constexpr double kExactCentre_px = 1e-4;
+// A lens or readout that was found to be wrong is as unknown as this before the images.
+constexpr double kOpenFocal = 0.1;
+constexpr double kOpenCentre_px = 30.0;
+constexpr double kOpenDistortion = 0.1;
+
+constexpr int kMostIterations = 12;
+constexpr int kMostRounds = 4;
+constexpr double kConverged = 1e-6;  // m and rad, largest step
+// A segment is linearised anew when something in it has moved, against where the body began, by
+// more than this: turned, or by this share of its distance.
+constexpr double kTurned_rad = 0.01;
+constexpr double kMoved = 0.005;
+// A tag joins two components when it, seen from both, differs by no more than this in what gravity
+// says.
+constexpr double kSameTilt_rad = 0.06;
+constexpr double kSamePlace_m = 0.15;
+
+void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
+  information(at, at) = 1.0 / (sigma * sigma);
+}
+
+}  // namespace
+
+void MapGraph::add_body(int body_id, const BodySensors& sensors, const EstimatorConfig& config) {
+  GraphBody body;
+  body.id = body_id;
+  const auto count = static_cast<Eigen::Index>(sensors.cameras.size());
+  body.information = Eigen::MatrixXd::Zero(segment_layout::kCameraSize * count,
+                                           segment_layout::kCameraSize * count);
+  for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
+    const CameraMount& mount = sensors.cameras[c];
+    body.lenses.push_back(mount.model);
+    body.expected.push_back({.X_BV = mount.X_BV,
+                             .shift_s = 0,
+                             .readout_s = mount.readout_s,
+                             .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
+                             .lens = {}});
+    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+    const bool open = config.estimate_extrinsics;
+    Matrix6d plain = Matrix6d::Zero();
+    const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
+    plain.diagonal().head<3>().setConstant(
+        inverse_square(open ? std::max(kExact, mount.position_sigma_m) : kExact));
+    plain.diagonal().tail<3>().setConstant(
+        inverse_square(open ? std::max(kExact, mount.rotation_sigma_rad) : kExact));
+    const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
+    body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
+    const bool clocks = config.estimate_clocks && sensors.imu;
+    add_square(body.information, at + 6,
+               clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
+    add_square(body.information, at + 7, clocks ? std::max(kExact, mount.readout_sigma_s) : kExact);
+    add_square(body.information, at + 8, std::max(kExact, mount.focal_sigma));
+    add_square(body.information, at + 9, std::max(kExactCentre_px, mount.centre_sigma_px));
+    add_square(body.information, at + 10, std::max(kExactCentre_px, mount.centre_sigma_px));
+    add_square(body.information, at + 11, std::max(kExact, mount.k1_sigma));
+  }
+  body.cameras = body.expected;
+  state_.bodies.push_back(std::move(body));
+}
+
+std::size_t MapGraph::body_of(int body_id) const {
+  const auto found = std::find_if(state_.bodies.begin(), state_.bodies.end(),
+                                  [&](const GraphBody& body) { return body.id == body_id; });
+  FIDUCAP_ASSERT(found != state_.bodies.end());
+  return static_cast<std::size_t>(found - state_.bodies.begin());
+}
+
+bool MapGraph::add(MotionSegment segment) {
+  const std::size_t body = body_of(segment.body_id);
+  GraphSegment entry;
+  auto factor = condense(segment, state_.bodies[body].lenses);
+  if (!factor) return false;
+  entry.factor = std::move(*factor);
+  const auto chain = chains_.find(segment.body_id);
+  const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain;
+  entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
+  const int component = state_.nodes[entry.begin].component;
+  const Pose G =
+      axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu);
+  entry.end = state_.nodes.size();
+  state_.nodes.push_back({static_cast<int>(body), in_other_axes(G, segment.end()), component});
+  state_.nodes.back().at.at = segment.end().at;
+  // The factor's tags stand in the factor's axes, the segment's in the filter's.
+  entry.raw = std::move(segment);
+  for (const KnownTag& tag : entry.raw.tags) {
+    const auto [at, is_new] = tag_numbers_.try_emplace(tag.tag_id, state_.tags.size());
+    if (is_new) {
+      state_.tags.push_back({.tag_id = tag.tag_id,
+                             .edge_m = tag.edge_m,
+                             .X_WT = G * tag.X_WT,
+                             .component = component,
+                             .first_seen = entry.raw.begin().at});
+    }
+    entry.tags.push_back(at->second);
+  }
+  count_sightings(entry);
+  chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
+  state_.segments.push_back(std::move(entry));
+  link_components(state_.segments.back(), component);
+  return true;
+}
+
+std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
+  constexpr int kWorkspace = 0;
+  const int component = segment.anchored ? kWorkspace : ++components_;
+  state_.level[component] = state_.level[component] || segment.has_imu;
+  const auto last = chains_.find(segment.body_id);
+  ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu};
+  if (last != chains_.end() && segment.has_imu) {
+    start.after = static_cast<int>(last->second.node);
+    const InertialInput& input = segment.instances[1].steps.front().input;
+    start.accel_walk = std::max(1e-6, input.accel_walk);
+    start.gyro_walk = std::max(1e-7, input.gyro_walk);
+  }
+  if (last == chains_.end()) {
+    // What a start has found of clocks and lenses may be far from what was expected.
+    GraphBody& own = state_.bodies[body];
+    own.cameras = segment.cameras;
+    for (std::size_t c = 0; c < own.cameras.size(); ++c) {
+      const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+      own.expected[c].shift_s = own.cameras[c].shift_s;
+      const LensOffset& lens = own.cameras[c].lens;
+      if (lens.is_none()) continue;
+      add_square(own.information, at + 8, kOpenFocal);
+      add_square(own.information, at + 9, kOpenCentre_px);
+      add_square(own.information, at + 10, kOpenCentre_px);
+      if (lens.k1 != 0) add_square(own.information, at + 11, kOpenDistortion);
+    }
+  }
+  state_.nodes.push_back({static_cast<int>(body), segment.begin(), component});
+  state_.starts.push_back(start);
+  return start.node;
+}
+
+void MapGraph::count_sightings(const GraphSegment& entry) {
+  for (const MotionSegment::Instance& instance : entry.raw.instances) {
+    for (const SegmentImage& image : instance.images) {
+      for (const SegmentSighting& sighting : image.tags) {
+        GraphTag& tag = state_.tags[tag_numbers_.at(sighting.seen.tag_id)];
+        ++tag.sightings;
+        tag.last_seen = instance.body.at;
+      }
+    }
+  }
+}
+
+/// Tags of another component say how the two lie; when all of them say the same, they are one.
+void MapGraph::link_components(const GraphSegment& entry, int component) {
+  const Pose G =
+      axes_between(entry.factor.begin.X_WB, state_.nodes[entry.begin].at.X_WB, entry.raw.has_imu);
+  std::map<int, std::vector<Pose>> links;  // T: from this component to the other
+  for (std::size_t i = 0; i < entry.tags.size(); ++i) {
+    const GraphTag& tag = state_.tags[entry.tags[i]];
+    if (tag.component == component) continue;
+    const Pose here = G * entry.factor.tags[i].X_WT;
+    const bool level = state_.level.at(component) && state_.level.at(tag.component);
+    const Pose T = axes_between(here, tag.X_WT, level);
+    if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad) links[tag.component].push_back(T);
+  }
+  for (const auto& [other, all] : links) {
+    const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
+    const bool agree = std::all_of(all.begin(), all.end(), [&](const Pose& T) {
+      return (T * body - all.front() * body).norm() < kSamePlace_m;
+    });
+    if (!agree) continue;
+    // The workspace stays where it is.
+    if (component != 0) {
+      merge(component, other, all.front());
+    } else {
+      merge(other, component, all.front().inverse());
+    }
+    return;
+  }
+}
+
+void MapGraph::merge(int from, int into, const Pose& T) {
+  for (GraphNode& node : state_.nodes) {
+    if (node.component != from) continue;
+    node.at = in_other_axes(T, node.at);
+    node.component = into;
+  }
+  for (GraphTag& tag : state_.tags) {
+    if (tag.component != from) continue;
+    tag.X_WT = T * tag.X_WT;
+    tag.component = into;
+  }
+  state_.level[into] = state_.level[into] || state_.level[from];
+  state_.level.erase(from);
+}
+
+std::optional<GraphSolution> MapGraph::solve() {
+  if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
+  int iterations = 0;
+  int condensed = 0;
+  double cost = 0;
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (!iterate(iterations, cost)) return std::nullopt;
+    const int again = condense_again();
+    condensed += again;
+    if (again == 0) break;
+  }
+  lay_over_definition();
+  auto out = tell();
+  if (!out) return out;
+  out->cost = 2 * cost;
+  out->iterations = iterations;
+  out->condensed = condensed;
+  for (const GraphSegment& segment : state_.segments) out->numbers += segment.factor.numbers;
+  return out;
+}
+
+/// Levenberg–Marquardt until nothing moves.
+bool MapGraph::iterate(int& iterations, double& cost) {
+  const GraphVariables variables(state_);
+  double damping = 1e-9;
+  NormalEquations equations = normal_equations(state_, variables);
+  cost = equations.cost;
+  for (int i = 0; i < kMostIterations; ++i) {
+    ++iterations;
+    const auto factor = BlockCholesky::factor(equations.H, damping);
+    const Eigen::VectorXd delta =
+        factor ? Eigen::VectorXd(factor->solve(equations.pull)) : Eigen::VectorXd();
+    if (!factor || !delta.allFinite()) {
+      damping = std::max(1e-6, 10 * damping);
+      if (damping > 1e3) return false;
+      continue;
+    }
+    const GraphState before = state_;
+    move_by(delta, variables, equations.H, state_);
+    NormalEquations next = normal_equations(state_, variables);
+    if (!(next.cost <= cost * (1 + 1e-9) + 1e-9)) {
+      state_ = before;
+      damping = std::max(1e-6, 10 * damping);
+      if (damping > 1e3) return true;
+      continue;
+    }
+    cost = next.cost;
+    equations = std::move(next);
+    damping *= 0.1;
+    if (delta.cwiseAbs().maxCoeff() < kConverged) return true;
+  }
+  return true;
+}
+
+int MapGraph::condense_again() {
+  int count = 0;
+  for (GraphSegment& segment : state_.segments) {
+    const Eigen::VectorXd error = error_of(state_, segment);
+    const int cameras = static_cast<int>(segment.factor.cameras.size());
+    bool is_off = false;
+    const auto look = [&](const Pose& was, const Vector6d& by) {
+      const double turned = by.tail<3>().norm();
+      const double shifted = (moved(was, by).p - was.p).norm();
+      is_off = is_off || turned > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
+    };
+    look(segment.factor.end.X_WB, error.segment<6>(segment_layout::kEnd));
+    for (std::size_t i = 0; i < segment.tags.size(); ++i)
+      look(segment.factor.tags[i].X_WT,
+           error.segment<6>(segment_layout::tag(cameras, static_cast<int>(i))));
+    if (!is_off) continue;
+    MotionSegment raw = segment.raw;
+    // The path between goes along with where it begins.
+    const BodyMoment& begin = state_.nodes[segment.begin].at;
+    const Pose G = axes_between(raw.begin().X_WB, begin.X_WB, raw.has_imu);
+    for (MotionSegment::Instance& instance : raw.instances)
+      instance.body = in_other_axes(G, instance.body);
+    raw.instances.front().body = begin;
+    raw.instances.back().body = state_.nodes[segment.end].at;
+    raw.cameras = state_.bodies[static_cast<std::size_t>(state_.nodes[segment.begin].body)].cameras;
+    for (std::size_t i = 0; i < segment.tags.size(); ++i)
+      raw.tags[i].X_WT = state_.tags[segment.tags[i]].X_WT;
+    auto factor = condense(
+        raw, state_.bodies[static_cast<std::size_t>(state_.nodes[segment.begin].body)].lenses);
+    if (!factor) continue;
+    segment.raw = std::move(raw);
+    segment.factor = std::move(*factor);
+    ++count;
+  }
+  return count;
+}
+
+void MapGraph::define_axes() {
+  definition_.clear();
+  is_defined_ = true;
+  for (const GraphTag& tag : state_.tags)
+    if (tag.component == 0) definition_[tag.tag_id] = tag.X_WT.p;
+}
+
+void MapGraph::lay_over_definition() {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const GraphTag& tag : state_.tags) {
+    const auto was = definition_.find(tag.tag_id);
+    if (was != definition_.end() && tag.component == 0)
+      points.emplace_back(tag.X_WT.p, was->second);
+  }
+  if (points.size() > 1) merge(0, 0, lay_over(points));
+}
+
+std::optional<GraphSolution> MapGraph::tell() {
+  const GraphVariables variables(state_);
+  const NormalEquations equations = normal_equations(state_, variables);
+  auto factor = BlockCholesky::factor(equations.H, 1e-12);
+  if (!factor) return std::nullopt;
+  factor->invert();
+  GraphSolution out;
+  std::vector<Datum::Tag> defining;
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    const GraphTag& tag = state_.tags[i];
+    if (tag.component != 0 || (is_defined_ && !definition_.contains(tag.tag_id))) continue;
+    defining.push_back({variables.tag(i), tag.X_WT.p});
+    poses.push_back(tag.X_WT);
+  }
+  if (defining.empty()) return std::nullopt;
+  const Datum datum(defining, poses, *factor, equations.H);
+  const auto plain = [&](std::size_t i, std::size_t j) -> std::optional<Matrix6d> {
+    const int a = variables.tag(i);
+    const int b = variables.tag(j);
+    const auto raw = factor->inverse(a, b);
+    if (!raw) return std::nullopt;
+    return Matrix6d(world::plain_from_world_error(state_.tags[i].X_WT.p) *
+                    datum.between(a, b, *raw) *
+                    world::plain_from_world_error(state_.tags[j].X_WT.p).transpose());
+  };
+  for (const auto& [tag_id, i] : tag_numbers_) {
+    const GraphTag& tag = state_.tags[i];
+    out.tags.push_back({tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
+                        tag.last_seen, tag.X_WT, *plain(i, i)});
+  }
+  std::set<std::pair<std::size_t, std::size_t>> together;
+  for (const GraphSegment& segment : state_.segments) {
+    for (const std::size_t i : segment.tags)
+      for (const std::size_t j : segment.tags)
+        if (i < j) together.emplace(i, j);
+  }
+  for (const auto& [i, j] : together) {
+    if (const auto covariance = plain(i, j))
+      out.pairs.push_back({state_.tags[i].tag_id, state_.tags[j].tag_id, *covariance});
+  }
+  return out;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <set>
+#include <span>
+#include <vector>
+
+#include "estimation/body_filter.hpp"
+#include "mapping/graph/graph_state.hpp"
+
+namespace fiducap {
+
+/// A tag as the graph has it, in the axes of the map.
+struct GraphTagEstimate {
+  int tag_id{};
+  double edge_m{};
+  int component{};
+  int sightings{};
+  Instant first_seen{};
+  Instant last_seen{};
+  Pose X_WT;
+  /// As KnownTag::covariance, against the mean place and heading of the tags that define W.
+  Matrix6d covariance{Matrix6d::Zero()};
+};
+
+/// How two tags' errors hang together: covariance of the first's six numbers with the second's.
+struct GraphTagPair {
+  int first_id{};
+  int second_id{};
+  Matrix6d covariance{Matrix6d::Zero()};
+};
+
+struct GraphSolution {
+  std::vector<GraphTagEstimate> tags;  ///< By id.
+  std::vector<GraphTagPair> pairs;     ///< Tags seen together.
+  double cost{};                       ///< Twice: chi-square …
+  double numbers{};                    ///< … of so many.
+  int iterations{};
+  int condensed{};  ///< Segments linearised anew.
+};
+
+/// The one map of all bodies as a least squares problem over everything that they ever saw and
+/// felt: bodies where their segments meet, cameras, tags. Not thread-safe; slow; memory grows with
+/// the segments.
+class MapGraph final {
+ public:
+  /// Of a body before its first segment.
+  void add_body(int body_id, const BodySensors& sensors, const EstimatorConfig& config);
+  /// @return whether it says anything
+  bool add(MotionSegment segment);
+  /// Moves everything to where it fits best, and tells how well that is known.
+  /// @return nullopt when there is nothing to solve, or numbers are not finite
+  [[nodiscard]] std::optional<GraphSolution> solve();
+  /// From now on W is where these tags are in the mean: what is solved later is laid over them.
+  void define_axes();
+  [[nodiscard]] const GraphState& state() const { return state_; }
+
+ private:
+  struct Chain {
+    std::size_t node{};  ///< Where its last segment ended.
+    int number{-1};
+  };
+  std::size_t body_of(int body_id) const;
+  [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
+  void add_tags(const SegmentFactor& factor, const Pose& G, int component, GraphSegment& entry);
+  void count_sightings(const GraphSegment& entry);
+  void link_components(const GraphSegment& entry, int component);
+  void merge(int from, int into, const Pose& T);
+  bool iterate(int& iterations, double& cost);
+  int condense_again();
+  void lay_over_definition();
+  [[nodiscard]] std::optional<GraphSolution> tell();
+
+  GraphState state_;
+  std::map<int, Chain> chains_;  ///< Per body id.
+  std::map<int, std::size_t> tag_numbers_;
+  std::map<int, Eigen::Vector3d> definition_;  ///< Places of the tags that define W.
+  bool is_defined_{false};
+  int components_{0};
+};
+
+}  // namespace fiducap

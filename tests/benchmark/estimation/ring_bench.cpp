@@ -1,0 +1,187 @@
+// One map of several robots: a ring of 92 m with 100 tags, of which each robot walks its share back
+// and forth. Their filters with the live map, and the map graph over what they saw.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+
+#include "base/so3.hpp"
+#include "estimation/ensemble.hpp"
+#include "estimation/options.hpp"
+#include "estimation/parallel.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "mapping/graph/map_graph.hpp"
+
+namespace fiducap::bench {
+
+namespace {
+
+constexpr std::uint64_t kNextRobot = 10'000;
+constexpr double kSeconds = 240;
+constexpr double kShareOfThree = 0.45;
+
+struct MapScore {
+  double raw_m{};
+  double level_m{};  ///< Place and heading of the whole map taken out.
+  double level_rad{};
+  double nees{};     ///< Of that, per degree of freedom.
+  double sigma_m{};  ///< Told, RMS.
+  int tags{};
+};
+
+template <class Tags, class Entry>
+MapScore score(const Tags& tags, const EstimationData& data, const Entry& entry) {
+  const Pose X_WR = workspace_of(data);
+  MapScore out;
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const auto& tag : tags) {
+    const auto [tag_id, X_WT, covariance] = entry(tag);
+    points.emplace_back(X_WT.p, (X_WR * data.tag(tag_id)->X_WT).p);
+  }
+  const Pose level = lay_over(points);
+  for (const auto& tag : tags) {
+    const auto [tag_id, X_WT, covariance] = entry(tag);
+    const Pose truth = X_WR * data.tag(tag_id)->X_WT;
+    const Pose X = level * X_WT;
+    out.raw_m += (X_WT.p - truth.p).squaredNorm();
+    out.level_m += (X.p - truth.p).squaredNorm();
+    out.level_rad += std::pow(angle_between(X.q, truth.q), 2);
+    Vector6d e;
+    e << X.p - truth.p, log_so3(X.q * truth.q.conjugate());
+    out.nees += e.dot(covariance.ldlt().solve(e)) / 6;
+    out.sigma_m += covariance.diagonal().template head<3>().sum();
+    ++out.tags;
+  }
+  const double n = std::max(1, out.tags);
+  out.raw_m = std::sqrt(out.raw_m / n);
+  out.level_m = std::sqrt(out.level_m / n);
+  out.level_rad = std::sqrt(out.level_rad / n);
+  out.sigma_m = std::sqrt(out.sigma_m / n);
+  out.nees /= n;
+  return out;
+}
+
+struct RingRun {
+  MapScore live;
+  MapScore graph;
+  std::vector<double> position_m;
+  std::vector<double> nees;
+  std::vector<double> tracks_after_s;
+  double chi_square{};
+  double solve_s{};
+  int iterations{};
+  int condensed{};
+  std::size_t nodes{};
+};
+
+RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
+  std::vector<EstimationData> data;
+  simulation::RingConfig ring;
+  const double share = robots == 1 ? 1.0 : 1.35 / robots;
+  if (robots > 3) ring = {276, 300};
+  for (int k = 0; k < robots; ++k) {
+    SimulatedDataSetup setup;
+    setup.world = "ring";
+    setup.seconds = options.seconds > 0 ? options.seconds : kSeconds;
+    setup.seed = seed + kNextRobot * static_cast<std::uint64_t>(k);
+    setup.ring = ring;
+    setup.from = static_cast<double>(k) / robots;
+    setup.share = robots == 3 ? kShareOfThree : share;
+    data.push_back(simulate(setup));
+  }
+  for (EstimationData& one : data) one.reference_tag = data.front().reference_tag;
+  FilterChoice choice = choice_of(options, "world", 'A');
+  choice.live = true;
+  MapGraph graph;
+  for (std::size_t k = 0; k < data.size(); ++k) {
+    const PipelineSetup setup = pipeline_of(data[k], choice);
+    graph.add_body(static_cast<int>(k) + 1, setup.sensors, setup.estimator);
+  }
+  RingRun out;
+  out.tracks_after_s.assign(data.size(), Nees::kNone);
+  const Instant first = time_of(data.front().samples.front());
+  choice.listen = [&](std::size_t body, const BodyUpdate& update) {
+    if (update.is_placed() && std::isnan(out.tracks_after_s[body]))
+      out.tracks_after_s[body] = to_seconds(update.seen.exposed_at - first);
+    if (!update.segment) return;
+    MotionSegment segment = *update.segment;
+    segment.body_id = static_cast<int>(body) + 1;
+    (void)graph.add(std::move(segment));
+  };
+  const TogetherRun run = run_together(data, choice);
+  out.live = score(run.map.tags, data.front(), [](const MapTag& t) {
+    return std::tuple(t.tag.tag_id, t.tag.X_WT, t.tag.covariance);
+  });
+  for (const FilterRun& body : run.bodies) {
+    const FilterRun settled = body.scored_after(kSettled_s);
+    out.position_m.push_back(settled.position_rmse_m());
+    out.nees.push_back(settled.mean([](const auto& at) { return at.nees.pose; }) / 6);
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  const auto solution = graph.solve();
+  out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  if (!solution) return out;
+  out.nodes = graph.state().nodes.size();
+  out.iterations = solution->iterations;
+  out.condensed = solution->condensed;
+  out.chi_square = solution->cost / solution->numbers;
+  std::vector<GraphTagEstimate> joined;
+  for (const GraphTagEstimate& tag : solution->tags)
+    if (tag.component == 0) joined.push_back(tag);
+  out.graph = score(joined, data.front(), [](const GraphTagEstimate& t) {
+    return std::tuple(t.tag_id, t.X_WT, t.covariance);
+  });
+  return out;
+}
+
+std::string list(const std::vector<double>& values, double unit, int decimals) {
+  std::string out;
+  for (const double value : values)
+    out += fmt::format("{}{:.{}f}", out.empty() ? "" : " ", unit * value, decimals);
+  return out;
+}
+
+}  // namespace
+
+std::vector<Table> bench_ring(const EstimationOptions& options) {
+  Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
+                          options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
+              {"robots",         "seed",         "live raw mm", "level", "NEES",  "tags",
+               "graph raw mm",   "level",        "deg",         "sigma", "NEES",  "tags",
+               "chi2",           "nodes",        "solve s",     "its",   "again", "bodies mm",
+               "NEES of bodies", "track after s"}};
+  for (const std::string& name : options.classes) {
+    const int robots = std::stoi(name);
+    std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
+    in_parallel(options.seeds, options.threads, [&](int i) {
+      runs[static_cast<std::size_t>(i)] =
+          run_one(options, robots, options.first_seed + static_cast<std::uint64_t>(i));
+    });
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      const RingRun& run = runs[i];
+      table.rows.push_back({name,
+                            std::to_string(options.first_seed + i),
+                            Figure{kMm * run.live.raw_m, 1},
+                            Figure{kMm * run.live.level_m, 1},
+                            Figure{run.live.nees, 1},
+                            std::to_string(run.live.tags),
+                            Figure{kMm * run.graph.raw_m, 1},
+                            Figure{kMm * run.graph.level_m, 2},
+                            Figure{kDegrees * run.graph.level_rad, 3},
+                            Figure{kMm * run.graph.sigma_m, 2},
+                            Figure{run.graph.nees, 2},
+                            std::to_string(run.graph.tags),
+                            Figure{run.chi_square, 3},
+                            std::to_string(run.nodes),
+                            Figure{run.solve_s, 2},
+                            std::to_string(run.iterations),
+                            std::to_string(run.condensed),
+                            list(run.position_m, kMm, 0),
+                            list(run.nees, 1, 1),
+                            list(run.tracks_after_s, 1, 1)});
+    }
+  }
+  return {table};
+}
+
+}  // namespace fiducap::bench
