@@ -95,6 +95,9 @@ struct UpdateReport {
   /// Set when W was re-defined (first reference or known tag): poses of this generation given out
   /// before are X_new = *gauge_shift * X_old.
   std::optional<Pose> gauge_shift;
+  /// Set when the map has learned, and the body went along: it stood at X_WB, where it is now said
+  /// to have stood at *map_shift * X_WB. The room is the same as before.
+  std::optional<Pose> map_shift;
 
   [[nodiscard]] std::span<const int> named_dropped() const {
     return std::span(dropped_tags)

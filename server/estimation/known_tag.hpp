@@ -24,6 +24,8 @@ struct KnownTag {
   [[nodiscard]] bool is_exact() const { return covariance.isZero(0); }
 };
 
+struct KnownMap;
+
 /// What the shared map tells one body's filter before an image. The map owns the workspace: a
 /// filter that stands in it never re-defines it.
 struct MapKnowledge {
@@ -32,6 +34,8 @@ struct MapKnowledge {
   /// There is no workspace yet, and this body may make it out of its tags (the reference tag, or
   /// the first one when none is named). False: it waits, not anchored, for a tag of the map.
   bool may_define_workspace{true};
+  /// The whole of it, when its tags hang together; nullptr: each tag of `tags` stands alone.
+  const KnownMap* whole{};
 };
 
 }  // namespace fiducap

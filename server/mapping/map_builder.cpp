@@ -26,6 +26,7 @@ constexpr double kMove_rad = 0.1;
 // Long enough not to be asked the same again and again, short enough for a tag that then moves.
 constexpr Duration kDisputeHolds = std::chrono::minutes(1);
 constexpr std::size_t kKeptEvents = 256;
+constexpr std::size_t kKeptSegments = 1024;
 
 double position_variance(const KnownTag& tag) { return tag.covariance.diagonal().head<3>().sum(); }
 
@@ -75,6 +76,7 @@ std::vector<ConfigError> MapConfig::check() const {
       .positive("publish_position_sigma_m", publish_position_sigma_m)
       .positive("publish_rotation_sigma_rad", publish_rotation_sigma_rad)
       .within("publish_sightings", publish_sightings, 1, 1'000'000)
+      .not_negative("refine_period_s", refine_period_s)
       .positive("commit_period_s", commit_period_s)
       .errors;
 }
@@ -148,8 +150,15 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   bool follow = false;
   for (const int tag_id : contribution.contradicted)
     follow |= quarantine_locked(contribution, tag_id);
-  for (const TagBelief& belief : contribution.beliefs)
-    follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
+  if (!working_.known) {
+    for (const TagBelief& belief : contribution.beliefs)
+      follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
+  }
+  if (contribution.segment != nullptr) {
+    segments_.push_back(*contribution.segment);
+    segments_.back().body_id = contribution.body_id;
+    if (segments_.size() > kKeptSegments) segments_.erase(segments_.begin());
+  }
   if (follow) publish_locked(utc_now_ns);
   return turn;
 }
@@ -274,6 +283,37 @@ MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
       MapEvent::Kind::kTagAdded, id,
       "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));
   return *working_.tags.insert(place, MapTag{.tag = belief.tag});
+}
+
+std::vector<MotionSegment> MapBuilder::take_segments() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(segments_, {});
+}
+
+void MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_now_ns) {
+  const std::lock_guard lock(mutex_);
+  if (config_.mode == MapMode::kFrozen) return;
+  auto known = std::make_shared<KnownMap>();
+  known->revision = revision_ + 1;
+  for (const GraphTagEstimate& tag : solution.tags) {
+    if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
+    const KnownTag placed{tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance};
+    if (fault_in(MapTag{.tag = placed})) continue;
+    MapTag* entry = find_in(working_, tag.tag_id);
+    if (entry == nullptr) {
+      entry = &add_locked(-1, {.tag = placed});
+      entry->first_seen_utc_ns = utc_now_ns;
+    }
+    if (entry->state == TagState::kSurveyed) continue;
+    entry->tag = placed;
+    entry->sightings = tag.sightings;
+    entry->last_seen_utc_ns = utc_now_ns;
+    if (entry->state != TagState::kQuarantined) known->tags.push_back(placed);
+    has_workspace_ = true;
+  }
+  known->pairs = solution.pairs;
+  working_.known = std::move(known);
+  publish_locked(utc_now_ns);
 }
 
 void MapBuilder::publish_locked(std::int64_t utc_now_ns) {

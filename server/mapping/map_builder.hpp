@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "estimation/segment/motion_segment.hpp"
 #include "estimation/tag_belief.hpp"
+#include "mapping/graph/map_graph.hpp"
 #include "mapping/map_event.hpp"
 #include "mapping/tag_map.hpp"
 
@@ -28,6 +30,8 @@ struct MapConfig {
   double publish_position_sigma_m{0.05};
   double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
   int publish_sightings{10};                ///< … and was seen at least this often.
+  /// What all bodies saw is refined together this often, in seconds of their data; 0: never.
+  double refine_period_s{2.0};
   double commit_period_s{10.0};             ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
@@ -47,6 +51,7 @@ struct MapContribution {
   bool anchored{};  ///< The body's filter stands in the workspace.
   std::span<const TagBelief> beliefs{};
   std::span<const int> contradicted{};  ///< Tags that the body's filter gave up for their place.
+  const MotionSegment* segment{};       ///< That has just ended, or nullptr.
 };
 
 /// Joins the tag beliefs of all bodies into the one shared map, and owns the workspace.
@@ -79,6 +84,11 @@ class MapBuilder final {
   /// @param utc_now_ns  for first/last seen, and the time of creation of what is published
   /// @return how many contributions came before this one
   std::uint64_t absorb(const MapContribution& contribution, std::int64_t utc_now_ns);
+  /// The segments that have come since the last call, in order.
+  [[nodiscard]] std::vector<MotionSegment> take_segments();
+  /// What the graph makes of all segments so far: from now on it says where its tags are, and
+  /// beliefs are not listened to any more.
+  void adopt(const GraphSolution& solution, std::int64_t utc_now_ns);
   /// Nothing more comes from this body; what it reserved is free.
   void release(int body_id);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
@@ -128,6 +138,7 @@ class MapBuilder final {
   bool has_workspace_;                  ///< … or a body has since.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
+  std::vector<MotionSegment> segments_;  ///< For the graph.
   std::vector<MapEvent> events_;
   std::uint64_t revision_{0};
   std::uint64_t contributions_{0};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,7 +10,7 @@
 #include "base/pose.hpp"
 #include "base/time.hpp"
 #include "detection/tag_observation.hpp"
-#include "estimation/known_tag.hpp"
+#include "estimation/known_map.hpp"
 
 namespace fiducap {
 
@@ -46,6 +47,8 @@ struct TagMap {
   std::int64_t created_utc_ns{};
   std::string comment;
   std::vector<MapTag> tags;  ///< Sorted by id, ids unique.
+  /// The tags that the map graph has placed, and what their errors share; nullptr: no graph has.
+  std::shared_ptr<const KnownMap> known;
 
   [[nodiscard]] const MapTag* find(int tag_id) const;
   /// The tags of `seen` that a filter may lean on (not quarantined, component 0), appended to `out`

@@ -167,7 +167,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   if (late_.only_watches(corners.camera)) return watched_image();
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
-  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace});
+  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace, view.map->known.get()});
   const ClockEstimate clock = filter_->clock(corners.camera);
   merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
   agreement_.set_used_shift(corners.camera, clock.shift_s);

@@ -54,7 +54,8 @@ MapContribution contribution_of(int body_id, const BodyUpdate& update) {
           .at = update.seen.exposed_at,
           .anchored = update.estimate && update.estimate->anchored,
           .beliefs = update.beliefs,
-          .contradicted = update.contradicted};
+          .contradicted = update.contradicted,
+          .segment = update.segment ? &*update.segment : nullptr};
 }
 
 }  // namespace fiducap

@@ -71,6 +71,7 @@ void describe(V& v, MapSettings& c) {
   v.value("publish_position_sigma_m", c.builder.publish_position_sigma_m);
   v.value("publish_rotation_sigma_rad", c.builder.publish_rotation_sigma_rad);
   v.value("publish_sightings", c.builder.publish_sightings);
+  v.value("refine_period_s", c.builder.refine_period_s);
   v.value("commit_period_s", c.builder.commit_period_s);
 }
 

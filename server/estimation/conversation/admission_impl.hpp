@@ -208,7 +208,7 @@ void FilterConversation<C>::admit_known(const TagObservations& seen, const TagTo
                                         const Pose& X_VT, UpdateReport& report) {
   if (!anchor_.is_anchored()) coordinates().forget_past();  // it does not know where the room is
   shift_axes(anchor_.by_sighting(coordinates(), seen.camera, X_VT, tag.known->X_WT), report);
-  coordinates().hold_one(*tag.known, seen.exposed_at);
+  coordinates().hold_one(*tag.known, map_, seen.exposed_at);
   tags_.usable.assign(1, tag);
   tags_.usable.front().local = state().find(tag.known->tag_id);
   coordinates().forget_aim();

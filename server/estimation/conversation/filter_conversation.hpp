@@ -73,6 +73,7 @@ class FilterConversation final : public StartingFilter {
   UpdateReport process(const TagObservations& seen, std::span<const KnownTag> known);
   /// What the map says first, and whether the body is still followed.
   void meet(const TagObservations& seen, std::span<const KnownTag> known, UpdateReport& report);
+  void follow_map(UpdateReport& report);
   void sort(const TagObservations& seen, std::span<const KnownTag> known);
   /// @return iterations of the update; 0: the state does not stand at this image
   int move_to(const TagObservations& seen);
@@ -132,6 +133,7 @@ class FilterConversation final : public StartingFilter {
   double gate_;
   bool is_start_over_{false};
   bool may_define_workspace_{true};  ///< See MapKnowledge.
+  const KnownMap* map_{};            ///< Of the present image.
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
   std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.

@@ -84,17 +84,19 @@ void FilterConversation<C>::propagate(const ImuSample& imu) {
 template <class C>
 UpdateReport FilterConversation<C>::update(const TagObservations& seen, const MapKnowledge& map) {
   may_define_workspace_ = map.may_define_workspace;
+  map_ = map.whole;
   const int generation = generation_;
   UpdateReport report = process(seen, map.tags);
   report.generation = generation_;
   report.running = running();
+  map_ = nullptr;
   if (generation_ != generation) report.gauge_shift.reset();  // nothing was given out since
   return report;
 }
 
 template <class C>
 void FilterConversation<C>::sort(const TagObservations& seen, std::span<const KnownTag> known) {
-  coordinates().hold_map_tags(seen, known, anchor_.is_anchored());
+  coordinates().hold_map_tags(seen, known, map_, anchor_.is_anchored());
   tags_.sort(seen, known, state(), anchor_.is_anchored());
   const auto is_barred = [&](const TagToUse& tag) {
     return restless_.is_barred(tag.seen->tag_id, seen.exposed_at);
@@ -150,10 +152,11 @@ void FilterConversation<C>::meet(const TagObservations& seen, std::span<const Kn
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   coordinates().look_at(seen);
   if (is_following()) {
-    if (const auto shift = anchor_.by_own_tags(coordinates(), known)) {
+    if (const auto shift = anchor_.by_own_tags(coordinates(), known, map_ == nullptr)) {
       coordinates().forget_past();  // it does not know where the room is
       shift_axes(shift, report);
     }
+    if (map_ != nullptr && anchor_.is_anchored()) follow_map(report);
   }
   sort(seen, known);
   gap_before_s_ = contradictions_.seconds_without_fit(seen.exposed_at);
@@ -165,6 +168,19 @@ void FilterConversation<C>::meet(const TagObservations& seen, std::span<const Kn
     follower_.start(seen.exposed_at);
     contradictions_.note_fit(seen.exposed_at);
   }
+}
+
+/// From its first word on the map says where the workspace is.
+template <class C>
+void FilterConversation<C>::follow_map(UpdateReport& report) {
+  // Less does not look like a clock that jumped.
+  constexpr double kNoticeable_m = 0.005;
+  const auto moved = coordinates().follow_map(*map_);
+  if (!moved) return;
+  anchor_.give_to_map();
+  report.map_shift = moved;
+  const Eigen::Vector3d p_WB = coordinates().X_WB().p;
+  if ((p_WB - moved->inverse() * p_WB).norm() > kNoticeable_m) follower_.jump_search().forget_all();
 }
 
 template <class C>

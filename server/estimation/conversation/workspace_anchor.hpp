@@ -31,6 +31,8 @@ class WorkspaceAnchor final {
   void forget_tag(int tag_id) {
     if (defined_by_ == tag_id) defined_by_.reset();
   }
+  /// No tag of the state defines it any more.
+  void give_to_map() { defined_by_.reset(); }
   [[nodiscard]] bool is_anchored() const { return is_anchored_; }
   /// The tag of the state that W is defined by; nullopt: by the map, or it is gone.
   [[nodiscard]] std::optional<int> defined_by() const { return defined_by_; }
@@ -45,7 +47,9 @@ class WorkspaceAnchor final {
   }
 
   /// By tags of the state that the map has learned of: a body that knew them before the map did.
-  std::optional<Pose> by_own_tags(Coordinates& coordinates, std::span<const KnownTag> known) {
+  /// @param gives_tags  to the map, each on its own
+  std::optional<Pose> by_own_tags(Coordinates& coordinates, std::span<const KnownTag> known,
+                                  bool gives_tags) {
     if (is_anchored_) return std::nullopt;
     auto& state = coordinates.state();
     std::vector<MapLink> links;
@@ -64,7 +68,9 @@ class WorkspaceAnchor final {
     is_anchored_ = true;
     const Pose shift =
         anchor_local_to_known(state, index(links.front()), links.front().map->X_WT, level_);
-    for (const MapLink& link : links) coordinates.give_to_map(index(link), *link.map);
+    if (gives_tags) {
+      for (const MapLink& link : links) coordinates.give_to_map(index(link), *link.map);
+    }
     return shift;
   }
 

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "base/pose.hpp"
 #include "base/time.hpp"
+#include "capture/lens/camera_model.hpp"
 #include "capture/lens/lens_offset.hpp"
 #include "detection/corner_covariance.hpp"
 #include "detection/tag_observation.hpp"
@@ -21,6 +23,15 @@ struct BodyMoment {
   Eigen::Vector3d v_WB{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
+};
+
+/// What is known of a body before any image.
+struct SegmentSensors {
+  std::vector<CameraMount> cameras;
+  bool has_imu{true};
+  double gravity_m_s2{9.81};
+  bool estimates_extrinsics{true};
+  bool estimates_clocks{true};
 };
 
 /// A camera on a body as it is thought to be. What is learned of it holds for a whole segment.
@@ -70,13 +81,13 @@ struct MotionSegment {
   /// Segments of one chain hang together: each begins where the one before ends.
   int chain{};
   bool anchored{};  ///< Axes W are those of the workspace. False: the body's own.
-  bool has_imu{true};
-  double gravity_m_s2{9.81};
+  std::shared_ptr<const SegmentSensors> sensors;
   std::vector<Instance> instances;    ///< First: where it begins (only a chain's first one has
                                       ///< images there), last: where it ends.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   std::vector<KnownTag> tags;         ///< Where the filter, or the map, has the tags seen.
 
+  [[nodiscard]] bool has_imu() const { return sensors->has_imu; }
   [[nodiscard]] const BodyMoment& begin() const { return instances.front().body; }
   [[nodiscard]] const BodyMoment& end() const { return instances.back().body; }
 };

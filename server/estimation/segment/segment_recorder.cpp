@@ -26,8 +26,9 @@ SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConf
     : sensors_(sensors),
       config_(config),
       imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
-  open_.has_imu = sensors.imu.has_value();
-  open_.gravity_m_s2 = sensors.gravity_m_s2;
+  open_.sensors = std::make_shared<const SegmentSensors>(
+      SegmentSensors{sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2,
+                     config.estimate_extrinsics, config.estimate_clocks});
 }
 
 void SegmentRecorder::add(const ImuSample& imu) {
@@ -52,6 +53,7 @@ void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
   const BodyEstimate body = filter.estimate();
   if (body.at != seen.exposed_at) return;  // without IMU: it was not moved here
   if (report.gauge_shift) shift_axes(*report.gauge_shift);
+  if (report.map_shift) shift_axes(*report.map_shift);
   if (is_open_ && body.at - reached_ > kLongest) break_chain();
   for (const TagBelief& belief : beliefs) places_[belief.tag.tag_id] = belief.tag;
   for (const KnownTag& tag : known) {
@@ -116,8 +118,7 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   }
   done_ = std::move(open_);
   open_ = {};
-  open_.has_imu = done_->has_imu;
-  open_.gravity_m_s2 = done_->gravity_m_s2;
+  open_.sensors = done_->sensors;
 }
 
 SegmentImage SegmentRecorder::image_of(const TagObservations& seen,

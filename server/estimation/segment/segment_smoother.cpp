@@ -61,9 +61,8 @@ struct Motion {
 
 class Smoother final {
  public:
-  Smoother(MotionSegment& segment, std::span<const CameraModel> lenses)
+  explicit Smoother(MotionSegment& segment)
       : segment_(segment),
-        lenses_(lenses),
         cameras_(static_cast<int>(segment.cameras.size())),
         rest_(segment_layout::tag(cameras_, static_cast<int>(segment.tags.size()))),
         noise_(EstimatorConfig{}, false) {
@@ -144,14 +143,14 @@ class Smoother final {
     bench_.gyro_B = input.w_B;
     if (input.has_accelerometer) {
       bench_.a_WB = bench_.X_WB.q * (input.f_B - bench_.bias_f) +
-                    Eigen::Vector3d(0, 0, -segment_.gravity_m_s2);
+                    Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
     }
   }
 
   Motion move(const MotionSegment::Instance& from, const MotionSegment::Instance& to) {
     stand_at(from);
     world::MotionSinceImage motion;
-    const Eigen::Vector3d gravity(0, 0, -segment_.gravity_m_s2);
+    const Eigen::Vector3d gravity(0, 0, -segment_.sensors->gravity_m_s2);
     for (const SegmentStep& step : to.steps)
       world::propagate(bench_, motion, step.input, gravity, step.dt_s);
     Motion out;
@@ -243,7 +242,7 @@ class Smoother final {
     auto& clock = bench_.clocks[static_cast<std::size_t>(image.camera)];
     clock.applied_s = image.applied_s;
     const TagMeasurement m =
-        world::measure(bench_, image.camera, lenses_[static_cast<std::size_t>(image.camera)],
+        world::measure(bench_, image.camera, segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
                        {&sighting.seen, tag, nullptr}, noise_);
     if (!m.in_front || !m.y.allFinite()) return;
     Matrix8d weight = sighting.is_even
@@ -350,7 +349,6 @@ class Smoother final {
   }
 
   MotionSegment& segment_;
-  std::span<const CameraModel> lenses_;
   int cameras_;
   int rest_;
   CornerNoise noise_;  ///< Not looked at: every sighting has its own.
@@ -368,12 +366,12 @@ void shift(MotionSegment& segment, const Eigen::Vector3d& by) {
 
 }  // namespace
 
-std::optional<SegmentFactor> condense(MotionSegment& segment, std::span<const CameraModel> lenses) {
+std::optional<SegmentFactor> condense(MotionSegment& segment) {
   if (segment.instances.size() < 2) return std::nullopt;
   // Errors on the world's side are about its origin; from far away the numbers would be worse.
   const Eigen::Vector3d origin = segment.begin().X_WB.p;
   shift(segment, -origin);
-  auto out = Smoother(segment, lenses).run();
+  auto out = Smoother(segment).run();
   shift(segment, origin);
   return out;
 }

@@ -1,12 +1,10 @@
 #pragma once
 
 #include <optional>
-#include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "capture/lens/camera_model.hpp"
 #include "estimation/segment/motion_segment.hpp"
 
 namespace fiducap {
@@ -45,9 +43,7 @@ struct SegmentFactor {
 
 /// Least squares over all images and readings of the segment, ends, cameras and tags held where the
 /// segment has them. Moves its instances between to where they fit best, in W axes.
-/// @param lenses  configured, one per camera
 /// @return nullopt when the numbers are not finite or no image shows a tag of the segment
-[[nodiscard]] std::optional<SegmentFactor> condense(MotionSegment& segment,
-                                                    std::span<const CameraModel> lenses);
+[[nodiscard]] std::optional<SegmentFactor> condense(MotionSegment& segment);
 
 }  // namespace fiducap

@@ -110,6 +110,12 @@ void FilterState::add_tag(const WorldTag& tag, const Matrix6d& own) {
   list_held();
 }
 
+void FilterState::hand_over(std::size_t i, const Pose& X_WT) {
+  tags[i].X_WT = X_WT;
+  tags[i].held = true;
+  list_held();
+}
+
 void FilterState::remove_tags(std::span<const std::size_t> numbers) {
   columns_.clear();
   for (const std::size_t i : numbers) {

@@ -98,6 +98,8 @@ struct FilterState {
   void add_tag(const WorldTag& tag, const Matrix6d& own);
   /// Takes tags out (marginalises them). @param numbers  ascending
   void remove_tags(std::span<const std::size_t> numbers);
+  /// The tag is the map's from now on, and stands there. Its covariance is left as it is.
+  void hand_over(std::size_t i, const Pose& X_WT);
   void remove_tag(std::size_t i) { remove_tags({&i, 1}); }
   /// All but the covariance.
   void copy_mean(const FilterState& other);

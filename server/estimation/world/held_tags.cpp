@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/so3.hpp"
+#include "estimation/world/map_exchange.hpp"
 #include "estimation/world/tag_entry.hpp"
 
 namespace fiducap::world {
@@ -48,14 +49,23 @@ void follow_map(FilterState& state, const TagObservations& seen, std::span<const
   }
 }
 
+/// Held tags that the map does not stand by any more.
+void forget_unknown(FilterState& state, const KnownMap& map) {
+  for (std::size_t i = state.tags.size(); i-- > 0;) {
+    if (state.tags[i].held && map.find(state.tags[i].tag_id) == nullptr) state.remove_tag(i);
+  }
+}
+
 }  // namespace
 
 void HeldTags::follow(FilterState& state, const TagObservations& seen,
-                      std::span<const KnownTag> known, bool is_anchored) {
-  follow_map(state, seen, known);
+                      std::span<const KnownTag> known, const KnownMap* whole,
+                      bool is_anchored) {
+  if (whole == nullptr) follow_map(state, seen, known);
+  if (whole != nullptr) forget_unknown(state, *whole);
   if (is_anchored) {
     for (const KnownTag& tag : known) {
-      if (is_in_view(seen, tag.tag_id)) hold_one(state, tag, seen.exposed_at);
+      if (is_in_view(seen, tag.tag_id)) hold_one(state, tag, whole, seen.exposed_at);
     }
   }
   forget(state, seen);
@@ -77,8 +87,9 @@ void HeldTags::forget(FilterState& state, const TagObservations& seen) {
   state.remove_tags(out_of_view_);
 }
 
-void hold_one(FilterState& state, const KnownTag& tag, Instant at) {
-  if (!tag.is_exact() && state.find(tag.tag_id) < 0) hold(state, tag, at);
+void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, Instant at) {
+  if (tag.is_exact() || state.find(tag.tag_id) >= 0) return;
+  whole != nullptr ? hold_beside(state, tag, *whole, at) : hold(state, tag, at);
 }
 
 }  // namespace fiducap::world

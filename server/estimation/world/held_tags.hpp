@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "detection/tag_observation.hpp"
-#include "estimation/known_tag.hpp"
+#include "estimation/known_map.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap::world {
@@ -14,8 +14,9 @@ namespace fiducap::world {
 class HeldTags final {
  public:
   /// Takes over what the map says of tags in view and of those held.
+  /// @param whole  what their errors share, or nullptr: each stands alone
   void follow(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known,
-              bool is_anchored);
+              const KnownMap* whole, bool is_anchored);
 
  private:
   void forget(FilterState& state, const TagObservations& seen);
@@ -24,6 +25,6 @@ class HeldTags final {
 };
 
 /// Nothing when it is there already, or exact: exact tags need no state.
-void hold_one(FilterState& state, const KnownTag& tag, Instant at);
+void hold_one(FilterState& state, const KnownTag& tag, const KnownMap* whole, Instant at);
 
 }  // namespace fiducap::world

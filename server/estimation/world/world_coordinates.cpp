@@ -7,6 +7,7 @@
 #include "base/so3.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/camera_moment.hpp"
+#include "estimation/world/map_exchange.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/teaching_image.hpp"
 
@@ -66,6 +67,7 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   nis_ = 1;
   motion_.restart();
   memory_.forget_all();
+  map_revision_.reset();
 }
 
 void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
@@ -228,6 +230,17 @@ void WorldCoordinates::look_at(const TagObservations& seen) {
 void WorldCoordinates::moved_axes(const Pose& X_new_old) {
   memory_.move_axes(X_new_old);
   noise_watch_.lose_motion();  // its covariance was in the old axes
+}
+
+std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
+  if (map_revision_ == map.revision) return std::nullopt;
+  map_revision_ = map.revision;
+  const auto moved = exchange(state_, map, sensors_.imu.has_value());
+  if (!moved) return moved;
+  memory_.forget_all();
+  state_.forget_clones();
+  noise_watch_.lose_motion();  // its covariance was in the old axes
+  return moved;
 }
 
 void WorldCoordinates::give_to_map(std::size_t tag, const KnownTag& map) {

@@ -78,10 +78,14 @@ class WorldCoordinates final {
   void look_at(const TagObservations& seen);
   /// Takes over what the map says of tags in view and of those held.
   void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
-                     bool is_anchored) {
-    held_tags_.follow(state_, seen, known, is_anchored);
+                     const KnownMap* whole, bool is_anchored) {
+    held_tags_.follow(state_, seen, known, whole, is_anchored);
   }
-  void hold_one(const KnownTag& tag, Instant at) { world::hold_one(state_, tag, at); }
+  void hold_one(const KnownTag& tag, const KnownMap* whole, Instant at) {
+    world::hold_one(state_, tag, whole, at);
+  }
+  /// The map has learned: see exchange(). @return X_WnewWold of the body
+  std::optional<Pose> follow_map(const KnownMap& map);
   /// The tag's own copy becomes the map's, and what both say is fused.
   void give_to_map(std::size_t tag, const KnownTag& map);
   /// A tag of the map is not a belief of this body.
@@ -145,6 +149,7 @@ class WorldCoordinates final {
   ImageMemory memory_;
   std::optional<CloneWindow> window_;  ///< Only when points are followed.
   HeldTags held_tags_;
+  std::optional<std::uint64_t> map_revision_;  ///< Of the map that was last taken over.
   FilterState before_;
   std::optional<FilterState> linearisation_;
   Eigen::Matrix<double, layout::kBodySize, 1> aimed_off_;

@@ -32,7 +32,6 @@ struct GraphTag {
 /// What the graph knows of a body as a whole.
 struct GraphBody {
   int id{};
-  std::vector<CameraModel> lenses;
   std::vector<CameraBelief> cameras;
   std::vector<CameraBelief> expected;  ///< By the configuration, with …
   Eigen::MatrixXd information;         ///< … this information about all cameras' numbers.

@@ -17,8 +17,8 @@ constexpr double kStartBiasF = 0.5;
 constexpr double kStartBiasW = 0.05;
 constexpr double kStartRate = 5.0;  // without IMU the rate stands in the gyro bias's place
 // Nothing says where a component is: one of its tags is held, this well. What follows from it is
-// the same whatever the number.
-constexpr double kGauge = 1e6;
+// the same whatever the number; a weak hold would let the whole drift by what is not linear.
+constexpr double kGauge = 1e11;
 
 /// How a segment's variables stand in the normal equations, and how their errors there change with
 /// the estimate.
@@ -44,7 +44,7 @@ Matrix15d on_body(const Vector15d& error, const Pose& G_inverse) {
 
 Pose axes_of(const GraphState& graph, const GraphSegment& segment) {
   return axes_between(segment.factor.begin.X_WB, graph.nodes[segment.begin].at.X_WB,
-                      segment.raw.has_imu);
+                      segment.raw.has_imu());
 }
 
 std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variables,

@@ -23,7 +23,9 @@ constexpr double kOpenDistortion = 0.1;
 
 constexpr int kMostIterations = 12;
 constexpr int kMostRounds = 4;
-constexpr double kConverged = 1e-6;  // m and rad, largest step
+// A step that makes the cost smaller by less than this moves nothing by more than a third of its
+// sigma, and most of all much less.
+constexpr double kConverged = 0.05;
 // A segment is linearised anew when something in it has moved, against where the body began, by
 // more than this: turned, or by this share of its distance.
 constexpr double kTurned_rad = 0.01;
@@ -37,24 +39,21 @@ void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
   information(at, at) = 1.0 / (sigma * sigma);
 }
 
-}  // namespace
-
-void MapGraph::add_body(int body_id, const BodySensors& sensors, const EstimatorConfig& config) {
+GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
   GraphBody body;
-  body.id = body_id;
+  body.id = id;
   const auto count = static_cast<Eigen::Index>(sensors.cameras.size());
   body.information = Eigen::MatrixXd::Zero(segment_layout::kCameraSize * count,
                                            segment_layout::kCameraSize * count);
   for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
     const CameraMount& mount = sensors.cameras[c];
-    body.lenses.push_back(mount.model);
     body.expected.push_back({.X_BV = mount.X_BV,
                              .shift_s = 0,
                              .readout_s = mount.readout_s,
                              .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
                              .lens = {}});
     const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
-    const bool open = config.estimate_extrinsics;
+    const bool open = sensors.estimates_extrinsics;
     Matrix6d plain = Matrix6d::Zero();
     const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
     plain.diagonal().head<3>().setConstant(
@@ -63,7 +62,7 @@ void MapGraph::add_body(int body_id, const BodySensors& sensors, const Estimator
         inverse_square(open ? std::max(kExact, mount.rotation_sigma_rad) : kExact));
     const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
     body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
-    const bool clocks = config.estimate_clocks && sensors.imu;
+    const bool clocks = sensors.estimates_clocks && sensors.has_imu;
     add_square(body.information, at + 6,
                clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
     add_square(body.information, at + 7, clocks ? std::max(kExact, mount.readout_sigma_s) : kExact);
@@ -73,20 +72,24 @@ void MapGraph::add_body(int body_id, const BodySensors& sensors, const Estimator
     add_square(body.information, at + 11, std::max(kExact, mount.k1_sigma));
   }
   body.cameras = body.expected;
-  state_.bodies.push_back(std::move(body));
+  return body;
 }
 
-std::size_t MapGraph::body_of(int body_id) const {
-  const auto found = std::find_if(state_.bodies.begin(), state_.bodies.end(),
-                                  [&](const GraphBody& body) { return body.id == body_id; });
-  FIDUCAP_ASSERT(found != state_.bodies.end());
-  return static_cast<std::size_t>(found - state_.bodies.begin());
+}  // namespace
+
+std::size_t MapGraph::body_of(const MotionSegment& segment) {
+  const auto found =
+      std::find_if(state_.bodies.begin(), state_.bodies.end(),
+                   [&](const GraphBody& body) { return body.id == segment.body_id; });
+  if (found != state_.bodies.end()) return static_cast<std::size_t>(found - state_.bodies.begin());
+  state_.bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
+  return state_.bodies.size() - 1;
 }
 
 bool MapGraph::add(MotionSegment segment) {
-  const std::size_t body = body_of(segment.body_id);
+  const std::size_t body = body_of(segment);
   GraphSegment entry;
-  auto factor = condense(segment, state_.bodies[body].lenses);
+  auto factor = condense(segment);
   if (!factor) return false;
   entry.factor = std::move(*factor);
   const auto chain = chains_.find(segment.body_id);
@@ -94,7 +97,7 @@ bool MapGraph::add(MotionSegment segment) {
   entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
-      axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu);
+      axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu());
   entry.end = state_.nodes.size();
   state_.nodes.push_back({static_cast<int>(body), in_other_axes(G, segment.end()), component});
   state_.nodes.back().at.at = segment.end().at;
@@ -121,10 +124,10 @@ bool MapGraph::add(MotionSegment segment) {
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
   constexpr int kWorkspace = 0;
   const int component = segment.anchored ? kWorkspace : ++components_;
-  state_.level[component] = state_.level[component] || segment.has_imu;
+  state_.level[component] = state_.level[component] || segment.has_imu();
   const auto last = chains_.find(segment.body_id);
-  ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu};
-  if (last != chains_.end() && segment.has_imu) {
+  ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu()};
+  if (last != chains_.end() && segment.has_imu()) {
     start.after = static_cast<int>(last->second.node);
     const InertialInput& input = segment.instances[1].steps.front().input;
     start.accel_walk = std::max(1e-6, input.accel_walk);
@@ -165,7 +168,7 @@ void MapGraph::count_sightings(const GraphSegment& entry) {
 /// Tags of another component say how the two lie; when all of them say the same, they are one.
 void MapGraph::link_components(const GraphSegment& entry, int component) {
   const Pose G =
-      axes_between(entry.factor.begin.X_WB, state_.nodes[entry.begin].at.X_WB, entry.raw.has_imu);
+      axes_between(entry.factor.begin.X_WB, state_.nodes[entry.begin].at.X_WB, entry.raw.has_imu());
   std::map<int, std::vector<Pose>> links;  // T: from this component to the other
   for (std::size_t i = 0; i < entry.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[entry.tags[i]];
@@ -243,11 +246,16 @@ bool MapGraph::iterate(int& iterations, double& cost) {
       if (damping > 1e3) return false;
       continue;
     }
-    const GraphState before = state_;
+    if (0.5 * delta.dot(equations.pull) < kConverged) return true;
+    const auto nodes = state_.nodes;
+    const auto tags = state_.tags;
+    const auto bodies = state_.bodies;
     move_by(delta, variables, equations.H, state_);
     NormalEquations next = normal_equations(state_, variables);
     if (!(next.cost <= cost * (1 + 1e-9) + 1e-9)) {
-      state_ = before;
+      state_.nodes = nodes;
+      state_.tags = tags;
+      state_.bodies = bodies;
       damping = std::max(1e-6, 10 * damping);
       if (damping > 1e3) return true;
       continue;
@@ -255,7 +263,6 @@ bool MapGraph::iterate(int& iterations, double& cost) {
     cost = next.cost;
     equations = std::move(next);
     damping *= 0.1;
-    if (delta.cwiseAbs().maxCoeff() < kConverged) return true;
   }
   return true;
 }
@@ -279,7 +286,7 @@ int MapGraph::condense_again() {
     MotionSegment raw = segment.raw;
     // The path between goes along with where it begins.
     const BodyMoment& begin = state_.nodes[segment.begin].at;
-    const Pose G = axes_between(raw.begin().X_WB, begin.X_WB, raw.has_imu);
+    const Pose G = axes_between(raw.begin().X_WB, begin.X_WB, raw.has_imu());
     for (MotionSegment::Instance& instance : raw.instances)
       instance.body = in_other_axes(G, instance.body);
     raw.instances.front().body = begin;
@@ -287,8 +294,7 @@ int MapGraph::condense_again() {
     raw.cameras = state_.bodies[static_cast<std::size_t>(state_.nodes[segment.begin].body)].cameras;
     for (std::size_t i = 0; i < segment.tags.size(); ++i)
       raw.tags[i].X_WT = state_.tags[segment.tags[i]].X_WT;
-    auto factor = condense(
-        raw, state_.bodies[static_cast<std::size_t>(state_.nodes[segment.begin].body)].lenses);
+    auto factor = condense(raw);
     if (!factor) continue;
     segment.raw = std::move(raw);
     segment.factor = std::move(*factor);
@@ -305,6 +311,18 @@ void MapGraph::define_axes() {
 }
 
 void MapGraph::lay_over_definition() {
+  if (!is_defined_) {
+    // Until somebody says where W is, it stays where it was.
+    if (!definition_.empty()) lay_over_places();
+    definition_.clear();
+    for (const GraphTag& tag : state_.tags)
+      if (tag.component == 0) definition_[tag.tag_id] = tag.X_WT.p;
+    return;
+  }
+  lay_over_places();
+}
+
+void MapGraph::lay_over_places() {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const GraphTag& tag : state_.tags) {
     const auto was = definition_.find(tag.tag_id);
@@ -352,9 +370,15 @@ std::optional<GraphSolution> MapGraph::tell() {
         if (i < j) together.emplace(i, j);
   }
   for (const auto& [i, j] : together) {
-    if (const auto covariance = plain(i, j))
-      out.pairs.push_back({state_.tags[i].tag_id, state_.tags[j].tag_id, *covariance});
+    const bool turned = state_.tags[i].tag_id > state_.tags[j].tag_id;
+    const std::size_t first = turned ? j : i;
+    const std::size_t second = turned ? i : j;
+    if (const auto covariance = plain(first, second))
+      out.pairs.push_back({state_.tags[first].tag_id, state_.tags[second].tag_id, *covariance});
   }
+  std::sort(out.pairs.begin(), out.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
+    return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
+  });
   return out;
 }
 

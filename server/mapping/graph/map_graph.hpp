@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "estimation/body_filter.hpp"
+#include "estimation/known_map.hpp"
 #include "mapping/graph/graph_state.hpp"
 
 namespace fiducap {
@@ -24,16 +24,9 @@ struct GraphTagEstimate {
   Matrix6d covariance{Matrix6d::Zero()};
 };
 
-/// How two tags' errors hang together: covariance of the first's six numbers with the second's.
-struct GraphTagPair {
-  int first_id{};
-  int second_id{};
-  Matrix6d covariance{Matrix6d::Zero()};
-};
-
 struct GraphSolution {
   std::vector<GraphTagEstimate> tags;  ///< By id.
-  std::vector<GraphTagPair> pairs;     ///< Tags seen together.
+  std::vector<KnownPair> pairs;        ///< Tags seen together; sorted.
   double cost{};                       ///< Twice: chi-square …
   double numbers{};                    ///< … of so many.
   int iterations{};
@@ -45,8 +38,6 @@ struct GraphSolution {
 /// the segments.
 class MapGraph final {
  public:
-  /// Of a body before its first segment.
-  void add_body(int body_id, const BodySensors& sensors, const EstimatorConfig& config);
   /// @return whether it says anything
   bool add(MotionSegment segment);
   /// Moves everything to where it fits best, and tells how well that is known.
@@ -61,7 +52,7 @@ class MapGraph final {
     std::size_t node{};  ///< Where its last segment ended.
     int number{-1};
   };
-  std::size_t body_of(int body_id) const;
+  std::size_t body_of(const MotionSegment& segment);
   [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
   void add_tags(const SegmentFactor& factor, const Pose& G, int component, GraphSegment& entry);
   void count_sightings(const GraphSegment& entry);
@@ -70,6 +61,7 @@ class MapGraph final {
   bool iterate(int& iterations, double& cost);
   int condense_again();
   void lay_over_definition();
+  void lay_over_places();
   [[nodiscard]] std::optional<GraphSolution> tell();
 
   GraphState state_;

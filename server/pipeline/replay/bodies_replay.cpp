@@ -13,7 +13,7 @@ constexpr std::size_t kRevisions = 256;
 }  // namespace
 
 BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
-    : map_(map, std::move(start)) {
+    : map_(map, std::move(start)), refine_period_(from_seconds(map.refine_period_s)) {
   for (ReplayedBody& body : bodies) {
     bodies_.push_back({body.id,
                        std::move(body.name),
@@ -85,10 +85,22 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
     map_.absorb(contribution_of(body.id, *update), to_ns(update->seen.exposed_at));
+    refine(update->seen.exposed_at);
     last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
   }
   return advance(index);
+}
+
+void BodiesReplay::refine(Instant now) {
+  if (refine_period_.count() == 0) return;
+  if (!refined_at_) refined_at_ = now;
+  if (now - *refined_at_ < refine_period_) return;
+  auto segments = map_.take_segments();
+  if (segments.empty()) return;
+  refined_at_ = now;
+  for (MotionSegment& segment : segments) (void)graph_.add(std::move(segment));
+  if (const auto solution = graph_.solve()) map_.adopt(*solution, to_ns(now));
 }
 
 bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {

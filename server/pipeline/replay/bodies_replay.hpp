@@ -80,7 +80,12 @@ class BodiesReplay final {
   [[nodiscard]] std::shared_ptr<const TagMap> published(std::int64_t revision) const;
 
   std::vector<Body> bodies_;
+  void refine(Instant now);
+
   MapBuilder map_;
+  MapGraph graph_;
+  Duration refine_period_;
+  std::optional<Instant> refined_at_;
   Listener listener_;
   std::vector<MapTurn> turns_;
   std::deque<MapView> published_;  ///< The newest revisions of the map.

@@ -93,10 +93,6 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
   MapGraph graph;
-  for (std::size_t k = 0; k < data.size(); ++k) {
-    const PipelineSetup setup = pipeline_of(data[k], choice);
-    graph.add_body(static_cast<int>(k) + 1, setup.sensors, setup.estimator);
-  }
   RingRun out;
   out.tracks_after_s.assign(data.size(), Nees::kNone);
   const Instant first = time_of(data.front().samples.front());

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "mapping/graph/map_graph.hpp"
+#include "mapping/map_builder.hpp"
+
+namespace fiducap {
+
+/// When a refinement looked at what the bodies had said, and when the map took it over, in
+/// contributions to the map before that: a replay does the same.
+struct RefinementTurn {
+  std::uint64_t taken{};
+  std::uint64_t adopted{};
+};
+
+/// Brings the map up to date with everything that all bodies have seen: takes their segments out of
+/// the builder, solves the graph, hands the solution back. For one thread; the builder is locked
+/// for moments only.
+class MapRefiner final {
+ public:
+  explicit MapRefiner(MapBuilder& map) : map_(map) {}
+
+  /// Takes what has come since the last time, and solves. Nothing of it is published yet.
+  /// @return whether there was anything
+  bool solve();
+  /// Publishes what solve() has found. @return nullopt: there is nothing to publish
+  std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
+
+  [[nodiscard]] const MapGraph& graph() const { return graph_; }
+
+ private:
+  MapBuilder& map_;
+  MapGraph graph_;
+  std::optional<GraphSolution> solution_;
+  std::uint64_t taken_{};
+};
+
+}  // namespace fiducap
