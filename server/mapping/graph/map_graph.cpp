@@ -100,22 +100,26 @@ bool MapGraph::add(MotionSegment segment) {
   state_.nodes.back().at.at = segment.end().at;
   // The factor's tags stand in the factor's axes, the segment's in the filter's.
   entry.raw = std::move(segment);
-  for (const KnownTag& tag : entry.raw.tags) {
-    const auto [at, is_new] = tag_numbers_.try_emplace(tag.tag_id, state_.tags.size());
-    if (is_new) {
-      state_.tags.push_back({.tag_id = tag.tag_id,
-                             .edge_m = tag.edge_m,
-                             .X_WT = G * tag.X_WT,
-                             .component = component,
-                             .first_seen = entry.raw.begin().at});
-    }
-    entry.tags.push_back(at->second);
-  }
+  for (const KnownTag& tag : entry.raw.tags)
+    entry.tags.push_back(tag_of(component, tag, G * tag.X_WT, entry.raw.begin().at));
   count_sightings(entry);
   chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
   state_.segments.push_back(std::move(entry));
   link_components(state_.segments.back(), component);
   return true;
+}
+
+std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_WT, Instant now) {
+  const auto found = std::find_if(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& t) {
+    return t.tag_id == tag.tag_id && t.component == component;
+  });
+  if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
+  state_.tags.push_back({.tag_id = tag.tag_id,
+                         .edge_m = tag.edge_m,
+                         .X_WT = X_WT,
+                         .component = component,
+                         .first_seen = now});
+  return state_.tags.size() - 1;
 }
 
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
@@ -151,10 +155,12 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
 }
 
 void MapGraph::count_sightings(const GraphSegment& entry) {
+  std::map<int, std::size_t> numbers;
+  for (const std::size_t i : entry.tags) numbers[state_.tags[i].tag_id] = i;
   for (const MotionSegment::Instance& instance : entry.raw.instances) {
     for (const SegmentImage& image : instance.images) {
       for (const SegmentSighting& sighting : image.tags) {
-        GraphTag& tag = state_.tags[tag_numbers_.at(sighting.seen.tag_id)];
+        GraphTag& tag = state_.tags[numbers.at(sighting.seen.tag_id)];
         ++tag.sightings;
         tag.last_seen = instance.body.at;
       }
@@ -168,12 +174,14 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
       axes_between(entry.factor.begin.X_WB, state_.nodes[entry.begin].at.X_WB, entry.raw.has_imu);
   std::map<int, std::vector<Pose>> links;  // T: from this component to the other
   for (std::size_t i = 0; i < entry.tags.size(); ++i) {
-    const GraphTag& tag = state_.tags[entry.tags[i]];
-    if (tag.component == component) continue;
     const Pose here = G * entry.factor.tags[i].X_WT;
-    const bool level = state_.level.at(component) && state_.level.at(tag.component);
-    const Pose T = axes_between(here, tag.X_WT, level);
-    if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad) links[tag.component].push_back(T);
+    for (const GraphTag& tag : state_.tags) {
+      if (tag.tag_id != entry.factor.tags[i].tag_id || tag.component == component) continue;
+      const bool level = state_.level.at(component) && state_.level.at(tag.component);
+      const Pose T = axes_between(here, tag.X_WT, level);
+      if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad)
+        links[tag.component].push_back(T);
+    }
   }
   for (const auto& [other, all] : links) {
     const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
@@ -191,19 +199,46 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   }
 }
 
+void MapGraph::move(int component, const Pose& T) {
+  for (GraphNode& node : state_.nodes)
+    if (node.component == component) node.at = in_other_axes(T, node.at);
+  for (GraphTag& tag : state_.tags)
+    if (tag.component == component) tag.X_WT = T * tag.X_WT;
+}
+
 void MapGraph::merge(int from, int into, const Pose& T) {
-  for (GraphNode& node : state_.nodes) {
-    if (node.component != from) continue;
-    node.at = in_other_axes(T, node.at);
-    node.component = into;
-  }
-  for (GraphTag& tag : state_.tags) {
-    if (tag.component != from) continue;
-    tag.X_WT = T * tag.X_WT;
-    tag.component = into;
-  }
+  move(from, T);
+  for (GraphNode& node : state_.nodes)
+    if (node.component == from) node.component = into;
+  for (GraphTag& tag : state_.tags)
+    if (tag.component == from) tag.component = into;
   state_.level[into] = state_.level[into] || state_.level[from];
   state_.level.erase(from);
+  unite_tags(into);
+}
+
+/// What was a tag of each of two components is one now.
+void MapGraph::unite_tags(int component) {
+  std::vector<GraphTag> kept;
+  std::map<int, std::size_t> numbers;  // by id, of the component's
+  std::vector<std::size_t> now(state_.tags.size());
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
+    const GraphTag& tag = state_.tags[i];
+    now[i] = kept.size();
+    if (tag.component == component)
+      now[i] = numbers.try_emplace(tag.tag_id, kept.size()).first->second;
+    if (now[i] == kept.size()) {
+      kept.push_back(tag);
+      continue;
+    }
+    GraphTag& one = kept[now[i]];
+    one.sightings += tag.sightings;
+    one.first_seen = std::min(one.first_seen, tag.first_seen);
+    one.last_seen = std::max(one.last_seen, tag.last_seen);
+  }
+  state_.tags = std::move(kept);
+  for (GraphSegment& segment : state_.segments)
+    for (std::size_t& i : segment.tags) i = now[i];
 }
 
 std::optional<GraphSolution> MapGraph::solve() {
@@ -311,7 +346,7 @@ void MapGraph::lay_over_definition() {
     if (was != definition_.end() && tag.component == 0)
       points.emplace_back(tag.X_WT.p, was->second);
   }
-  if (points.size() > 1) merge(0, 0, lay_over(points));
+  if (points.size() > 1) move(0, lay_over(points));
 }
 
 std::optional<GraphSolution> MapGraph::tell() {
@@ -340,11 +375,14 @@ std::optional<GraphSolution> MapGraph::tell() {
                     datum.between(a, b, *raw) *
                     world::plain_from_world_error(state_.tags[j].X_WT.p).transpose());
   };
-  for (const auto& [tag_id, i] : tag_numbers_) {
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
-    out.tags.push_back({tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
+    out.tags.push_back({tag.tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
                         tag.last_seen, tag.X_WT, *plain(i, i)});
   }
+  std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.tag_id, a.component) < std::pair(b.tag_id, b.component);
+  });
   std::set<std::pair<std::size_t, std::size_t>> together;
   for (const GraphSegment& segment : state_.segments) {
     for (const std::size_t i : segment.tags)
