@@ -20,8 +20,8 @@ constexpr int kMostPasses = 5;
 constexpr double kSettled = 1e-6;  // m and rad
 // Cauchy loss: at this squared distance (8 degrees of freedom) a sighting pulls hardest.
 constexpr double kLossBend = 8 * 5.0 * 5.0;
-// No motion is known better than this between two images, m, rad and m/s: in a single step place and
-// velocity are one number, and what is infinitely sure rounds all else away.
+// No motion is known better than this between two images, m, rad and m/s: in a single step place
+// and velocity are one number, and what is infinitely sure rounds all else away.
 constexpr double kSurestMotion = 1e-6;
 // A body without accelerometer has no bias of it; its column must not be empty.
 constexpr double kUnusedBias = 1e-9;
