@@ -211,6 +211,26 @@ TEST(MapGraphSimulation, ABodyInAxesOfItsOwnJoinsByTheTagsThatBothSee) {
   EXPECT_LT(together.nees, 3);
 }
 
+TEST(MapGraphSimulation, ABodyThatFindsTheWorkspaceOnItsWayTakesWhatItKnowsAlong) {
+  Robot robot({.seed = 4, .may_define_workspace = false});
+  // From its third segment on its filter stands in the workspace.
+  const Pose G{exp_so3({0, 0, 0.7}), {1, 2, 3}};
+  for (std::size_t i = 2; i < robot.segments.size(); ++i) {
+    MotionSegment& segment = robot.segments[i];
+    segment.anchored = true;
+    for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
+    for (KnownTag& tag : segment.tags) tag.X_WT = G * tag.X_WT;
+  }
+  const Pose expected = robot.segments.back().tags.front().X_WT;
+  MapGraph graph = graph_of({robot});
+  for (const GraphNode& node : graph.state().nodes) EXPECT_EQ(node.component, 0);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  ASSERT_EQ(solution->tags.size(), 3u);
+  EXPECT_LT(score(solution->tags, robot.truth).worst_m, 0.003);
+  EXPECT_LT((solution->tags.front().X_WT.p - expected.p).norm(), 0.02) << "in those axes";
+}
+
 TEST(MapGraphSimulation, TwoBodiesWithoutAWorkspaceAreOneComponent) {
   const Robots robots{Robot({.id = 1, .seed = 3, .may_define_workspace = false}),
                       Robot({.id = 2, .seed = 4, .may_define_workspace = false})};

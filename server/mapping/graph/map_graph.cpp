@@ -6,6 +6,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -20,6 +21,8 @@ constexpr double kExactCentre_px = 1e-4;
 constexpr double kOpenFocal = 0.1;
 constexpr double kOpenCentre_px = 30.0;
 constexpr double kOpenDistortion = 0.1;
+
+constexpr int kWorkspace = 0;  // component of those who stand in it
 
 constexpr int kMostIterations = 12;
 constexpr int kMostRounds = 4;
@@ -92,6 +95,7 @@ bool MapGraph::add(MotionSegment segment) {
   const auto chain = chains_.find(segment.body_id);
   const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain;
   entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
+  join_workspace(entry.begin, segment);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
       axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu);
@@ -123,7 +127,6 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_W
 }
 
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
-  constexpr int kWorkspace = 0;
   const int component = segment.anchored ? kWorkspace : ++components_;
   state_.level[component] = state_.level[component] || segment.has_imu;
   const auto last = chains_.find(segment.body_id);
@@ -152,6 +155,15 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
   state_.nodes.push_back({static_cast<int>(body), segment.begin(), component});
   state_.starts.push_back(start);
   return start.node;
+}
+
+/// A body that began in axes of its own stands in the workspace since then.
+void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment) {
+  const GraphNode& node = state_.nodes[begin];
+  if (!segment.anchored || node.component == kWorkspace) return;
+  const bool level = state_.level.at(node.component);
+  merge_components(node.component, kWorkspace,
+                   axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
 }
 
 void MapGraph::count_sightings(const GraphSegment& entry) {
@@ -191,54 +203,12 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
     if (!agree) continue;
     // The workspace stays where it is.
     if (component != 0) {
-      merge(component, other, all.front());
+      merge_components(component, other, all.front(), state_);
     } else {
-      merge(other, component, all.front().inverse());
+      merge_components(other, component, all.front().inverse(), state_);
     }
     return;
   }
-}
-
-void MapGraph::move(int component, const Pose& T) {
-  for (GraphNode& node : state_.nodes)
-    if (node.component == component) node.at = in_other_axes(T, node.at);
-  for (GraphTag& tag : state_.tags)
-    if (tag.component == component) tag.X_WT = T * tag.X_WT;
-}
-
-void MapGraph::merge(int from, int into, const Pose& T) {
-  move(from, T);
-  for (GraphNode& node : state_.nodes)
-    if (node.component == from) node.component = into;
-  for (GraphTag& tag : state_.tags)
-    if (tag.component == from) tag.component = into;
-  state_.level[into] = state_.level[into] || state_.level[from];
-  state_.level.erase(from);
-  unite_tags(into);
-}
-
-/// What was a tag of each of two components is one now.
-void MapGraph::unite_tags(int component) {
-  std::vector<GraphTag> kept;
-  std::map<int, std::size_t> numbers;  // by id, of the component's
-  std::vector<std::size_t> now(state_.tags.size());
-  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
-    const GraphTag& tag = state_.tags[i];
-    now[i] = kept.size();
-    if (tag.component == component)
-      now[i] = numbers.try_emplace(tag.tag_id, kept.size()).first->second;
-    if (now[i] == kept.size()) {
-      kept.push_back(tag);
-      continue;
-    }
-    GraphTag& one = kept[now[i]];
-    one.sightings += tag.sightings;
-    one.first_seen = std::min(one.first_seen, tag.first_seen);
-    one.last_seen = std::max(one.last_seen, tag.last_seen);
-  }
-  state_.tags = std::move(kept);
-  for (GraphSegment& segment : state_.segments)
-    for (std::size_t& i : segment.tags) i = now[i];
 }
 
 std::optional<GraphSolution> MapGraph::solve() {
@@ -346,7 +316,7 @@ void MapGraph::lay_over_definition() {
     if (was != definition_.end() && tag.component == 0)
       points.emplace_back(tag.X_WT.p, was->second);
   }
-  if (points.size() > 1) move(0, lay_over(points));
+  if (points.size() > 1) move_component(kWorkspace, lay_over(points), state_);
 }
 
 std::optional<GraphSolution> MapGraph::tell() {

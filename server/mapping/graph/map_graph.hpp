@@ -63,14 +63,12 @@ class MapGraph final {
   };
   std::size_t body_of(int body_id) const;
   [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
+  void join_workspace(std::size_t begin, const MotionSegment& segment);
   void count_sightings(const GraphSegment& entry);
   void link_components(const GraphSegment& entry, int component);
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, const Pose& X_WT,
                                    Instant now);
-  void move(int component, const Pose& T);
-  void merge(int from, int into, const Pose& T);
-  void unite_tags(int component);
   bool iterate(int& iterations, double& cost);
   int condense_again();
   void lay_over_definition();
