@@ -38,10 +38,10 @@ struct KnownMap {
       return turned ? std::optional<Matrix6d>(turned->transpose()) : std::nullopt;
     }
     const auto key = std::pair(row_id, column_id);
-    const auto at = std::lower_bound(
-        pairs.begin(), pairs.end(), key, [](const KnownPair& pair, const std::pair<int, int>& ids) {
-          return std::pair(pair.first_id, pair.second_id) < ids;
-        });
+    const auto at = std::lower_bound(pairs.begin(), pairs.end(), key,
+                                     [](const KnownPair& pair, const std::pair<int, int>& ids) {
+                                       return std::pair(pair.first_id, pair.second_id) < ids;
+                                     });
     if (at == pairs.end() || std::pair(at->first_id, at->second_id) != key) return std::nullopt;
     return at->covariance;
   }

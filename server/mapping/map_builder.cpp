@@ -285,14 +285,14 @@ MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
   return *working_.tags.insert(place, MapTag{.tag = belief.tag});
 }
 
-std::vector<MotionSegment> MapBuilder::take_segments() {
+MapBuilder::Waiting MapBuilder::take_segments() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(segments_, {});
+  return {std::exchange(segments_, {}), contributions_};
 }
 
-void MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_now_ns) {
+std::uint64_t MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_now_ns) {
   const std::lock_guard lock(mutex_);
-  if (config_.mode == MapMode::kFrozen) return;
+  if (config_.mode == MapMode::kFrozen) return contributions_;
   auto known = std::make_shared<KnownMap>();
   known->revision = revision_ + 1;
   for (const GraphTagEstimate& tag : solution.tags) {
@@ -314,6 +314,7 @@ void MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_now_ns) {
   known->pairs = solution.pairs;
   working_.known = std::move(known);
   publish_locked(utc_now_ns);
+  return contributions_;
 }
 
 void MapBuilder::publish_locked(std::int64_t utc_now_ns) {

@@ -32,7 +32,7 @@ struct MapConfig {
   int publish_sightings{10};                ///< … and was seen at least this often.
   /// What all bodies saw is refined together this often, in seconds of their data; 0: never.
   double refine_period_s{2.0};
-  double commit_period_s{10.0};             ///< A changed map is written to the store this often.
+  double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
@@ -84,11 +84,16 @@ class MapBuilder final {
   /// @param utc_now_ns  for first/last seen, and the time of creation of what is published
   /// @return how many contributions came before this one
   std::uint64_t absorb(const MapContribution& contribution, std::int64_t utc_now_ns);
-  /// The segments that have come since the last call, in order.
-  [[nodiscard]] std::vector<MotionSegment> take_segments();
+  /// What has come since the last call, in order, and how many contributions have come.
+  struct Waiting {
+    std::vector<MotionSegment> segments;
+    std::uint64_t contributions{};
+  };
+  [[nodiscard]] Waiting take_segments();
   /// What the graph makes of all segments so far: from now on it says where its tags are, and
   /// beliefs are not listened to any more.
-  void adopt(const GraphSolution& solution, std::int64_t utc_now_ns);
+  /// @return how many contributions have come before
+  std::uint64_t adopt(const GraphSolution& solution, std::int64_t utc_now_ns);
   /// Nothing more comes from this body; what it reserved is free.
   void release(int body_id);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;

@@ -324,7 +324,7 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
   BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     runs[body].take(update, replay.pipeline(body));
-    if (choice.listen) choice.listen(body, update);
+    if (choice.listen) choice.listen(body, update, *replay.view().map);
   });
   FIDUCAP_ASSERT(done.has_value());
   TogetherRun out;

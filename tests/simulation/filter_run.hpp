@@ -35,8 +35,8 @@ struct FilterChoice {
   bool live{false};
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
-  /// Called at every image with what its body, counted from 0, made of it.
-  std::function<void(std::size_t, const BodyUpdate&)> listen{};
+  /// Called at every image with what its body, counted from 0, made of it, and the map it had.
+  std::function<void(std::size_t, const BodyUpdate&, const TagMap&)> listen{};
 };
 
 /// Normalised squared errors (expected value: their degrees of freedom). NaN: not known at this

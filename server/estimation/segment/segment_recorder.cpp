@@ -54,7 +54,7 @@ void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
   if (body.at != seen.exposed_at) return;  // without IMU: it was not moved here
   if (report.gauge_shift) shift_axes(*report.gauge_shift);
   if (report.map_shift) shift_axes(*report.map_shift);
-  if (is_open_ && body.at - reached_ > kLongest) break_chain();
+  if (is_open_ && body.at - of_use_at_ > kLongest) break_chain();
   for (const TagBelief& belief : beliefs) places_[belief.tag.tag_id] = belief.tag;
   for (const KnownTag& tag : known) {
     if (body.anchored) places_.try_emplace(tag.tag_id, tag);
@@ -62,6 +62,7 @@ void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
   SegmentImage image = image_of(seen, filter);
   const bool is_of_use = std::any_of(image.tags.begin(), image.tags.end(),
                                      [&](const auto& s) { return has_place(s.seen.tag_id); });
+  if (is_of_use) of_use_at_ = body.at;
   if (!is_open_) {
     if (!is_of_use) return places_.clear();
     ++chain_;

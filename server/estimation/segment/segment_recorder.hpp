@@ -48,6 +48,7 @@ class SegmentRecorder final {
   MotionSegment open_;
   bool is_open_{false};
   Instant reached_{};               ///< Readings are in the steps up to here.
+  Instant of_use_at_{};             ///< The last image with a tag that had a place.
   std::vector<SegmentStep> steps_;  ///< Since the last instance.
   std::map<int, KnownTag> places_;  ///< Of the tags seen since the segment began.
   int chain_{0};

@@ -20,6 +20,9 @@ constexpr int kMostPasses = 5;
 constexpr double kSettled = 1e-6;  // m and rad
 // Cauchy loss: at this squared distance (8 degrees of freedom) a sighting pulls hardest.
 constexpr double kLossBend = 8 * 5.0 * 5.0;
+// No motion is known better than this between two images, m, rad and m/s: in a single step place
+// and velocity are one number, and what is infinitely sure rounds all else away.
+constexpr double kSurestMotion = 1e-6;
 // A body without accelerometer has no bias of it; its column must not be empty.
 constexpr double kUnusedBias = 1e-9;
 
@@ -156,7 +159,8 @@ class Smoother final {
     Motion out;
     out.Phi = motion.Phi;
     Matrix15d Q = motion.Q;
-    Q.diagonal().array() += kUnusedBias * kUnusedBias;
+    Q.diagonal().head<9>().array() += kSurestMotion * kSurestMotion;
+    Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
     out.W = Q.llt().solve(Matrix15d::Identity());
     out.W = (0.5 * (out.W + out.W.transpose())).eval();
     const BodyMoment predicted{to.body.at, bench_.X_WB, bench_.v_WB, bench_.bias_f, bench_.bias_w};
@@ -242,7 +246,8 @@ class Smoother final {
     auto& clock = bench_.clocks[static_cast<std::size_t>(image.camera)];
     clock.applied_s = image.applied_s;
     const TagMeasurement m =
-        world::measure(bench_, image.camera, segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
+        world::measure(bench_, image.camera,
+                       segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
                        {&sighting.seen, tag, nullptr}, noise_);
     if (!m.in_front || !m.y.allFinite()) return;
     Matrix8d weight = sighting.is_even

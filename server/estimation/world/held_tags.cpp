@@ -59,8 +59,7 @@ void forget_unknown(FilterState& state, const KnownMap& map) {
 }  // namespace
 
 void HeldTags::follow(FilterState& state, const TagObservations& seen,
-                      std::span<const KnownTag> known, const KnownMap* whole,
-                      bool is_anchored) {
+                      std::span<const KnownTag> known, const KnownMap* whole, bool is_anchored) {
   if (whole == nullptr) follow_map(state, seen, known);
   if (whole != nullptr) forget_unknown(state, *whole);
   if (is_anchored) {

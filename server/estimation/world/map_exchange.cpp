@@ -54,8 +54,8 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
     for (std::size_t a = 0; a < count; ++a) {
       const std::size_t i = near[a].second;
       out.on.push_back(i);
-      across.middleCols<6>(static_cast<Eigen::Index>(6 * a)) = world_covariance(
-          *map.between(tag.tag_id, there[i]->tag_id), tag, *there[i]);
+      across.middleCols<6>(static_cast<Eigen::Index>(6 * a)) =
+          world_covariance(*map.between(tag.tag_id, there[i]->tag_id), tag, *there[i]);
       for (std::size_t b = 0; b < count; ++b) {
         among.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) =
             joint.block<6, 6>(static_cast<Eigen::Index>(6 * i),
@@ -103,8 +103,9 @@ Pose axes_by(const WorldTag& own, const KnownTag& map, bool level) {
   return {turn, map.X_WT.p - turn * own.X_WT.p};
 }
 
-/// By the tag that most others agree with; those that do not are left out.
-std::optional<Pose> agreed_axes(const FilterState& state, bool level, Both& both) {
+/// By the tag that most others agree with; those that do not go: the map has them elsewhere, and
+/// there they are met again.
+std::optional<Pose> agreed_axes(FilterState& state, bool level, Both& both) {
   std::vector<std::size_t> best;
   Pose best_axes;
   for (std::size_t i = 0; i < both.numbers.size(); ++i) {
@@ -121,12 +122,18 @@ std::optional<Pose> agreed_axes(const FilterState& state, bool level, Both& both
     best_axes = G;
   }
   if (best.empty()) return std::nullopt;
+  std::vector<std::size_t> gone;
+  for (std::size_t k = 0; k < both.numbers.size(); ++k) {
+    if (!std::binary_search(best.begin(), best.end(), k)) gone.push_back(both.numbers[k]);
+  }
   Both kept;
   for (const std::size_t k : best) {
-    kept.numbers.push_back(both.numbers[k]);
+    const auto before = std::lower_bound(gone.begin(), gone.end(), both.numbers[k]) - gone.begin();
+    kept.numbers.push_back(both.numbers[k] - static_cast<std::size_t>(before));
     kept.map.push_back(both.map[k]);
   }
   both = std::move(kept);
+  state.remove_tags(gone);
   return best_axes;
 }
 

@@ -6,6 +6,7 @@
 #include "base/assert.hpp"
 #include "base/so3.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -20,6 +21,8 @@ constexpr double kExactCentre_px = 1e-4;
 constexpr double kOpenFocal = 0.1;
 constexpr double kOpenCentre_px = 30.0;
 constexpr double kOpenDistortion = 0.1;
+
+constexpr int kWorkspace = 0;  // component of those who stand in it
 
 constexpr int kMostIterations = 12;
 constexpr int kMostRounds = 4;
@@ -95,6 +98,7 @@ bool MapGraph::add(MotionSegment segment) {
   const auto chain = chains_.find(segment.body_id);
   const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain;
   entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
+  join_workspace(entry.begin, segment);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
       axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu());
@@ -103,17 +107,8 @@ bool MapGraph::add(MotionSegment segment) {
   state_.nodes.back().at.at = segment.end().at;
   // The factor's tags stand in the factor's axes, the segment's in the filter's.
   entry.raw = std::move(segment);
-  for (const KnownTag& tag : entry.raw.tags) {
-    const auto [at, is_new] = tag_numbers_.try_emplace(tag.tag_id, state_.tags.size());
-    if (is_new) {
-      state_.tags.push_back({.tag_id = tag.tag_id,
-                             .edge_m = tag.edge_m,
-                             .X_WT = G * tag.X_WT,
-                             .component = component,
-                             .first_seen = entry.raw.begin().at});
-    }
-    entry.tags.push_back(at->second);
-  }
+  for (const KnownTag& tag : entry.raw.tags)
+    entry.tags.push_back(tag_of(component, tag, G * tag.X_WT, entry.raw.begin().at));
   count_sightings(entry);
   chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
   state_.segments.push_back(std::move(entry));
@@ -121,8 +116,20 @@ bool MapGraph::add(MotionSegment segment) {
   return true;
 }
 
+std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_WT, Instant now) {
+  const auto found = std::find_if(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& t) {
+    return t.tag_id == tag.tag_id && t.component == component;
+  });
+  if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
+  state_.tags.push_back({.tag_id = tag.tag_id,
+                         .edge_m = tag.edge_m,
+                         .X_WT = X_WT,
+                         .component = component,
+                         .first_seen = now});
+  return state_.tags.size() - 1;
+}
+
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
-  constexpr int kWorkspace = 0;
   const int component = segment.anchored ? kWorkspace : ++components_;
   state_.level[component] = state_.level[component] || segment.has_imu();
   const auto last = chains_.find(segment.body_id);
@@ -153,11 +160,22 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
   return start.node;
 }
 
+/// A body that began in axes of its own stands in the workspace since then.
+void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment) {
+  const GraphNode& node = state_.nodes[begin];
+  if (!segment.anchored || node.component == kWorkspace) return;
+  const bool level = state_.level.at(node.component);
+  merge_components(node.component, kWorkspace,
+                   axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
+}
+
 void MapGraph::count_sightings(const GraphSegment& entry) {
+  std::map<int, std::size_t> numbers;
+  for (const std::size_t i : entry.tags) numbers[state_.tags[i].tag_id] = i;
   for (const MotionSegment::Instance& instance : entry.raw.instances) {
     for (const SegmentImage& image : instance.images) {
       for (const SegmentSighting& sighting : image.tags) {
-        GraphTag& tag = state_.tags[tag_numbers_.at(sighting.seen.tag_id)];
+        GraphTag& tag = state_.tags[numbers.at(sighting.seen.tag_id)];
         ++tag.sightings;
         tag.last_seen = instance.body.at;
       }
@@ -171,12 +189,14 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
       axes_between(entry.factor.begin.X_WB, state_.nodes[entry.begin].at.X_WB, entry.raw.has_imu());
   std::map<int, std::vector<Pose>> links;  // T: from this component to the other
   for (std::size_t i = 0; i < entry.tags.size(); ++i) {
-    const GraphTag& tag = state_.tags[entry.tags[i]];
-    if (tag.component == component) continue;
     const Pose here = G * entry.factor.tags[i].X_WT;
-    const bool level = state_.level.at(component) && state_.level.at(tag.component);
-    const Pose T = axes_between(here, tag.X_WT, level);
-    if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad) links[tag.component].push_back(T);
+    for (const GraphTag& tag : state_.tags) {
+      if (tag.tag_id != entry.factor.tags[i].tag_id || tag.component == component) continue;
+      const bool level = state_.level.at(component) && state_.level.at(tag.component);
+      const Pose T = axes_between(here, tag.X_WT, level);
+      if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad)
+        links[tag.component].push_back(T);
+    }
   }
   for (const auto& [other, all] : links) {
     const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
@@ -186,27 +206,12 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
     if (!agree) continue;
     // The workspace stays where it is.
     if (component != 0) {
-      merge(component, other, all.front());
+      merge_components(component, other, all.front(), state_);
     } else {
-      merge(other, component, all.front().inverse());
+      merge_components(other, component, all.front().inverse(), state_);
     }
     return;
   }
-}
-
-void MapGraph::merge(int from, int into, const Pose& T) {
-  for (GraphNode& node : state_.nodes) {
-    if (node.component != from) continue;
-    node.at = in_other_axes(T, node.at);
-    node.component = into;
-  }
-  for (GraphTag& tag : state_.tags) {
-    if (tag.component != from) continue;
-    tag.X_WT = T * tag.X_WT;
-    tag.component = into;
-  }
-  state_.level[into] = state_.level[into] || state_.level[from];
-  state_.level.erase(from);
 }
 
 std::optional<GraphSolution> MapGraph::solve() {
@@ -329,7 +334,7 @@ void MapGraph::lay_over_places() {
     if (was != definition_.end() && tag.component == 0)
       points.emplace_back(tag.X_WT.p, was->second);
   }
-  if (points.size() > 1) merge(0, 0, lay_over(points));
+  if (points.size() > 1) move_component(kWorkspace, lay_over(points), state_);
 }
 
 std::optional<GraphSolution> MapGraph::tell() {
@@ -358,16 +363,19 @@ std::optional<GraphSolution> MapGraph::tell() {
                     datum.between(a, b, *raw) *
                     world::plain_from_world_error(state_.tags[j].X_WT.p).transpose());
   };
-  for (const auto& [tag_id, i] : tag_numbers_) {
+  for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
-    out.tags.push_back({tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
+    out.tags.push_back({tag.tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
                         tag.last_seen, tag.X_WT, *plain(i, i)});
   }
+  std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
+    return std::pair(a.tag_id, a.component) < std::pair(b.tag_id, b.component);
+  });
   std::set<std::pair<std::size_t, std::size_t>> together;
   for (const GraphSegment& segment : state_.segments) {
     for (const std::size_t i : segment.tags)
       for (const std::size_t j : segment.tags)
-        if (i < j) together.emplace(i, j);
+        if (i < j && state_.tags[i].component == kWorkspace) together.emplace(i, j);
   }
   for (const auto& [i, j] : together) {
     const bool turned = state_.tags[i].tag_id > state_.tags[j].tag_id;

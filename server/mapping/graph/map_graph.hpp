@@ -25,7 +25,7 @@ struct GraphTagEstimate {
 };
 
 struct GraphSolution {
-  std::vector<GraphTagEstimate> tags;  ///< By id.
+  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component.
   std::vector<KnownPair> pairs;        ///< Tags seen together; sorted.
   double cost{};                       ///< Twice: chi-square …
   double numbers{};                    ///< … of so many.
@@ -54,10 +54,12 @@ class MapGraph final {
   };
   std::size_t body_of(const MotionSegment& segment);
   [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
-  void add_tags(const SegmentFactor& factor, const Pose& G, int component, GraphSegment& entry);
+  void join_workspace(std::size_t begin, const MotionSegment& segment);
   void count_sightings(const GraphSegment& entry);
   void link_components(const GraphSegment& entry, int component);
-  void merge(int from, int into, const Pose& T);
+  /// Index of a tag, added when the component does not have it.
+  [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, const Pose& X_WT,
+                                   Instant now);
   bool iterate(int& iterations, double& cost);
   int condense_again();
   void lay_over_definition();
@@ -65,8 +67,7 @@ class MapGraph final {
   [[nodiscard]] std::optional<GraphSolution> tell();
 
   GraphState state_;
-  std::map<int, Chain> chains_;  ///< Per body id.
-  std::map<int, std::size_t> tag_numbers_;
+  std::map<int, Chain> chains_;                ///< Per body id.
   std::map<int, Eigen::Vector3d> definition_;  ///< Places of the tags that define W.
   bool is_defined_{false};
   int components_{0};

@@ -96,11 +96,8 @@ void BodiesReplay::refine(Instant now) {
   if (refine_period_.count() == 0) return;
   if (!refined_at_) refined_at_ = now;
   if (now - *refined_at_ < refine_period_) return;
-  auto segments = map_.take_segments();
-  if (segments.empty()) return;
   refined_at_ = now;
-  for (MotionSegment& segment : segments) (void)graph_.add(std::move(segment));
-  if (const auto solution = graph_.solve()) map_.adopt(*solution, to_ns(now));
+  if (refiner_.solve()) (void)refiner_.adopt(to_ns(now));
 }
 
 bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {

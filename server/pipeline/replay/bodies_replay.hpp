@@ -11,6 +11,7 @@
 #include "base/expected.hpp"
 #include "capture/sensor_source.hpp"
 #include "mapping/map_builder.hpp"
+#include "mapping/map_refiner.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "pipeline/replay/map_turns.hpp"
 
@@ -83,7 +84,7 @@ class BodiesReplay final {
   void refine(Instant now);
 
   MapBuilder map_;
-  MapGraph graph_;
+  MapRefiner refiner_{map_};
   Duration refine_period_;
   std::optional<Instant> refined_at_;
   Listener listener_;

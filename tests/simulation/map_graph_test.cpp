@@ -1,0 +1,323 @@
+// The map graph over what simulated bodies saw and felt, by way of their own pipelines.
+#include "mapping/graph/map_graph.hpp"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+
+#include <Eigen/Cholesky>
+
+#include "base/so3.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "pipeline/body_pipeline.hpp"
+#include "simulation/room_shape.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr Instant kStart = instant_from_ns(1'000'000'000);
+
+simulation::RoomConfig table() {
+  simulation::RoomConfig room;
+  room.preset = "table";
+  return room;
+}
+
+struct RobotSetup {
+  int id{1};
+  std::uint64_t seed{1};
+  double seconds{12};
+  simulation::RoomConfig room{table()};
+  /// False: it stays in axes of its own, for its map says nothing.
+  bool may_define_workspace{true};
+  bool has_imu{true};
+};
+
+/// What a body's pipeline tells the graph of a motion over three tags on a table.
+struct Robot {
+  explicit Robot(const RobotSetup& setup) : id(setup.id) {
+    simulation::SimulatedBodyConfig body;
+    CameraMount mount;
+    mount.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
+    mount.X_BV = simulation::forward_camera();
+    body.cameras = {mount};
+    body.has_imu = setup.has_imu;
+    body.camera.images = false;
+    body.trajectory.kind = "table";
+    body.trajectory.seed = body.seed = setup.seed;
+    body.trajectory.duration_s = setup.seconds;
+    auto motion = simulation::make_trajectory(body.trajectory, table(), mount.X_BV);
+    auto source =
+        simulation::make_simulated_source(setup.room, body, kStart, nullptr, std::move(*motion));
+    PipelineSetup pipeline_setup;
+    pipeline_setup.sensors.cameras = {told(mount, setup.seed)};
+    if (setup.has_imu) pipeline_setup.sensors.imu = body.imu.noise;
+    for (const RecordedTag& tag : simulation::tags_of(setup.room)) {
+      pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
+      truth[tag.tag_id] = tag.X_WT;
+    }
+    sensors = pipeline_setup.sensors;
+    estimator = pipeline_setup.estimator;
+    BodyPipeline pipeline(pipeline_setup);
+    const MapView view{std::make_shared<const TagMap>(), setup.may_define_workspace};
+    for (auto sample = (*source)->next({}); sample && *sample; sample = (*source)->next({})) {
+      (void)pipeline.push(std::move(**sample));
+      while (pipeline.next() != nullptr) {
+        const BodyUpdate* update = pipeline.take(view);
+        if (update == nullptr || !update->segment) continue;
+        segments.push_back(*update->segment);
+        segments.back().body_id = id;
+      }
+    }
+  }
+
+  /// As far off as its sigmas say.
+  static CameraMount told(CameraMount mount, std::uint64_t seed) {
+    std::mt19937_64 random(seed * 77 + 5);
+    std::normal_distribution<double> gauss;
+    const auto draw = [&](double sigma) {
+      const double x = gauss(random);
+      const double y = gauss(random);
+      return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
+    };
+    mount.X_BV.p += draw(mount.position_sigma_m);
+    mount.X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * mount.X_BV.q;
+    return mount;
+  }
+
+  int id;
+  BodySensors sensors;
+  EstimatorConfig estimator;
+  std::map<int, Pose> truth;
+  std::vector<MotionSegment> segments;
+};
+
+using Robots = std::vector<Robot>;
+
+/// Bodies' segments one after the other, in the order of the bodies.
+MapGraph graph_of(const Robots& robots) {
+  MapGraph graph;
+  for (const Robot& robot : robots)
+    for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(graph.add(segment));
+  return graph;
+}
+
+/// The yaw and shift that lays tags over where others have them.
+template <class Place>
+Pose level_between(const std::vector<GraphTagEstimate>& tags, const Place& place) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const GraphTagEstimate& tag : tags) points.emplace_back(tag.X_WT.p, place(tag.tag_id).p);
+  return lay_over(points);
+}
+
+struct Score {
+  double nees{};  ///< Per degree of freedom, mean over the tags.
+  double worst_m{};
+};
+
+/// Place and heading of all tags together are taken out: nothing says where the room is.
+Score score(const std::vector<GraphTagEstimate>& tags, const std::map<int, Pose>& truth) {
+  const Pose level = level_between(tags, [&](int tag_id) { return truth.at(tag_id); });
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = level.rotation();
+  Score out;
+  for (const GraphTagEstimate& tag : tags) {
+    const Pose X = level * tag.X_WT;
+    const Pose& expected = truth.at(tag.tag_id);
+    Vector6d error;
+    error << X.p - expected.p, log_so3(X.q * expected.q.conjugate());
+    const Matrix6d covariance = turn * tag.covariance * turn.transpose();
+    out.nees += error.dot(covariance.ldlt().solve(error)) / 6 / static_cast<double>(tags.size());
+    out.worst_m = std::max(out.worst_m, error.head<3>().norm());
+  }
+  return out;
+}
+
+std::vector<GraphTagEstimate> in_component(const GraphSolution& solution, int component) {
+  std::vector<GraphTagEstimate> out;
+  for (const GraphTagEstimate& tag : solution.tags)
+    if (tag.component == component) out.push_back(tag);
+  return out;
+}
+
+TEST(MapGraphSimulation, OneBodyBringsTagsToTheTruthAndKnowsHowWell) {
+  constexpr int kSeeds = 12;
+  constexpr double kFewSigmas_m = 0.003;  // of half a millimetre
+  double nees = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const Robots robots{Robot({.seed = seed})};
+    MapGraph graph = graph_of(robots);
+    const auto solution = graph.solve();
+    ASSERT_TRUE(solution);
+    ASSERT_EQ(solution->tags.size(), 3u);
+    const Score one = score(solution->tags, robots[0].truth);
+    EXPECT_LT(one.worst_m, kFewSigmas_m);
+    EXPECT_LT(one.nees, 3);
+    EXPECT_NEAR(solution->cost / solution->numbers, 0.95, 0.1) << "corners are as noisy as told";
+    nees += one.nees / kSeeds;
+  }
+  EXPECT_GT(nees, 0.5);
+  EXPECT_LT(nees, 1.6);
+}
+
+TEST(MapGraphSimulation, BodiesWithoutAnImuDoSo) {
+  const Robots robots{Robot({.seed = 1, .has_imu = false})};
+  MapGraph graph = graph_of(robots);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  ASSERT_EQ(solution->tags.size(), 3u);
+  // Not level: what they are against the first one has to do.
+  const Pose& first = solution->tags[0].X_WT;
+  for (const GraphTagEstimate& tag : solution->tags) {
+    const Pose found = first.inverse() * tag.X_WT;
+    const Pose expected = robots[0].truth.at(0).inverse() * robots[0].truth.at(tag.tag_id);
+    EXPECT_LT((found.p - expected.p).norm(), 0.003);
+    EXPECT_LT(angle_between(found.q, expected.q), 0.015);
+  }
+}
+
+TEST(MapGraphSimulation, CountsSightingsAndTellsPairs) {
+  const Robots robots{Robot({.seed = 2})};
+  MapGraph graph = graph_of(robots);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  std::map<int, int> sightings;
+  for (const MotionSegment& segment : robots[0].segments)
+    for (const auto& instance : segment.instances)
+      for (const SegmentImage& image : instance.images)
+        for (const SegmentSighting& s : image.tags) ++sightings[s.seen.tag_id];
+  for (const GraphTagEstimate& tag : solution->tags)
+    EXPECT_EQ(tag.sightings, sightings[tag.tag_id]) << tag.tag_id;
+  EXPECT_EQ(solution->pairs.size(), 3u) << "each two of three";
+}
+
+TEST(MapGraphSimulation, ABodyInAxesOfItsOwnJoinsByTheTagsThatBothSee) {
+  const Robots robots{Robot({.id = 1, .seed = 3}),
+                      Robot({.id = 2, .seed = 4, .may_define_workspace = false})};
+  ASSERT_TRUE(robots[0].segments.front().anchored);
+  ASSERT_FALSE(robots[1].segments.front().anchored);
+  MapGraph graph = graph_of(robots);
+  for (const GraphNode& node : graph.state().nodes) EXPECT_EQ(node.component, 0);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  ASSERT_EQ(in_component(*solution, 0).size(), 3u);
+  EXPECT_EQ(solution->tags.size(), 3u) << "none is there twice";
+  const Score together = score(solution->tags, robots[0].truth);
+  EXPECT_LT(together.worst_m, 0.003);
+  EXPECT_LT(together.nees, 3);
+}
+
+TEST(MapGraphSimulation, ABodyThatFindsTheWorkspaceOnItsWayTakesWhatItKnowsAlong) {
+  Robot robot({.seed = 4, .may_define_workspace = false});
+  // From its third segment on its filter stands in the workspace.
+  const Pose G{exp_so3({0, 0, 0.7}), {1, 2, 3}};
+  for (std::size_t i = 2; i < robot.segments.size(); ++i) {
+    MotionSegment& segment = robot.segments[i];
+    segment.anchored = true;
+    for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
+    for (KnownTag& tag : segment.tags) tag.X_WT = G * tag.X_WT;
+  }
+  const Pose expected = robot.segments.back().tags.front().X_WT;
+  MapGraph graph = graph_of({robot});
+  for (const GraphNode& node : graph.state().nodes) EXPECT_EQ(node.component, 0);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  ASSERT_EQ(solution->tags.size(), 3u);
+  EXPECT_LT(score(solution->tags, robot.truth).worst_m, 0.003);
+  EXPECT_LT((solution->tags.front().X_WT.p - expected.p).norm(), 0.02) << "in those axes";
+}
+
+TEST(MapGraphSimulation, TwoBodiesWithoutAWorkspaceAreOneComponent) {
+  const Robots robots{Robot({.id = 1, .seed = 3, .may_define_workspace = false}),
+                      Robot({.id = 2, .seed = 4, .may_define_workspace = false})};
+  MapGraph graph = graph_of(robots);
+  const int component = graph.state().nodes.front().component;
+  EXPECT_NE(component, 0);
+  for (const GraphNode& node : graph.state().nodes) EXPECT_EQ(node.component, component);
+  ASSERT_EQ(graph.state().tags.size(), 3u);
+  // Before anything is solved, the second one stands where its tags say.
+  std::map<int, Pose> places;
+  for (const GraphTag& tag : graph.state().tags) places[tag.tag_id] = tag.X_WT;
+  for (const auto& [tag_id, X] : places) {
+    const double found = (X.p - places.begin()->second.p).norm();
+    const double expected = (robots[0].truth.at(tag_id).p - robots[0].truth.at(0).p).norm();
+    EXPECT_NEAR(found, expected, 0.02);
+  }
+  EXPECT_FALSE(graph.solve()) << "no tag says where W is";
+}
+
+TEST(MapGraphSimulation, ATagWhoseTiltContradictsDoesNotJoinAndDoesNoHarm) {
+  constexpr double kTilt_rad = 0.25;
+  simulation::RoomConfig other;
+  other.preset = "custom";
+  for (RecordedTag tag : simulation::tags_of(table())) {
+    if (tag.tag_id == 0) {
+      tag.X_WT.q = tag.X_WT.q * exp_so3({kTilt_rad, 0, 0});
+    } else {
+      tag.tag_id += 10;
+    }
+    other.tags.push_back(tag);
+  }
+  const Robots robots{Robot({.id = 1, .seed = 3}),
+                      Robot({.id = 2, .seed = 4, .room = other, .may_define_workspace = false})};
+  MapGraph graph = graph_of(robots);
+  const auto solution = graph.solve();
+  ASSERT_TRUE(solution);
+  const auto here = in_component(*solution, 0);
+  EXPECT_EQ(here.size(), 3u);
+  EXPECT_EQ(solution->tags.size(), 6u) << "each has the tag in its own place";
+  EXPECT_LT(score(here, robots[0].truth).worst_m, 0.003);
+  EXPECT_LT(solution->cost / solution->numbers, 1.1) << "nothing contradicts within a component";
+}
+
+TEST(MapGraphSimulation, TheOrderOfTheBodiesDoesNotMatter) {
+  constexpr double kSame = 1e-6;  // m and rad
+  Robots robots{Robot({.id = 1, .seed = 3}),
+                Robot({.id = 2, .seed = 4, .may_define_workspace = false})};
+  MapGraph one_way = graph_of(robots);
+  std::swap(robots[0], robots[1]);
+  MapGraph other_way = graph_of(robots);
+  const auto one = one_way.solve();
+  const auto other = other_way.solve();
+  ASSERT_TRUE(one && other);
+  ASSERT_EQ(one->tags.size(), other->tags.size());
+  std::map<int, Pose> places;
+  for (const GraphTagEstimate& tag : one->tags) places[tag.tag_id] = tag.X_WT;
+  const Pose level = level_between(other->tags, [&](int tag_id) { return places.at(tag_id); });
+  for (std::size_t i = 0; i < one->tags.size(); ++i) {
+    const Pose X = level * other->tags[i].X_WT;
+    EXPECT_LT((X.p - one->tags[i].X_WT.p).norm(), kSame);
+    EXPECT_LT(angle_between(X.q, one->tags[i].X_WT.q), kSame);
+    EXPECT_LT((other->tags[i].covariance - one->tags[i].covariance).norm(),
+              1e-3 * one->tags[i].covariance.norm());
+  }
+}
+
+TEST(MapGraphSimulation, KeepsTheMeanOfTheTagsThatDefineTheAxes) {
+  const Robot robot({.seed = 3});
+  MapGraph graph;
+  EXPECT_FALSE(graph.solve()) << "there is nothing yet";
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_TRUE(graph.add(robot.segments[i]));
+  const auto before = graph.solve();
+  ASSERT_TRUE(before);
+  graph.define_axes();
+  for (std::size_t i = 2; i < robot.segments.size(); ++i) EXPECT_TRUE(graph.add(robot.segments[i]));
+  const auto after = graph.solve();
+  ASSERT_TRUE(after);
+  ASSERT_EQ(after->tags.size(), before->tags.size());
+  std::map<int, Pose> places;
+  double moved_m = 0;
+  for (const GraphTagEstimate& tag : before->tags) places[tag.tag_id] = tag.X_WT;
+  for (const GraphTagEstimate& tag : after->tags)
+    moved_m += (tag.X_WT.p - places.at(tag.tag_id).p).norm();
+  EXPECT_GT(moved_m, 1e-5) << "something was learned";
+  const Pose rest = level_between(after->tags, [&](int tag_id) { return places.at(tag_id); });
+  EXPECT_LT(rest.p.norm(), 1e-9);
+  EXPECT_LT(angle_between(rest.q, Eigen::Quaterniond::Identity()), 1e-9);
+}
+
+}  // namespace
+}  // namespace fiducap
