@@ -117,6 +117,67 @@ TEST(MapTagslam, SigmasSurviveARoundTrip) {
   }
 }
 
+// As TagSLAM writes its answer: eight decimals, bodies that move, a body without tags.
+TEST(MapTagslam, ReadsPosesAsTagslamWritesThem) {
+  constexpr const char* kPoses = R"(bodies:
+ - hall:
+     type: simple
+     is_static: true
+     default_tag_size: 0.15
+     pose:
+       position:
+         x: 0.00000000
+         y: 0.00000000
+         z: 0.50000000
+       rotation:
+         x: 0.00000000
+         y: 0.00000000
+         z: -0.00000000
+       position_noise:
+         x: 0.00010000
+         y: 0.00010000
+         z: 0.00010000
+       rotation_noise:
+         x: 0.00000000
+         y: 0.00000000
+         z: 0.00000000
+     tags:
+       - id: 12
+         size: 0.15
+         pose:
+           position:
+             x: 1.00000000
+             y: 2.00000000
+             z: 0.25000000
+           rotation:
+             x: 1.57079633
+             y: 0.00000000
+             z: 0.00000000
+           position_noise:
+             x: 0.00200000
+             y: 0.00200000
+             z: 0.00200000
+           rotation_noise:
+             x: 0.00100000
+             y: 0.00100000
+             z: 0.00100000
+ - robot:
+     type: simple
+     is_static: false
+     default_tag_size: 0
+     tags:
+)";
+  constexpr double kEightDecimals_m = 1e-8;
+  const auto hall = read(kPoses);
+  ASSERT_TRUE(hall) << hall.error().text();
+  const KnownTag& tag = hall->map.find(12)->tag;
+  EXPECT_EQ(tag.edge_m, 0.15);
+  EXPECT_LT((tag.X_WT * printed_corner(3, 0.15) - Vector3d(0.925, 2, 0.825)).norm(),
+            kEightDecimals_m);
+  EXPECT_NEAR(tag.covariance(0, 0), 0.002 * 0.002 + 0.0001 * 0.0001, 1e-12);
+  EXPECT_NEAR(tag.covariance(3, 3), 0.001 * 0.001, 1e-12);
+}
+
 // As TagSLAM's code makes them; a board has no ids of its own in the file.
 TEST(MapTagslam, BoardsAreLaidOut) {
   constexpr const char* kBoards = R"(bodies:
