@@ -44,7 +44,7 @@ TEST_P(ForeignMaps, ARoundTripMovesNoCornerByAMicrometre) {
     EXPECT_EQ(again->map.family, "tag36h11");
     EXPECT_EQ(again->map.tags.front().state, TagState::kSurveyed);
   }
-  RecordProperty("worst_corner_m", std::to_string(worst_m * 1e15) + " fm");
+  RecordProperty("worst_corner_fm", std::to_string(worst_m * 1e15));
   EXPECT_LT(worst_m, kRoundTrip_m);
 }
 
