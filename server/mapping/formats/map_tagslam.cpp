@@ -31,8 +31,7 @@ struct Bits {
 };
 constexpr std::array kBits{Bits{4, "tag16h5"}, Bits{5, "tag25h9"}, Bits{6, "tag36h11"}};
 
-/// A pose with its covariance: position, then attitude, both in the axes that the pose leads to
-/// (those of the world, once it leads there).
+/// A pose with its covariance: position, then attitude, both along the axes it is given in.
 struct SurePose {
   Pose X;
   Matrix6d covariance{Matrix6d::Zero()};
