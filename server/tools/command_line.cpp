@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "detection/tag_family.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
@@ -214,24 +216,65 @@ CLI::App* add_map_verb(CLI::App& map, CommandLine& line, const char* name, const
   return verb;
 }
 
+void add_map_format(CLI::App& verb, MapArguments& a, const std::string& what) {
+  verb.add_option("--format", a.format, what + "; one of " + map_format_names())
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            return map_format_from(name) ? std::string() : "must be one of " + map_format_names();
+          },
+          "NAME"));
+}
+
+void add_map_export(CLI::App& map, CommandLine& line) {
+  auto& a = line.map;
+  auto* take = add_map_verb(map, line, "export",
+                            "Write one version to a file: ours (.yaml, complete), or another "
+                            "program's",
+                            "export --store hall.map hall.yaml\n"
+                            "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
+                            "  fiducap map export --store hall.map field.json --field 16.54 8.21",
+                            run_map_export);
+  take->add_option("FILE", a.file, "Where to")->required();
+  add_map_format(*take, a,
+                 "What to write; when not given, by the end of the name: .yaml and .csv are ours, "
+                 ".json WPILib's");
+  take->add_option(
+          "--field", a.field_m,
+          "Length and width of the playing field in metres, for WPILib; as far as the tags "
+          "reach when not given")
+      ->expected(2)
+      ->check(kPositive);
+  take->add_option("--version", a.version, "Which version; the newest when not given");
+}
+
 void add_map(CLI::App& app, CommandLine& line) {
   auto* map =
       app.add_subcommand("map", "Look into the store of tag maps, take maps out, put maps in");
   map->require_subcommand(1);
   map->footer("Example:\n  fiducap map log --store hall.map");
   auto& a = line.map;
-  auto* take =
-      add_map_verb(*map, line, "export", "Write one version to a file: .yaml (complete) or .csv",
-                   "export --store hall.map hall.yaml", run_map_export);
-  take->add_option("FILE", a.file, "Where to")->required();
-  take->add_option("--version", a.version, "Which version; the newest when not given");
+  add_map_export(*map, line);
   auto* put = add_map_verb(*map, line, "import",
-                           "Store a file (.yaml, .csv, WPILib .json) as the next version",
-                           "import --store hall.map field.json --tag-size 0.1651", run_map_import);
+                           "Store a file as the next version: ours, or another program's",
+                           "import --store hall.map field.json --tag-size 0.1651\n"
+                           "  fiducap map import --store hall.map poses.yaml\n"
+                           "  fiducap map import --store hall.map tags.yaml --format apriltag_ros\n"
+                           "  fiducap map import --store hall.map default.yaml --tag-size 0.16",
+                           run_map_import);
   put->add_option("FILE", a.file, "Where from")->required();
-  put->add_option("--tag-size", a.tag_size_m,
-                  "Edge of the tags in metres; WPILib files do not say it")
+  add_map_format(*put, a, "What the file is; when not given, what stands in it says");
+  put->add_option(
+         "--tag-size", a.tag_size_m,
+         "Edge of the tags in metres, where the file does not say it: WPILib, RCARS, ArUco "
+         "in pixels")
       ->check(kPositive);
+  put->add_option("--family", a.family,
+                  "Family of the tags, where the file does not say it; tag36h11 when not given")
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            return is_tag_family(name) ? std::string() : "known are " + tag_family_names();
+          },
+          "NAME"));
   put->add_option("--comment", a.comment, "What the history shall say about it");
   auto* log = add_map_verb(*map, line, "log", "All versions, newest first",
                            "log --store hall.map --json", run_map_log);

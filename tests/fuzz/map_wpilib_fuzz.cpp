@@ -1,5 +1,6 @@
 // Field layouts of WPILib. The first byte chooses the size of the tags, which is not in the file.
 #include "fuzz/memory_file.hpp"
+#include "mapping/formats/foreign_map.hpp"
 #include "mapping/formats/map_yaml.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -7,6 +8,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const fuzz::Chosen input(data, size, 4);
   constexpr std::array<double, 4> kEdges_m{0.1651, 0, -1, 1e308};
   const auto map = map_from_wpilib_json(input.text(), kEdges_m[input.which], "fuzz");
-  if (map) fuzz::require(!fault_in(*map) && map_from_yaml(map_to_yaml(*map), "again").has_value());
+  if (!map) return 0;
+  fuzz::require(!fault_in(*map) && map_from_yaml(map_to_yaml(*map), "again").has_value());
+  const auto written = map_to_wpilib_json(*map, std::nullopt).text;
+  fuzz::require(map_from_wpilib_json(written, kEdges_m[input.which], "again").has_value());
   return 0;
 }

@@ -16,7 +16,7 @@ export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=1:handle_abort=1 UB
 longest() {
   case $1 in
     map_store_fuzz) echo 24576 ;;
-    *yaml_fuzz | config_fuzz | calibration_fuzz) echo 3072 ;;
+    *yaml_fuzz | config_fuzz | calibration_fuzz | map_tagslam_fuzz | map_bundles_fuzz | map_rcars_fuzz | map_aruco_fuzz) echo 3072 ;;
     *) echo 1500 ;;
   esac
 }

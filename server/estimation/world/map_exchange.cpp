@@ -21,6 +21,7 @@ constexpr double kRoom = 1.0;
 constexpr std::size_t kNeighbours = 3;
 // Variances of a map are rounded and come from another linearisation than the filter's.
 constexpr double kRounding = 1e-14;
+constexpr double kMostNegative = 0.01;
 // Between what a filter and the map say of a tag: further apart it is another place.
 constexpr double kOtherPlace_m = 0.3;
 constexpr double kOtherPlace_rad = 0.3;
@@ -30,11 +31,18 @@ Matrix6d world_covariance(const Matrix6d& plain, const KnownTag& row, const Know
          world_from_plain_error(column.X_WT.p).transpose();
 }
 
-/// How a new tag hangs on some that are there: ξ = A ξ_there + rest.
+/// How a new tag hangs on some that are there: ξ = A ξ_there + its rest.
 struct Hanging {
   std::vector<std::size_t> on;
   Eigen::MatrixXd A;
+  Matrix6d own;  ///< Covariance of ξ.
 };
+
+/// A covariance as near to the matrix as there is.
+Matrix6d without_negative(const Eigen::SelfAdjointEigenSolver<Matrix6d>& eigen) {
+  const Vector6d values = eigen.eigenvalues().cwiseMax(kRounding);
+  return eigen.eigenvectors() * values.asDiagonal() * eigen.eigenvectors().transpose();
+}
 
 /// @param there  places of the others; @param joint  their covariance, six numbers each
 Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
@@ -64,14 +72,17 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
     }
     among.diagonal().array() += kRounding;
     out.A = among.ldlt().solve(across.transpose()).transpose();
-    // What is left must be a covariance: where it is not, fewer neighbours say something else.
-    const Matrix6d rest = own - out.A * among * out.A.transpose();
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (rest + rest.transpose()),
-                                                        Eigen::EigenvaluesOnly);
-    if (out.A.allFinite() && eigen.eigenvalues()(0) > -1e-3 * eigen.eigenvalues()(5) - kRounding)
-      return out;
+    if (!out.A.allFinite()) continue;
+    // What is left is a covariance, but for what the map does not say of its neighbours: where that
+    // is much, fewer of them say less that is wrong.
+    const Matrix6d shared = out.A * among * out.A.transpose();
+    const Matrix6d rest = own - shared;
+    const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (rest + rest.transpose()));
+    if (count > 1 && eigen.eigenvalues()(0) < -kMostNegative * eigen.eigenvalues()(5)) continue;
+    out.own = shared + without_negative(eigen);
+    return out;
   }
-  return {};
+  return {{}, {}, own};
 }
 
 /// Tags of the state that the map has, too.
@@ -164,7 +175,7 @@ Eigen::MatrixXd joint_covariance(std::span<const KnownTag* const> tags, const Kn
   for (const KnownTag* tag : tags) {
     const auto at = static_cast<Eigen::Index>(6 * there.size());
     const Hanging hanging = hang(*tag, there, joint, map);
-    joint.block<6, 6>(at, at) = world_covariance(tag->covariance, *tag, *tag);
+    joint.block<6, 6>(at, at) = hanging.own;
     for (std::size_t a = 0; a < hanging.on.size(); ++a) {
       joint.block(at, 0, 6, at) +=
           hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
@@ -244,6 +255,7 @@ void hold_beside(FilterState& state, const KnownTag& tag, const KnownMap& map, I
   hold(state, tag, at);
   const int own = state.tag_at(state.tags.size() - 1);
   auto P = state.P();
+  P.block<6, 6>(own, own) = hanging.own;
   for (std::size_t a = 0; a < hanging.on.size(); ++a) {
     P.block(own, 0, 6, own) += hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
                                P.block(columns[hanging.on[a]], 0, 6, own);

@@ -28,8 +28,12 @@ Expected<void> ImportedTags::add(MapTag entry, const std::string& context) {
   if (const auto fault = fault_in(entry)) return fail(ErrorCode::kInvalid, *fault, context);
   restore_unit(entry.tag.X_WT);
   const int id = entry.tag.tag_id;
-  if (!ids_.insert(id).second)
-    return fail(ErrorCode::kInvalid, "tag id " + std::to_string(id) + " is there twice", context);
+  if (const auto [first, is_new] = places_.try_emplace(id, context); !is_new) {
+    return fail(ErrorCode::kInvalid,
+                "tag id " + std::to_string(id) + " is there twice" +
+                    (first->second.empty() ? "" : ", first at " + first->second),
+                context);
+  }
   tags_.push_back(std::move(entry));
   return {};
 }
@@ -45,7 +49,7 @@ std::vector<MapTag> ImportedTags::take() {
   sorted.reserve(tags_.size());
   for (const std::size_t i : order) sorted.push_back(std::move(tags_[i]));
   tags_.clear();
-  ids_.clear();
+  places_.clear();
   return sorted;
 }
 

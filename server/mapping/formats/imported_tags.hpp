@@ -2,7 +2,7 @@
 
 #include <cstddef>
 #include <string>
-#include <unordered_set>
+#include <unordered_map>
 #include <vector>
 
 #include "base/expected.hpp"
@@ -24,14 +24,14 @@ class ImportedTags final {
  public:
   /// Adds one tag, its quaternion unit again.
   /// @param context  where the tag stands, for the message
-  /// @return Error when the tag is broken or its id is there already
+  /// @return Error when the tag is broken or its id is there already, with both places
   [[nodiscard]] Expected<void> add(MapTag entry, const std::string& context);
   /// Sorted by id.
   [[nodiscard]] std::vector<MapTag> take();
 
  private:
   std::vector<MapTag> tags_;
-  std::unordered_set<int> ids_;
+  std::unordered_map<int, std::string> places_;  ///< By id.
 };
 
 }  // namespace fiducap

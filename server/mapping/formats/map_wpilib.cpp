@@ -1,9 +1,13 @@
+#include <algorithm>
 #include <array>
 
 #include <nlohmann/json.hpp>
 
+#include "mapping/formats/foreign_map.hpp"
 #include "mapping/formats/imported_tags.hpp"
+#include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/map_yaml.hpp"
+#include "mapping/formats/text_number.hpp"
 
 namespace fiducap {
 
@@ -85,6 +89,22 @@ Expected<MapTag> tag_from(const json& tag, double edge_m, const std::string& con
   return entry;
 }
 
+/// How far the tags reach from the origin; remarks what makes that no playing field.
+FieldSize reach_of(const std::vector<const MapTag*>& tags, std::vector<std::string>& remarks) {
+  Eigen::Vector2d most = Eigen::Vector2d::Zero();
+  Eigen::Vector2d least = Eigen::Vector2d::Zero();
+  for (const MapTag* entry : tags) {
+    most = most.cwiseMax(entry->tag.X_WT.p.head<2>());
+    least = least.cwiseMin(entry->tag.X_WT.p.head<2>());
+  }
+  remarks.push_back("length and width of the field are not part of a map: " + to_text(most.x()) +
+                    " x " + to_text(most.y()) +
+                    " m is how far the tags reach from the origin; --field says better");
+  if (least.minCoeff() < 0)
+    remarks.push_back("tags lie at negative x or y; WPILib's origin is a corner of the field");
+  return {most.x(), most.y()};
+}
+
 }  // namespace
 
 Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
@@ -110,6 +130,27 @@ Expected<TagMap> map_from_wpilib_json(const std::string& text, double edge_m,
   TagMap map;
   map.tags = imported.take();
   return map;
+}
+
+ExportedMap map_to_wpilib_json(const TagMap& map, std::optional<FieldSize> field) {
+  ExportedMap exported;
+  const auto tags = tags_to_export(map, {.sizes = false}, exported.remarks);
+  if (!field) field = reach_of(tags, exported.remarks);
+  nlohmann::ordered_json layout{
+      {"tags", nlohmann::ordered_json::array()},
+      {"field", {{"length", field->length_m}, {"width", field->width_m}}}};
+  for (const MapTag* entry : tags) {
+    const Eigen::Vector3d& p = entry->tag.X_WT.p;
+    const Eigen::Quaterniond q = entry->tag.X_WT.q * kq_FieldTag_Tag.conjugate();
+    layout["tags"].push_back(
+        {{"ID", entry->tag.tag_id},
+         {"pose",
+          {{"translation", {{"x", p.x()}, {"y", p.y()}, {"z", p.z()}}},
+           {"rotation",
+            {{"quaternion", {{"W", q.w()}, {"X", q.x()}, {"Y", q.y()}, {"Z", q.z()}}}}}}}});
+  }
+  exported.text = layout.dump(2) + "\n";
+  return exported;
 }
 
 }  // namespace fiducap

@@ -205,7 +205,8 @@ void read_tags(const YAML::Node& tags, TagMap& map) {
     const Section section(node, name,
                           {"id", "edge_m", "position", "quaternion_wxyz", "state", "component",
                            "sightings", "first_seen_utc_ns", "last_seen_utc_ns", "covariance"});
-    if (auto added = imported.add(tag_of(section), {}); !added) {
+    const std::string place = name + " in line " + std::to_string(section.line());
+    if (auto added = imported.add(tag_of(section), place); !added) {
       throw Fault{section.line(), name + ": " + added.error().what};
     }
   }

@@ -16,6 +16,15 @@ namespace fiducap {
   return {buffer, end.ptr};
 }
 
+/// The same, always with a decimal point: what follows YAML 1.1 (ROS, PyYAML) takes `1` for a whole
+/// number and `1e-05` for a word.
+[[nodiscard]] inline std::string to_point_text(double value) {
+  std::string text = to_text(value);
+  if (text.find('.') != std::string::npos) return text;
+  const auto exponent = text.find('e');
+  return text.insert(exponent == std::string::npos ? text.size() : exponent, ".0");
+}
+
 /// The whole text as a number; no spaces, no locale, no nan, no inf.
 template <typename T>
 [[nodiscard]] std::optional<T> number_from(std::string_view text) {

@@ -198,10 +198,11 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
         links[tag.component].push_back(T);
     }
   }
+  const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
   for (const auto& [other, all] : links) {
-    const Eigen::Vector3d body = state_.nodes[entry.begin].at.X_WB.p;
+    const Eigen::Vector3d there = all.front() * body;
     const bool agree = std::all_of(all.begin(), all.end(), [&](const Pose& T) {
-      return (T * body - all.front() * body).norm() < kSamePlace_m;
+      return (T * body - there).norm() < kSamePlace_m;
     });
     if (!agree) continue;
     // The workspace stays where it is.

@@ -6,6 +6,7 @@
 #include <ctime>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 
 #include <nlohmann/json.hpp>
 
@@ -50,6 +51,16 @@ std::string utc_text(std::int64_t utc_ns) {
   if (::gmtime_r(&seconds, &parts) == nullptr) return "?";
   std::strftime(text.data(), text.size(), "%Y-%m-%d %H:%M:%SZ", &parts);
   return text.data();
+}
+
+/// nullopt: not given. The command line took no other name.
+std::optional<MapFormat> format_of(const MapArguments& arguments) {
+  return map_format_from(arguments.format);
+}
+
+void print_remarks(const Terminal& terminal, const std::string& file,
+                   const std::vector<std::string>& remarks) {
+  for (const std::string& one : remarks) terminal.err << file << ": " << one << "\n";
 }
 
 const char* name_of(TagChange::Kind kind) {
@@ -125,28 +136,34 @@ int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   if (!store) return report(terminal, store.error());
   const auto map = version_of(*store, arguments.version, terminal);
   if (!map) return report(terminal, map.error());
-  if (auto written = write_map_file(arguments.file, *map); !written)
-    return report(terminal, written.error());
+  std::optional<FieldSize> field;
+  if (arguments.field_m.size() == 2) field = {arguments.field_m[0], arguments.field_m[1]};
+  const auto remarks = write_map_file(arguments.file, *map, format_of(arguments), field);
+  if (!remarks) return report(terminal, remarks.error());
+  print_remarks(terminal, arguments.file, *remarks);
   terminal.out << arguments.file << ": version " << map->version << ", " << map->tags.size()
                << " tags\n";
   return kExitOk;
 }
 
 int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
-  auto map = read_map_file(arguments.file, arguments.tag_size_m);
-  if (!map) return report(terminal, map.error());
+  auto imported = import_map_file(arguments.file, format_of(arguments),
+                                  {arguments.tag_size_m, arguments.family});
+  if (!imported) return report(terminal, imported.error());
+  print_remarks(terminal, arguments.file, imported->remarks);
+  TagMap& map = imported->map;
   auto store = MapStore::open(arguments.store);
   if (!store) return report(terminal, store.error());
   if (auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
   const auto newest = newest_of(*store, terminal);
   if (!newest) return report(terminal, newest.error());
-  map->version = newest->version;  // whatever the file was once: here it follows the newest
-  if (map->created_utc_ns == 0) map->created_utc_ns = utc_now_ns();
+  map.version = newest->version;  // whatever the file was once: here it follows the newest
+  if (map.created_utc_ns == 0) map.created_utc_ns = utc_now_ns();
   const std::string comment =
       arguments.comment.empty()
           ? "import of " + std::filesystem::path(arguments.file).filename().string()
           : arguments.comment;
-  const auto stored = store->commit(*map, comment);
+  const auto stored = store->commit(map, comment);
   if (!stored) return report(terminal, stored.error());
   terminal.out << arguments.store << ": version " << stored->version << ", " << stored->tags.size()
                << " tags, hash " << stored->hash << "\n";

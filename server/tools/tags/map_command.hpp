@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "tools/terminal.hpp"
 
@@ -14,7 +15,10 @@ struct MapArguments {
   std::optional<std::int64_t> version;  ///< show, export: nullopt is the newest
   std::optional<std::int64_t> before;   ///< diff: nullopt is the parent of `after`
   std::optional<std::int64_t> after;    ///< diff: nullopt is the newest
-  std::optional<double> tag_size_m;     ///< import of WPILib files
+  std::string format;                   ///< export, import: empty is what the file is
+  std::optional<double> tag_size_m;     ///< import of files without sizes
+  std::string family;                   ///< import of files without it; empty: tag36h11
+  std::vector<double> field_m;          ///< export to WPILib: length, width; empty: as tags reach
   std::string comment;
   bool json{false};
 };

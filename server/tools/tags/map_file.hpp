@@ -2,18 +2,29 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/expected.hpp"
+#include "mapping/formats/map_format.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
 
-/// Reads a map file, its format by extension: `.yaml` `.yml` ours, `.csv` the recordings', `.json`
-/// WPILib (which does not carry the size of its tags: `edge_m` must say it).
-[[nodiscard]] Expected<TagMap> read_map_file(const std::string& path,
-                                             std::optional<double> edge_m = std::nullopt);
+/// Reads a map file of any known format.
+/// @param format  nullopt: what the content, else the name says
+/// @return the map, and what had to be assumed or left out
+[[nodiscard]] Expected<ImportedMap> import_map_file(const std::string& path,
+                                                    std::optional<MapFormat> format,
+                                                    const MapImportOptions& options);
 
-/// Writes `.yaml` `.yml` or `.csv`.
-[[nodiscard]] Expected<void> write_map_file(const std::string& path, const TagMap& map);
+/// Reads a map file of ours, `.yaml` or `.csv`: these leave nothing to assume.
+[[nodiscard]] Expected<TagMap> read_map_file(const std::string& path);
+
+/// Writes a map.
+/// @param format  nullopt: what the name says, `.yaml` `.yml` ours, `.csv`, `.json` WPILib's
+/// @return what the format could not say
+[[nodiscard]] Expected<std::vector<std::string>> write_map_file(
+    const std::string& path, const TagMap& map, std::optional<MapFormat> format = std::nullopt,
+    std::optional<FieldSize> field = std::nullopt);
 
 }  // namespace fiducap

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <random>
 #include <vector>
 
 #include "base/so3.hpp"
@@ -26,6 +28,24 @@ inline TagMap make_map(const std::vector<int>& ids) {
     entry.first_seen_utc_ns = 1'699'999'999'000'000'001;
     entry.last_seen_utc_ns = 1'700'000'000'000'000'003;
     entry.sightings = 100 + id;
+    map.tags.push_back(entry);
+  }
+  return map;
+}
+
+/// Tags anywhere, turned anyhow, of 5 cm and more; exact.
+inline TagMap random_map(unsigned seed, int tags = 50) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  TagMap map;
+  for (int id = 0; id < tags; ++id) {
+    MapTag entry;
+    entry.tag.tag_id = 3 * id;
+    entry.tag.edge_m = 0.05 + std::abs(normal(random));
+    entry.tag.X_WT.q =
+        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+            .normalized();
+    entry.tag.X_WT.p = {100 * normal(random), 100 * normal(random), normal(random) * 1e-7};
     map.tags.push_back(entry);
   }
   return map;

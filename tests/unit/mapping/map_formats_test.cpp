@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <random>
 #include <sstream>
 
 #include "mapping/formats/text_number.hpp"
+#include "support/replaced.hpp"
 #include "support/shared_data.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
@@ -14,29 +14,6 @@ namespace fiducap {
 namespace {
 
 using Eigen::Vector3d;
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const auto at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return at == std::string::npos ? text : text.replace(at, from.size(), to);
-}
-
-TagMap random_map(unsigned seed) {
-  std::mt19937 random(seed);
-  std::normal_distribution<double> normal;
-  TagMap map;
-  for (int id = 0; id < 50; ++id) {
-    MapTag entry;
-    entry.tag.tag_id = 3 * id;
-    entry.tag.edge_m = 0.05 + std::abs(normal(random));
-    entry.tag.X_WT.q =
-        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
-            .normalized();
-    entry.tag.X_WT.p = {100 * normal(random), 100 * normal(random), normal(random) * 1e-7};
-    map.tags.push_back(entry);
-  }
-  return map;
-}
 
 // Placed one by one where they belong, so many tags took minutes: the time limit would end it.
 TEST(MapCsv, TagsInDescendingOrderAreSortedAtOnce) {
@@ -55,7 +32,7 @@ TEST(MapCsv, ATagThatIsThereTwiceIsToldWithItsLineInAnyOrder) {
       "9,0.16,0,0,0,1,0,0,0\n",
       "twice.csv");
   ASSERT_FALSE(map);
-  EXPECT_EQ(map.error().text(), "twice.csv:4: tag id 9 is there twice");
+  EXPECT_EQ(map.error().text(), "twice.csv:4: tag id 9 is there twice, first at twice.csv:2");
 }
 
 // --- YAML ---
@@ -177,7 +154,8 @@ INSTANTIATE_TEST_SUITE_P(
         Mistake{"edge_m: 0.1", "edge: 0.1", "hand.yaml:6", "tags[1].edge: unknown key"},
         Mistake{"id: 2", "id: 2.5", "hand.yaml:6", "tags[1].id = '2.5': must be a whole number"},
         Mistake{"id: 2", "id: 99999999999999", "hand.yaml:6", "tags[1].id"},
-        Mistake{"id: 2", "id: 4", "hand.yaml:6", "tag id 4 is there twice"},
+        Mistake{"id: 2", "id: 4", "hand.yaml:6",
+                "tag id 4 is there twice, first at tags[0] in line 5"},
         Mistake{"position: [0, 0, 0]", "position: [0, 0]", "hand.yaml:6",
                 "must be a list of 3 numbers"},
         Mistake{"position: [0, 0, 0]", "position: [0, [], 0]", "hand.yaml:6",
@@ -315,7 +293,7 @@ TEST(MapWpilib, NamesWhatIsMissing) {
   EXPECT_EQ(refused(replaced(kField, R"("ID": 1)", R"("ID": 4294967298)")),
             "field.json /tags/1: 'ID' = 4294967298: must be a whole number from 0 to 1000000");
   EXPECT_EQ(refused(replaced(kField, R"("ID": 1)", R"("ID": 2)")),
-            "field.json /tags/1: tag id 2 is there twice");
+            "field.json /tags/1: tag id 2 is there twice, first at field.json /tags/0");
   EXPECT_NE(refused(replaced(kField, R"("W": 1)", R"("W": 2)")).find("quaternion has length 2"),
             std::string::npos);
   EXPECT_NE(refused(kField.substr(0, 50)).find("is not JSON"), std::string::npos);

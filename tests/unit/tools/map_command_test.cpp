@@ -108,6 +108,39 @@ TEST_F(MapCommandTest, WpilibFilesNeedTheTagSize) {
   EXPECT_THAT(err_.str(), HasSubstr("--tag-size"));
 }
 
+TEST_F(MapCommandTest, OtherProgramsMapsGoOutAndComeInAgain) {
+  ASSERT_EQ(import("1,0.2,0.1,0.2,0.3,0.8660254037844387,0,0,0.5\n"), kExitOk);
+  for (const char* format : {"tagslam", "apriltag_ros", "rcars", "aruco", "wpilib"}) {
+    arguments_.file = folder_.file("out.yaml");
+    arguments_.format = format;
+    arguments_.tag_size_m.reset();
+    ASSERT_EQ(run_map_export(arguments_, terminal_), kExitOk) << err_.str();
+    arguments_.format.clear();  // what stands in it says it
+    arguments_.tag_size_m = 0.2;
+    ASSERT_EQ(run_map_import(arguments_, terminal_), kExitOk) << err_.str();
+    taken();
+    ASSERT_EQ(run_map_diff(arguments_, terminal_), kExitOk);
+    EXPECT_THAT(taken(), HasSubstr("no tag differs")) << format;
+  }
+}
+
+TEST_F(MapCommandTest, WhatWasAssumedIsSaidBesideTheResult) {
+  arguments_.file = folder_.file("tags.yaml");
+  ASSERT_TRUE(write_whole_file(arguments_.file,
+                               "standalone_tags: [{id: 4, size: 0.1}]\n"
+                               "tag_bundles: [{layout: [{id: 1, size: 0.1, z: 1}]}]\n"));
+  ASSERT_EQ(run_map_import(arguments_, terminal_), kExitOk) << err_.str();
+  EXPECT_THAT(err_.str(), HasSubstr("standalone tag 4 left out: no place is given"));
+  EXPECT_THAT(err_.str(), HasSubstr("tag36h11 is assumed"));
+  arguments_.file = folder_.file("field.json");
+  arguments_.field_m = {16.5, 8.25};
+  ASSERT_EQ(run_map_export(arguments_, terminal_), kExitOk) << err_.str();
+  EXPECT_THAT(err_.str(), HasSubstr("sizes are not part of this format: all tags are 0.1 m"));
+  const auto text = read_whole_file(arguments_.file);
+  ASSERT_TRUE(text);
+  EXPECT_EQ(nlohmann::json::parse(*text)["field"]["width"], 8.25);
+}
+
 TEST_F(MapCommandTest, WorksBesideADamagedNewestVersion) {
   ASSERT_EQ(import("7,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);
   ASSERT_EQ(import("8,0.16,0.1,0.2,0.3,1,0,0,0\n"), kExitOk);

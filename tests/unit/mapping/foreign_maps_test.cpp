@@ -1,0 +1,236 @@
+// What holds for the maps of all other programs: nothing moves on the way out and in again, units
+// and conventions that cannot be right are named.
+#include "mapping/formats/foreign_map.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "mapping/formats/map_doubts.hpp"
+#include "mapping/formats/map_format.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr double kRoundTrip_m = 1e-6;  // the promise
+constexpr double kEdge_m = 0.16;
+
+class ForeignMaps : public testing::TestWithParam<MapFormat> {
+ protected:
+  /// Formats without sizes get tags of one.
+  [[nodiscard]] static TagMap sized(TagMap map) {
+    if (GetParam() == MapFormat::kRcars || GetParam() == MapFormat::kWpilib)
+      for (MapTag& entry : map.tags) entry.tag.edge_m = kEdge_m;
+    return map;
+  }
+  [[nodiscard]] static MapImportOptions options() { return {.edge_m = kEdge_m}; }
+  [[nodiscard]] static Expected<ImportedMap> back(const TagMap& map) {
+    return read_map(GetParam(), write_map(GetParam(), map).text, options(), "back");
+  }
+};
+
+TEST_P(ForeignMaps, ARoundTripMovesNoCornerByAMicrometre) {
+  double worst_m = 0;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const TagMap map = sized(random_map(seed));
+    const auto again = back(map);
+    ASSERT_TRUE(again) << again.error().text();
+    worst_m = std::max(worst_m, worst_corner_m(map, again->map));
+    EXPECT_EQ(fault_in(again->map), std::nullopt);
+    EXPECT_EQ(again->map.family, "tag36h11");
+    EXPECT_EQ(again->map.tags.front().state, TagState::kSurveyed);
+  }
+  RecordProperty("worst_corner_fm", std::to_string(worst_m * 1e15));
+  EXPECT_LT(worst_m, kRoundTrip_m);
+}
+
+// Half a turn is where rotation vectors and quaternions are delicate.
+TEST_P(ForeignMaps, HalfTurnsSurvive) {
+  TagMap map;
+  for (int id = 0; id < 6; ++id) {
+    MapTag entry;
+    entry.tag.tag_id = id;
+    entry.tag.edge_m = kEdge_m;
+    Eigen::Vector4d wxyz = Eigen::Vector4d::Zero();
+    wxyz(1 + id % 3) = id < 3 ? 1 : -1;
+    wxyz(0) = id < 3 ? 0 : 1e-9;
+    entry.tag.X_WT = {Eigen::Quaterniond(wxyz(0), wxyz(1), wxyz(2), wxyz(3)), {1.0 * id, 2, 3}};
+    map.tags.push_back(entry);
+  }
+  const auto again = back(map);
+  ASSERT_TRUE(again) << again.error().text();
+  EXPECT_LT(worst_corner_m(map, again->map), kRoundTrip_m);
+}
+
+TEST_P(ForeignMaps, TenThousandTagsAreRead) {
+  const TagMap map = sized(random_map(7, 10'000));
+  const auto again = back(map);
+  ASSERT_TRUE(again) << again.error().text();
+  EXPECT_LT(worst_corner_m(map, again->map), kRoundTrip_m);
+}
+
+TEST_P(ForeignMaps, ItsOwnTextIsRecognisedUnderAnyName) {
+  const auto format = map_format_of("map.txt", write_map(GetParam(), make_map({1, 2})).text);
+  ASSERT_TRUE(format) << format.error().text();
+  EXPECT_EQ(*format, GetParam());
+}
+
+TEST_P(ForeignMaps, TagsThatTheMapDoesNotTrustAreLeftOutAndNamed) {
+  TagMap map = sized(make_map({1, 2, 3, 4}));
+  map.tags[1].state = TagState::kQuarantined;
+  map.tags[3].component = 2;
+  const auto exported = write_map(GetParam(), map);
+  EXPECT_THAT(exported.remarks, Contains(HasSubstr("tags 2 and 4 left out")));
+  EXPECT_THAT(exported.remarks, Contains(HasSubstr("covariances")));
+  const auto again = read_map(GetParam(), exported.text, options(), "back");
+  ASSERT_TRUE(again) << again.error().text();
+  EXPECT_EQ(again->map.tags.size(), 2u);
+}
+
+TEST_P(ForeignMaps, AFileWithoutATagIsRefused) {
+  if (GetParam() == MapFormat::kWpilib) GTEST_SKIP() << "an empty field is one";
+  const auto none = back(TagMap{});
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().what, HasSubstr("no tag whose place and size are known"));
+}
+
+TEST_P(ForeignMaps, ATruncatedTextNeverMovesATag) {
+  const TagMap map = sized(make_map({1, 2}));
+  const std::string text = write_map(GetParam(), map).text;
+  for (std::size_t left = 0; left < text.size(); left += 3) {
+    const auto cut = read_map(GetParam(), text.substr(0, left), options(), "cut");
+    if (!cut) continue;
+    for (const MapTag& entry : cut->map.tags) {
+      TagMap one;
+      one.tags = {entry};
+      TagMap expected;
+      expected.tags = {*map.find(entry.tag.tag_id)};
+      // A number may have lost its last digits, nothing else.
+      EXPECT_LT(worst_corner_m(one, expected), 1.0) << left;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ForeignMaps,
+                         testing::Values(MapFormat::kTagslam, MapFormat::kBundles,
+                                         MapFormat::kRcars, MapFormat::kAruco, MapFormat::kWpilib),
+                         [](const auto& info) { return std::string(name_of(info.param)); });
+
+// --- doubts ---
+
+TagMap two_tags(const Eigen::Quaterniond& q_WT, double z_m) {
+  TagMap map;
+  for (int id = 0; id < 2; ++id) {
+    MapTag entry;
+    entry.tag.tag_id = id;
+    entry.tag.edge_m = kEdge_m;
+    entry.tag.X_WT = {q_WT, {1.0 * id, 0, z_m}};
+    map.tags.push_back(entry);
+  }
+  return map;
+}
+
+// A wall looking along -y with its tags upright: x stays, y goes up, z out of it.
+const Eigen::Quaterniond kOnWall(std::sqrt(0.5), std::sqrt(0.5), 0, 0);
+const Eigen::Quaterniond kHalfTurnAboutX(0, 1, 0, 0);
+
+TEST(MapDoubts, AUsualRoomRaisesNone) {
+  EXPECT_THAT(doubts_about(two_tags(kOnWall, 1.5)), IsEmpty());
+  EXPECT_THAT(doubts_about(two_tags(Eigen::Quaterniond::Identity(), 0)), IsEmpty());
+  EXPECT_THAT(doubts_about(two_tags(kHalfTurnAboutX, 2.5)), IsEmpty());  // on the ceiling
+  EXPECT_THAT(doubts_about(TagMap{}), IsEmpty());
+}
+
+TEST(MapDoubts, NamesTagsBelowTheFloor) {
+  EXPECT_THAT(doubts_about(two_tags(kOnWall, -1.5)), Contains(HasSubstr("lie below z = 0")));
+}
+
+TEST(MapDoubts, NamesTheAxesOfLibapriltag) {
+  EXPECT_THAT(doubts_about(two_tags(kOnWall * kHalfTurnAboutX, 1.5)),
+              Contains(HasSubstr("stand on their heads")));
+  EXPECT_THAT(doubts_about(two_tags(kHalfTurnAboutX, 0)), Contains(HasSubstr("look down")));
+}
+
+TEST(MapDoubts, NamesPositionsThatAreTooFarForMetres) {
+  TagMap map = two_tags(kOnWall, 1.5);
+  map.tags[1].tag.X_WT.p.x() = 2500;
+  EXPECT_THAT(doubts_about(map), Contains(HasSubstr("tag 1 is 2500 m from the origin")));
+}
+
+TEST(MapDoubts, CountsWhatIsTooManyToName) {
+  EXPECT_EQ(tags_text({3}), "tag 3");
+  EXPECT_EQ(tags_text({3, 5, 7}), "tags 3, 5 and 7");
+  EXPECT_THAT(tags_text({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}), HasSubstr("10 and 2 more"));
+}
+
+// --- which format ---
+
+TEST(MapFormats, EveryNameIsReadBack) {
+  for (const MapFormat format :
+       {MapFormat::kFiducap, MapFormat::kCsv, MapFormat::kTagslam, MapFormat::kBundles,
+        MapFormat::kRcars, MapFormat::kAruco, MapFormat::kWpilib}) {
+    EXPECT_EQ(map_format_from(name_of(format)), format);
+    EXPECT_THAT(map_format_names(), HasSubstr(std::string(name_of(format))));
+  }
+  EXPECT_EQ(map_format_from("tagSLAM"), std::nullopt);
+}
+
+TEST(MapFormats, TheContentDecidesBeforeTheName) {
+  const auto is = [](const std::string& file, const std::string& text) {
+    const auto format = map_format_of(file, text);
+    return format ? std::string(name_of(*format)) : format.error().text();
+  };
+  EXPECT_EQ(is("tagslam.yaml", "# a comment\ntagslam_parameters:\n  x: 1\nbodies:\n"), "tagslam");
+  EXPECT_EQ(is("a.yaml", "\xef\xbb\xbftag_bundles :\n  []\n"), "apriltag_ros");
+  EXPECT_EQ(is("a.yaml", "\n  \ncalibratedTags : [0]\r\n"), "rcars");
+  EXPECT_EQ(is("map.yml", "%YAML:1.0\n---\naruco_bc_dict: X\naruco_bc_nmarkers: 2\n"), "aruco");
+  EXPECT_EQ(is("a.yaml", " {\"tags\": []}"), "wpilib");
+  EXPECT_EQ(is("a.json", "{\"format\": \"fiducap-map\"}"), "fiducap");
+  EXPECT_EQ(is("a.yaml", "id,size,px,py,pz,qw,qx,qy,qz\n"), "csv");
+  EXPECT_EQ(is("a.csv", "nothing"), "csv");
+  EXPECT_EQ(is("a.json", "nothing"), "wpilib");
+  EXPECT_THAT(is("a.yaml", "  bodies: 3\ntags: 4\n"),
+              HasSubstr("a.yaml: is none of the maps known by what stands in them; say which with "
+                        "--format: fiducap, csv, tagslam"));
+}
+
+TEST(MapFormats, AWrittenFileIsWhatItsNameEndsWith) {
+  EXPECT_EQ(*map_format_of("a.yml"), MapFormat::kFiducap);
+  EXPECT_EQ(*map_format_of("a.csv"), MapFormat::kCsv);
+  EXPECT_EQ(*map_format_of("a.json"), MapFormat::kWpilib);
+  EXPECT_THAT(map_format_of("a.xyz").error().text(), HasSubstr("not '.xyz'"));
+}
+
+TEST(MapFormats, AGivenSizeMustBeInMetresAndIsNotTakenForAnother) {
+  const std::string csv = "id,size,px,py,pz,qw,qx,qy,qz\n1,0.2,0,0,0,1,0,0,0\n";
+  const auto wrong = read_map(MapFormat::kCsv, csv, {.edge_m = 160}, "a.csv");
+  ASSERT_FALSE(wrong);
+  EXPECT_EQ(wrong.error().text(),
+            "a.csv: the given size: edge is 160 m: must be at most 10; sizes are in metres, 160 mm "
+            "is 0.16");
+  const auto right = read_map(MapFormat::kCsv, csv, {.edge_m = 0.16}, "a.csv");
+  ASSERT_TRUE(right);
+  EXPECT_EQ(right->map.tags[0].tag.edge_m, 0.2);
+  EXPECT_THAT(right->remarks, Contains(HasSubstr("--tag-size is not used")));
+}
+
+TEST(MapFormats, TheFamilyIsWhatTheFileSaysOrTheOptionsOrRemarked) {
+  const std::string bundle = "tag_bundles: [{layout: [{id: 1, size: 0.1}]}]\n";
+  const auto assumed = read_map(MapFormat::kBundles, bundle, {}, "tags.yaml");
+  EXPECT_EQ(assumed->map.family, "tag36h11");
+  EXPECT_THAT(assumed->remarks, Contains(HasSubstr("tag36h11 is assumed")));
+  const auto given = read_map(MapFormat::kBundles, bundle, {.family = "tag25h9"}, "tags.yaml");
+  EXPECT_EQ(given->map.family, "tag25h9");
+  EXPECT_THAT(given->remarks, IsEmpty());
+  const std::string named = "tag_family: tag16h5\n" + bundle;
+  EXPECT_EQ(read_map(MapFormat::kBundles, named, {}, "tags.yaml")->map.family, "tag16h5");
+  EXPECT_EQ(read_map(MapFormat::kBundles, named, {.family = "tag25h9"}, "tags.yaml").error().text(),
+            "tags.yaml: holds tags of the family tag16h5, not tag25h9");
+}
+
+}  // namespace
+}  // namespace fiducap
