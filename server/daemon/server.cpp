@@ -17,6 +17,7 @@
 #include "daemon/protocol_servers.hpp"
 #include "daemon/publisher.hpp"
 #include "daemon/recording/session_recorder.hpp"
+#include "daemon/refinement_loop.hpp"
 #include "daemon/signal_wait.hpp"
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
@@ -98,6 +99,7 @@ class Server::Impl final {
   std::optional<Scene> scene_;
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
+  std::optional<RefinementLoop> refinement_;  ///< Only when the map is refined.
   SessionRecorder recorder_;
   std::optional<ControlDesk> desk_;
   StreamLoop frames_{"streaming"};
@@ -108,6 +110,7 @@ class Server::Impl final {
   std::optional<HealthWatch> watch_;
   std::jthread paging_;
   std::jthread keeping_;
+  std::jthread refining_;
   std::jthread recording_;
   std::jthread publishing_;
   std::jthread watching_;
@@ -123,6 +126,8 @@ Expected<void> Server::Impl::build() {
   log::info("mapping", "map version " + std::to_string(start->map.version) + " with " +
                            std::to_string(start->map.tags.size()) + " tags");
   map_.emplace(config_.map.builder, std::move(start->map));
+  if (config_.map.builder.refine_period_s > 0)
+    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_);
   if (start->store) {
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
@@ -271,6 +276,8 @@ void Server::Impl::start_threads() {
     });
   }
   if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
+  if (refinement_)
+    refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });
   recording_ = named("recorder", [this](std::stop_token stop) { recorder_.run(stop); });
   publishing_ = named("publisher", [this](std::stop_token stop) { publisher_->run(stop); });
   watching_ = named("watch", [this](std::stop_token stop) { watch_->run(stop); });
@@ -315,6 +322,7 @@ void Server::Impl::give_up() {
 }
 
 ServerEnd Server::Impl::shut_down() {
+  refining_.request_stop();
   watching_.request_stop();
   watching_.join();
   publishing_.request_stop();

@@ -68,6 +68,7 @@ struct UpdateReport {
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
   int landmark_nis_dof{};
   bool running{};        ///< The filter has started.
+  bool start_changed{};  ///< Another start has won: what followed from the one before is void.
   bool start_is_open{};  ///< The start may still be taken back; what follows from it may not be
                          ///< told.
   /// Images contradicted so long that the body is looked for anew in what was learned.

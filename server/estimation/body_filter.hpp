@@ -101,6 +101,8 @@ class BodyFilter {
   [[nodiscard]] virtual BodyEstimate estimate() const = 0;
   /// Replaces `out` by the tags in the state, each with the axes that it is known in.
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
+  /// The same, also of a start that may be taken back.
+  virtual void own_tags(std::vector<TagBelief>& out) const { tag_beliefs(out); }
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
   /// The merger of the samples adds shift_to_apply() to the camera's stamps
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter

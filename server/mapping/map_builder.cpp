@@ -150,7 +150,7 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   bool follow = false;
   for (const int tag_id : contribution.contradicted)
     follow |= quarantine_locked(contribution, tag_id);
-  if (!working_.known) {
+  if (config_.refine_period_s == 0) {
     for (const TagBelief& belief : contribution.beliefs)
       follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
   }

@@ -10,32 +10,14 @@
 #include <string>
 #include <vector>
 
-#include "base/config_check.hpp"
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/tag_belief.hpp"
-#include "mapping/graph/map_graph.hpp"
+#include "mapping/graph/graph_solution.hpp"
+#include "mapping/map_config.hpp"
 #include "mapping/map_event.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
-
-enum class MapMode {
-  kMapping,  ///< The map grows and is refined live.
-  kFrozen,   ///< The map never changes: no control loop sees a jump.
-};
-
-struct MapConfig {
-  MapMode mode{MapMode::kMapping};
-  /// A belief joins the map when its tag is known better than this …
-  double publish_position_sigma_m{0.05};
-  double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
-  int publish_sightings{10};                ///< … and was seen at least this often.
-  /// What all bodies saw is refined together this often, in seconds of their data; 0: never.
-  double refine_period_s{2.0};
-  double commit_period_s{10.0};  ///< A changed map is written to the store this often.
-
-  [[nodiscard]] std::vector<ConfigError> check() const;
-};
 
 /// The map as one body gets it for one image.
 struct MapView {

@@ -69,10 +69,10 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
     : setup_(std::move(setup)),
       merger_(merger_of(setup_)),
       filter_(filter ? std::move(filter) : filter_of(setup_)),
-      segments_(setup_.sensors, setup_.estimator),
       doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
+  if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator);
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
@@ -145,7 +145,7 @@ const BodyUpdate* BodyPipeline::take(const MapView& view) {
 void BodyPipeline::take_imu(const ImuSample& imu) {
   const CpuMeter meter(statistics_.propagate_cpu);
   filter_->propagate(imu);
-  segments_.add(imu);
+  if (segments_) segments_->add(imu);
   if (search_) search_->add_imu(imu);
   doubts_.add(imu);
   plausibility_.add(imu);
@@ -167,14 +167,17 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   if (late_.only_watches(corners.camera)) return watched_image();
   lose_motion_if_lost();
   view.map->known_among(update_.seen, update_.known);
-  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace, view.map->known.get()});
+  update_.report = filter_->update(
+      update_.seen, {update_.known, view.may_define_workspace, view.map->known.get()});
   const ClockEstimate clock = filter_->clock(corners.camera);
   merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
   agreement_.set_used_shift(corners.camera, clock.shift_s);
   note_contradicted();
   filter_->tag_beliefs(update_.beliefs);
-  segments_.add(update_.seen, *filter_, update_.report, update_.beliefs, update_.known);
-  update_.segment = segments_.take();
+  if (segments_) {
+    segments_->add(update_.seen, *filter_, update_.report, update_.beliefs, update_.known);
+    update_.segment = segments_->take();
+  }
   hand_over_tags(*view.map);
   if (setup_.sensors.imu)
     imu_silence_.image_used(corners.exposed_at, corners.exposed_at - corners.clock_shift);
@@ -245,7 +248,7 @@ void BodyPipeline::lose_motion_if_lost() {
   if (!anchored_ || !carried_at_) return;
   if (to_seconds(update_.seen.exposed_at - *carried_at_) <= setup_.lose_after_s) return;
   filter_->lose_motion();
-  segments_.break_chain();
+  if (segments_) segments_->break_chain();
   ++statistics_.motion_losses;
   note(BodyEvent::Kind::kMotionLost);
   carried_at_.reset();

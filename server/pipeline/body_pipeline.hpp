@@ -35,6 +35,7 @@ struct PipelineSetup {
   std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
   MergerConfig merger;           ///< `has_imu`, `cameras` and more images follow from the sensors.
   double lose_after_s{BodyLimits{}.lose_after_s};
+  bool records_segments{false};  ///< For the map graph.
 };
 
 /// One body's samples in, one estimate per image out: merger, detection with its forecast, filter
@@ -107,7 +108,7 @@ class BodyPipeline final {
   std::unique_ptr<BodyFilter> filter_;
   std::optional<GuidedSearch>
       search_;  // built with the first image: recordings of corners need none
-  SegmentRecorder segments_;
+  std::optional<SegmentRecorder> segments_;
   TagDoubts doubts_;
   ImuPlausibility plausibility_;
   RotationAgreement agreement_;

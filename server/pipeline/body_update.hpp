@@ -6,8 +6,8 @@
 
 #include "capture/camera_frame.hpp"
 #include "detection/tag_observation.hpp"
-#include "estimation/segment/motion_segment.hpp"
 #include "estimation/body_filter.hpp"
+#include "estimation/segment/motion_segment.hpp"
 #include "mapping/map_builder.hpp"
 
 namespace fiducap {

@@ -321,6 +321,7 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
         {static_cast<int>(i) + 1, data[i].name, pipeline_of(data[i], choice), &sources[i]});
   MapConfig map;
   map.mode = choice.live ? MapMode::kMapping : MapMode::kFrozen;
+  map.refine_period_s = choice.refine_period_s;
   BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     runs[body].take(update, replay.pipeline(body));

@@ -33,6 +33,7 @@ struct FilterChoice {
   /// The map grows with what the bodies see and is handed back to them, as in the server. False: it
   /// is what the knowledge case says, and stays so.
   bool live{false};
+  double refine_period_s{MapConfig{}.refine_period_s};  ///< Of a live map.
   /// Called at every image with an anchored pose.
   std::function<void(const FilterMoment&)> watch{};
   /// Called at every image with what its body, counted from 0, made of it, and the map it had.

@@ -58,6 +58,7 @@ struct Robot {
       pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
       truth[tag.tag_id] = tag.X_WT;
     }
+    pipeline_setup.records_segments = true;
     sensors = pipeline_setup.sensors;
     estimator = pipeline_setup.estimator;
     BodyPipeline pipeline(pipeline_setup);

@@ -88,6 +88,7 @@ PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,
   pipeline.estimator = config.estimator;
   pipeline.gauge = {config.map.reference_tag, config.map.reference_pose, config.map.floor_tags};
   pipeline.filter = body.filter;
+  pipeline.records_segments = config.map.builder.refine_period_s > 0;
   if (setup.recording) pipeline.priors = tag_priors(*setup.recording);
   pipeline.lose_after_s = body.limits.lose_after_s;
   return pipeline;

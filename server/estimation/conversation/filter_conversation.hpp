@@ -39,13 +39,9 @@ class FilterConversation final : public StartingFilter {
   [[nodiscard]] BodyEstimate estimate() const override;
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override;
-  [[nodiscard]] ClockEstimate clock(int camera) const override {
-    return coordinates().clock(camera);
-  }
+  [[nodiscard]] ClockEstimate clock(int camera) const override;
   void mismatches(std::vector<FoundMismatch>& out) const override;
-  [[nodiscard]] LearnedSensors learned(int camera) const override {
-    return coordinates().learned(camera);
-  }
+  [[nodiscard]] LearnedSensors learned(int camera) const override;
 
   [[nodiscard]] Explanation explain(const TagObservations& seen,
                                     const UpdateReport& report) const override;

@@ -232,6 +232,16 @@ void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
 }
 
 template <class C>
+ClockEstimate FilterConversation<C>::clock(int camera) const {
+  return coordinates().clock(camera);
+}
+
+template <class C>
+LearnedSensors FilterConversation<C>::learned(int camera) const {
+  return coordinates().learned(camera);
+}
+
+template <class C>
 void FilterConversation<C>::shift_axes(const std::optional<Pose>& X_new_old, UpdateReport& report) {
   if (!X_new_old) return;
   report.gauge_shift = *X_new_old * report.gauge_shift.value_or(Pose{});

@@ -16,6 +16,9 @@ constexpr Duration kSegment = std::chrono::seconds(1);
 // Without a tag for longer, the next one is met anew: readings of minutes are no use.
 constexpr Duration kLongest = std::chrono::seconds(10);
 
+// A start that lasts for longer has seen enough.
+constexpr std::size_t kMostHeldBack = 60;
+
 BodyMoment moment_of(const BodyEstimate& body) {
   return {body.at, body.X_WB, body.v_WB, body.bias_f, body.bias_w};
 }
@@ -39,15 +42,23 @@ void SegmentRecorder::add(const ImuSample& imu) {
 
 void SegmentRecorder::break_chain() { is_open_ = false; }
 
-std::optional<MotionSegment> SegmentRecorder::take() { return std::exchange(done_, std::nullopt); }
+std::optional<MotionSegment> SegmentRecorder::take() {
+  if (done_.empty() || start_is_open_) return std::nullopt;
+  std::optional<MotionSegment> out(std::move(done_.front()));
+  done_.pop_front();
+  return out;
+}
 
 void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
                           const UpdateReport& report, std::span<const TagBelief> beliefs,
                           std::span<const KnownTag> known) {
-  if (report.generation != generation_) break_chain();
+  start_is_open_ = report.start_is_open;
+  if (report.generation != generation_ || report.start_changed) {
+    break_chain();
+    if (start_is_open_ || report.start_changed) done_.clear();
+  }
   generation_ = report.generation;
-  if (!filter.running() || report.start_is_open || report.relocalised || report.clock_jump ||
-      report.elsewhere) {
+  if (!filter.running() || report.relocalised || report.clock_jump || report.elsewhere) {
     return break_chain();
   }
   const BodyEstimate body = filter.estimate();
@@ -55,7 +66,9 @@ void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
   if (report.gauge_shift) shift_axes(*report.gauge_shift);
   if (report.map_shift) shift_axes(*report.map_shift);
   if (is_open_ && body.at - of_use_at_ > kLongest) break_chain();
-  for (const TagBelief& belief : beliefs) places_[belief.tag.tag_id] = belief.tag;
+  if (start_is_open_) filter.own_tags(own_tags_);
+  for (const TagBelief& belief : start_is_open_ ? std::span<const TagBelief>(own_tags_) : beliefs)
+    places_[belief.tag.tag_id] = belief.tag;
   for (const KnownTag& tag : known) {
     if (body.anchored) places_.try_emplace(tag.tag_id, tag);
   }
@@ -117,9 +130,10 @@ void SegmentRecorder::end(const BodyFilter& filter) {
                                            camera.clock.readout_s != 0,
                              .lens = camera.lens.offset});
   }
-  done_ = std::move(open_);
+  done_.push_back(std::move(open_));
+  if (done_.size() > kMostHeldBack) done_.pop_front();
   open_ = {};
-  open_.sensors = done_->sensors;
+  open_.sensors = done_.back().sensors;
 }
 
 SegmentImage SegmentRecorder::image_of(const TagObservations& seen,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <deque>
 #include <map>
 #include <optional>
 #include <span>
@@ -15,9 +16,10 @@ namespace fiducap {
 /// Cuts what one body sees and feels into segments for the map graph.
 ///
 /// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
-/// the filter forgets, loses the body, or its start is taken back. Images without a tag that the
-/// filter or the map has a place for are left out, their readings are not. Nothing of the filter's
-/// covariance enters: the graph gets every reading and every corner once.
+/// the filter forgets or loses the body. While a start may be taken back its segments are held
+/// back; when it is, they are void. Images without a tag that the filter or the map has a place for
+/// are left out, their readings are not. Nothing of the filter's covariance enters: the graph gets
+/// every reading and every corner once.
 class SegmentRecorder final {
  public:
   SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config);
@@ -30,7 +32,7 @@ class SegmentRecorder final {
            std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
   /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
   void break_chain();
-  /// A segment that has just ended.
+  /// A segment that has ended, the oldest one first.
   [[nodiscard]] std::optional<MotionSegment> take();
 
  private:
@@ -47,13 +49,15 @@ class SegmentRecorder final {
   ImuBuffer imu_;
   MotionSegment open_;
   bool is_open_{false};
-  Instant reached_{};               ///< Readings are in the steps up to here.
-  Instant of_use_at_{};             ///< The last image with a tag that had a place.
-  std::vector<SegmentStep> steps_;  ///< Since the last instance.
-  std::map<int, KnownTag> places_;  ///< Of the tags seen since the segment began.
+  Instant reached_{};                ///< Readings are in the steps up to here.
+  Instant of_use_at_{};              ///< The last image with a tag that had a place.
+  std::vector<SegmentStep> steps_;   ///< Since the last instance.
+  std::map<int, KnownTag> places_;   ///< Of the tags seen since the segment began.
+  std::vector<TagBelief> own_tags_;  ///< Kept for its memory.
   int chain_{0};
   int generation_{-1};
-  std::optional<MotionSegment> done_;
+  std::deque<MotionSegment> done_;
+  bool start_is_open_{false};
 };
 
 }  // namespace fiducap

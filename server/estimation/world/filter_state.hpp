@@ -62,9 +62,7 @@ struct FilterState {
   [[nodiscard]] int tag_at(std::size_t i) const {
     return layout::tag(cameras(), static_cast<int>(clones.size() + i));
   }
-  [[nodiscard]] int clone_at(std::size_t i) const {
-    return layout::tag(cameras(), static_cast<int>(i));
-  }
+  [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), int(i)); }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
@@ -98,7 +96,7 @@ struct FilterState {
   void add_tag(const WorldTag& tag, const Matrix6d& own);
   /// Takes tags out (marginalises them). @param numbers  ascending
   void remove_tags(std::span<const std::size_t> numbers);
-  /// The tag is the map's from now on, and stands there. Its covariance is left as it is.
+  /// The tag is the map's from now on, and stands there; not the covariance.
   void hand_over(std::size_t i, const Pose& X_WT);
   void remove_tag(std::size_t i) { remove_tags({&i, 1}); }
   /// All but the covariance.

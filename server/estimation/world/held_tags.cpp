@@ -58,6 +58,12 @@ void forget_unknown(FilterState& state, const KnownMap& map) {
 
 }  // namespace
 
+std::optional<Pose> HeldTags::take_over(FilterState& state, const KnownMap& map, bool level) {
+  if (revision_ == map.revision) return std::nullopt;
+  revision_ = map.revision;
+  return exchange(state, map, level);
+}
+
 void HeldTags::follow(FilterState& state, const TagObservations& seen,
                       std::span<const KnownTag> known, const KnownMap* whole, bool is_anchored) {
   if (whole == nullptr) follow_map(state, seen, known);

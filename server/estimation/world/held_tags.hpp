@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,6 +15,8 @@ namespace fiducap::world {
 /// and a few that were seen last.
 class HeldTags final {
  public:
+  /// See exchange(); once for each revision of the map.
+  std::optional<Pose> take_over(FilterState& state, const KnownMap& map, bool level);
   /// Takes over what the map says of tags in view and of those held.
   /// @param whole  what their errors share, or nullptr: each stands alone
   void follow(FilterState& state, const TagObservations& seen, std::span<const KnownTag> known,
@@ -21,7 +25,8 @@ class HeldTags final {
  private:
   void forget(FilterState& state, const TagObservations& seen);
 
-  std::vector<std::size_t> out_of_view_;  ///< Memory, kept between images.
+  std::optional<std::uint64_t> revision_;  ///< Of the map that was last taken over.
+  std::vector<std::size_t> out_of_view_;   ///< Memory, kept between images.
 };
 
 /// Nothing when it is there already, or exact: exact tags need no state.

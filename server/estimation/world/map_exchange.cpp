@@ -15,8 +15,9 @@ namespace fiducap::world {
 
 namespace {
 
-// Beside the map a filter knows nothing of where the room is: 1-sigma, m and rad, of all of it.
-constexpr double kRoom = 1.0;
+// Beside the map a filter knows nothing of where the room is: 1-sigma of all of it.
+constexpr double kRoom_m = 1.0;
+constexpr double kRoom_rad = 0.1;
 // Tags of the map that a new one hangs on directly.
 constexpr std::size_t kNeighbours = 3;
 // Variances of a map are rounded and come from another linearisation than the filter's.
@@ -26,16 +27,14 @@ constexpr double kMostNegative = 0.01;
 constexpr double kOtherPlace_m = 0.3;
 constexpr double kOtherPlace_rad = 0.3;
 
-Matrix6d world_covariance(const Matrix6d& plain, const KnownTag& row, const KnownTag& column) {
-  return world_from_plain_error(row.X_WT.p) * plain *
-         world_from_plain_error(column.X_WT.p).transpose();
-}
+// In plain numbers, as the map has them: on the world's side a tag's own tilt is metres of shift
+// when the origin is far away, and what two tags have in common drowns in it.
 
-/// How a new tag hangs on some that are there: ξ = A ξ_there + its rest.
+/// How a new tag hangs on some that are there: e = A e_there + its rest.
 struct Hanging {
   std::vector<std::size_t> on;
   Eigen::MatrixXd A;
-  Matrix6d own;  ///< Covariance of ξ.
+  Matrix6d own;  ///< Covariance of e.
 };
 
 /// A covariance as near to the matrix as there is.
@@ -53,7 +52,7 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
       near.emplace_back((tag.X_WT.p - there[i]->X_WT.p).norm(), i);
   }
   std::sort(near.begin(), near.end());
-  const Matrix6d own = world_covariance(tag.covariance, tag, tag);
+  const Matrix6d& own = tag.covariance;
   for (std::size_t count = std::min(kNeighbours, near.size()); count > 0; --count) {
     const auto rows = static_cast<Eigen::Index>(6 * count);
     Eigen::MatrixXd across(6, rows);
@@ -63,7 +62,7 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
       const std::size_t i = near[a].second;
       out.on.push_back(i);
       across.middleCols<6>(static_cast<Eigen::Index>(6 * a)) =
-          world_covariance(*map.between(tag.tag_id, there[i]->tag_id), tag, *there[i]);
+          *map.between(tag.tag_id, there[i]->tag_id);
       for (std::size_t b = 0; b < count; ++b) {
         among.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) =
             joint.block<6, 6>(static_cast<Eigen::Index>(6 * i),
@@ -158,12 +157,65 @@ std::vector<int> pose_columns(const FilterState& state) {
 }
 
 void forget_room(FilterState& state, bool level) {
-  Vector6d unknown = Vector6d::Constant(kRoom * kRoom);
+  // Turned about the body: about a far origin the same would be metres.
+  Eigen::Matrix<double, 6, 6> common = Matrix6d::Identity();
+  common.topRightCorner<3, 3>() = skew(state.X_WB.p);
+  Vector6d unknown;
+  unknown << Eigen::Vector3d::Constant(kRoom_m * kRoom_m),
+      Eigen::Vector3d::Constant(kRoom_rad * kRoom_rad);
   if (level) unknown.segment<2>(3).setZero();
+  const Matrix6d room = common * unknown.asDiagonal() * common.transpose();
   auto P = state.P();
   const std::vector<int> poses = pose_columns(state);
   for (const int a : poses)
-    for (const int b : poses) P.block<6, 6>(a, b).diagonal() += unknown;
+    for (const int b : poses) P.block<6, 6>(a, b) += room;
+}
+
+/// Columns of the state's covariance with these tags, whose errors are plain.
+Eigen::MatrixXd columns_of(const FilterState& state, const std::vector<std::size_t>& tags) {
+  const auto P = state.P();
+  Eigen::MatrixXd out(P.rows(), static_cast<Eigen::Index>(6 * tags.size()));
+  for (std::size_t k = 0; k < tags.size(); ++k) {
+    const Matrix6d J = plain_from_world_error(state.tags[tags[k]].X_WT.p);
+    out.middleCols<6>(static_cast<Eigen::Index>(6 * k)) =
+        P.middleCols<6>(state.tag_at(tags[k])) * J.transpose();
+  }
+  return out;
+}
+
+/// Their rows of such columns, plain as well.
+Eigen::MatrixXd rows_of(const FilterState& state, const std::vector<std::size_t>& tags,
+                        const Eigen::MatrixXd& columns) {
+  Eigen::MatrixXd out(static_cast<Eigen::Index>(6 * tags.size()), columns.cols());
+  for (std::size_t k = 0; k < tags.size(); ++k) {
+    out.middleRows<6>(static_cast<Eigen::Index>(6 * k)) =
+        plain_from_world_error(state.tags[tags[k]].X_WT.p) *
+        columns.middleRows<6>(state.tag_at(tags[k]));
+  }
+  return out;
+}
+
+/// Their columns and rows of the state's covariance become these.
+void set_tags(FilterState& state, const std::vector<std::size_t>& tags,
+              const Eigen::MatrixXd& columns, const Eigen::MatrixXd& joint) {
+  auto P = state.P();
+  std::vector<Matrix6d> J;
+  for (std::size_t k = 0; k < tags.size(); ++k) {
+    J.push_back(world_from_plain_error(state.tags[tags[k]].X_WT.p));
+    const int at = state.tag_at(tags[k]);
+    P.middleCols<6>(at) =
+        columns.middleCols<6>(static_cast<Eigen::Index>(6 * k)) * J.back().transpose();
+    P.middleRows<6>(at) = P.middleCols<6>(at).transpose();
+  }
+  for (std::size_t a = 0; a < tags.size(); ++a) {
+    for (std::size_t b = 0; b < tags.size(); ++b) {
+      P.block<6, 6>(state.tag_at(tags[a]), state.tag_at(tags[b])) =
+          J[a] *
+          joint.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) *
+          J[b].transpose();
+    }
+  }
+  P = (0.5 * (P + P.transpose())).eval();
 }
 
 }  // namespace
@@ -195,39 +247,20 @@ std::optional<Pose> exchange(FilterState& state, const KnownMap& map, bool level
   move_axes(state, *axes);
   forget_room(state, level);
 
-  const auto count = static_cast<Eigen::Index>(both.numbers.size());
   const Eigen::MatrixXd R = joint_covariance(both.map, map);
-  auto P = state.P();
-  Eigen::MatrixXd columns(P.rows(), 6 * count);
-  Eigen::VectorXd apart(6 * count);
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const std::size_t i = both.numbers[static_cast<std::size_t>(k)];
-    columns.middleCols<6>(6 * k) = P.middleCols<6>(state.tag_at(i));
-    apart.segment<6>(6 * k) =
-        world_error_between(state.tags[i].X_WT, both.map[static_cast<std::size_t>(k)]->X_WT);
-  }
-  Eigen::MatrixXd S(6 * count, 6 * count);
-  for (Eigen::Index k = 0; k < count; ++k) {
-    S.middleRows<6>(6 * k) =
-        columns.middleRows<6>(state.tag_at(both.numbers[static_cast<std::size_t>(k)]));
-  }
+  const Eigen::MatrixXd columns = columns_of(state, both.numbers);
+  Eigen::MatrixXd S = rows_of(state, both.numbers, columns);
   S.diagonal().array() += kRounding;
   const Eigen::MatrixXd G = S.ldlt().solve(columns.transpose()).transpose();
+  Eigen::VectorXd apart(S.rows());
+  for (std::size_t k = 0; k < both.numbers.size(); ++k) {
+    const Pose& own = state.tags[both.numbers[k]].X_WT;
+    apart.segment<6>(static_cast<Eigen::Index>(6 * k)) =
+        plain_from_world_error(own.p) * world_error_between(own, both.map[k]->X_WT);
+  }
+  auto P = state.P();
   P.noalias() -= (G * (S - R)) * G.transpose();
-  const Eigen::MatrixXd GR = G * R;
-  for (Eigen::Index k = 0; k < count; ++k) {
-    const int at = state.tag_at(both.numbers[static_cast<std::size_t>(k)]);
-    P.middleCols<6>(at) = GR.middleCols<6>(6 * k);
-    P.middleRows<6>(at) = GR.middleCols<6>(6 * k).transpose();
-  }
-  for (Eigen::Index a = 0; a < count; ++a) {
-    for (Eigen::Index b = 0; b < count; ++b) {
-      P.block<6, 6>(state.tag_at(both.numbers[static_cast<std::size_t>(a)]),
-                    state.tag_at(both.numbers[static_cast<std::size_t>(b)])) =
-          R.block<6, 6>(6 * a, 6 * b);
-    }
-  }
-  P = (0.5 * (P + P.transpose())).eval();
+  set_tags(state, both.numbers, G * R, R);
   state.add_error(G * apart);
   for (std::size_t k = 0; k < both.numbers.size(); ++k)
     state.hand_over(both.numbers[k], both.map[k]->X_WT);
@@ -236,29 +269,25 @@ std::optional<Pose> exchange(FilterState& state, const KnownMap& map, bool level
 
 void hold_beside(FilterState& state, const KnownTag& tag, const KnownMap& map, Instant at) {
   std::vector<const KnownTag*> there;
-  std::vector<int> columns;
+  std::vector<std::size_t> tags;
   for (std::size_t i = 0; i < state.tags.size(); ++i) {
     const KnownTag* known = state.tags[i].held ? map.find(state.tags[i].tag_id) : nullptr;
     if (known == nullptr) continue;
     there.push_back(known);
-    columns.push_back(state.tag_at(i));
+    tags.push_back(i);
   }
-  Eigen::MatrixXd joint(6 * static_cast<Eigen::Index>(there.size()),
-                        6 * static_cast<Eigen::Index>(there.size()));
-  for (std::size_t a = 0; a < there.size(); ++a) {
-    for (std::size_t b = 0; b < there.size(); ++b) {
-      joint.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) =
-          state.P().block<6, 6>(columns[a], columns[b]);
-    }
-  }
-  const Hanging hanging = hang(tag, there, joint, map);
-  hold(state, tag, at);
+  const Eigen::MatrixXd columns = columns_of(state, tags);
+  const Hanging hanging = hang(tag, there, rows_of(state, tags, columns), map);
+  KnownTag placed = tag;
+  placed.covariance = hanging.own;
+  hold(state, placed, at);
   const int own = state.tag_at(state.tags.size() - 1);
+  const Matrix6d J = world_from_plain_error(tag.X_WT.p);
   auto P = state.P();
-  P.block<6, 6>(own, own) = hanging.own;
   for (std::size_t a = 0; a < hanging.on.size(); ++a) {
-    P.block(own, 0, 6, own) += hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
-                               P.block(columns[hanging.on[a]], 0, 6, own);
+    P.block(own, 0, 6, own) +=
+        J * hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * a)) *
+        columns.middleCols<6>(static_cast<Eigen::Index>(6 * hanging.on[a])).transpose();
   }
   P.block(0, own, own, 6) = P.block(own, 0, 6, own).transpose();
 }

@@ -15,7 +15,12 @@ void exchange_prior(FilterState& state, int camera, int column, double value, do
   auto P = state.P();
   const double S = 1 + gained * P(column, column);
   if (!(S > 1e-9)) return;
-  const Eigen::VectorXd p = P.col(column);
+  Eigen::VectorXd p = P.col(column);
+  if (gained < 0) {
+    // What held tags know of each other stays, so what grows must not reach them: else the whole
+    // would be no covariance.
+    for (const int at : state.held_tags()) p.segment<6>(at).setZero();
+  }
   std::vector<bool> is_held(static_cast<std::size_t>(P.rows()), false);
   for (const int at : state.held_tags()) std::fill_n(is_held.begin() + at, 6, true);
   const double factor = gained / S;

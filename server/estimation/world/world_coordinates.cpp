@@ -7,7 +7,6 @@
 #include "base/so3.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "estimation/world/camera_moment.hpp"
-#include "estimation/world/map_exchange.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/teaching_image.hpp"
 
@@ -67,7 +66,7 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   nis_ = 1;
   motion_.restart();
   memory_.forget_all();
-  map_revision_.reset();
+  held_tags_ = {};
 }
 
 void WorldCoordinates::reset_camera(int camera, const ClockHypothesis& clocks) {
@@ -232,10 +231,21 @@ void WorldCoordinates::moved_axes(const Pose& X_new_old) {
   noise_watch_.lose_motion();  // its covariance was in the old axes
 }
 
+LearnedSensors WorldCoordinates::learned(int camera) const {
+  return {&noise(camera), noise_watch_.imu_variance(), noise_watch_.jitter_s()};
+}
+
+void WorldCoordinates::hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
+                                     const KnownMap* whole, bool is_anchored) {
+  held_tags_.follow(state_, seen, known, whole, is_anchored);
+}
+
+void WorldCoordinates::hold_one(const KnownTag& tag, const KnownMap* whole, Instant at) {
+  world::hold_one(state_, tag, whole, at);
+}
+
 std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
-  if (map_revision_ == map.revision) return std::nullopt;
-  map_revision_ = map.revision;
-  const auto moved = exchange(state_, map, sensors_.imu.has_value());
+  const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
   memory_.forget_all();
   state_.forget_clones();

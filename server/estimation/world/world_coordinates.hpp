@@ -66,7 +66,6 @@ class WorldCoordinates final {
   [[nodiscard]] double speed_sigma_m_s() const;
   /// The body is at X_AB now, its motion unknown.
   void jump(const Pose& X_AB, Instant at);
-
   /// Without IMU: the motion is linearised where velocity and rate lead to X_B0B in dt …
   void aim(const Pose& X_B0B, double dt);
   /// … and after the steps the prior mean is where the old ones would have led.
@@ -77,14 +76,10 @@ class WorldCoordinates final {
 
   void look_at(const TagObservations& seen);
   /// Takes over what the map says of tags in view and of those held.
-  void hold_map_tags(const TagObservations& seen, std::span<const KnownTag> known,
-                     const KnownMap* whole, bool is_anchored) {
-    held_tags_.follow(state_, seen, known, whole, is_anchored);
-  }
-  void hold_one(const KnownTag& tag, const KnownMap* whole, Instant at) {
-    world::hold_one(state_, tag, whole, at);
-  }
-  /// The map has learned: see exchange(). @return X_WnewWold of the body
+  void hold_map_tags(const TagObservations&, std::span<const KnownTag> known, const KnownMap* whole,
+                     bool is_anchored);
+  void hold_one(const KnownTag& tag, const KnownMap* whole, Instant at);
+  /// The map has learned: see exchange().
   std::optional<Pose> follow_map(const KnownMap& map);
   /// The tag's own copy becomes the map's, and what both say is fused.
   void give_to_map(std::size_t tag, const KnownTag& map);
@@ -116,9 +111,7 @@ class WorldCoordinates final {
   [[nodiscard]] const CornerNoise& noise(int camera) const {
     return corner_noise_[static_cast<std::size_t>(camera)];
   }
-  [[nodiscard]] LearnedSensors learned(int camera) const {
-    return {&noise(camera), noise_watch_.imu_variance(), noise_watch_.jitter_s()};
-  }
+  [[nodiscard]] LearnedSensors learned(int camera) const;
   [[nodiscard]] ImageMemory& memory() { return memory_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return memory_.needed_since(); }
   void forget_past() { memory_.forget_all(); }
@@ -149,7 +142,6 @@ class WorldCoordinates final {
   ImageMemory memory_;
   std::optional<CloneWindow> window_;  ///< Only when points are followed.
   HeldTags held_tags_;
-  std::optional<std::uint64_t> map_revision_;  ///< Of the map that was last taken over.
   FilterState before_;
   std::optional<FilterState> linearisation_;
   Eigen::Matrix<double, layout::kBodySize, 1> aimed_off_;

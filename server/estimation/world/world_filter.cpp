@@ -91,6 +91,7 @@ void WorldFilter::take_over(std::unique_ptr<StartingFilter> better,
     const Pose moved = better->estimate().X_WB * present_->estimate().X_WB.inverse();
     report.gauge_shift = moved * report.gauge_shift.value_or(Pose{});
   }
+  report.start_changed = true;
   better->set_generation(generation_);
   better->set_restart_clocks(configured_clocks());
   present_ = std::move(better);

@@ -32,6 +32,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] BodyEstimate estimate() const override { return present_->estimate(); }
   /// None while the start may be taken back: the map's knowledge may not.
   void tag_beliefs(std::vector<TagBelief>& out) const override;
+  void own_tags(std::vector<TagBelief>& out) const override { present_->tag_beliefs(out); }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     return present_->extrinsics();
   }

@@ -5,10 +5,10 @@
 
 #include <Eigen/Core>
 
-#include "capture/lens/camera_model.hpp"
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/segment/segment_smoother.hpp"
 #include "estimation/segment/world_error.hpp"
+#include "mapping/graph/graph_body.hpp"
 
 namespace fiducap {
 
@@ -27,14 +27,6 @@ struct GraphTag {
   int sightings{};
   Instant first_seen{};
   Instant last_seen{};
-};
-
-/// What the graph knows of a body as a whole.
-struct GraphBody {
-  int id{};
-  std::vector<CameraBelief> cameras;
-  std::vector<CameraBelief> expected;  ///< By the configuration, with …
-  Eigen::MatrixXd information;         ///< … this information about all cameras' numbers.
 };
 
 struct GraphSegment {

@@ -14,18 +14,11 @@ namespace fiducap {
 
 namespace {
 
-// What is exact by the configuration is known this well, and not better: m, rad, s and relative.
-constexpr double kExact = 1e-7;
-constexpr double kExactCentre_px = 1e-4;
-// A lens or readout that was found to be wrong is as unknown as this before the images.
-constexpr double kOpenFocal = 0.1;
-constexpr double kOpenCentre_px = 30.0;
-constexpr double kOpenDistortion = 0.1;
-
 constexpr int kWorkspace = 0;  // component of those who stand in it
 
-constexpr int kMostIterations = 12;
-constexpr int kMostRounds = 4;
+constexpr int kMostIterations = 40;
+constexpr double kLeastDamping = 1e-9;
+constexpr double kMostDamping = 1.0;
 // A step that makes the cost smaller by less than this moves nothing by more than a third of its
 // sigma, and most of all much less.
 constexpr double kConverged = 0.05;
@@ -37,46 +30,6 @@ constexpr double kMoved = 0.005;
 // says.
 constexpr double kSameTilt_rad = 0.06;
 constexpr double kSamePlace_m = 0.15;
-
-void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
-  information(at, at) = 1.0 / (sigma * sigma);
-}
-
-GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
-  GraphBody body;
-  body.id = id;
-  const auto count = static_cast<Eigen::Index>(sensors.cameras.size());
-  body.information = Eigen::MatrixXd::Zero(segment_layout::kCameraSize * count,
-                                           segment_layout::kCameraSize * count);
-  for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
-    const CameraMount& mount = sensors.cameras[c];
-    body.expected.push_back({.X_BV = mount.X_BV,
-                             .shift_s = 0,
-                             .readout_s = mount.readout_s,
-                             .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
-                             .lens = {}});
-    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
-    const bool open = sensors.estimates_extrinsics;
-    Matrix6d plain = Matrix6d::Zero();
-    const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
-    plain.diagonal().head<3>().setConstant(
-        inverse_square(open ? std::max(kExact, mount.position_sigma_m) : kExact));
-    plain.diagonal().tail<3>().setConstant(
-        inverse_square(open ? std::max(kExact, mount.rotation_sigma_rad) : kExact));
-    const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
-    body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
-    const bool clocks = sensors.estimates_clocks && sensors.has_imu;
-    add_square(body.information, at + 6,
-               clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
-    add_square(body.information, at + 7, clocks ? std::max(kExact, mount.readout_sigma_s) : kExact);
-    add_square(body.information, at + 8, std::max(kExact, mount.focal_sigma));
-    add_square(body.information, at + 9, std::max(kExactCentre_px, mount.centre_sigma_px));
-    add_square(body.information, at + 10, std::max(kExactCentre_px, mount.centre_sigma_px));
-    add_square(body.information, at + 11, std::max(kExact, mount.k1_sigma));
-  }
-  body.cameras = body.expected;
-  return body;
-}
 
 }  // namespace
 
@@ -130,7 +83,7 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_W
 }
 
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
-  const int component = segment.anchored ? kWorkspace : ++components_;
+  const int component = is_in_workspace(segment) ? kWorkspace : ++components_;
   state_.level[component] = state_.level[component] || segment.has_imu();
   const auto last = chains_.find(segment.body_id);
   ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu()};
@@ -140,30 +93,28 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
     start.accel_walk = std::max(1e-6, input.accel_walk);
     start.gyro_walk = std::max(1e-7, input.gyro_walk);
   }
-  if (last == chains_.end()) {
-    // What a start has found of clocks and lenses may be far from what was expected.
-    GraphBody& own = state_.bodies[body];
-    own.cameras = segment.cameras;
-    for (std::size_t c = 0; c < own.cameras.size(); ++c) {
-      const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
-      own.expected[c].shift_s = own.cameras[c].shift_s;
-      const LensOffset& lens = own.cameras[c].lens;
-      if (lens.is_none()) continue;
-      add_square(own.information, at + 8, kOpenFocal);
-      add_square(own.information, at + 9, kOpenCentre_px);
-      add_square(own.information, at + 10, kOpenCentre_px);
-      if (lens.k1 != 0) add_square(own.information, at + 11, kOpenDistortion);
-    }
-  }
+  if (last == chains_.end()) begin_with(segment.cameras, state_.bodies[body]);
   state_.nodes.push_back({static_cast<int>(body), segment.begin(), component});
   state_.starts.push_back(start);
   return start.node;
 }
 
+/// A body says that it stands in the workspace, and what it sees hangs on it. Nothing may be in a
+/// component that no sighting binds to the rest.
+bool MapGraph::is_in_workspace(const MotionSegment& segment) const {
+  if (!segment.anchored) return false;
+  const auto is_there = [](const auto& x) { return x.component == kWorkspace; };
+  if (std::none_of(state_.nodes.begin(), state_.nodes.end(), is_there)) return true;
+  return std::any_of(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& tag) {
+    return is_there(tag) && std::any_of(segment.tags.begin(), segment.tags.end(),
+                                        [&](const auto& t) { return t.tag_id == tag.tag_id; });
+  });
+}
+
 /// A body that began in axes of its own stands in the workspace since then.
 void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment) {
   const GraphNode& node = state_.nodes[begin];
-  if (!segment.anchored || node.component == kWorkspace) return;
+  if (node.component == kWorkspace || !is_in_workspace(segment)) return;
   const bool level = state_.level.at(node.component);
   merge_components(node.component, kWorkspace,
                    axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
@@ -217,39 +168,32 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
 
 std::optional<GraphSolution> MapGraph::solve() {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
-  int iterations = 0;
-  int condensed = 0;
-  double cost = 0;
-  for (int round = 0; round < kMostRounds; ++round) {
-    if (!iterate(iterations, cost)) return std::nullopt;
-    const int again = condense_again();
-    condensed += again;
-    if (again == 0) break;
-  }
+  GraphSolution done;
+  if (!iterate(done)) return std::nullopt;
   lay_over_definition();
   auto out = tell();
   if (!out) return out;
-  out->cost = 2 * cost;
-  out->iterations = iterations;
-  out->condensed = condensed;
+  out->cost = done.cost;
+  out->iterations = done.iterations;
+  out->condensed = done.condensed;
   for (const GraphSegment& segment : state_.segments) out->numbers += segment.factor.numbers;
   return out;
 }
 
-/// Levenberg–Marquardt until nothing moves.
-bool MapGraph::iterate(int& iterations, double& cost) {
+/// Levenberg–Marquardt until nothing moves. Segments are linearised anew on the way, where they
+/// have moved: steps by old ones would lead past the truth, or towards it slowly.
+bool MapGraph::iterate(GraphSolution& done) {
   const GraphVariables variables(state_);
-  double damping = 1e-9;
+  double damping = kLeastDamping;
   NormalEquations equations = normal_equations(state_, variables);
-  cost = equations.cost;
-  for (int i = 0; i < kMostIterations; ++i) {
-    ++iterations;
+  for (done.iterations = 1; done.iterations <= kMostIterations; ++done.iterations) {
+    done.cost = 2 * equations.cost;
     const auto factor = BlockCholesky::factor(equations.H, damping);
     const Eigen::VectorXd delta =
         factor ? Eigen::VectorXd(factor->solve(equations.pull)) : Eigen::VectorXd();
     if (!factor || !delta.allFinite()) {
-      damping = std::max(1e-6, 10 * damping);
-      if (damping > 1e3) return false;
+      damping *= 100;
+      if (damping > kMostDamping) return false;
       continue;
     }
     if (0.5 * delta.dot(equations.pull) < kConverged) return true;
@@ -257,18 +201,19 @@ bool MapGraph::iterate(int& iterations, double& cost) {
     const auto tags = state_.tags;
     const auto bodies = state_.bodies;
     move_by(delta, variables, equations.H, state_);
+    const int again = condense_again();
+    done.condensed += again;
     NormalEquations next = normal_equations(state_, variables);
-    if (!(next.cost <= cost * (1 + 1e-9) + 1e-9)) {
-      state_.nodes = nodes;
-      state_.tags = tags;
-      state_.bodies = bodies;
-      damping = std::max(1e-6, 10 * damping);
-      if (damping > 1e3) return true;
+    if (again > 0 || next.cost <= equations.cost) {
+      damping = std::max(kLeastDamping, 0.1 * damping);
+      equations = std::move(next);
       continue;
     }
-    cost = next.cost;
-    equations = std::move(next);
-    damping *= 0.1;
+    state_.nodes = nodes;
+    state_.tags = tags;
+    state_.bodies = bodies;
+    damping *= 100;
+    if (damping > kMostDamping) return true;
   }
   return true;
 }

@@ -6,32 +6,10 @@
 #include <span>
 #include <vector>
 
-#include "estimation/known_map.hpp"
+#include "mapping/graph/graph_solution.hpp"
 #include "mapping/graph/graph_state.hpp"
 
 namespace fiducap {
-
-/// A tag as the graph has it, in the axes of the map.
-struct GraphTagEstimate {
-  int tag_id{};
-  double edge_m{};
-  int component{};
-  int sightings{};
-  Instant first_seen{};
-  Instant last_seen{};
-  Pose X_WT;
-  /// As KnownTag::covariance, against the mean place and heading of the tags that define W.
-  Matrix6d covariance{Matrix6d::Zero()};
-};
-
-struct GraphSolution {
-  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component.
-  std::vector<KnownPair> pairs;        ///< Tags seen together; sorted.
-  double cost{};                       ///< Twice: chi-square …
-  double numbers{};                    ///< … of so many.
-  int iterations{};
-  int condensed{};  ///< Segments linearised anew.
-};
 
 /// The one map of all bodies as a least squares problem over everything that they ever saw and
 /// felt: bodies where their segments meet, cameras, tags. Not thread-safe; slow; memory grows with
@@ -54,13 +32,14 @@ class MapGraph final {
   };
   std::size_t body_of(const MotionSegment& segment);
   [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
+  [[nodiscard]] bool is_in_workspace(const MotionSegment& segment) const;
   void join_workspace(std::size_t begin, const MotionSegment& segment);
   void count_sightings(const GraphSegment& entry);
   void link_components(const GraphSegment& entry, int component);
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, const Pose& X_WT,
                                    Instant now);
-  bool iterate(int& iterations, double& cost);
+  bool iterate(GraphSolution& done);
   int condense_again();
   void lay_over_definition();
   void lay_over_places();

@@ -15,6 +15,7 @@ constexpr std::size_t kRevisions = 256;
 BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
     : map_(map, std::move(start)), refine_period_(from_seconds(map.refine_period_s)) {
   for (ReplayedBody& body : bodies) {
+    body.setup.records_segments = map.refine_period_s > 0;
     bodies_.push_back({body.id,
                        std::move(body.name),
                        body.source,

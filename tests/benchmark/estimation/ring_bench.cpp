@@ -18,6 +18,7 @@ namespace {
 
 constexpr std::uint64_t kNextRobot = 10'000;
 constexpr double kSeconds = 240;
+constexpr double kRefine_s = 2;
 constexpr double kShareOfThree = 0.45;
 
 struct MapScore {
@@ -92,6 +93,7 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   for (EstimationData& one : data) one.reference_tag = data.front().reference_tag;
   FilterChoice choice = choice_of(options, "world", 'A');
   choice.live = true;
+  choice.refine_period_s = kRefine_s;
   MapGraph graph;
   RingRun out;
   out.tracks_after_s.assign(data.size(), Nees::kNone);
@@ -113,12 +115,6 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
       position[body].add(e.head<3>().norm());
       const Matrix6d P = update.estimate->covariance.topLeftCorner<6, 6>();
       nees[body] += e.dot(P.ldlt().solve(e)) / 6;
-      if (getenv("RDBG")) {
-        static int n = 0;
-        const double now = e.dot(P.ldlt().solve(e)) / 6;
-        if (++n % 30 == 0 || now > 100)
-          fprintf(stderr, "%.2f body %zu err %.1f mm sigma %.1f nees %.1f used %d known %zu own %zu tags %zu shift %d rej %d\n", t_s, body, 1e3 * e.head<3>().norm(), 1e3 * std::sqrt(P.topLeftCorner<3,3>().trace()), now, update.report.tags_used, update.known.size(), update.beliefs.size(), map.tags.size(), int(update.report.map_shift.has_value()), update.report.tags_rejected);
-      }
       ++scored[body];
     }
     if (update.is_placed() && std::isnan(out.tracks_after_s[body]))

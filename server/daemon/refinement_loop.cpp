@@ -1,0 +1,20 @@
+#include "daemon/refinement_loop.hpp"
+
+#include "daemon/system_clock.hpp"
+#include "streaming/net/guard.hpp"
+
+namespace fiducap {
+
+void RefinementLoop::run(std::stop_token stop) {
+  Instant next = clock_.now() + period_;
+  while (clock_.wait_until(next, stop)) {
+    net::guarded(
+        "mapping", [] { return "refining the map"; },
+        [&] {
+          if (refiner_.solve()) (void)refiner_.adopt(utc_now_ns());
+        });
+    next = std::max(next + period_, clock_.now());
+  }
+}
+
+}  // namespace fiducap

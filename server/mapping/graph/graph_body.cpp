@@ -1,0 +1,75 @@
+#include "mapping/graph/graph_body.hpp"
+
+#include <algorithm>
+
+#include "estimation/world/filter_state.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// What is exact by the configuration is known this well, and not better: m, rad, s and relative.
+constexpr double kExact = 1e-7;
+constexpr double kExactCentre_px = 1e-4;
+// A lens or readout that was found to be wrong is as unknown as this before the images.
+constexpr double kOpenFocal = 0.1;
+constexpr double kOpenCentre_px = 30.0;
+constexpr double kOpenDistortion = 0.1;
+
+void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
+  information(at, at) = 1.0 / (sigma * sigma);
+}
+
+}  // namespace
+
+GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
+  GraphBody body;
+  body.id = id;
+  const auto count = static_cast<Eigen::Index>(sensors.cameras.size());
+  body.information = Eigen::MatrixXd::Zero(segment_layout::kCameraSize * count,
+                                           segment_layout::kCameraSize * count);
+  for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
+    const CameraMount& mount = sensors.cameras[c];
+    body.expected.push_back({.X_BV = mount.X_BV,
+                             .shift_s = 0,
+                             .readout_s = mount.readout_s,
+                             .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
+                             .lens = {}});
+    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+    const bool open = sensors.estimates_extrinsics;
+    Matrix6d plain = Matrix6d::Zero();
+    const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
+    plain.diagonal().head<3>().setConstant(
+        inverse_square(open ? std::max(kExact, mount.position_sigma_m) : kExact));
+    plain.diagonal().tail<3>().setConstant(
+        inverse_square(open ? std::max(kExact, mount.rotation_sigma_rad) : kExact));
+    const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
+    body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
+    const bool clocks = sensors.estimates_clocks && sensors.has_imu;
+    add_square(body.information, at + 6,
+               clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
+    add_square(body.information, at + 7, clocks ? std::max(kExact, mount.readout_sigma_s) : kExact);
+    add_square(body.information, at + 8, std::max(kExact, mount.focal_sigma));
+    add_square(body.information, at + 9, std::max(kExactCentre_px, mount.centre_sigma_px));
+    add_square(body.information, at + 10, std::max(kExactCentre_px, mount.centre_sigma_px));
+    add_square(body.information, at + 11, std::max(kExact, mount.k1_sigma));
+  }
+  body.cameras = body.expected;
+  return body;
+}
+
+void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {
+  body.cameras = found;
+  for (std::size_t c = 0; c < found.size(); ++c) {
+    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+    body.expected[c].shift_s = found[c].shift_s;
+    const LensOffset& lens = found[c].lens;
+    if (lens.is_none()) continue;
+    add_square(body.information, at + 8, kOpenFocal);
+    add_square(body.information, at + 9, kOpenCentre_px);
+    add_square(body.information, at + 10, kOpenCentre_px);
+    if (lens.k1 != 0) add_square(body.information, at + 11, kOpenDistortion);
+  }
+}
+
+}  // namespace fiducap

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <vector>
+
+#include "base/time.hpp"
+#include "estimation/known_map.hpp"
+
+namespace fiducap {
+
+/// A tag as the graph has it, in the axes of the map.
+struct GraphTagEstimate {
+  int tag_id{};
+  double edge_m{};
+  int component{};
+  int sightings{};
+  Instant first_seen{};
+  Instant last_seen{};
+  Pose X_WT;
+  /// As KnownTag::covariance, against the mean place and heading of the tags that define W.
+  Matrix6d covariance{Matrix6d::Zero()};
+};
+
+struct GraphSolution {
+  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component.
+  std::vector<KnownPair> pairs;        ///< Tags seen together; sorted.
+  double cost{};                       ///< Twice: chi-square …
+  double numbers{};                    ///< … of so many.
+  int iterations{};
+  int condensed{};  ///< Segments linearised anew.
+};
+
+}  // namespace fiducap

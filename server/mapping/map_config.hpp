@@ -1,0 +1,29 @@
+#pragma once
+
+#include <vector>
+
+#include "base/config_check.hpp"
+
+namespace fiducap {
+
+enum class MapMode {
+  kMapping,  ///< The map grows and is refined live.
+  kFrozen,   ///< The map never changes: no control loop sees a jump.
+};
+
+struct MapConfig {
+  MapMode mode{MapMode::kMapping};
+  /// A belief joins the map when its tag is known better than this …
+  double publish_position_sigma_m{0.05};
+  double publish_rotation_sigma_rad{0.05};  ///< … and this (worst axis).
+  int publish_sightings{10};                ///< … and was seen at least this often.
+  /// What all bodies saw is solved together this often, in seconds of their data, and the map is
+  /// what comes out (MapRefiner). 0: never, each tag is the business of the body that knows it
+  /// best.
+  double refine_period_s{0.0};
+  double commit_period_s{10.0};  ///< A changed map is written to the store this often.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
+}  // namespace fiducap

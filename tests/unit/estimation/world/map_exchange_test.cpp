@@ -1,0 +1,170 @@
+#include "estimation/world/map_exchange.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include "base/so3.hpp"
+#include "estimation/world/prior_exchange.hpp"
+
+namespace fiducap::world {
+namespace {
+
+/// A body, its camera and some tags, all correlated with each other at random.
+class MapExchange : public testing::Test {
+ protected:
+  static constexpr int kTags = 4;
+
+  MapExchange() {
+    state_.reset({Pose{exp_so3({0.1, 1.5, 0}), {0.1, 0, 0}}});
+    state_.X_WB = {exp_so3({0.1, -0.2, 0.4}), {41, -20, 1}};
+    state_.v_WB = {0.5, 0.2, 0};
+    for (int i = 0; i < kTags; ++i) {
+      WorldTag tag;
+      tag.tag_id = i;
+      tag.edge_m = 0.2;
+      tag.X_WT = {exp_so3({1.5, 0.3 * i, 0}), {40.0 + i, -18, 1 + 0.1 * i}};
+      state_.add_tag(tag, Matrix6d::Identity());
+    }
+    state_.P() = correlated(state_.size(), 0.01);
+  }
+
+  Eigen::MatrixXd correlated(int rows, double sigma) {
+    Eigen::MatrixXd A(rows, rows);
+    for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss_(random_);
+    return sigma * sigma / rows * (A * A.transpose());
+  }
+
+  /// The map has the tags where the state has them, but for a move of the room.
+  KnownMap map_of(const Pose& G, const Eigen::MatrixXd& joint) const {
+    KnownMap map;
+    map.revision = 1;
+    for (int i = 0; i < kTags; ++i) {
+      const WorldTag& tag = state_.tags[static_cast<std::size_t>(i)];
+      map.tags.push_back({i, tag.edge_m, G * tag.X_WT, joint.block<6, 6>(6 * i, 6 * i)});
+      for (int k = i + 1; k < kTags; ++k)
+        map.pairs.push_back({i, k, joint.block<6, 6>(6 * i, 6 * k)});
+    }
+    return map;
+  }
+
+  [[nodiscard]] Eigen::MatrixXd joint_of_state() const {
+    Eigen::MatrixXd out(6 * kTags, 6 * kTags);
+    for (std::size_t a = 0; a < kTags; ++a) {
+      for (std::size_t b = 0; b < kTags; ++b) {
+        out.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)) =
+            plain_from_world_error(state_.tags[a].X_WT.p) *
+            state_.P().block<6, 6>(state_.tag_at(a), state_.tag_at(b)) *
+            plain_from_world_error(state_.tags[b].X_WT.p).transpose();
+      }
+    }
+    return out;
+  }
+
+  static double least_eigenvalue(const Eigen::MatrixXd& P) {
+    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(P, Eigen::EigenvaluesOnly)
+        .eigenvalues()(0);
+  }
+
+  FilterState state_;
+  std::mt19937_64 random_{7};
+  std::normal_distribution<double> gauss_;
+};
+
+TEST_F(MapExchange, TakesOverTheMapsJointCovarianceAndHoldsItsTags) {
+  const Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
+  ASSERT_TRUE(exchange(state_, map_of(Pose{}, joint), true));
+  EXPECT_LT((joint_of_state() - joint).norm(), 1e-9 * joint.norm() + 1e-12);
+  EXPECT_EQ(state_.held_tags().size(), static_cast<std::size_t>(kTags));
+  EXPECT_GT(least_eigenvalue(state_.P()), -1e-9);
+}
+
+TEST_F(MapExchange, TeachesNothingWhenToldTheSameAgain) {
+  const KnownMap map = map_of(Pose{}, correlated(6 * kTags, 0.003));
+  ASSERT_TRUE(exchange(state_, map, true));
+  const Eigen::MatrixXd before = state_.P();
+  const Pose X_WB = state_.X_WB;
+  ASSERT_TRUE(exchange(state_, map, true));
+  EXPECT_LT((state_.P() - before).norm(), 1e-6 * before.norm());
+  EXPECT_LT((state_.X_WB.p - X_WB.p).norm(), 1e-6);
+}
+
+TEST_F(MapExchange, ABodyGoesAlongWithTheRoom) {
+  const Pose G{exp_so3({0, 0, 0.3}), {2, -1, 0.5}};
+  const Pose X_TB = state_.tags[1].X_WT.inverse() * state_.X_WB;
+  const auto moved = exchange(state_, map_of(G, correlated(6 * kTags, 0.003)), true);
+  ASSERT_TRUE(moved);
+  const Pose now = state_.tags[1].X_WT.inverse() * state_.X_WB;
+  EXPECT_LT((now.p - X_TB.p).norm(), 1e-6);
+  EXPECT_LT(angle_between(now.q, X_TB.q), 1e-6);
+}
+
+TEST_F(MapExchange, WhereAFilterThoughtTheRoomWasDoesNotCountBesideTheMap) {
+  // The body hangs on the tags exactly, and the filter is sure of where the room is.
+  for (std::size_t i = 0; i < kTags; ++i) {
+    state_.P().middleCols<6>(state_.tag_at(i)).setZero();
+    state_.P().middleRows<6>(state_.tag_at(i)).setZero();
+    state_.P().block<6, 6>(state_.tag_at(i), state_.tag_at(i)) = 1e-10 * Matrix6d::Identity();
+  }
+  state_.P().topLeftCorner<6, 6>() = 1e-10 * Matrix6d::Identity();
+  // The map says that all of it may be 10 cm off to one side.
+  Eigen::MatrixXd joint = 1e-8 * Eigen::MatrixXd::Identity(6 * kTags, 6 * kTags);
+  for (int a = 0; a < kTags; ++a)
+    for (int b = 0; b < kTags; ++b) joint(6 * a, 6 * b) += 0.01;
+  ASSERT_TRUE(exchange(state_, map_of(Pose{}, joint), true));
+  EXPECT_NEAR(body_in_workspace(state_).covariance(0, 0), 0.01, 1e-3);
+}
+
+TEST_F(MapExchange, ATagThatTheMapHasElsewhereLeavesTheState) {
+  KnownMap map = map_of(Pose{}, correlated(6 * kTags, 0.003));
+  map.tags[2].X_WT.p.x() += 2;
+  ASSERT_TRUE(exchange(state_, map, true));
+  EXPECT_EQ(state_.find(2), -1);
+  EXPECT_GE(state_.find(3), 0);
+}
+
+TEST_F(MapExchange, ANewTagSharesWhatTheMapSaysWithThoseThatAreThereAndWithTheBody) {
+  const Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
+  const KnownMap map = map_of(Pose{}, joint);
+  ASSERT_TRUE(exchange(state_, map, true));
+  const FilterState all = state_;
+  state_.remove_tag(kTags - 1);
+  hold_beside(state_, map.tags[kTags - 1], map, Instant{});
+  EXPECT_LT((joint_of_state() - joint).norm(), 1e-6 * joint.norm());
+  EXPECT_GT(least_eigenvalue(state_.P()), -1e-9);
+}
+
+TEST_F(MapExchange, WhatTheMapDoesNotSayOfTwoTagsFollowsFromThoseBetween) {
+  // A chain: each tag's error is that of the one before and something of its own.
+  Eigen::MatrixXd joint(6 * kTags, 6 * kTags);
+  for (int a = 0; a < kTags; ++a) {
+    for (int b = 0; b < kTags; ++b)
+      joint.block<6, 6>(6 * a, 6 * b) = 1e-4 * (1 + std::min(a, b)) * Matrix6d::Identity();
+  }
+  KnownMap map = map_of(Pose{}, joint);
+  std::erase_if(map.pairs, [](const KnownPair& p) { return p.second_id != p.first_id + 1; });
+  std::vector<const KnownTag*> tags;
+  for (const KnownTag& tag : map.tags) tags.push_back(&tag);
+  EXPECT_LT((joint_covariance(tags, map) - joint).norm(), 1e-6 * joint.norm());
+}
+
+TEST_F(MapExchange, AMapThatContradictsItselfStillGivesACovariance) {
+  Eigen::MatrixXd joint = correlated(6 * kTags, 0.003);
+  joint.block<6, 6>(0, 6) *= 30;
+  joint.block<6, 6>(12, 18) *= -50;
+  ASSERT_TRUE(exchange(state_, map_of(Pose{}, joint), true));
+  EXPECT_GT(least_eigenvalue(joint_of_state()), -1e-9);
+}
+
+TEST_F(MapExchange, ADoubtThatIsOpenedLeavesACovarianceWhileTagsAreHeld) {
+  ASSERT_TRUE(exchange(state_, map_of(Pose{}, correlated(6 * kTags, 0.003)), true));
+  const double sigma = std::sqrt(state_.P()(layout::focal(0), layout::focal(0)));
+  exchange_prior(state_, 0, layout::focal(0), 0, 1.01 * sigma, 30 * sigma);
+  EXPECT_GT(least_eigenvalue(state_.P()), -1e-9);
+}
+
+}  // namespace
+}  // namespace fiducap::world
