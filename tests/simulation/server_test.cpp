@@ -119,6 +119,27 @@ TEST(ServerOnLoopback, StreamsThreeRobotsWhereTheyReallyAre) {
   RecordProperty("rmse_mrad", std::to_string(meter.rmse_rad() * 1e3));
 }
 
+TEST(ServerOnLoopback, StreamsThreeRobotsWhileTheirMapIsRefined) {
+  // Corrections of the map are not ramped yet: centimetres at first.
+  constexpr double kPosition_m = 0.3;
+  constexpr int kFrames = 1000;
+  ServerConfig config = corner_demo();
+  config.map.builder.refine_period_s = 1;
+  RunningServer server(config);
+  const auto client = client_of(*server);
+  ASSERT_TRUE(follow(*client, 40s, [](const Frame& frame) { return all_valid(frame, 3); }))
+      << "not all robots were tracked within 40 s";
+  TruthMeter meter(config, server->simulation_start());
+  int frames = 0;
+  EXPECT_TRUE(follow(*client, 30s, [&](const Frame& frame) {
+    if (all_valid(frame, 3)) meter.add(frame);
+    return ++frames == kFrames;
+  }));
+  EXPECT_GT(meter.count(), 3 * kFrames * 9 / 10);
+  EXPECT_LT(meter.rmse_m(), kPosition_m);
+  RecordProperty("rmse_mm", std::to_string(meter.rmse_m() * 1e3));
+}
+
 TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsersAtTheSameTime) {
   RunningServer server(corner_demo());
   const auto greeting = [](std::uint16_t port, const std::string& request, std::size_t bytes) {

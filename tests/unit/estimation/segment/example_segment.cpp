@@ -21,8 +21,10 @@ const Eigen::Vector3d kMinusRate(-0.1, 0.2, -0.4);
 }  // namespace
 
 ExampleSegment::ExampleSegment(const Setup& setup) : setup_(setup) {
-  SegmentSensors sensors{.has_imu = setup.has_imu};
-  for (int c = 0; c < setup.cameras; ++c) sensors.cameras.push_back({.model = example_camera()});
+  SegmentSensors sensors;
+  sensors.has_imu = setup.has_imu;
+  sensors.cameras.resize(static_cast<std::size_t>(setup.cameras));
+  for (CameraMount& mount : sensors.cameras) mount.model = example_camera();
   segment.sensors = std::make_shared<const SegmentSensors>(std::move(sensors));
   for (int c = 0; c < setup.cameras; ++c) add_camera(c);
   state_.reset({});

@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <map>
+#include <utility>
 
 #include "base/so3.hpp"
 #include "known_motion.hpp"
@@ -28,6 +29,7 @@ class FakeFilter final : public BodyFilter {
   [[nodiscard]] bool running() const override { return is_running; }
   [[nodiscard]] BodyEstimate estimate() const override { return body; }
   void tag_beliefs(std::vector<TagBelief>& out) const override { out.clear(); }
+  void own_tags(std::vector<TagBelief>& out) const override { out = tags; }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override { return cameras; }
   [[nodiscard]] ClockEstimate clock(int) const override { return {}; }
   [[nodiscard]] LearnedSensors learned(int) const override { return learned_sensors; }
@@ -36,6 +38,7 @@ class FakeFilter final : public BodyFilter {
   BodyEstimate body;
   std::vector<ExtrinsicsEstimate> cameras{2};
   LearnedSensors learned_sensors;
+  std::vector<TagBelief> tags;  ///< In the state, also of a start that may be taken back.
 };
 
 /// A body that moves as known_motion.hpp says before tags of which some have a place.
@@ -191,13 +194,36 @@ TEST_F(SegmentRecorderTest, HasEveryCornerOnceAlsoOfTwoCamerasAtOneMoment) {
   }
 }
 
+TEST_F(SegmentRecorderTest, HoldsBackWhatAStartSawUntilItMayNotBeTakenBackAnyMore) {
+  const auto is_open = [](UpdateReport& r) { r.start_is_open = true; };
+  believe(1);
+  filter_.tags = std::exchange(beliefs_, {});  // nothing of it may be told
+  for (int i = 0; i < 70; ++i) image({1}, 0, is_open);
+  EXPECT_TRUE(segments_.empty());
+  beliefs_ = filter_.tags;
+  images(5, {1});
+  EXPECT_EQ(segments_.size(), 3u) << "one with each image";
+  EXPECT_EQ(corners().begin()->first, 0) << "from the first image on";
+}
+
+TEST_F(SegmentRecorderTest, ForgetsWhatAStartSawThatIsTakenBack) {
+  believe(1);
+  filter_.tags = beliefs_;
+  for (int i = 0; i < 70; ++i) image({1}, 0, [](UpdateReport& r) { r.start_is_open = true; });
+  const int before = shown_;
+  image({1}, 0, [](UpdateReport& r) { r.start_changed = true; });
+  images(45, {1});
+  ASSERT_FALSE(segments_.empty());
+  for (const auto& [corner, times] : corners()) EXPECT_GE(corner, before);
+}
+
 TEST_F(SegmentRecorderTest, BeginsANewChainWhenTheFilterHasLostTheThread) {
   const std::map<std::string, std::function<void(UpdateReport&)>> breaks{
       {"forgotten", [](UpdateReport& r) { r.generation = 1; }},
       {"relocalised", [](UpdateReport& r) { r.relocalised = true; }},
       {"clock", [](UpdateReport& r) { r.clock_jump = UpdateReport::ClockJump{}; }},
       {"elsewhere", [](UpdateReport& r) { r.elsewhere = UpdateReport::Elsewhere{}; }},
-      {"start", [](UpdateReport& r) { r.start_is_open = true; }},
+      {"start", [](UpdateReport& r) { r.start_changed = true; }},
       {"stopped", [this](UpdateReport&) { filter_.is_running = false; }},
       {"told so", [this](UpdateReport&) { recorder_.break_chain(); }}};
   believe(1);

