@@ -108,6 +108,8 @@ bool MapBuilder::ready(const TagBelief& belief) const {
 /// The reference tag *is* the workspace, for every body alike. Without one it is what the first
 /// body makes it, and nobody else may.
 bool MapBuilder::may_define_locked(int body_id) const {
+  // From its first word on the graph says where W is: by all tags, whoever sees the reference tag.
+  if (working_.known != nullptr) return false;
   if (working_.reference_tag)
     return working_.find(*working_.reference_tag) == nullptr && !starts_with_places_;
   return !has_workspace_ && (!founder_ || *founder_ == body_id) &&

@@ -60,5 +60,23 @@ TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
   EXPECT_FALSE(builder.view(1).may_define_workspace);
 }
 
+TEST(Workspace, IsTheGraphsOnceItHasSpokenAlsoForWhoSeesTheReferenceTag) {
+  TagMap start;
+  start.reference_tag = 7;
+  MapBuilder builder({}, start);
+  EXPECT_TRUE(builder.view(1).may_define_workspace);
+  GraphTagEstimate tag;
+  tag.tag_id = 3;
+  tag.edge_m = 0.2;
+  tag.sightings = 50;
+  tag.covariance = 1e-6 * Matrix6d::Identity();
+  GraphSolution solution;
+  solution.tags.push_back(tag);
+  (void)builder.adopt(solution, 0);
+  EXPECT_FALSE(builder.view(1).may_define_workspace);
+  ASSERT_NE(builder.snapshot()->known, nullptr);
+  EXPECT_NE(builder.snapshot()->known->find(3), nullptr);
+}
+
 }  // namespace
 }  // namespace fiducap
