@@ -150,8 +150,15 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
     return turn;
   }
   bool follow = false;
-  for (const int tag_id : contribution.contradicted)
-    follow |= quarantine_locked(contribution, tag_id);
+  for (const int tag_id : contribution.contradicted) {
+    // One body that went astray must not take the map apart tag by tag: the graph has them by what
+    // all bodies saw.
+    if (working_.known) {
+      note_contradicted_once_locked(contribution.body_id, tag_id, "all bodies' sightings hold");
+    } else {
+      follow |= quarantine_locked(contribution, tag_id);
+    }
+  }
   if (config_.refine_period_s == 0) {
     for (const TagBelief& belief : contribution.beliefs)
       follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
