@@ -11,7 +11,7 @@ void RefinementLoop::run(std::stop_token stop) {
     net::guarded(
         "mapping", [] { return "refining the map"; },
         [&] {
-          if (refiner_.solve()) (void)refiner_.adopt(utc_now_ns());
+          if (refiner_.solve(stop)) (void)refiner_.adopt(utc_now_ns());
         });
     next = std::max(next + period_, clock_.now());
   }

@@ -150,22 +150,14 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
     return turn;
   }
   bool follow = false;
-  for (const int tag_id : contribution.contradicted) {
-    // One body that went astray must not take the map apart tag by tag: the graph has them by what
-    // all bodies saw.
-    if (working_.known) {
-      note_contradicted_once_locked(contribution.body_id, tag_id, "all bodies' sightings hold");
-    } else {
-      follow |= quarantine_locked(contribution, tag_id);
-    }
-  }
+  for (const int tag_id : contribution.contradicted)
+    follow |= quarantine_locked(contribution, tag_id);
   if (config_.refine_period_s == 0) {
     for (const TagBelief& belief : contribution.beliefs)
       follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
   }
   if (contribution.segment != nullptr) {
-    segments_.push_back(*contribution.segment);
-    segments_.back().body_id = contribution.body_id;
+    segments_.push_back({contribution.body_id, contribution.segment});
     if (segments_.size() > kKeptSegments) segments_.erase(segments_.begin());
   }
   if (follow) publish_locked(utc_now_ns);
@@ -183,8 +175,11 @@ bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_
   MapTag* entry = find_in(working_, tag_id);
   if (entry == nullptr || entry->component != 0 || entry->state == TagState::kQuarantined)
     return false;
-  if (entry->state == TagState::kSurveyed) {
-    note_contradicted_once_locked(contribution.body_id, tag_id, "the survey holds");
+  // With a graph: one body that went astray must not take the map apart tag by tag.
+  const bool is_surveyed = entry->state == TagState::kSurveyed;
+  if (is_surveyed || working_.known) {
+    note_contradicted_once_locked(contribution.body_id, tag_id,
+                                  is_surveyed ? "the survey holds" : "all bodies' sightings hold");
     return false;
   }
   Ownership& owner = ownership_[tag_id];
@@ -283,15 +278,18 @@ bool MapBuilder::settle_locked(MapTag& entry, Ownership& owner, bool moved) {
 }
 
 MapTag& MapBuilder::add_locked(int body_id, const TagBelief& belief) {
-  const int id = belief.tag.tag_id;
+  ownership_[belief.tag.tag_id] = {.body_id = body_id};
+  return insert_locked(belief.tag, ", seen by body " + std::to_string(body_id));
+}
+
+MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_by) {
+  const int id = tag.tag_id;
   const auto place =
       std::lower_bound(working_.tags.begin(), working_.tags.end(), id,
                        [](const MapTag& entry, int tag_id) { return entry.tag.tag_id < tag_id; });
-  ownership_[id] = {.body_id = body_id};
-  note_locked(
-      MapEvent::Kind::kTagAdded, id,
-      "tag " + std::to_string(id) + " joined the map, seen by body " + std::to_string(body_id));
-  return *working_.tags.insert(place, MapTag{.tag = belief.tag});
+  note_locked(MapEvent::Kind::kTagAdded, id,
+              "tag " + std::to_string(id) + " joined the map" + seen_by);
+  return *working_.tags.insert(place, MapTag{.tag = tag});
 }
 
 MapBuilder::Waiting MapBuilder::take_segments() {
@@ -299,10 +297,13 @@ MapBuilder::Waiting MapBuilder::take_segments() {
   return {std::exchange(segments_, {}), contributions_};
 }
 
-std::uint64_t MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_now_ns) {
+std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
+  auto known = std::make_shared<KnownMap>();
+  known->pairs = std::move(solution.pairs);
+  Instant newest = Instant::min();  // of the solution: about now
+  for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return contributions_;
-  auto known = std::make_shared<KnownMap>();
   known->revision = revision_ + 1;
   for (const GraphTagEstimate& tag : solution.tags) {
     if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
@@ -310,17 +311,18 @@ std::uint64_t MapBuilder::adopt(const GraphSolution& solution, std::int64_t utc_
     if (fault_in(MapTag{.tag = placed})) continue;
     MapTag* entry = find_in(working_, tag.tag_id);
     if (entry == nullptr) {
-      entry = &add_locked(-1, {.tag = placed});
-      entry->first_seen_utc_ns = utc_now_ns;
+      entry = &insert_locked(placed, "");
+      entry->first_seen_utc_ns = utc_now_ns - (newest - tag.first_seen).count();
     }
     if (entry->state == TagState::kSurveyed) continue;
     entry->tag = placed;
     entry->sightings = tag.sightings;
-    entry->last_seen_utc_ns = utc_now_ns;
-    if (entry->state != TagState::kQuarantined) known->tags.push_back(placed);
+    entry->last_seen_utc_ns = utc_now_ns - (newest - tag.last_seen).count();
+    if (entry->state == TagState::kQuarantined) continue;
+    if (tag.sightings >= kSightingsToSettle) entry->state = TagState::kCalibrated;
+    known->tags.push_back(placed);
     has_workspace_ = true;
   }
-  known->pairs = solution.pairs;
   working_.known = std::move(known);
   publish_locked(utc_now_ns);
   return contributions_;

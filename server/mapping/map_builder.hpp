@@ -33,7 +33,7 @@ struct MapContribution {
   bool anchored{};  ///< The body's filter stands in the workspace.
   std::span<const TagBelief> beliefs{};
   std::span<const int> contradicted{};  ///< Tags that the body's filter gave up for their place.
-  const MotionSegment* segment{};       ///< That has just ended, or nullptr.
+  std::shared_ptr<const MotionSegment> segment{};  ///< That has ended, or nullptr.
 };
 
 /// Joins the tag beliefs of all bodies into the one shared map, and owns the workspace.
@@ -68,14 +68,18 @@ class MapBuilder final {
   std::uint64_t absorb(const MapContribution& contribution, std::int64_t utc_now_ns);
   /// What has come since the last call, in order, and how many contributions have come.
   struct Waiting {
-    std::vector<MotionSegment> segments;
+    struct OfBody {
+      int body_id{};
+      std::shared_ptr<const MotionSegment> segment;
+    };
+    std::vector<OfBody> segments;
     std::uint64_t contributions{};
   };
   [[nodiscard]] Waiting take_segments();
   /// What the graph makes of all segments so far: from now on it says where its tags are, and
   /// beliefs are not listened to any more.
   /// @return how many contributions have come before
-  std::uint64_t adopt(const GraphSolution& solution, std::int64_t utc_now_ns);
+  std::uint64_t adopt(GraphSolution solution, std::int64_t utc_now_ns);
   /// Nothing more comes from this body; what it reserved is free.
   void release(int body_id);
   [[nodiscard]] std::shared_ptr<const TagMap> snapshot() const;
@@ -111,6 +115,7 @@ class MapBuilder final {
   [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
                                    Ownership& owner);
   MapTag& add_locked(int body_id, const TagBelief& belief);
+  MapTag& insert_locked(const KnownTag& tag, const std::string& seen_by);
   void publish_locked(std::int64_t utc_now_ns);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 
@@ -125,7 +130,7 @@ class MapBuilder final {
   bool has_workspace_;                  ///< … or a body has since.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
-  std::vector<MotionSegment> segments_;  ///< For the graph.
+  std::vector<Waiting::OfBody> segments_;  ///< For the graph.
   std::vector<MapEvent> events_;
   std::uint64_t revision_{0};
   std::uint64_t contributions_{0};

@@ -4,20 +4,24 @@
 
 namespace fiducap {
 
-bool MapRefiner::solve() {
+bool MapRefiner::solve(const std::stop_token& stop) {
   auto [segments, taken] = map_.take_segments();
-  bool is_news = false;
-  for (MotionSegment& segment : segments) is_news |= graph_.add(std::move(segment));
-  if (!is_news) return false;
+  for (const auto& [body_id, segment] : segments) {
+    MotionSegment own = *segment;
+    own.body_id = body_id;
+    is_settled_ &= !graph_.add(std::move(own));
+  }
+  if (is_settled_) return false;
   taken_ = taken;
-  solution_ = graph_.solve();
-  return true;
+  solution_ = graph_.solve(stop);
+  is_settled_ = solution_.has_value();
+  return is_settled_;
 }
 
 std::optional<RefinementTurn> MapRefiner::adopt(std::int64_t utc_now_ns) {
-  const auto solution = std::exchange(solution_, std::nullopt);
+  auto solution = std::exchange(solution_, std::nullopt);
   if (!solution) return std::nullopt;
-  return RefinementTurn{taken_, map_.adopt(*solution, utc_now_ns)};
+  return RefinementTurn{taken_, map_.adopt(std::move(*solution), utc_now_ns)};
 }
 
 }  // namespace fiducap

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <stop_token>
 
 #include "mapping/graph/map_graph.hpp"
 #include "mapping/map_builder.hpp"
@@ -23,8 +24,9 @@ class MapRefiner final {
   explicit MapRefiner(MapBuilder& map) : map_(map) {}
 
   /// Takes what has come since the last time, and solves. Nothing of it is published yet.
-  /// @return whether there was anything
-  bool solve();
+  /// @param stop  leaves the solution for another time
+  /// @return whether there is something to publish
+  bool solve(const std::stop_token& stop = {});
   /// Publishes what solve() has found. @return nullopt: there is nothing to publish
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
@@ -35,6 +37,7 @@ class MapRefiner final {
   MapGraph graph_;
   std::optional<GraphSolution> solution_;
   std::uint64_t taken_{};
+  bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
 };
 
 }  // namespace fiducap

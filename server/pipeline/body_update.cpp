@@ -55,7 +55,7 @@ MapContribution contribution_of(int body_id, const BodyUpdate& update) {
           .anchored = update.estimate && update.estimate->anchored,
           .beliefs = update.beliefs,
           .contradicted = update.contradicted,
-          .segment = update.segment ? &*update.segment : nullptr};
+          .segment = update.segment};
 }
 
 }  // namespace fiducap

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -59,7 +60,7 @@ struct BodyUpdate {
   std::vector<KnownTag> known;              ///< What the map said about the tags of this image.
   std::vector<ExtrinsicsEstimate> cameras;  ///< What was learned about them, at most a second old.
   std::vector<BodyEvent> events;
-  std::optional<MotionSegment> segment;  ///< One that has just ended, for the map graph.
+  std::shared_ptr<const MotionSegment> segment;  ///< One that has ended, for the map graph.
 
   /// What clients may see of the estimate.
   [[nodiscard]] const std::optional<BodyEstimate>& shown() const;

@@ -320,5 +320,25 @@ TEST(MapGraphSimulation, KeepsTheMeanOfTheTagsThatDefineTheAxes) {
   EXPECT_LT(angle_between(rest.q, Eigen::Quaterniond::Identity()), 1e-9);
 }
 
+TEST(MapGraphSimulation, AMissingSegmentEndsTheChain) {
+  const Robot robot({.seed = 4});
+  MapGraph graph;
+  for (std::size_t i = 0; i < robot.segments.size(); ++i) {
+    if (i != 2) EXPECT_TRUE(graph.add(robot.segments[i]));
+  }
+  EXPECT_EQ(graph.state().starts.size(), 2U) << "nothing says how it got over there";
+  EXPECT_TRUE(graph.solve());
+}
+
+TEST(MapGraphSimulation, AStoppedSolutionIsNone) {
+  MapGraph graph;
+  const Robot robot({.seed = 4});
+  for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(graph.add(segment));
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_FALSE(graph.solve(stop.get_token()));
+  EXPECT_TRUE(graph.solve()) << "the next call goes on";
+}
+
 }  // namespace
 }  // namespace fiducap

@@ -76,7 +76,7 @@ TEST(MapRefinerSimulation, NothingIsRefinedUnlessItIsAskedFor) {
   choice.live = true;
   bool has_segment = false;
   choice.listen = [&](std::size_t, const BodyUpdate& update, const TagMap&) {
-    has_segment = has_segment || update.segment.has_value();
+    has_segment = has_segment || update.segment != nullptr;
   };
   const TogetherRun run = run_together(std::span(robots).first(1), choice);
   EXPECT_EQ(run.map.known, nullptr);

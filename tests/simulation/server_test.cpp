@@ -138,6 +138,7 @@ TEST(ServerOnLoopback, StreamsThreeRobotsWhileTheirMapIsRefined) {
   EXPECT_GT(meter.count(), 3 * kFrames * 9 / 10);
   EXPECT_LT(meter.rmse_m(), kPosition_m);
   RecordProperty("rmse_mm", std::to_string(meter.rmse_m() * 1e3));
+  EXPECT_LT(server.stop(), 1s) << "also in the middle of a solution";
 }
 
 TEST(ServerOnLoopback, AnswersVrpnClientsAndBrowsersAtTheSameTime) {

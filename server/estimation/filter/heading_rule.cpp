@@ -37,4 +37,10 @@ Eigen::Quaterniond turn_closest(const Eigen::Quaterniond& wanted_q_WT,
   return yaw(std::atan2(M(1, 0) - M(0, 1), M(0, 0) + M(1, 1)));
 }
 
+Pose axes_between(const Pose& from, const Pose& to, bool level) {
+  const Eigen::Quaterniond turn =
+      level ? turn_closest(to.q, from.q) : (to.q * from.q.conjugate()).normalized();
+  return {turn, to.p - turn * from.p};
+}
+
 }  // namespace fiducap

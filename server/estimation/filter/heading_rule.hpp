@@ -32,4 +32,8 @@ struct HeadingRule {
 [[nodiscard]] Eigen::Quaterniond turn_closest(const Eigen::Quaterniond& wanted_q_WT,
                                               const Eigen::Quaterniond& q_WT);
 
+/// Yaw and shift, all of the turn when gravity does not say what is up (`level`), that bring one
+/// pose over another as well as that can be: X_new_old.
+[[nodiscard]] Pose axes_between(const Pose& from, const Pose& to, bool level);
+
 }  // namespace fiducap

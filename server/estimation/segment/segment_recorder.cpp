@@ -40,11 +40,15 @@ void SegmentRecorder::add(const ImuSample& imu) {
   if (imu_.is_full()) integrate_to(imu_.before_newest().sampled_at, 1.0);
 }
 
-void SegmentRecorder::break_chain() { is_open_ = false; }
+/// Places may be in axes that are no more.
+void SegmentRecorder::break_chain() {
+  is_open_ = false;
+  places_.clear();
+}
 
-std::optional<MotionSegment> SegmentRecorder::take() {
-  if (done_.empty() || start_is_open_) return std::nullopt;
-  std::optional<MotionSegment> out(std::move(done_.front()));
+std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
+  if (done_.empty() || start_is_open_) return nullptr;
+  std::shared_ptr<const MotionSegment> out = std::move(done_.front());
   done_.pop_front();
   return out;
 }
@@ -130,10 +134,11 @@ void SegmentRecorder::end(const BodyFilter& filter) {
                                            camera.clock.readout_s != 0,
                              .lens = camera.lens.offset});
   }
-  done_.push_back(std::move(open_));
+  const auto sensors = open_.sensors;
+  done_.push_back(std::make_shared<const MotionSegment>(std::move(open_)));
   if (done_.size() > kMostHeldBack) done_.pop_front();
   open_ = {};
-  open_.sensors = done_.back().sensors;
+  open_.sensors = sensors;
 }
 
 SegmentImage SegmentRecorder::image_of(const TagObservations& seen,

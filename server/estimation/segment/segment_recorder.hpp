@@ -2,7 +2,7 @@
 
 #include <deque>
 #include <map>
-#include <optional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -32,8 +32,8 @@ class SegmentRecorder final {
            std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
   /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
   void break_chain();
-  /// A segment that has ended, the oldest one first.
-  [[nodiscard]] std::optional<MotionSegment> take();
+  /// A segment that has ended, the oldest one first; nullptr: none.
+  [[nodiscard]] std::shared_ptr<const MotionSegment> take();
 
  private:
   void begin(const BodyEstimate& body);
@@ -56,7 +56,7 @@ class SegmentRecorder final {
   std::vector<TagBelief> own_tags_;  ///< Kept for its memory.
   int chain_{0};
   int generation_{-1};
-  std::deque<MotionSegment> done_;
+  std::deque<std::shared_ptr<const MotionSegment>> done_;
   bool start_is_open_{false};
 };
 

@@ -5,22 +5,17 @@
 #include <Eigen/LU>
 
 #include "base/so3.hpp"
-#include "estimation/world/filter_state.hpp"
+#include "estimation/world/pose_error.hpp"
+#include "estimation/world/state_layout.hpp"
 
 namespace fiducap {
 
 using namespace world::layout;  // NOLINT: the block names are the subject of this file
 
-Pose moved(const Pose& X, const Vector6d& error) {
-  const Eigen::Vector3d phi = error.tail<3>();
-  const Eigen::Quaterniond turn = exp_so3(phi);
-  return {(turn * X.q).normalized(), turn * X.p + left_jacobian_so3(phi) * error.head<3>()};
-}
-
 BodyMoment moved(const BodyMoment& body, const Vector15d& error) {
   const Eigen::Vector3d phi = error.segment<3>(kAttitude);
   BodyMoment out = body;
-  out.X_WB = moved(body.X_WB, Vector6d(error.segment<6>(kPosition)));
+  out.X_WB = world::moved(body.X_WB, error.segment<6>(kPosition));
   out.v_WB = exp_so3(phi) * body.v_WB + left_jacobian_so3(phi) * error.segment<3>(kVelocity);
   out.bias_f += error.segment<3>(kBiasF);
   out.bias_w += error.segment<3>(kBiasW);

@@ -10,7 +10,6 @@ using Vector15d = Eigen::Matrix<double, 15, 1>;
 
 /// Errors on the world's side, in the order of world::layout: X = Exp(ξ) X̂, v = exp(φ) v̂ + J_l(φ)
 /// ν, biases as they are. A common turn and shift of the room is the same ξ for everything in it.
-[[nodiscard]] Pose moved(const Pose& X, const Vector6d& error);
 [[nodiscard]] BodyMoment moved(const BodyMoment& body, const Vector15d& error);
 /// The error that leads from one to the other.
 [[nodiscard]] Vector15d error_between(const BodyMoment& from, const BodyMoment& to);

@@ -15,28 +15,10 @@ constexpr double kNoticeable_m = 1e-5;
 
 using ErrorRef = Eigen::Ref<const Eigen::VectorXd>;
 
-/// The group's own exponential: a turning about the tag's centre leaves the centre where it is,
-/// however far away the origin of W is and however large the turning.
-void add_world_error(Pose& X, const ErrorRef& error) {
-  const Eigen::Vector3d phi = error.tail<3>();
-  const Eigen::Quaterniond turn = exp_so3(phi);
-  X.q = (turn * X.q).normalized();
-  X.p = turn * X.p + left_jacobian_so3(phi) * error.head<3>();
-}
-
-/// Where add_world_error has moved the point to p from.
+/// Where moved() has brought the point to p from.
 Eigen::Vector3d before_error(const Eigen::Vector3d& p, const ErrorRef& error) {
   const Eigen::Vector3d phi = error.tail<3>();
   return exp_so3(-phi) * (p - left_jacobian_so3(phi) * error.head<3>());
-}
-
-/// Inverse of add_world_error. @return the left Jacobian of the turning
-Eigen::Matrix3d world_error(const Pose& from, const Pose& to, Eigen::Ref<Eigen::VectorXd> error) {
-  const Eigen::Quaterniond turn = to.q * from.q.conjugate();
-  error.tail<3>() = log_so3(turn);
-  const Eigen::Matrix3d J = left_jacobian_so3(error.tail<3>());
-  error.head<3>() = J.inverse() * (to.p - turn * from.p);
-  return J;
 }
 
 /// The cameras' six numbers become others. @param now  of them and the body's
@@ -154,12 +136,10 @@ void FilterState::add_error(const ErrorRef& error) {
   const Eigen::Vector3d phi = error.segment<3>(layout::kAttitude);
   v_WB = exp_so3(phi) * v_WB + left_jacobian_so3(phi) * error.segment<3>(layout::kVelocity);
   const Pose before = X_WB;
-  add_world_error(X_WB, error.segment<6>(layout::kPosition));
+  X_WB = moved(X_WB, error.segment<6>(layout::kPosition));
   for (int c = 0; c < cameras(); ++c) {
     Pose& X = X_BV[static_cast<std::size_t>(c)];
-    Pose X_WV = before * X;
-    add_world_error(X_WV, error.segment<6>(layout::camera(c)));
-    X = X_WB.inverse() * X_WV;
+    X = X_WB.inverse() * moved(before * X, error.segment<6>(layout::camera(c)));
     CameraClock& clock = clocks[static_cast<std::size_t>(c)];
     clock.shift_s += error(layout::clock(c));
     clock.readout_s += error(layout::readout(c));
@@ -174,20 +154,21 @@ void FilterState::add_error(const ErrorRef& error) {
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < clones.size(); ++i)
-    add_world_error(clones[i].X_WV, error.segment<6>(clone_at(i)));
+    clones[i].X_WV = moved(clones[i].X_WV, error.segment<6>(clone_at(i)));
   for (std::size_t i = 0; i < tags.size(); ++i)
-    add_world_error(tags[i].X_WT, error.segment<6>(tag_at(i)));
+    tags[i].X_WT = moved(tags[i].X_WT, error.segment<6>(tag_at(i)));
 }
 
 Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
   Eigen::VectorXd error(size());
-  const Eigen::Matrix3d J = world_error(X_WB, other.X_WB, error.segment<6>(layout::kPosition));
+  error.segment<6>(layout::kPosition) = world_error_between(X_WB, other.X_WB);
   error.segment<3>(layout::kVelocity) =
-      J.inverse() * (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
+      left_jacobian_so3(error.segment<3>(layout::kAttitude)).inverse() *
+      (other.v_WB - (other.X_WB.q * X_WB.q.conjugate()) * v_WB);
   error.segment<3>(layout::kBiasF) = other.bias_f - bias_f;
   error.segment<3>(layout::kBiasW) = other.bias_w - bias_w;
   for (int c = 0; c < cameras(); ++c) {
-    world_error(X_WV(c), other.X_WV(c), error.segment<6>(layout::camera(c)));
+    error.segment<6>(layout::camera(c)) = world_error_between(X_WV(c), other.X_WV(c));
     const CameraClock& here = clocks[static_cast<std::size_t>(c)];
     const CameraClock& there = other.clocks[static_cast<std::size_t>(c)];
     const LensOffset& lens = lenses[static_cast<std::size_t>(c)];
@@ -203,25 +184,12 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
         other.sizes.watched[k].scale - sizes.watched[k].scale;
   }
   for (std::size_t i = 0; i < clones.size(); ++i) {
-    world_error(clones[i].X_WV, other.clones[i].X_WV, error.segment<6>(clone_at(i)));
+    error.segment<6>(clone_at(i)) = world_error_between(clones[i].X_WV, other.clones[i].X_WV);
   }
   for (std::size_t i = 0; i < tags.size(); ++i) {
-    world_error(tags[i].X_WT, other.tags[i].X_WT, error.segment<6>(tag_at(i)));
+    error.segment<6>(tag_at(i)) = world_error_between(tags[i].X_WT, other.tags[i].X_WT);
   }
   return error;
-}
-
-Vector6d world_error_between(const Pose& from, const Pose& to) {
-  Eigen::VectorXd error(6);
-  world_error(from, to, error);
-  return error;
-}
-
-Matrix6d adjoint(const Pose& X) {
-  const Eigen::Matrix3d R = X.rotation();
-  Matrix6d Ad;
-  Ad << R, skew(X.p) * R, Eigen::Matrix3d::Zero(), R;
-  return Ad;
 }
 
 void camera_errors_to_extrinsics(FilterState& state) {
@@ -269,18 +237,6 @@ Matrix6d extrinsics_covariance(const FilterState& state, int camera) {
   const Matrix6d J = plain_from_world_error(state.X_BV[static_cast<std::size_t>(camera)].p) *
                      adjoint(state.X_WB.inverse());
   return J * apart * J.transpose();
-}
-
-Matrix6d plain_from_world_error(const Eigen::Vector3d& p) {
-  Matrix6d J = Matrix6d::Identity();
-  J.topRightCorner<3, 3>() = -skew(p);
-  return J;
-}
-
-Matrix6d world_from_plain_error(const Eigen::Vector3d& p) {
-  Matrix6d J = Matrix6d::Identity();
-  J.topRightCorner<3, 3>() = skew(p);
-  return J;
 }
 
 BodyEstimate body_in_workspace(const FilterState& state) {

@@ -10,6 +10,7 @@
 #include "estimation/body_estimate.hpp"
 #include "estimation/filter/growing_covariance.hpp"
 #include "estimation/filter/tag_record.hpp"
+#include "estimation/world/pose_error.hpp"
 #include "estimation/world/sensor_errors.hpp"
 #include "estimation/world/state_layout.hpp"
 
@@ -62,7 +63,9 @@ struct FilterState {
   [[nodiscard]] int tag_at(std::size_t i) const {
     return layout::tag(cameras(), static_cast<int>(clones.size() + i));
   }
-  [[nodiscard]] int clone_at(std::size_t i) const { return layout::tag(cameras(), int(i)); }
+  [[nodiscard]] int clone_at(std::size_t i) const {
+    return layout::tag(cameras(), static_cast<int>(i));
+  }
   /// size() × size(), symmetric.
   [[nodiscard]] auto P() { return covariance.live(); }
   [[nodiscard]] auto P() const { return covariance.live(); }
@@ -117,15 +120,6 @@ struct FilterState {
 void camera_errors_to_extrinsics(FilterState& state);
 /// … and back, with the body where it is now.
 void extrinsics_to_camera_errors(FilterState& state);
-
-/// The world-side error ξ that leads from one pose to another: to = Exp(ξ) from.
-[[nodiscard]] Vector6d world_error_between(const Pose& from, const Pose& to);
-/// Ad(X): the world-side error that an error on the other side of X is.
-[[nodiscard]] Matrix6d adjoint(const Pose& X);
-/// ∂ (position, rotation vector, both W axes) / ∂ ξ of a pose at p: position moves by ρ + φ × p.
-[[nodiscard]] Matrix6d plain_from_world_error(const Eigen::Vector3d& p);
-/// Its inverse.
-[[nodiscard]] Matrix6d world_from_plain_error(const Eigen::Vector3d& p);
 
 /// Pose, velocity and biases with their covariance; rate, acceleration and `anchored` are left
 /// alone.

@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "base/so3.hpp"
+#include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/tag_entry.hpp"
 #include "estimation/world/workspace_axes.hpp"
 
@@ -22,6 +23,8 @@ constexpr double kRoom_rad = 0.1;
 constexpr std::size_t kNeighbours = 3;
 // Variances of a map are rounded and come from another linearisation than the filter's.
 constexpr double kRounding = 1e-14;
+// Of what several neighbours leave of a tag's variance, against the largest: more is a
+// contradiction.
 constexpr double kMostNegative = 0.01;
 // Between what a filter and the map say of a tag: further apart it is another place.
 constexpr double kOtherPlace_m = 0.3;
@@ -101,25 +104,13 @@ Both tags_of_both(const FilterState& state, const KnownMap& map) {
   return out;
 }
 
-/// Yaw and shift (all of the turn when it is not level) from where the state has a tag to where the
-/// map has it.
-Pose axes_by(const WorldTag& own, const KnownTag& map, bool level) {
-  Eigen::Quaterniond turn = (map.X_WT.q * own.X_WT.q.conjugate()).normalized();
-  if (level) {
-    const double norm = std::hypot(turn.w(), turn.z());
-    turn = norm > 0 ? Eigen::Quaterniond(turn.w() / norm, 0, 0, turn.z() / norm)
-                    : Eigen::Quaterniond::Identity();
-  }
-  return {turn, map.X_WT.p - turn * own.X_WT.p};
-}
-
 /// By the tag that most others agree with; those that do not go: the map has them elsewhere, and
 /// there they are met again.
 std::optional<Pose> agreed_axes(FilterState& state, bool level, Both& both) {
   std::vector<std::size_t> best;
   Pose best_axes;
   for (std::size_t i = 0; i < both.numbers.size(); ++i) {
-    const Pose G = axes_by(state.tags[both.numbers[i]], *both.map[i], level);
+    const Pose G = axes_between(state.tags[both.numbers[i]].X_WT, both.map[i]->X_WT, level);
     std::vector<std::size_t> agreeing;
     for (std::size_t k = 0; k < both.numbers.size(); ++k) {
       const Pose here = G * state.tags[both.numbers[k]].X_WT;

@@ -23,8 +23,8 @@ namespace fiducap::world {
 /// of the map that are in the state already, and through them with the body's.
 void hold_beside(FilterState& state, const KnownTag& tag, const KnownMap& map, Instant at);
 
-/// Covariance of several tags of a map, errors on the world's side. What the map does not say of
-/// two tags follows from those between them.
+/// Covariance of several tags of a map, six numbers each as KnownTag::covariance. What the map does
+/// not say of two tags follows from those between them.
 [[nodiscard]] Eigen::MatrixXd joint_covariance(std::span<const KnownTag* const> tags,
                                                const KnownMap& map);
 

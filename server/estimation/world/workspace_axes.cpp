@@ -132,9 +132,7 @@ ReferenceSlack slack_of_reference(const FilterState& state, std::size_t tag,
 Pose anchor_to_known(FilterState& state, int camera, const Pose& X_VT, const Pose& X_WT,
                      bool level) {
   const Pose seen = state.X_WV(camera) * X_VT;
-  Pose G;
-  G.q = level ? turn_closest(X_WT.q, seen.q) : (X_WT.q * seen.q.conjugate()).normalized();
-  G.p = X_WT.p - G.q * seen.p;
+  const Pose G = axes_between(seen, X_WT, level);
   move_axes(state, G);
   // The room may be anywhere: the same unknown shift for the body and for every tag that came
   // along.

@@ -57,8 +57,4 @@ struct GraphState {
   std::map<int, bool> level;  ///< Per component: gravity is felt in it.
 };
 
-/// The yaw and shift (all of the turn when it is not level) that brings one pose over another as
-/// well as that can be: G from ≈ to.
-[[nodiscard]] Pose axes_between(const Pose& from, const Pose& to, bool level);
-
 }  // namespace fiducap

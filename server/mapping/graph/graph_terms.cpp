@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "base/so3.hpp"
+#include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
 
 namespace fiducap {
@@ -165,17 +165,6 @@ void add_gauges(const GraphState& graph, const GraphVariables& variables, Normal
 
 }  // namespace
 
-Pose axes_between(const Pose& from, const Pose& to, bool level) {
-  Eigen::Quaterniond turn = (to.q * from.q.conjugate()).normalized();
-  if (level) {
-    // Of the turn the part about the vertical.
-    const double norm = std::hypot(turn.w(), turn.z());
-    turn = norm > 0 ? Eigen::Quaterniond(turn.w() / norm, 0, 0, turn.z() / norm)
-                    : Eigen::Quaterniond::Identity();
-  }
-  return {turn, to.p - turn * from.p};
-}
-
 GraphVariables::GraphVariables(const GraphState& graph)
     : nodes_(graph.nodes.size()), bodies_(graph.bodies.size()) {
   sizes_.assign(nodes_, 15);
@@ -256,7 +245,7 @@ void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, cons
   for (std::size_t i = 0; i < graph.bodies.size(); ++i) {
     int at = H.first(variables.body(i));
     for (CameraBelief& camera : graph.bodies[i].cameras) {
-      camera.X_BV = moved(camera.X_BV, Vector6d(delta.segment<6>(at)));
+      camera.X_BV = world::moved(camera.X_BV, delta.segment<6>(at));
       camera.shift_s += delta(at + 6);
       camera.readout_s += delta(at + 7);
       camera.lens.focal += delta(at + 8);
@@ -267,7 +256,7 @@ void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, cons
   }
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
     Pose& X = graph.tags[i].X_WT;
-    X = moved(X, Vector6d(delta.segment<6>(H.first(variables.tag(i)))));
+    X = world::moved(X, delta.segment<6>(H.first(variables.tag(i))));
   }
 }
 

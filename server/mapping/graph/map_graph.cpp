@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/assert.hpp"
 #include "base/so3.hpp"
+#include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_datum.hpp"
@@ -22,6 +22,7 @@ constexpr double kMostDamping = 1.0;
 // A step that makes the cost smaller by less than this moves nothing by more than a third of its
 // sigma, and most of all much less.
 constexpr double kConverged = 0.05;
+constexpr double kBetweenLinearisations = 1.0;
 // A segment is linearised anew when something in it has moved, against where the body began, by
 // more than this: turned, or by this share of its distance.
 constexpr double kTurned_rad = 0.01;
@@ -49,7 +50,9 @@ bool MapGraph::add(MotionSegment segment) {
   if (!factor) return false;
   entry.factor = std::move(*factor);
   const auto chain = chains_.find(segment.body_id);
-  const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain;
+  // It does not when a segment between is missing: nobody knows how the body got over there.
+  const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain &&
+                       state_.nodes[chain->second.node].at.at == segment.begin().at;
   entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
   join_workspace(entry.begin, segment);
   const int component = state_.nodes[entry.begin].component;
@@ -157,7 +160,7 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
     });
     if (!agree) continue;
     // The workspace stays where it is.
-    if (component != 0) {
+    if (component != kWorkspace) {
       merge_components(component, other, all.front(), state_);
     } else {
       merge_components(other, component, all.front().inverse(), state_);
@@ -166,10 +169,10 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   }
 }
 
-std::optional<GraphSolution> MapGraph::solve() {
+std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
-  if (!iterate(done)) return std::nullopt;
+  if (!iterate(stop, done)) return std::nullopt;
   lay_over_definition();
   auto out = tell();
   if (!out) return out;
@@ -182,11 +185,13 @@ std::optional<GraphSolution> MapGraph::solve() {
 
 /// Levenberg–Marquardt until nothing moves. Segments are linearised anew on the way, where they
 /// have moved: steps by old ones would lead past the truth, or towards it slowly.
-bool MapGraph::iterate(GraphSolution& done) {
+/// @return whether it has come to rest
+bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
   const GraphVariables variables(state_);
   double damping = kLeastDamping;
   NormalEquations equations = normal_equations(state_, variables);
   for (done.iterations = 1; done.iterations <= kMostIterations; ++done.iterations) {
+    if (stop.stop_requested()) return false;
     done.cost = 2 * equations.cost;
     const auto factor = BlockCholesky::factor(equations.H, damping);
     const Eigen::VectorXd delta =
@@ -196,7 +201,8 @@ bool MapGraph::iterate(GraphSolution& done) {
       if (damping > kMostDamping) return false;
       continue;
     }
-    if (0.5 * delta.dot(equations.pull) < kConverged) return true;
+    const double gain = 0.5 * delta.dot(equations.pull);
+    if (gain < kConverged) return true;
     const auto nodes = state_.nodes;
     const auto tags = state_.tags;
     const auto bodies = state_.bodies;
@@ -212,10 +218,11 @@ bool MapGraph::iterate(GraphSolution& done) {
     state_.nodes = nodes;
     state_.tags = tags;
     state_.bodies = bodies;
+    // No step is small enough to gain what little is promised: that is between linearisations.
     damping *= 100;
-    if (damping > kMostDamping) return true;
+    if (damping > kMostDamping) return gain < kBetweenLinearisations;
   }
-  return true;
+  return false;
 }
 
 int MapGraph::condense_again() {
@@ -226,7 +233,7 @@ int MapGraph::condense_again() {
     bool is_off = false;
     const auto look = [&](const Pose& was, const Vector6d& by) {
       const double turned = by.tail<3>().norm();
-      const double shifted = (moved(was, by).p - was.p).norm();
+      const double shifted = (world::moved(was, by).p - was.p).norm();
       is_off = is_off || turned > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
     };
     look(segment.factor.end.X_WB, error.segment<6>(segment_layout::kEnd));
@@ -258,7 +265,7 @@ void MapGraph::define_axes() {
   definition_.clear();
   is_defined_ = true;
   for (const GraphTag& tag : state_.tags)
-    if (tag.component == 0) definition_[tag.tag_id] = tag.X_WT.p;
+    if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
 }
 
 void MapGraph::lay_over_definition() {
@@ -267,7 +274,7 @@ void MapGraph::lay_over_definition() {
     if (!definition_.empty()) lay_over_places();
     definition_.clear();
     for (const GraphTag& tag : state_.tags)
-      if (tag.component == 0) definition_[tag.tag_id] = tag.X_WT.p;
+      if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
     return;
   }
   lay_over_places();
@@ -277,7 +284,7 @@ void MapGraph::lay_over_places() {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const GraphTag& tag : state_.tags) {
     const auto was = definition_.find(tag.tag_id);
-    if (was != definition_.end() && tag.component == 0)
+    if (was != definition_.end() && tag.component == kWorkspace)
       points.emplace_back(tag.X_WT.p, was->second);
   }
   if (points.size() > 1) move_component(kWorkspace, lay_over(points), state_);
@@ -294,7 +301,7 @@ std::optional<GraphSolution> MapGraph::tell() {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
-    if (tag.component != 0 || (is_defined_ && !definition_.contains(tag.tag_id))) continue;
+    if (tag.component != kWorkspace || (is_defined_ && !definition_.contains(tag.tag_id))) continue;
     defining.push_back({variables.tag(i), tag.X_WT.p});
     poses.push_back(tag.X_WT);
   }

@@ -3,7 +3,7 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <span>
+#include <stop_token>
 #include <vector>
 
 #include "mapping/graph/graph_solution.hpp"
@@ -19,8 +19,10 @@ class MapGraph final {
   /// @return whether it says anything
   bool add(MotionSegment segment);
   /// Moves everything to where it fits best, and tells how well that is known.
-  /// @return nullopt when there is nothing to solve, or numbers are not finite
-  [[nodiscard]] std::optional<GraphSolution> solve();
+  /// @param stop  ends it after a step
+  /// @return nullopt when there is nothing to solve, numbers are not finite, or it still moves:
+  /// then the next call goes on from there
+  [[nodiscard]] std::optional<GraphSolution> solve(const std::stop_token& stop = {});
   /// From now on W is where these tags are in the mean: what is solved later is laid over them.
   void define_axes();
   [[nodiscard]] const GraphState& state() const { return state_; }
@@ -39,7 +41,7 @@ class MapGraph final {
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, const Pose& X_WT,
                                    Instant now);
-  bool iterate(GraphSolution& done);
+  bool iterate(const std::stop_token& stop, GraphSolution& done);
   int condense_again();
   void lay_over_definition();
   void lay_over_places();

@@ -167,7 +167,7 @@ MotionSegment moved(MotionSegment segment, const Eigen::VectorXd& error) {
   for (int c = 0; c < cameras; ++c) {
     CameraBelief& belief = segment.cameras[static_cast<std::size_t>(c)];
     const int at = camera(c);
-    belief.X_BV = moved(belief.X_BV, Vector6d(error.segment<6>(at)));
+    belief.X_BV = world::moved(belief.X_BV, error.segment<6>(at));
     belief.shift_s += error(at + 6);
     belief.readout_s += error(at + 7);
     belief.lens.focal += error(at + 8);
@@ -176,7 +176,7 @@ MotionSegment moved(MotionSegment segment, const Eigen::VectorXd& error) {
   }
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     Pose& X = segment.tags[i].X_WT;
-    X = moved(X, Vector6d(error.segment<6>(tag(cameras, static_cast<int>(i)))));
+    X = world::moved(X, error.segment<6>(tag(cameras, static_cast<int>(i))));
   }
   return segment;
 }

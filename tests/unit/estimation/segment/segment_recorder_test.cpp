@@ -83,7 +83,7 @@ class SegmentRecorderTest : public testing::Test {
     UpdateReport report;
     if (change) change(report);
     recorder_.add(seen, filter_, report, beliefs_, known_);
-    if (auto segment = recorder_.take()) segments_.push_back(std::move(*segment));
+    if (const auto segment = recorder_.take()) segments_.push_back(*segment);
   }
 
   void images(int count, const std::vector<int>& tags) {

@@ -39,7 +39,8 @@ TEST(SegmentWorldError, OfAPoseLeadsThereAndBack) {
   const Pose X = example_body().X_WB;
   for (const double scale : {0.0, 1e-8, 1e-3, 1.0, 2.0}) {
     const Vector6d error = example_error(scale);
-    EXPECT_LT((world::world_error_between(X, moved(X, error)) - error).norm(), kRounding) << scale;
+    EXPECT_LT((world::world_error_between(X, world::moved(X, error)) - error).norm(), kRounding)
+        << scale;
   }
 }
 
@@ -81,7 +82,7 @@ Eigen::MatrixXd by_differences(const Vector6d& error) {
   const Pose X = example_body().X_WB;
   return central_differences(
       [&](const Eigen::VectorXd& d) -> Eigen::VectorXd {
-        return world::world_error_between(X, moved(moved(X, error), Vector6d(d)));
+        return world::world_error_between(X, world::moved(world::moved(X, error), d));
       },
       6);
 }
