@@ -158,6 +158,7 @@ bool BlockCholesky::eliminate() {
     const Eigen::LLT<Eigen::MatrixXd> own(column.own);
     if (own.info() != Eigen::Success) return false;
     column.own = own.matrixL();
+    if (column.below.empty()) continue;
     column.own.triangularView<Eigen::Lower>().transpose().solveInPlace<Eigen::OnTheRight>(
         column.panel);
     subtract_from_later(column);
@@ -167,7 +168,6 @@ bool BlockCholesky::eliminate() {
 
 /// What is eliminated binds what is below it: A_ij ← A_ij − L_i L_jᵀ.
 void BlockCholesky::subtract_from_later(const Column& done) {
-  if (done.below.empty()) return;
   Eigen::MatrixXd product = Eigen::MatrixXd::Zero(done.panel.rows(), done.panel.rows());
   product.selfadjointView<Eigen::Lower>().rankUpdate(done.panel);
   for (std::size_t j = 0; j < done.below.size(); ++j) {
