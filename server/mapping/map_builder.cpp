@@ -317,7 +317,8 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
     if (entry->state == TagState::kSurveyed) continue;
     entry->tag = placed;
     entry->sightings = tag.sightings;
-    entry->last_seen_utc_ns = utc_now_ns - (newest - tag.last_seen).count();
+    if (tag.last_seen != Instant{})  // in this session
+      entry->last_seen_utc_ns = utc_now_ns - (newest - tag.last_seen).count();
     if (entry->state == TagState::kQuarantined) continue;
     if (tag.sightings >= kSightingsToSettle) entry->state = TagState::kCalibrated;
     known->tags.push_back(placed);

@@ -21,7 +21,7 @@ struct RefinementTurn {
 /// for moments only.
 class MapRefiner final {
  public:
-  explicit MapRefiner(MapBuilder& map) : map_(map) {}
+  explicit MapRefiner(MapBuilder& map) : map_(map), graph_(*map.snapshot()) {}
 
   /// Takes what has come since the last time, and solves. Nothing of it is published yet.
   /// @param stop  leaves the solution for another time

@@ -297,34 +297,155 @@ TEST(MapGraphSimulation, TheOrderOfTheBodiesDoesNotMatter) {
   }
 }
 
-TEST(MapGraphSimulation, KeepsTheMeanOfTheTagsThatDefineTheAxes) {
-  const Robot robot({.seed = 3});
-  MapGraph graph;
-  EXPECT_FALSE(graph.solve()) << "there is nothing yet";
-  for (std::size_t i = 0; i < 2; ++i) EXPECT_TRUE(graph.add(robot.segments[i]));
-  const auto before = graph.solve();
-  ASSERT_TRUE(before);
-  graph.define_axes();
-  for (std::size_t i = 2; i < robot.segments.size(); ++i) EXPECT_TRUE(graph.add(robot.segments[i]));
-  const auto after = graph.solve();
+/// The map as a server would store it.
+TagMap stored(const GraphSolution& solution) {
+  TagMap map;
+  auto known = std::make_shared<KnownMap>();
+  known->pairs = solution.pairs;
+  for (const GraphTagEstimate& tag : in_component(solution, 0)) {
+    known->tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance});
+    map.tags.push_back({.tag = known->tags.back(), .sightings = tag.sightings});
+  }
+  map.known = std::move(known);
+  return map;
+}
+
+/// Of each tag against the first one, in sigmas of what is known best, and how its sigma differs.
+struct Difference {
+  double sigmas{};
+  double ratio_least{1e9};
+  double ratio_most{};
+};
+
+Difference difference(const GraphSolution& one, const GraphSolution& other) {
+  Difference out;
+  const Pose level = level_between(other.tags, [&](int tag_id) {
+    return one.tags[static_cast<std::size_t>(tag_id)].X_WT;
+  });
+  for (std::size_t i = 0; i < one.tags.size(); ++i) {
+    const Pose X = level * other.tags[i].X_WT;
+    Vector6d e;
+    e << X.p - one.tags[i].X_WT.p, log_so3(X.q * one.tags[i].X_WT.q.conjugate());
+    const Matrix6d& P = one.tags[i].covariance;
+    out.sigmas = std::max(out.sigmas, std::sqrt(e.dot(P.ldlt().solve(e)) / 6));
+    for (int k = 0; k < 6; ++k) {
+      const double ratio = std::sqrt(other.tags[i].covariance(k, k) / P(k, k));
+      out.ratio_least = std::min(out.ratio_least, ratio);
+      out.ratio_most = std::max(out.ratio_most, ratio);
+    }
+  }
+  return out;
+}
+
+TEST(MapGraphSimulation, WhatIsFoldedIsKnownAsBefore) {
+  const Robots robots{Robot({.id = 1, .seed = 3}), Robot({.id = 2, .seed = 4})};
+  MapGraph whole = graph_of(robots);
+  const auto expected = whole.solve();
+  MapGraph folded;
+  std::optional<GraphSolution> found;
+  for (const Robot& robot : robots) {
+    for (const MotionSegment& segment : robot.segments) {
+      EXPECT_TRUE(folded.add(segment));
+      found = folded.solve();
+      ASSERT_TRUE(found);
+      if (folded.state().segments.size() >= 5) folded.fold();
+    }
+  }
+  EXPECT_LT(folded.state().segments.size(), 5U);
+  ASSERT_TRUE(expected);
+  ASSERT_EQ(found->tags.size(), expected->tags.size());
+  for (std::size_t i = 0; i < found->tags.size(); ++i)
+    EXPECT_EQ(found->tags[i].sightings, expected->tags[i].sightings);
+  // Biases are lost at each fold, and what the body's path between two segments said.
+  const Difference apart = difference(*expected, *found);
+  EXPECT_LT(apart.sigmas, 0.5);
+  EXPECT_GT(apart.ratio_least, 0.95) << "nothing is counted twice";
+  EXPECT_LT(apart.ratio_most, 1.4);
+}
+
+TEST(MapGraphSimulation, AStoredMapGoesOnLearning) {
+  const Robots robots{Robot({.id = 1, .seed = 3}), Robot({.id = 2, .seed = 4})};
+  MapGraph whole = graph_of(robots);
+  const auto expected = whole.solve();
+  MapGraph first = graph_of({robots[0]});
+  const auto before = first.solve();
+  ASSERT_TRUE(expected && before);
+  MapGraph second(stored(*before));
+  for (MotionSegment segment : robots[1].segments) {
+    // Its filter stands in the axes of the stored map.
+    const auto as_it_has = [&](int tag_id) {
+      const auto& tags = robots[1].segments.back().tags;
+      return std::find_if(tags.begin(), tags.end(), [&](const KnownTag& tag) {
+               return tag.tag_id == tag_id;
+             })->X_WT;
+    };
+    const Pose G = level_between(before->tags, as_it_has).inverse();
+    for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
+    for (KnownTag& tag : segment.tags) tag.X_WT = G * tag.X_WT;
+    EXPECT_TRUE(second.add(segment));
+  }
+  const auto after = second.solve();
   ASSERT_TRUE(after);
-  ASSERT_EQ(after->tags.size(), before->tags.size());
-  std::map<int, Pose> places;
-  double moved_m = 0;
-  for (const GraphTagEstimate& tag : before->tags) places[tag.tag_id] = tag.X_WT;
-  for (const GraphTagEstimate& tag : after->tags)
-    moved_m += (tag.X_WT.p - places.at(tag.tag_id).p).norm();
-  EXPECT_GT(moved_m, 1e-5) << "something was learned";
-  const Pose rest = level_between(after->tags, [&](int tag_id) { return places.at(tag_id); });
+  ASSERT_EQ(after->tags.size(), 3U);
+  const Difference apart = difference(*expected, *after);
+  EXPECT_LT(apart.sigmas, 0.3);
+  EXPECT_GT(apart.ratio_least, 0.95);
+  EXPECT_LT(apart.ratio_most, 1.1);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_LT(after->tags[i].covariance.trace(), before->tags[i].covariance.trace());
+  // W is where the stored tags are in the mean.
+  const Pose rest =
+      level_between(after->tags, [&](int tag_id) { return before->tags[static_cast<std::size_t>(tag_id)].X_WT; });
   EXPECT_LT(rest.p.norm(), 1e-9);
   EXPECT_LT(angle_between(rest.q, Eigen::Quaterniond::Identity()), 1e-9);
+}
+
+TEST(MapGraphSimulation, ASurveyedTagSaysWhereTheRoomIs) {
+  const Robot robot({.seed = 3});
+  MapGraph graph = graph_of({robot});
+  const auto free = graph.solve();
+  ASSERT_TRUE(free);
+  const Pose at{exp_so3({0, 0, 0.02}), {0.01, -0.02, 0.03}};
+  TagMap survey;
+  const GraphTagEstimate& one = free->tags[1];
+  survey.tags.push_back(
+      {.tag = {one.tag_id, one.edge_m, at * one.X_WT, Matrix6d::Zero()}, .state = TagState::kSurveyed});
+  MapGraph surveyed(survey);
+  for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(surveyed.add(segment));
+  const auto solution = surveyed.solve();
+  ASSERT_TRUE(solution);
+  ASSERT_EQ(solution->tags.size(), 3U);
+  EXPECT_LT((solution->tags[1].X_WT.p - (at * one.X_WT).p).norm(), 1e-5);
+  EXPECT_LT(std::sqrt(solution->tags[1].covariance.trace()), 1e-5) << "as the survey says";
+  for (const std::size_t i : {0U, 2U}) {
+    // Its tilt is the survey's; what that moves is far less than the room was moved.
+    EXPECT_LT((solution->tags[i].X_WT.p - (at * free->tags[i].X_WT).p).norm(), 0.005);
+    EXPECT_GT(std::sqrt(solution->tags[i].covariance.trace()), 1e-4);
+  }
+}
+
+TEST(MapGraphSimulation, TagsWhoseTiesAreNotStoredGiveTheirPlacesOnly) {
+  const Robot robot({.seed = 3});
+  MapGraph first = graph_of({robot});
+  const auto before = first.solve();
+  ASSERT_TRUE(before);
+  TagMap map = stored(*before);
+  map.known.reset();
+  MapGraph second(map);
+  EXPECT_TRUE(second.state().tags.empty());
+  for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(second.add(segment));
+  const auto after = second.solve();
+  ASSERT_TRUE(after);
+  const Difference apart = difference(*before, *after);
+  EXPECT_GT(apart.ratio_least, 0.99) << "its covariances say nothing";
 }
 
 TEST(MapGraphSimulation, AMissingSegmentEndsTheChain) {
   const Robot robot({.seed = 4});
   MapGraph graph;
   for (std::size_t i = 0; i < robot.segments.size(); ++i) {
-    if (i != 2) EXPECT_TRUE(graph.add(robot.segments[i]));
+    if (i == 2) continue;
+    EXPECT_TRUE(graph.add(robot.segments[i]));
   }
   EXPECT_EQ(graph.state().starts.size(), 2U) << "nothing says how it got over there";
   EXPECT_TRUE(graph.solve());

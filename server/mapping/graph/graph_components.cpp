@@ -25,6 +25,7 @@ void unite_tags(int component, GraphState& graph) {
     one.last_seen = std::max(one.last_seen, tag.last_seen);
   }
   graph.tags = std::move(kept);
+  graph.prior.renumber(now);
   for (GraphSegment& segment : graph.segments)
     for (std::size_t& i : segment.tags) i = now[i];
 }
@@ -36,6 +37,7 @@ void move_component(int component, const Pose& T, GraphState& graph) {
     if (node.component == component) node.at = in_other_axes(T, node.at);
   for (GraphTag& tag : graph.tags)
     if (tag.component == component) tag.X_WT = T * tag.X_WT;
+  if (component == kInWorkspace) graph.prior.move(T);
 }
 
 void merge_components(int from, int into, const Pose& T, GraphState& graph) {

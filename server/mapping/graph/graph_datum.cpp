@@ -42,8 +42,8 @@ Pose lay_over(std::span<const std::pair<Eigen::Vector3d, Eigen::Vector3d>> point
 }
 
 Datum::Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
-             const BlockCholesky& factor, const BlockMatrix& matrix)
-    : matrix_(matrix) {
+             const BlockCholesky& factor, const BlockMatrix& matrix) {
+  for (int i = 0; i < matrix.variables(); ++i) first_.push_back(matrix.first(i));
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   for (const Tag& tag : defining) middle += tag.p_WT / static_cast<double>(defining.size());
   Eigen::MatrixXd B = Eigen::MatrixXd::Zero(matrix.rows(), 4);
@@ -70,8 +70,8 @@ Datum::Datum(const std::vector<Tag>& defining, const std::vector<Pose>& poses,
 
 Matrix6d Datum::between(int first, int second, const Matrix6d& raw) const {
   const Common NM = common_error() * M_;
-  const auto Ci = C_.middleRows<6>(matrix_.first(first));
-  const auto Cj = C_.middleRows<6>(matrix_.first(second));
+  const auto Ci = C_.middleRows<6>(first_[static_cast<std::size_t>(first)]);
+  const auto Cj = C_.middleRows<6>(first_[static_cast<std::size_t>(second)]);
   return raw - NM * Cj.transpose() - Ci * NM.transpose() + NM * T_ * NM.transpose();
 }
 

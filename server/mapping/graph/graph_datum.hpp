@@ -37,7 +37,7 @@ class Datum final {
  private:
   using Common = Eigen::Matrix<double, 6, 4>;
 
-  const BlockMatrix& matrix_;
+  std::vector<int> first_;  ///< Row of each variable.
   Eigen::Matrix4d M_;
   Eigen::MatrixXd C_;  ///< Σ B
   Eigen::Matrix4d T_;  ///< Bᵀ Σ B

@@ -9,8 +9,11 @@
 #include "estimation/segment/segment_smoother.hpp"
 #include "estimation/segment/world_error.hpp"
 #include "mapping/graph/graph_body.hpp"
+#include "mapping/graph/graph_prior.hpp"
 
 namespace fiducap {
+
+inline constexpr int kInWorkspace = 0;  ///< Component of those who stand in it.
 
 /// A body where two of its segments meet.
 struct GraphNode {
@@ -54,6 +57,7 @@ struct GraphState {
   std::vector<GraphTag> tags;
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
+  GraphPrior prior;
   std::map<int, bool> level;  ///< Per component: gravity is felt in it.
 };
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/so3.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
 
@@ -146,7 +147,104 @@ void add_body(const GraphBody& body, int variable, NormalEquations& out) {
   out.pull.segment(out.H.first(variable), error.size()) -= pull;
 }
 
-/// Holds the tag seen most often of each component.
+Vector6d plain_error(const Pose& expected, const Pose& now) {
+  Vector6d out;
+  out << now.p - expected.p, log_so3(now.q * expected.q.conjugate());
+  return out;
+}
+
+/// Of all cameras that the prior knows of.
+Eigen::VectorXd camera_error(const GraphState& graph) {
+  Eigen::VectorXd out(graph.prior.camera_information.rows());
+  Eigen::Index at = 0;
+  for (std::size_t b = 0; b < graph.prior.cameras.size(); ++b) {
+    const Eigen::VectorXd own = error_between(graph.prior.cameras[b], graph.bodies[b].cameras);
+    out.segment(at, own.size()) = own;
+    at += own.size();
+  }
+  return out;
+}
+
+Vector6d rest_of(const GraphState& graph, const GraphPrior::Hanging& hanging,
+                 const Eigen::VectorXd& of_cameras) {
+  const GraphPrior& prior = graph.prior;
+  const auto error = [&](std::size_t i) {
+    return plain_error(prior.expected[i], graph.tags[prior.tags[i]].X_WT);
+  };
+  Vector6d out = error(hanging.tag);
+  for (std::size_t k = 0; k < hanging.on.size(); ++k)
+    out -= hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)) * error(hanging.on[k]);
+  if (hanging.C.cols() > 0) out -= hanging.C * of_cameras;
+  return out;
+}
+
+double prior_cost_of(const GraphState& graph) {
+  const Eigen::VectorXd cameras = camera_error(graph);
+  double cost = 0.5 * cameras.dot(graph.prior.camera_information * cameras);
+  for (const GraphPrior::Hanging& hanging : graph.prior.hangings) {
+    const Vector6d rest = rest_of(graph, hanging, cameras);
+    cost += 0.5 * rest.dot(hanging.information * rest);
+  }
+  return cost;
+}
+
+void add_hanging(const GraphState& graph, const GraphVariables& variables,
+                 const GraphPrior::Hanging& hanging, const Eigen::VectorXd& of_cameras,
+                 NormalEquations& out) {
+  const GraphPrior& prior = graph.prior;
+  struct Term {
+    int variable;
+    Eigen::MatrixXd J;
+  };
+  std::vector<Term> terms;
+  const auto add_tag = [&](std::size_t i, const Eigen::MatrixXd& A) {
+    const std::size_t tag = prior.tags[i];
+    terms.push_back({variables.tag(tag),
+                     A * world::plain_from_world_error(graph.tags[tag].X_WT.p)});
+  };
+  add_tag(hanging.tag, Matrix6d::Identity());
+  for (std::size_t k = 0; k < hanging.on.size(); ++k)
+    add_tag(hanging.on[k], -hanging.A.middleCols<6>(static_cast<Eigen::Index>(6 * k)));
+  if (hanging.C.cols() > 0) {
+    Eigen::Index at = 0;
+    for (std::size_t b = 0; b < prior.cameras.size(); ++b) {
+      const int size = out.H.size(variables.body(b));
+      terms.push_back({variables.body(b), -hanging.C.middleCols(at, size)});
+      at += size;
+    }
+  }
+  const Vector6d pull = hanging.information * rest_of(graph, hanging, of_cameras);
+  for (const Term& a : terms) {
+    out.pull.segment(out.H.first(a.variable), a.J.cols()) -= a.J.transpose() * pull;
+    const Eigen::MatrixXd left = a.J.transpose() * hanging.information;
+    for (const Term& b : terms)
+      if (b.variable <= a.variable) out.H.add(a.variable, b.variable, left * b.J);
+  }
+}
+
+void add_prior(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
+  const GraphPrior& prior = graph.prior;
+  const Eigen::VectorXd cameras = camera_error(graph);
+  const Eigen::VectorXd pull = prior.camera_information * cameras;
+  Eigen::Index at = 0;
+  for (std::size_t a = 0; a < prior.cameras.size(); ++a) {
+    const int rows = out.H.size(variables.body(a));
+    out.pull.segment(out.H.first(variables.body(a)), rows) -= pull.segment(at, rows);
+    Eigen::Index column = 0;
+    for (std::size_t b = 0; b <= a; ++b) {
+      const int columns = out.H.size(variables.body(b));
+      out.H.add(variables.body(a), variables.body(b),
+                prior.camera_information.block(at, column, rows, columns));
+      column += columns;
+    }
+    at += rows;
+  }
+  for (const GraphPrior::Hanging& hanging : prior.hangings)
+    add_hanging(graph, variables, hanging, cameras, out);
+  out.cost += prior_cost_of(graph);
+}
+
+/// Holds the tag seen most often of each component whose place nothing says.
 void add_gauges(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
   std::map<int, std::size_t> held;
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
@@ -154,6 +252,7 @@ void add_gauges(const GraphState& graph, const GraphVariables& variables, Normal
     if (graph.tags[i].sightings > graph.tags[at->second].sightings) at->second = i;
   }
   for (const auto& [component, i] : held) {
+    if (component == kInWorkspace && graph.prior.is_absolute) continue;
     const int tag = variables.tag(i);
     Matrix6d gauge = Matrix6d::Zero();
     gauge.diagonal().head<3>().setConstant(kGauge);
@@ -215,8 +314,9 @@ NormalEquations normal_equations(const GraphState& graph, const GraphVariables& 
   NormalEquations out(variables);
   for (const GraphSegment& segment : graph.segments) add_segment(graph, variables, segment, out);
   for (const ChainStart& start : graph.starts) add_start(graph, variables, start, out);
-  for (std::size_t i = 0; i < graph.bodies.size(); ++i)
+  for (std::size_t i = graph.prior.cameras.size(); i < graph.bodies.size(); ++i)
     add_body(graph.bodies[i], variables.body(i), out);
+  add_prior(graph, variables, out);
   add_gauges(graph, variables, out);
   return out;
 }
@@ -229,11 +329,12 @@ double cost_of(const GraphState& graph) {
     const StartError s = start_error(graph, start);
     cost += 0.5 * s.error.dot(s.information.cwiseProduct(s.error));
   }
-  for (const GraphBody& body : graph.bodies) {
+  for (std::size_t i = graph.prior.cameras.size(); i < graph.bodies.size(); ++i) {
+    const GraphBody& body = graph.bodies[i];
     const Eigen::VectorXd error = error_between(body.expected, body.cameras);
     cost += 0.5 * error.dot(body.information * error);
   }
-  return cost;
+  return cost + prior_cost_of(graph);
 }
 
 void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,

@@ -8,14 +8,15 @@
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_datum.hpp"
+#include "mapping/graph/graph_fold.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
 namespace fiducap {
 
 namespace {
 
-constexpr int kWorkspace = 0;  // component of those who stand in it
-
+// A solution takes a second then, and the memory some ten megabytes.
+constexpr std::size_t kMostSegments = 2000;
 constexpr int kMostIterations = 40;
 constexpr double kLeastDamping = 1e-9;
 constexpr double kMostDamping = 1.0;
@@ -34,6 +35,34 @@ constexpr double kSamePlace_m = 0.15;
 
 }  // namespace
 
+MapGraph::MapGraph(const TagMap& start) {
+  std::vector<PriorTag> tags;
+  bool has_survey = false;
+  for (const MapTag& entry : start.tags) {
+    if (entry.component != 0 || entry.state == TagState::kQuarantined) continue;
+    const KnownTag& tag = entry.tag;
+    definition_[tag.tag_id] = tag.X_WT.p;
+    const bool is_surveyed = entry.state == TagState::kSurveyed;
+    if (!is_surveyed && (!start.known || start.known->find(tag.tag_id) == nullptr)) continue;
+    has_survey |= is_surveyed;
+    tags.push_back({state_.tags.size(), tag.X_WT, tag.covariance, is_surveyed});
+    state_.tags.push_back({.tag_id = tag.tag_id,
+                           .edge_m = tag.edge_m,
+                           .X_WT = tag.X_WT,
+                           .component = kInWorkspace,
+                           .sightings = entry.sightings});
+  }
+  is_defined_ = !definition_.empty();
+  if (tags.empty()) return;
+  state_.level[kInWorkspace] = true;
+  const auto between = [&](std::size_t a, std::size_t b) {
+    return start.known ? start.known->between(state_.tags[a].tag_id, state_.tags[b].tag_id)
+                       : std::nullopt;
+  };
+  state_.prior = make_prior(tags, between, {},
+                            has_survey ? PriorUnknown::kNothing : PriorUnknown::kPlaceAndYaw);
+}
+
 std::size_t MapGraph::body_of(const MotionSegment& segment) {
   const auto found =
       std::find_if(state_.bodies.begin(), state_.bodies.end(),
@@ -51,9 +80,10 @@ bool MapGraph::add(MotionSegment segment) {
   entry.factor = std::move(*factor);
   const auto chain = chains_.find(segment.body_id);
   // It does not when a segment between is missing: nobody knows how the body got over there.
-  const bool goes_on = chain != chains_.end() && chain->second.number == segment.chain &&
-                       state_.nodes[chain->second.node].at.at == segment.begin().at;
-  entry.begin = goes_on ? chain->second.node : begin_chain(body, segment);
+  const bool goes_on = chain != chains_.end() && chain->second.node &&
+                       chain->second.number == segment.chain &&
+                       state_.nodes[*chain->second.node].at.at == segment.begin().at;
+  entry.begin = goes_on ? *chain->second.node : begin_chain(body, segment);
   join_workspace(entry.begin, segment);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
@@ -86,12 +116,12 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_W
 }
 
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
-  const int component = is_in_workspace(segment) ? kWorkspace : ++components_;
+  const int component = is_in_workspace(segment) ? kInWorkspace : ++components_;
   state_.level[component] = state_.level[component] || segment.has_imu();
   const auto last = chains_.find(segment.body_id);
   ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu()};
-  if (last != chains_.end() && segment.has_imu()) {
-    start.after = static_cast<int>(last->second.node);
+  if (last != chains_.end() && last->second.node && segment.has_imu()) {
+    start.after = static_cast<int>(*last->second.node);
     const InertialInput& input = segment.instances[1].steps.front().input;
     start.accel_walk = std::max(1e-6, input.accel_walk);
     start.gyro_walk = std::max(1e-7, input.gyro_walk);
@@ -106,8 +136,10 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
 /// component that no sighting binds to the rest.
 bool MapGraph::is_in_workspace(const MotionSegment& segment) const {
   if (!segment.anchored) return false;
-  const auto is_there = [](const auto& x) { return x.component == kWorkspace; };
-  if (std::none_of(state_.nodes.begin(), state_.nodes.end(), is_there)) return true;
+  const auto is_there = [](const auto& x) { return x.component == kInWorkspace; };
+  if (std::none_of(state_.nodes.begin(), state_.nodes.end(), is_there) &&
+      std::none_of(state_.tags.begin(), state_.tags.end(), is_there))
+    return true;
   return std::any_of(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& tag) {
     return is_there(tag) && std::any_of(segment.tags.begin(), segment.tags.end(),
                                         [&](const auto& t) { return t.tag_id == tag.tag_id; });
@@ -117,9 +149,9 @@ bool MapGraph::is_in_workspace(const MotionSegment& segment) const {
 /// A body that began in axes of its own stands in the workspace since then.
 void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment) {
   const GraphNode& node = state_.nodes[begin];
-  if (node.component == kWorkspace || !is_in_workspace(segment)) return;
+  if (node.component == kInWorkspace || !is_in_workspace(segment)) return;
   const bool level = state_.level.at(node.component);
-  merge_components(node.component, kWorkspace,
+  merge_components(node.component, kInWorkspace,
                    axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
 }
 
@@ -160,7 +192,7 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
     });
     if (!agree) continue;
     // The workspace stays where it is.
-    if (component != kWorkspace) {
+    if (component != kInWorkspace) {
       merge_components(component, other, all.front(), state_);
     } else {
       merge_components(other, component, all.front().inverse(), state_);
@@ -180,6 +212,7 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   out->iterations = done.iterations;
   out->condensed = done.condensed;
   for (const GraphSegment& segment : state_.segments) out->numbers += segment.factor.numbers;
+  if (state_.segments.size() > kMostSegments) fold();
   return out;
 }
 
@@ -261,20 +294,14 @@ int MapGraph::condense_again() {
   return count;
 }
 
-void MapGraph::define_axes() {
-  definition_.clear();
-  is_defined_ = true;
-  for (const GraphTag& tag : state_.tags)
-    if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
-}
-
 void MapGraph::lay_over_definition() {
+  if (state_.prior.is_absolute) return;
   if (!is_defined_) {
     // Until somebody says where W is, it stays where it was.
     if (!definition_.empty()) lay_over_places();
     definition_.clear();
     for (const GraphTag& tag : state_.tags)
-      if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
+      if (tag.component == kInWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
     return;
   }
   lay_over_places();
@@ -284,63 +311,53 @@ void MapGraph::lay_over_places() {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const GraphTag& tag : state_.tags) {
     const auto was = definition_.find(tag.tag_id);
-    if (was != definition_.end() && tag.component == kWorkspace)
+    if (was != definition_.end() && tag.component == kInWorkspace)
       points.emplace_back(tag.X_WT.p, was->second);
   }
-  if (points.size() > 1) move_component(kWorkspace, lay_over(points), state_);
+  if (points.size() > 1) move_component(kInWorkspace, lay_over(points), state_);
 }
 
 std::optional<GraphSolution> MapGraph::tell() {
-  const GraphVariables variables(state_);
-  const NormalEquations equations = normal_equations(state_, variables);
-  auto factor = BlockCholesky::factor(equations.H, 1e-12);
-  if (!factor) return std::nullopt;
-  factor->invert();
-  GraphSolution out;
-  std::vector<Datum::Tag> defining;
-  std::vector<Pose> poses;
+  std::vector<std::size_t> defining;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
-    if (tag.component != kWorkspace || (is_defined_ && !definition_.contains(tag.tag_id))) continue;
-    defining.push_back({variables.tag(i), tag.X_WT.p});
-    poses.push_back(tag.X_WT);
+    if (tag.component == kInWorkspace && (!is_defined_ || definition_.contains(tag.tag_id)))
+      defining.push_back(i);
   }
   if (defining.empty()) return std::nullopt;
-  const Datum datum(defining, poses, *factor, equations.H);
-  const auto plain = [&](std::size_t i, std::size_t j) -> std::optional<Matrix6d> {
-    const int a = variables.tag(i);
-    const int b = variables.tag(j);
-    const auto raw = factor->inverse(a, b);
-    if (!raw) return std::nullopt;
-    return Matrix6d(world::plain_from_world_error(state_.tags[i].X_WT.p) *
-                    datum.between(a, b, *raw) *
-                    world::plain_from_world_error(state_.tags[j].X_WT.p).transpose());
-  };
+  auto covariance = GraphCovariance::of(state_);
+  if (!covariance) return std::nullopt;
+  if (!state_.prior.is_absolute) covariance->refer_to(defining);
+  GraphSolution out;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
     out.tags.push_back({tag.tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
-                        tag.last_seen, tag.X_WT, *plain(i, i)});
+                        tag.last_seen, tag.X_WT, *covariance->between(i, i)});
   }
   std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
     return std::pair(a.tag_id, a.component) < std::pair(b.tag_id, b.component);
   });
-  std::set<std::pair<std::size_t, std::size_t>> together;
-  for (const GraphSegment& segment : state_.segments) {
-    for (const std::size_t i : segment.tags)
-      for (const std::size_t j : segment.tags)
-        if (i < j && state_.tags[i].component == kWorkspace) together.emplace(i, j);
-  }
-  for (const auto& [i, j] : together) {
+  for (const auto& [i, j] : bound_tags(state_)) {
+    if (state_.tags[i].component != kInWorkspace) continue;
     const bool turned = state_.tags[i].tag_id > state_.tags[j].tag_id;
     const std::size_t first = turned ? j : i;
     const std::size_t second = turned ? i : j;
-    if (const auto covariance = plain(first, second))
-      out.pairs.push_back({state_.tags[first].tag_id, state_.tags[second].tag_id, *covariance});
+    if (const auto of_both = covariance->between(first, second))
+      out.pairs.push_back({state_.tags[first].tag_id, state_.tags[second].tag_id, *of_both});
   }
   std::sort(out.pairs.begin(), out.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
     return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
   });
   return out;
+}
+
+void MapGraph::fold() {
+  auto prior = prior_of(state_);
+  if (!prior) return;
+  auto folded = without_workspace_segments(std::move(state_), std::move(*prior));
+  state_ = std::move(folded.state);
+  for (auto& [body_id, chain] : chains_)
+    if (chain.node) chain.node = folded.nodes[*chain.node];
 }
 
 }  // namespace fiducap

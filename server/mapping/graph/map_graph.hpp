@@ -6,16 +6,25 @@
 #include <stop_token>
 #include <vector>
 
+#include "mapping/graph/graph_covariance.hpp"
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/graph/graph_state.hpp"
+#include "mapping/tag_map.hpp"
 
 namespace fiducap {
 
 /// The one map of all bodies as a least squares problem over everything that they ever saw and
-/// felt: bodies where their segments meet, cameras, tags. Not thread-safe; slow; memory grows with
-/// the segments.
+/// felt: bodies where their segments meet, cameras, tags. When there are many segments, what they
+/// say of tags and cameras is kept (GraphPrior), and they go: time and memory are bounded by that
+/// and by the number of tags. Not thread-safe; slow.
 class MapGraph final {
  public:
+  MapGraph() = default;
+  /// Begins with what an earlier session has learned, and with surveyed tags. Where W is, is where
+  /// this map's tags are in the mean, or where a survey says. Of tags whose errors' ties it does not
+  /// know it takes the places alone: they are learned anew.
+  explicit MapGraph(const TagMap& start);
+
   /// @return whether it says anything
   bool add(MotionSegment segment);
   /// Moves everything to where it fits best, and tells how well that is known.
@@ -23,13 +32,14 @@ class MapGraph final {
   /// @return nullopt when there is nothing to solve, numbers are not finite, or it still moves:
   /// then the next call goes on from there
   [[nodiscard]] std::optional<GraphSolution> solve(const std::stop_token& stop = {});
-  /// From now on W is where these tags are in the mean: what is solved later is laid over them.
-  void define_axes();
+  /// What all segments of the workspace say becomes a prior, and they go. solve() does so when there
+  /// are many. @pre solve() has just come to rest
+  void fold();
   [[nodiscard]] const GraphState& state() const { return state_; }
 
  private:
   struct Chain {
-    std::size_t node{};  ///< Where its last segment ended.
+    std::optional<std::size_t> node;  ///< Where its last segment ended; nullopt: folded.
     int number{-1};
   };
   std::size_t body_of(const MotionSegment& segment);
@@ -50,7 +60,7 @@ class MapGraph final {
   GraphState state_;
   std::map<int, Chain> chains_;                ///< Per body id.
   std::map<int, Eigen::Vector3d> definition_;  ///< Places of the tags that define W.
-  bool is_defined_{false};
+  bool is_defined_{false};                     ///< … from the beginning; false: all tags do.
   int components_{0};
 };
 

@@ -1,0 +1,145 @@
+// What a prior keeps of a joint covariance, and how it pulls.
+#include "mapping/graph/graph_prior.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "base/so3.hpp"
+#include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_terms.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr int kTags = 4;
+constexpr int kNumbers = 6 * kTags;
+constexpr int kCamera = segment_layout::kCameraSize;
+
+Eigen::VectorXd draw(Eigen::Index size, std::mt19937_64& random) {
+  std::normal_distribution<double> gauss;
+  Eigen::VectorXd out(size);
+  for (double& x : out) x = gauss(random);
+  return out;
+}
+
+/// Tags in a row and one camera, whose errors hang together in every way.
+struct World {
+  GraphState graph;
+  Eigen::MatrixXd joint;  ///< Tags' plain numbers, then the camera's.
+
+  explicit World(std::uint64_t seed, PriorUnknown unknown) {
+    std::mt19937_64 random(seed);
+    Eigen::MatrixXd root(kNumbers + kCamera, kNumbers + kCamera);
+    for (auto column : root.colwise()) column = 3e-4 * draw(root.rows(), random);
+    joint = root * root.transpose();
+    graph.bodies.emplace_back();
+    graph.bodies[0].cameras.emplace_back();
+    graph.bodies[0].cameras[0].X_BV.p = {0.1, 0, 0};
+    std::vector<PriorTag> tags;
+    PriorCameras cameras;
+    cameras.bodies.push_back(graph.bodies[0].cameras);
+    cameras.covariance = joint.bottomRightCorner<kCamera, kCamera>();
+    for (int i = 0; i < kTags; ++i) {
+      const Pose X{exp_so3(draw(3, random)), Eigen::Vector3d(2.0 * i, 1, 0.3 * i)};
+      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X});
+      tags.push_back({static_cast<std::size_t>(i), X, joint.block<6, 6>(6 * i, 6 * i), false});
+      cameras.of_tags.push_back(joint.block<6, kCamera>(6 * i, kNumbers));
+    }
+    graph.level[kInWorkspace] = true;
+    const auto between = [&](std::size_t a, std::size_t b) -> std::optional<Matrix6d> {
+      return Matrix6d(
+          joint.block<6, 6>(static_cast<Eigen::Index>(6 * a), static_cast<Eigen::Index>(6 * b)));
+    };
+    graph.prior = make_prior(tags, between, cameras, unknown);
+  }
+
+  /// The world-side errors of H as plain ones.
+  [[nodiscard]] Eigen::MatrixXd plain() const {
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(kNumbers + kCamera, kNumbers + kCamera);
+    J.bottomLeftCorner<kCamera, kCamera>().setIdentity();  // the body's number comes first
+    for (int i = 0; i < kTags; ++i)
+      J.block<6, 6>(6 * i, kCamera + 6 * i) =
+          world::plain_from_world_error(graph.tags[static_cast<std::size_t>(i)].X_WT.p);
+    return J;
+  }
+};
+
+Eigen::MatrixXd dense(const BlockMatrix& H) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(H.rows(), H.rows());
+  for (const auto& [row, column] : H.places()) {
+    const Eigen::MatrixXd& block = *H.find(row, column);
+    out.block(H.first(row), H.first(column), block.rows(), block.cols()) = block;
+    out.block(H.first(column), H.first(row), block.cols(), block.rows()) = block.transpose();
+  }
+  return out;
+}
+
+TEST(GraphPrior, IsTheJointCovarianceOfFewTagsAndCameras) {
+  for (std::uint64_t seed = 1; seed < 6; ++seed) {
+    const World world(seed, PriorUnknown::kNothing);
+    const GraphVariables variables(world.graph);
+    const auto equations = normal_equations(world.graph, variables);
+    const Eigen::MatrixXd J = world.plain();
+    const Eigen::MatrixXd P = J * dense(equations.H).inverse() * J.transpose();
+    EXPECT_LT((P - world.joint).norm(), 1e-4 * world.joint.norm());
+  }
+}
+
+TEST(GraphPrior, DoesNotSayWhereAllOfItIs) {
+  const World world(3, PriorUnknown::kPlaceAndYaw);
+  GraphState moved = world.graph;
+  const Pose T{exp_so3({0, 0, 0.001}), {0.002, 0.003, -0.001}};
+  for (GraphTag& tag : moved.tags) tag.X_WT = T * tag.X_WT;
+  GraphState one = world.graph;
+  one.tags[1].X_WT = T * one.tags[1].X_WT;
+  EXPECT_LT(cost_of(moved), 0.01 * cost_of(one));
+  // … and goes along when the axes are moved for good.
+  GraphState turned = one;
+  const Pose far{exp_so3({0, 0, 2.0}), {50, -20, 1}};
+  for (GraphTag& tag : turned.tags) tag.X_WT = far * tag.X_WT;
+  turned.prior.move(far);
+  EXPECT_NEAR(cost_of(turned), cost_of(one), 1e-6 * cost_of(one));
+}
+
+TEST(GraphPrior, PullsAsItsCostSays) {
+  constexpr double kStep = 1e-6;
+  std::mt19937_64 random(9);
+  World world(4, PriorUnknown::kPlaceAndYaw);
+  GraphState& graph = world.graph;
+  for (GraphTag& tag : graph.tags) {
+    tag.X_WT.p += 0.002 * draw(3, random);
+    tag.X_WT.q = exp_so3(0.002 * draw(3, random)) * tag.X_WT.q;
+  }
+  graph.bodies[0].cameras[0].lens.focal = 0.003;
+  graph.bodies[0].cameras[0].shift_s = 0.001;
+  const GraphVariables variables(graph);
+  NormalEquations equations = normal_equations(graph, variables);
+  // The gauge holds a tag and has no cost.
+  for (Eigen::Index i = 0; i < equations.pull.size(); ++i) {
+    const auto cost = [&](double step) {
+      GraphState at = graph;
+      move_by(step * Eigen::VectorXd::Unit(equations.pull.size(), i), variables, equations.H, at);
+      return cost_of(at);
+    };
+    const double expected = -(cost(kStep) - cost(-kStep)) / (2 * kStep);
+    EXPECT_NEAR(equations.pull(i), expected, 2e-2 * std::abs(expected) + 1e-2 * equations.pull.norm() /
+                                                 std::sqrt(equations.pull.size()))
+        << i;
+  }
+}
+
+TEST(GraphPrior, FollowsWhenTagsAreRenumbered) {
+  World world(5, PriorUnknown::kPlaceAndYaw);
+  world.graph.tags[2].X_WT.p.x() += 0.01;
+  const double before = cost_of(world.graph);
+  std::swap(world.graph.tags[0], world.graph.tags[3]);
+  world.graph.prior.renumber({3, 1, 2, 0});
+  EXPECT_NEAR(cost_of(world.graph), before, 1e-9 * before);
+}
+
+}  // namespace
+}  // namespace fiducap
