@@ -319,9 +319,8 @@ struct Difference {
 
 Difference difference(const GraphSolution& one, const GraphSolution& other) {
   Difference out;
-  const Pose level = level_between(other.tags, [&](int tag_id) {
-    return one.tags[static_cast<std::size_t>(tag_id)].X_WT;
-  });
+  const Pose level = level_between(
+      other.tags, [&](int tag_id) { return one.tags[static_cast<std::size_t>(tag_id)].X_WT; });
   for (std::size_t i = 0; i < one.tags.size(); ++i) {
     const Pose X = level * other.tags[i].X_WT;
     Vector6d e;
@@ -375,9 +374,9 @@ TEST(MapGraphSimulation, AStoredMapGoesOnLearning) {
     // Its filter stands in the axes of the stored map.
     const auto as_it_has = [&](int tag_id) {
       const auto& tags = robots[1].segments.back().tags;
-      return std::find_if(tags.begin(), tags.end(), [&](const KnownTag& tag) {
-               return tag.tag_id == tag_id;
-             })->X_WT;
+      return std::find_if(tags.begin(), tags.end(),
+                          [&](const KnownTag& tag) { return tag.tag_id == tag_id; })
+          ->X_WT;
     };
     const Pose G = level_between(before->tags, as_it_has).inverse();
     for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
@@ -394,8 +393,8 @@ TEST(MapGraphSimulation, AStoredMapGoesOnLearning) {
   for (std::size_t i = 0; i < 3; ++i)
     EXPECT_LT(after->tags[i].covariance.trace(), before->tags[i].covariance.trace());
   // W is where the stored tags are in the mean.
-  const Pose rest =
-      level_between(after->tags, [&](int tag_id) { return before->tags[static_cast<std::size_t>(tag_id)].X_WT; });
+  const Pose rest = level_between(
+      after->tags, [&](int tag_id) { return before->tags[static_cast<std::size_t>(tag_id)].X_WT; });
   EXPECT_LT(rest.p.norm(), 1e-9);
   EXPECT_LT(angle_between(rest.q, Eigen::Quaterniond::Identity()), 1e-9);
 }
@@ -408,8 +407,8 @@ TEST(MapGraphSimulation, ASurveyedTagSaysWhereTheRoomIs) {
   const Pose at{exp_so3({0, 0, 0.02}), {0.01, -0.02, 0.03}};
   TagMap survey;
   const GraphTagEstimate& one = free->tags[1];
-  survey.tags.push_back(
-      {.tag = {one.tag_id, one.edge_m, at * one.X_WT, Matrix6d::Zero()}, .state = TagState::kSurveyed});
+  survey.tags.push_back({.tag = {one.tag_id, one.edge_m, at * one.X_WT, Matrix6d::Zero()},
+                         .state = TagState::kSurveyed});
   MapGraph surveyed(survey);
   for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(surveyed.add(segment));
   const auto solution = surveyed.solve();

@@ -21,6 +21,8 @@ constexpr double kSignificant_sigma = 4.0;
 // Worth telling with the pose, long before it is significant.
 constexpr double kWorthTelling_sigma = 2.0;
 constexpr double kMostUnstated = 25.0;
+constexpr double kToldNoise = 2.0;
+constexpr double kToldJitter_s = 5e-4;
 // Of the curvature: so that nothing is divided by zero.
 const Eigen::Vector2d kTiny(1e-6, 1e4);
 // One image counts for no more than this, in sigmas of what it can say: it may be a wrong one. Less
@@ -149,6 +151,15 @@ void NoiseWatch::weigh_anew() {
   now_.derivative = weight.cwiseAbs2().cwiseProduct(now_.derivative).eval();
   now_.information = weight.asDiagonal() * now_.information * weight.asDiagonal();
   now_.weighed_at = now_.applied;
+}
+
+void NoiseWatch::list(std::vector<FoundMismatch>& out) const {
+  using Kind = FoundMismatch::Kind;
+  const double density = std::sqrt(imu_variance());
+  if (density > kToldNoise)
+    out.push_back(
+        {.kind = Kind::kImuNoise, .value = density, .sigma = sigma_of(kImu) / (2 * density)});
+  if (jitter_s() > kToldJitter_s) out.push_back({.kind = Kind::kStampJitter, .value = jitter_s()});
 }
 
 void NoiseWatch::correct(const StackedUpdate::SharedScore& said, const Vector6d& on_time) {

@@ -2,8 +2,10 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <vector>
 
 #include "estimation/filter/stacked_update.hpp"
+#include "estimation/found_mismatch.hpp"
 #include "estimation/start/learned_noise.hpp"
 #include "estimation/world/propagation.hpp"
 
@@ -44,8 +46,9 @@ class NoiseWatch final {
   /// it is only suspected, and for a while after it has been applied, as what was placed before
   /// stays as it was.
   [[nodiscard]] double unstated_factor() const;
-  /// 1-sigma of imu_variance().
-  [[nodiscard]] double imu_variance_sigma() const { return sigma_of(kImu); }
+
+  /// What is worth telling people.
+  void list(std::vector<FoundMismatch>& out) const;
 
   /// The body has moved to an image.
   void follow(const MotionSinceImage& motion);

@@ -52,6 +52,18 @@ class Suspects final {
   /// @param dispersion  innovations squared over what was expected; 1: as they should be
   /// @return whether one was opened: what it did to images has been taken for noise until now
   bool look(FilterState& state, int camera, double dispersion) const;
+  /// What the data have said so far of each number, closed ones too.
+  struct Evidence {
+    double score{};        ///< In sigmas of the data.
+    double information{};  ///< Beside the prior's.
+    double variance{};
+  };
+  [[nodiscard]] std::vector<Evidence> evidence(const FilterState& state) const;
+  /// After the map was taken over: it was made with the same numbers taken for right, so it is no
+  /// witness. What is closed is neither known better than before nor accused more.
+  void keep_evidence(FilterState& state, std::span<const Evidence> before) const;
+  /// What is closed begins anew: images said of it what was something else.
+  void acquit(FilterState& state) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
   /// What the body's covariance (world-side error) lacks: that of what is assumed, and how far it

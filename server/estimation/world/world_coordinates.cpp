@@ -22,9 +22,6 @@ constexpr double kUnknownTurn_rad = 0.4;
 constexpr double kNisShare = 0.02;
 constexpr int kUnfitToLearnFrom = 3;  // more in a row without a tag that fits are no noise
 constexpr double kExactReadout_s = 5.1e-5;
-// Less is not worth a word.
-constexpr double kToldNoise = 2.0;
-constexpr double kToldJitter_s = 5e-4;
 // The reference tag defines W again when linearisation has let it slip this far (m and rad
 // together), or when it seems as unsure as that: every image makes it so by a micrometre, which is
 // nothing but what defining W costs.
@@ -227,6 +224,7 @@ void WorldCoordinates::look_at(const TagObservations& seen) {
 }
 
 void WorldCoordinates::moved_axes(const Pose& X_new_old) {
+  unrest_.begin(state_.time);
   memory_.move_axes(X_new_old);
   noise_watch_.lose_motion();  // its covariance was in the old axes
 }
@@ -245,8 +243,11 @@ void WorldCoordinates::hold_one(const KnownTag& tag, const KnownMap* whole, Inst
 }
 
 std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
+  const auto evidence = suspects_.evidence(state_);
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
+  suspects_.keep_evidence(state_, evidence);
+  unrest_.note(*moved, state_.X_WB, state_.time);
   memory_.forget_all();
   state_.forget_clones();
   noise_watch_.lose_motion();  // its covariance was in the old axes
@@ -278,7 +279,8 @@ UpdateReport WorldCoordinates::correct(const TagObservations& seen, std::span<co
                                        double gate, int iterations, std::vector<bool>& accepted) {
   const auto camera = static_cast<std::size_t>(seen.camera);
   const bool watches = watches_noise();
-  const bool learns = watches && teaches_of_noise(state_, seen.camera, tags);
+  const bool learns =
+      watches && !unrest_.is_on(state_.time) && teaches_of_noise(state_, seen.camera, tags);
   const double seconds = state_.clocks[camera].seconds_to(0);
   const Vector6d on_time = camera_at(state_, seen.camera, seconds).on_time;
   if (!sensors_.imu) hold_sensors(state_, suspects_, tags.size());
@@ -349,6 +351,7 @@ bool WorldCoordinates::watches_noise() const {
 
 void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& report) {
   if (!state_.has_suspects() || report.nis_dof == 0) return;
+  if (unrest_.is_on(state_.time)) return suspects_.acquit(state_);
   nis_ += kNisShare * (report.nis / report.nis_dof - nis_);
   if (!suspects_.look(state_, seen.camera, nis_)) return;
   noise_watch_.unlearn();
@@ -357,14 +360,7 @@ void WorldCoordinates::doubt(const TagObservations& seen, const UpdateReport& re
 
 void WorldCoordinates::list_mismatches(std::vector<FoundMismatch>& out) const {
   suspects_.list(state_, out);
-  using Kind = FoundMismatch::Kind;
-  const double density = std::sqrt(noise_watch_.imu_variance());
-  if (density > kToldNoise)
-    out.push_back({.kind = Kind::kImuNoise,
-                   .value = density,
-                   .sigma = noise_watch_.imu_variance_sigma() / (2 * density)});
-  if (noise_watch_.jitter_s() > kToldJitter_s)
-    out.push_back({.kind = Kind::kStampJitter, .value = noise_watch_.jitter_s()});
+  noise_watch_.list(out);
 }
 
 void WorldCoordinates::correct_by_points(const TagObservations& seen, long image,

@@ -7,6 +7,7 @@
 #include "estimation/filter/corner_update.hpp"
 #include "estimation/start/clock_hypothesis.hpp"
 #include "estimation/start/resection.hpp"
+#include "estimation/world/axes_unrest.hpp"
 #include "estimation/world/clone_window.hpp"
 #include "estimation/world/corner_measurement.hpp"
 #include "estimation/world/filter_state.hpp"
@@ -138,7 +139,8 @@ class WorldCoordinates final {
   NoiseWatch noise_watch_;
   bool is_learning_{true};
   int images_without_fit_{0};  ///< In a row.
-  double nis_{1.0};            ///< Innovations squared over what was expected, of the last images.
+  AxesUnrest unrest_;
+  double nis_{1.0};  ///< Innovations squared over what was expected, of the last images.
   ImageMemory memory_;
   std::optional<CloneWindow> window_;  ///< Only when points are followed.
   HeldTags held_tags_;

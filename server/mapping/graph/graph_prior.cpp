@@ -146,8 +146,8 @@ class Maker final {
         covariance.diagonal().cwiseMax(kExact * kExact * kRounding).cwiseSqrt().cwiseInverse();
     Eigen::MatrixXd correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
     correlation.diagonal().array() += kRounding;
-    const Eigen::MatrixXd inverse = correlation.ldlt().solve(
-        Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+    const Eigen::MatrixXd inverse =
+        correlation.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
     const Eigen::MatrixXd out = scale.asDiagonal() * inverse * scale.asDiagonal();
     return 0.5 * (out + out.transpose());
   }

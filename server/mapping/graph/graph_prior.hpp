@@ -14,7 +14,8 @@
 namespace fiducap {
 
 /// What is known of tags and cameras beside the segments: by a survey, by a stored map, by segments
-/// that were given up. The joint distribution as a product, each tag given a few of those before it:
+/// that were given up. The joint distribution as a product, each tag given a few of those before
+/// it:
 ///
 ///     e_tag = A e_on + C e_cameras + rest,   e: plain errors (KnownTag) against `expected`
 ///

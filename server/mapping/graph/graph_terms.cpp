@@ -199,8 +199,8 @@ void add_hanging(const GraphState& graph, const GraphVariables& variables,
   std::vector<Term> terms;
   const auto add_tag = [&](std::size_t i, const Eigen::MatrixXd& A) {
     const std::size_t tag = prior.tags[i];
-    terms.push_back({variables.tag(tag),
-                     A * world::plain_from_world_error(graph.tags[tag].X_WT.p)});
+    terms.push_back(
+        {variables.tag(tag), A * world::plain_from_world_error(graph.tags[tag].X_WT.p)});
   };
   add_tag(hanging.tag, Matrix6d::Identity());
   for (std::size_t k = 0; k < hanging.on.size(); ++k)

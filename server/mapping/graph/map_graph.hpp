@@ -21,8 +21,8 @@ class MapGraph final {
  public:
   MapGraph() = default;
   /// Begins with what an earlier session has learned, and with surveyed tags. Where W is, is where
-  /// this map's tags are in the mean, or where a survey says. Of tags whose errors' ties it does not
-  /// know it takes the places alone: they are learned anew.
+  /// this map's tags are in the mean, or where a survey says. Of tags whose errors' ties it does
+  /// not know it takes the places alone: they are learned anew.
   explicit MapGraph(const TagMap& start);
 
   /// @return whether it says anything
@@ -32,8 +32,8 @@ class MapGraph final {
   /// @return nullopt when there is nothing to solve, numbers are not finite, or it still moves:
   /// then the next call goes on from there
   [[nodiscard]] std::optional<GraphSolution> solve(const std::stop_token& stop = {});
-  /// What all segments of the workspace say becomes a prior, and they go. solve() does so when there
-  /// are many. @pre solve() has just come to rest
+  /// What all segments of the workspace say becomes a prior, and they go. solve() does so when
+  /// there are many. @pre solve() has just come to rest
   void fold();
   [[nodiscard]] const GraphState& state() const { return state_; }
 

@@ -173,9 +173,10 @@ std::string list(const std::vector<double>& values, double unit, int decimals) {
 std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots", "seed", "raw mm", "level", "deg", "sigma", "NEES", "tags", "bodies mm",
-               "NEES of bodies", "track after s", "solved anew mm", "/NEES", "folded mm", "/NEES", "chi2", "nodes", "s",
-               "its", "again"}};
+              {"robots",        "seed",           "raw mm", "level",     "deg",
+               "sigma",         "NEES",           "tags",   "bodies mm", "NEES of bodies",
+               "track after s", "solved anew mm", "/NEES",  "folded mm", "/NEES",
+               "chi2",          "nodes",          "s",      "its",       "again"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
     std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
@@ -185,21 +186,33 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
     });
     for (std::size_t i = 0; i < runs.size(); ++i) {
       const RingRun& run = runs[i];
-      table.rows.push_back(
-          {name, std::to_string(options.first_seed + i), Figure{kMm * run.live.raw_m, 1},
-           Figure{kMm * run.live.level_m, 2}, Figure{kDegrees * run.live.level_rad, 3},
-           Figure{kMm * run.live.sigma_m, 2}, Figure{run.live.nees, 2},
-           std::to_string(run.live.tags), list(run.position_m, kMm, 0), list(run.nees, 1, 1),
-           list(run.tracks_after_s, 1, 1), Figure{kMm * run.graph.level_m, 2},
-           Figure{run.graph.nees, 2}, Figure{kMm * run.folded.level_m, 2},
-           Figure{run.folded.nees, 2}, Figure{run.chi_square, 3}, std::to_string(run.nodes),
-           Figure{run.solve_s, 2}, std::to_string(run.iterations), std::to_string(run.condensed)});
+      table.rows.push_back({name,
+                            std::to_string(options.first_seed + i),
+                            Figure{kMm * run.live.raw_m, 1},
+                            Figure{kMm * run.live.level_m, 2},
+                            Figure{kDegrees * run.live.level_rad, 3},
+                            Figure{kMm * run.live.sigma_m, 2},
+                            Figure{run.live.nees, 2},
+                            std::to_string(run.live.tags),
+                            list(run.position_m, kMm, 0),
+                            list(run.nees, 1, 1),
+                            list(run.tracks_after_s, 1, 1),
+                            Figure{kMm * run.graph.level_m, 2},
+                            Figure{run.graph.nees, 2},
+                            Figure{kMm * run.folded.level_m, 2},
+                            Figure{run.folded.nees, 2},
+                            Figure{run.chi_square, 3},
+                            std::to_string(run.nodes),
+                            Figure{run.solve_s, 2},
+                            std::to_string(run.iterations),
+                            std::to_string(run.condensed)});
     }
   }
   table.remarks.emplace_back(
       "Up to `track after`: the map as it is published and the poses as they are given, by the "
       "objects of the server in virtual time; `level`: place and heading of all of it taken out. "
-      "`solved anew`: a graph of the same segments, solved once at the end; `folded`: one that makes "
+      "`solved anew`: a graph of the same segments, solved once at the end; `folded`: one that "
+      "makes "
       "a prior of every 150 of them; zeros when it does not come to rest.");
   return {table};
 }

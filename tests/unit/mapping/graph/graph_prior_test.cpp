@@ -126,8 +126,9 @@ TEST(GraphPrior, PullsAsItsCostSays) {
       return cost_of(at);
     };
     const double expected = -(cost(kStep) - cost(-kStep)) / (2 * kStep);
-    EXPECT_NEAR(equations.pull(i), expected, 2e-2 * std::abs(expected) + 1e-2 * equations.pull.norm() /
-                                                 std::sqrt(equations.pull.size()))
+    EXPECT_NEAR(
+        equations.pull(i), expected,
+        2e-2 * std::abs(expected) + 1e-2 * equations.pull.norm() / std::sqrt(equations.pull.size()))
         << i;
   }
 }

@@ -1,0 +1,52 @@
+// What data have said of suspects when something else than an image has changed the state.
+#include <algorithm>
+#include <cmath>
+
+#include "estimation/world/prior_exchange.hpp"
+#include "estimation/world/suspects.hpp"
+
+namespace fiducap::world {
+
+std::vector<Suspects::Evidence> Suspects::evidence(const FilterState& state) const {
+  std::vector<Evidence> out;
+  for (const Suspect& one : all_) {
+    const double information = std::max(0.0, information_of(state, one.column, one.tight_sigma));
+    out.push_back({score(state, one), information, state.P()(one.column, one.column)});
+  }
+  return out;
+}
+
+/// Evidence that is lost on the way is lost from the value, too: a value that stayed would be many
+/// sigmas of what is left.
+void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> before) const {
+  auto P = state.P();
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& one = all_[i];
+    if (one.is_parameter || state.suspicions[i].is_open || !(before[i].variance > 0)) continue;
+    double& variance = P(one.column, one.column);
+    variance = std::max(variance, before[i].variance);
+    const double left = std::max(0.0, information_of(state, one.column, one.tight_sigma));
+    const double share = before[i].information > 0 ? left / before[i].information : 0.0;
+    const double kept = before[i].score * std::sqrt(std::min(1.0, share));
+    error(one.column) = kept * variance * std::sqrt(left) - value(state, one);
+  }
+  state.add_error(error);
+}
+
+void Suspects::acquit(FilterState& state) const {
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& one = all_[i];
+    const bool is_free =
+        one.print >= 0 && state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id < 0;
+    const bool is_assumed = one.assumed_sigma > 0;  // that is no suspicion
+    if (one.is_parameter || is_assumed || state.suspicions[i].is_open || is_free) continue;
+    error(one.column) = -value(state, one);
+    state.clear_column(one.column, one.tight_sigma);
+    state.suspicions[i] = {};
+  }
+  state.add_error(error);
+}
+
+}  // namespace fiducap::world
