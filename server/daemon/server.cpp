@@ -212,6 +212,7 @@ std::unique_ptr<SensorSource> Server::Impl::keep_open(
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
+  const double frame_s = std::max(RampConfig{}.frame_s, 1 / config_.streaming.rate_hz);
   std::vector<SceneBody> described;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
@@ -219,7 +220,8 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
                          config.pivot,
                          config.limits,
                          bodies[i].setup.sensors,
-                         config_.estimator});
+                         config_.estimator,
+                         {config_.map.correction_ramp_s, frame_s}});
   }
   scene_.emplace(described);
 }

@@ -9,6 +9,7 @@
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
+#include "estimation/published_steps.hpp"
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/map_graph.hpp"
 
@@ -70,12 +71,30 @@ struct RingRun {
   std::vector<double> position_m;
   std::vector<double> nees;
   std::vector<double> tracks_after_s;
+  LargestSteps steps;            ///< Of all robots.
+  LargestSteps steps_at_once{};  ///< … if corrections of the map were not ramped.
   double chi_square{};
   double solve_s{};
   int iterations{};
   int condensed{};
   std::size_t nodes{};
 };
+
+void widen(LargestSteps& all, const LargestSteps& one) {
+  if (one.position > all.position) {
+    all.position = one.position;
+    all.position_s = one.position_s;
+  }
+  if (one.attitude > all.attitude) {
+    all.attitude = one.attitude;
+    all.attitude_s = one.attitude_s;
+  }
+  all.frames += one.frames;
+}
+
+std::string text_of(const LargestSteps& steps) {
+  return fmt::format("{:.2f} {:.2f}", steps.position, steps.attitude);
+}
 
 RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
   std::vector<EstimationData> data;
@@ -103,7 +122,16 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   std::vector<MeanSquare> position(data.size());
   std::vector<double> nees(data.size());
   std::vector<int> scored(data.size());
+  std::vector<PublishedSteps> published;
+  std::vector<PublishedSteps> published_at_once;
+  for (const EstimationData& one : data) {
+    const PipelineSetup setup = pipeline_of(one, choice);
+    published.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
+    published_at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = 0});
+  }
   choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap& map) {
+    published[body].take(update);
+    published_at_once[body].take(update);
     const double t_s = to_seconds(update.seen.exposed_at - first);
     if (update.is_placed() && t_s > kSettled_s && map.tags.size() > 2) {
       // Where W is, is the mean of all tags of the map: there the truth stands.
@@ -134,6 +162,8 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
     out.position_m.push_back(position[k].rms());
     out.nees.push_back(nees[k] / std::max(1, scored[k]));
   }
+  for (const PublishedSteps& one : published) widen(out.steps, one.largest());
+  for (const PublishedSteps& one : published_at_once) widen(out.steps_at_once, one.largest());
   const auto begin = std::chrono::steady_clock::now();
   const auto solution = graph.solve();
   out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -164,7 +194,7 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
               {"robots", "seed", "raw mm", "level", "deg", "sigma", "NEES", "tags", "bodies mm",
-               "NEES of bodies", "track after s", "solved anew mm", "/NEES", "chi2", "nodes", "s",
+               "NEES of bodies", "track after s", "step", "at once", "solved anew mm", "/NEES", "chi2", "nodes", "s",
                "its", "again"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
@@ -180,7 +210,7 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
            Figure{kMm * run.live.level_m, 2}, Figure{kDegrees * run.live.level_rad, 3},
            Figure{kMm * run.live.sigma_m, 2}, Figure{run.live.nees, 2},
            std::to_string(run.live.tags), list(run.position_m, kMm, 0), list(run.nees, 1, 1),
-           list(run.tracks_after_s, 1, 1), Figure{kMm * run.graph.level_m, 2},
+           list(run.tracks_after_s, 1, 1), text_of(run.steps), text_of(run.steps_at_once), Figure{kMm * run.graph.level_m, 2},
            Figure{run.graph.nees, 2}, Figure{run.chi_square, 3}, std::to_string(run.nodes),
            Figure{run.solve_s, 2}, std::to_string(run.iterations), std::to_string(run.condensed)});
     }
@@ -188,6 +218,8 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
   table.remarks.emplace_back(
       "Up to `track after`: the map as it is published and the poses as they are given, by the "
       "objects of the server in virtual time; `level`: place and heading of all of it taken out. "
+      "`step`: the largest of published frames, position and attitude, beyond the motion, in "
+      "published sigmas, 100 a second; `at once`: without map.correction_ramp_s. "
       "`solved anew`: a graph of the same segments, solved once at the end; zeros when it does not "
       "come to rest.");
   return {table};
