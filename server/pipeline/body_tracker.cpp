@@ -61,6 +61,7 @@ BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits
       limits_(limits),
       rate_variance_(rate_variance_of(sensors)),
       predictor_(sensors, estimator),
+      longest_imu_gap_s_(estimator.max_imu_gap_s),
       ramp_(ramp) {}
 
 void BodyTracker::add_imu(const ImuSample& imu) {
@@ -71,8 +72,9 @@ void BodyTracker::add_imu(const ImuSample& imu) {
 void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
                          Duration processing, std::uint64_t images_dropped) {
   const Instant from = newest(report, processing);
-  const bool is_ramped = report.map_shift && goes_on(estimate, report) && is_shown(from);
-  if (!goes_on(estimate, report) || (report.map_shift && !is_ramped)) ramp_.forget();
+  const bool goes_on = follows(estimate, report);
+  const auto shown = ramp_.is_on() && goes_on ? shown_at(from) : std::nullopt;
+  if (!shown) ramp_.forget();
   source_lost_ = false;
   if (last_seen_ && report.generation == report_.generation) {
     if (report.gauge_shift) last_seen_ = moved(*last_seen_, *report.gauge_shift);
@@ -90,11 +92,7 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
   }
   predictor_.set_estimate(*estimate);
   note_tags(*estimate);
-  if (is_ramped) {
-    correct(*report.map_shift, *estimate, from);
-  } else {
-    ramp_.follow(*estimate, from);
-  }
+  if (shown) bridge(*shown, from);
 }
 
 void BodyTracker::note_tags(const BodyEstimate& estimate) {
@@ -108,7 +106,7 @@ void BodyTracker::note_tags(const BodyEstimate& estimate) {
 }
 
 /// The poses that come are those before, moved by the map at most.
-bool BodyTracker::goes_on(const std::optional<BodyEstimate>& estimate,
+bool BodyTracker::follows(const std::optional<BodyEstimate>& estimate,
                           const UpdateReport& report) const {
   return estimate && estimate->anchored && report.generation == report_.generation &&
          !report.gauge_shift && !report.relocalised && !report.start_changed;
@@ -121,9 +119,19 @@ Instant BodyTracker::newest(const UpdateReport& report, Duration processing) con
                     report.exposed_at + kLongestLead);
 }
 
-void BodyTracker::correct(const Pose& X_new_old, const BodyEstimate& now, Instant from) {
-  ramp_.add(X_new_old, now, from);
-  if (ramp_.is_over(from) || is_shown(from)) return;
+/// From the pose that was published to the filter's.
+void BodyTracker::bridge(const Pose& shown, Instant from) {
+  const BodyEstimate now = *predictor_.predict(from);
+  if (report_.map_shift) {
+    ramp_.correct(shown, now, from);
+  } else if (to_seconds(report_.exposed_at - last_imu_at_) < longest_imu_gap_s_) {
+    ramp_.follow(shown, now, from);
+  } else {  // images alone say how it moves: what they change is motion
+    BodyEstimate expected = now;
+    ramp_.apply(from, expected);
+    ramp_.follow(expected.X_WB, now, from);
+  }
+  if (ramp_.is_over(from) || shown_at(from)) return;
   ramp_.forget();
   hidden_until_ = from + kHidden;
 }
@@ -176,10 +184,11 @@ bool BodyTracker::within_limits(const BodyPose& pose) const {
          pose.rotation_sigma_rad() <= limits_.max_rotation_sigma_rad;
 }
 
-bool BodyTracker::is_shown(Instant at) const {
+/// X_WB as it is published; nullopt: it is not valid.
+std::optional<Pose> BodyTracker::shown_at(Instant at) const {
   BodyPose pose;
   sample(at, pose);
-  return pose.valid;
+  return pose.valid ? std::optional(pose.X_WP * X_BP_.inverse()) : std::nullopt;
 }
 
 void BodyTracker::sample(Instant at, BodyPose& out) const {

@@ -36,8 +36,10 @@ struct BodyLimits {
 /// What the map corrects about a body that is shown is published little by little (CorrectionRamp),
 /// and what is left of it is in the sigma, so also in the limits. A correction that does not fit
 /// into them is no ramp: the pose is right at once, and not valid for a moment, so that clients see
-/// that it comes back, elsewhere (PoseJumps counts that). A pose that is not valid needs no ramp, nor
-/// does one that relates to nothing before: a new generation, another start, W re-defined.
+/// that it comes back, elsewhere (PoseJumps counts that). A pose that is not valid needs no ramp,
+/// nor does one that relates to nothing before: a new generation, another start, W re-defined. What
+/// the map has learned comes with images as well, when they show its tags: so no image moves a body
+/// by a sigma in one frame, either, unless there is no IMU to tell corrections from motion.
 ///
 /// Not thread-safe; Scene guards it.
 class BodyTracker final {
@@ -64,12 +66,12 @@ class BodyTracker final {
   [[nodiscard]] bool unseen_for(Instant at, double seconds) const;
   [[nodiscard]] bool lost_by(Instant at) const;
   [[nodiscard]] bool within_limits(const BodyPose& pose) const;
-  [[nodiscard]] bool is_shown(Instant at) const;
-  [[nodiscard]] bool goes_on(const std::optional<BodyEstimate>& estimate,
+  [[nodiscard]] std::optional<Pose> shown_at(Instant at) const;
+  [[nodiscard]] bool follows(const std::optional<BodyEstimate>& estimate,
                              const UpdateReport& report) const;
   [[nodiscard]] Instant newest(const UpdateReport& report, Duration processing) const;
   void note_tags(const BodyEstimate& estimate);
-  void correct(const Pose& X_new_old, const BodyEstimate& now, Instant from);
+  void bridge(const Pose& shown, Instant from);
   [[nodiscard]] double image_rate_at(Instant at) const;
   void count_image(Instant exposed_at);
 
@@ -86,10 +88,11 @@ class BodyTracker final {
   std::optional<Instant> last_carried_at_;  ///< The same, or followed points in its stead.
   std::optional<Instant> last_image_at_;
   Instant last_imu_at_{};
+  double longest_imu_gap_s_;  ///< Beyond, images alone say how the body moves.
   CorrectionRamp ramp_;
   std::optional<Instant> hidden_until_;  ///< The map moved it too far for a ramp.
-  double image_interval_s_{0};  ///< Smoothed; 0: not known.
-  UpdateReport report_;         ///< Of the newest image.
+  double image_interval_s_{0};           ///< Smoothed; 0: not known.
+  UpdateReport report_;                  ///< Of the newest image.
   Duration processing_{};
   std::uint64_t images_dropped_{0};
 };

@@ -10,13 +10,14 @@ namespace fiducap {
 
 /// How corrections of the map reach clients.
 struct RampConfig {
-  double seconds{2.0};  ///< That a correction takes; 0: at once.
+  double seconds{0.0};  ///< That a correction takes; 0: all is published at once.
   /// Between two published frames: within it no pose moves by a sigma. Not less than the slowest
   /// client's.
   double frame_s{1.0 / 30};
 };
 
-/// What of the map's corrections (UpdateReport::map_shift) is not published yet.
+/// What of the map's corrections (UpdateReport::map_shift) is not published yet, and of images that
+/// moved the body by what the map had learned.
 ///
 /// A published pose is the filter's with this rest on top. The rest is kept about the body: a
 /// difference of place in W axes, and a rotation vector in W axes on the left of the attitude. A
@@ -41,15 +42,17 @@ class CorrectionRamp final {
  public:
   explicit CorrectionRamp(const RampConfig& config) : config_(config) {}
 
-  /// The body was moved by the map.
-  /// @param X_new_old  as UpdateReport::map_shift   @param now  the body after it
-  /// @param from       the newest instant that may have been published: up to it all of it is left
-  void add(const Pose& X_new_old, const BodyEstimate& now, Instant from);
-  /// An image without a correction: its sigma may be smaller than the one before.
-  void follow(const BodyEstimate& now, Instant from);
+  /// The map has moved the body: that takes the time of the configuration. @pre is_on()
+  /// @param shown  X_WB as it was published for `from`   @param now  the filter's at that instant
+  /// @param from   the newest instant that may have been published
+  void correct(const Pose& shown, const BodyEstimate& now, Instant from);
+  /// An image has. More than a quarter of a sigma takes as long as it has to, less is published at
+  /// once. @pre is_on()
+  void follow(const Pose& shown, const BodyEstimate& now, Instant from);
   /// The poses before have nothing to do with those that come.
   void forget() { seconds_ = 0; }
 
+  [[nodiscard]] bool is_on() const { return config_.seconds > 0; }
   [[nodiscard]] bool is_over(Instant at) const;
   /// Puts what is left on top: pose, and covariance. Nothing after the end.
   void apply(Instant at, BodyEstimate& shown) const;
@@ -61,14 +64,18 @@ class CorrectionRamp final {
   };
 
  private:
-  [[nodiscard]] Part at(const Part& begin, Instant at) const;
-  void plan(Part place, Part turn, double seconds, const BodyEstimate& now, Instant from);
+  /// Of place and attitude.
+  struct Rest {
+    Part place;
+    Part turn;
+  };
+  [[nodiscard]] Rest at(Instant at) const;
+  void plan(Rest rest, double seconds, const BodyEstimate& now, Instant from);
 
   RampConfig config_;
   Instant begun_at_{};
   double seconds_{0};  ///< 0: there is none.
-  Part place_;         ///< At begun_at_.
-  Part turn_;
+  Rest begin_;         ///< At begun_at_.
 };
 
 }  // namespace fiducap

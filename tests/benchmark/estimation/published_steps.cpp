@@ -25,8 +25,8 @@ void PublishedSteps::take(const BodyUpdate& update) {
 
 void PublishedSteps::publish_until(Instant now) {
   for (; next_frame_ < now; next_frame_ += kFrame) {
-    for (; next_sample_ < data_.samples.size() &&
-           time_of(data_.samples[next_sample_]) <= next_frame_;
+    for (;
+         next_sample_ < data_.samples.size() && time_of(data_.samples[next_sample_]) <= next_frame_;
          ++next_sample_) {
       if (const auto* imu = std::get_if<ImuSample>(&data_.samples[next_sample_]))
         tracker_.add_imu(*imu);

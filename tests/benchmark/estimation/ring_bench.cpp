@@ -20,6 +20,7 @@ namespace {
 constexpr std::uint64_t kNextRobot = 10'000;
 constexpr double kSeconds = 240;
 constexpr double kRefine_s = 2;
+constexpr double kRamp_s = 2;
 constexpr double kShareOfThree = 0.45;
 
 struct MapScore {
@@ -126,8 +127,8 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   std::vector<PublishedSteps> published_at_once;
   for (const EstimationData& one : data) {
     const PipelineSetup setup = pipeline_of(one, choice);
-    published.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
-    published_at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = 0});
+    published.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = kRamp_s});
+    published_at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
   }
   choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap& map) {
     published[body].take(update);
@@ -193,9 +194,10 @@ std::string list(const std::vector<double>& values, double unit, int decimals) {
 std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots", "seed", "raw mm", "level", "deg", "sigma", "NEES", "tags", "bodies mm",
-               "NEES of bodies", "track after s", "step", "at once", "solved anew mm", "/NEES", "chi2", "nodes", "s",
-               "its", "again"}};
+              {"robots",  "seed",           "raw mm",    "level",          "deg",           "sigma",
+               "NEES",    "tags",           "bodies mm", "NEES of bodies", "track after s", "step",
+               "at once", "solved anew mm", "/NEES",     "chi2",           "nodes",         "s",
+               "its",     "again"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
     std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
@@ -205,14 +207,26 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
     });
     for (std::size_t i = 0; i < runs.size(); ++i) {
       const RingRun& run = runs[i];
-      table.rows.push_back(
-          {name, std::to_string(options.first_seed + i), Figure{kMm * run.live.raw_m, 1},
-           Figure{kMm * run.live.level_m, 2}, Figure{kDegrees * run.live.level_rad, 3},
-           Figure{kMm * run.live.sigma_m, 2}, Figure{run.live.nees, 2},
-           std::to_string(run.live.tags), list(run.position_m, kMm, 0), list(run.nees, 1, 1),
-           list(run.tracks_after_s, 1, 1), text_of(run.steps), text_of(run.steps_at_once), Figure{kMm * run.graph.level_m, 2},
-           Figure{run.graph.nees, 2}, Figure{run.chi_square, 3}, std::to_string(run.nodes),
-           Figure{run.solve_s, 2}, std::to_string(run.iterations), std::to_string(run.condensed)});
+      table.rows.push_back({name,
+                            std::to_string(options.first_seed + i),
+                            Figure{kMm * run.live.raw_m, 1},
+                            Figure{kMm * run.live.level_m, 2},
+                            Figure{kDegrees * run.live.level_rad, 3},
+                            Figure{kMm * run.live.sigma_m, 2},
+                            Figure{run.live.nees, 2},
+                            std::to_string(run.live.tags),
+                            list(run.position_m, kMm, 0),
+                            list(run.nees, 1, 1),
+                            list(run.tracks_after_s, 1, 1),
+                            text_of(run.steps),
+                            text_of(run.steps_at_once),
+                            Figure{kMm * run.graph.level_m, 2},
+                            Figure{run.graph.nees, 2},
+                            Figure{run.chi_square, 3},
+                            std::to_string(run.nodes),
+                            Figure{run.solve_s, 2},
+                            std::to_string(run.iterations),
+                            std::to_string(run.condensed)});
     }
   }
   table.remarks.emplace_back(
