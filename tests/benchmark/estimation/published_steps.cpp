@@ -1,5 +1,7 @@
 #include "estimation/published_steps.hpp"
 
+#include <algorithm>
+
 #include "base/so3.hpp"
 
 namespace fiducap::bench {
@@ -11,12 +13,19 @@ constexpr Duration kProcessing = std::chrono::milliseconds(20);  // exposure →
 
 }  // namespace
 
+void StepFigures::add(const StepFigures& other) {
+  position = std::max(position, other.position);
+  attitude = std::max(attitude, other.attitude);
+  sigma_m += other.sigma_m;
+  valid += other.valid;
+  frames += other.frames;
+}
+
 PublishedSteps::PublishedSteps(const EstimationData& data, const BodySensors& sensors,
                                const EstimatorConfig& estimator, const RampConfig& ramp)
     : data_(data),
-      first_(time_of(data.samples.front())),
       tracker_(1, Pose{}, BodyLimits{}, sensors, estimator, ramp),
-      next_frame_(first_) {}
+      next_frame_(time_of(data.samples.front())) {}
 
 void PublishedSteps::take(const BodyUpdate& update) {
   publish_until(update.seen.exposed_at + kProcessing);
@@ -43,14 +52,16 @@ void PublishedSteps::compare(const BodyPose& pose, Instant at) {
   if (pose.valid && X_WB_) {
     const Pose step = X_WB_->inverse() * pose.X_WP;
     const Pose motion = X_RB_.inverse() * X_RB;
-    const double position = (step.p - motion.p).norm() / pose.position_sigma_m();
-    const double attitude =
-        log_so3(step.q * motion.q.conjugate()).norm() / pose.rotation_sigma_rad();
-    const double t_s = to_seconds(at - first_);
-    ++largest_.frames;
-    if (position > largest_.position) largest_.position = position, largest_.position_s = t_s;
-    if (attitude > largest_.attitude) largest_.attitude = attitude, largest_.attitude_s = t_s;
+    const double moved = (step.p - motion.p).norm() / pose.position_sigma_m();
+    const double turned = angle_between(step.q, motion.q) / pose.rotation_sigma_rad();
+    figures_.position = std::max(figures_.position, moved);
+    figures_.attitude = std::max(figures_.attitude, turned);
   }
+  if (pose.valid) {
+    figures_.sigma_m += pose.position_sigma_m();
+    ++figures_.valid;
+  }
+  ++figures_.frames;
   X_WB_ = pose.valid ? std::optional(pose.X_WP) : std::nullopt;
   X_RB_ = X_RB;
 }

@@ -7,13 +7,16 @@
 namespace fiducap::bench {
 
 /// By how much published poses moved from frame to frame beyond the true motion, in published
-/// sigmas (those of the worst axis). The largest while valid.
-struct LargestSteps {
+/// sigmas (those of the worst axis), at most and while valid; and what that costs.
+struct StepFigures {
   double position{};
   double attitude{};
-  double position_s{};  ///< When that was, since the first sample.
-  double attitude_s{};
-  int frames{};  ///< With a valid one before.
+  double sigma_m{};  ///< Sum over the valid frames.
+  int valid{};
+  int frames{};
+
+  /// Of several bodies.
+  void add(const StepFigures& other);
 };
 
 /// A BodyTracker fed as the live server does it, and asked at 100 Hz: readings as they come, images
@@ -24,20 +27,19 @@ class PublishedSteps final {
                  const EstimatorConfig& estimator, const RampConfig& ramp);
 
   void take(const BodyUpdate& update);
-  [[nodiscard]] const LargestSteps& largest() const { return largest_; }
+  [[nodiscard]] const StepFigures& figures() const { return figures_; }
 
  private:
   void publish_until(Instant now);
   void compare(const BodyPose& pose, Instant at);
 
   const EstimationData& data_;
-  Instant first_;
   BodyTracker tracker_;
   std::size_t next_sample_{0};
   Instant next_frame_;
   std::optional<Pose> X_WB_;  ///< Of the frame before, if it was valid.
   Pose X_RB_;                 ///< The truth of then.
-  LargestSteps largest_;
+  StepFigures figures_;
 };
 
 }  // namespace fiducap::bench

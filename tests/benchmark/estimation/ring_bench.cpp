@@ -21,6 +21,7 @@ constexpr std::uint64_t kNextRobot = 10'000;
 constexpr double kSeconds = 240;
 constexpr double kRefine_s = 2;
 constexpr double kRamp_s = 2;
+constexpr double kPercent = 100;
 constexpr double kShareOfThree = 0.45;
 
 struct MapScore {
@@ -72,8 +73,8 @@ struct RingRun {
   std::vector<double> position_m;
   std::vector<double> nees;
   std::vector<double> tracks_after_s;
-  LargestSteps steps;            ///< Of all robots.
-  LargestSteps steps_at_once{};  ///< … if corrections of the map were not ramped.
+  StepFigures ramped;   ///< Of all robots.
+  StepFigures at_once;  ///< … if corrections of the map were not ramped.
   double chi_square{};
   double solve_s{};
   int iterations{};
@@ -81,20 +82,9 @@ struct RingRun {
   std::size_t nodes{};
 };
 
-void widen(LargestSteps& all, const LargestSteps& one) {
-  if (one.position > all.position) {
-    all.position = one.position;
-    all.position_s = one.position_s;
-  }
-  if (one.attitude > all.attitude) {
-    all.attitude = one.attitude;
-    all.attitude_s = one.attitude_s;
-  }
-  all.frames += one.frames;
-}
-
-std::string text_of(const LargestSteps& steps) {
-  return fmt::format("{:.2f} {:.2f}", steps.position, steps.attitude);
+/// Ramped, and at once.
+std::string pair_of(double ramped, double at_once, int decimals) {
+  return fmt::format("{:.{}f} {:.{}f}", ramped, decimals, at_once, decimals);
 }
 
 RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
@@ -163,8 +153,8 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
     out.position_m.push_back(position[k].rms());
     out.nees.push_back(nees[k] / std::max(1, scored[k]));
   }
-  for (const PublishedSteps& one : published) widen(out.steps, one.largest());
-  for (const PublishedSteps& one : published_at_once) widen(out.steps_at_once, one.largest());
+  for (const PublishedSteps& one : published) out.ramped.add(one.figures());
+  for (const PublishedSteps& one : published_at_once) out.at_once.add(one.figures());
   const auto begin = std::chrono::steady_clock::now();
   const auto solution = graph.solve();
   out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -194,10 +184,17 @@ std::string list(const std::vector<double>& values, double unit, int decimals) {
 std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots",  "seed",           "raw mm",    "level",          "deg",           "sigma",
-               "NEES",    "tags",           "bodies mm", "NEES of bodies", "track after s", "step",
-               "at once", "solved anew mm", "/NEES",     "chi2",           "nodes",         "s",
-               "its",     "again"}};
+              {"robots",        "seed",
+               "raw mm",        "level",
+               "deg",           "sigma",
+               "NEES",          "tags",
+               "bodies mm",     "NEES of bodies",
+               "track after s", "step",
+               "turn",          "published sigma",
+               "valid %",       "solved anew mm",
+               "/NEES",         "chi2",
+               "nodes",         "s",
+               "its",           "again"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
     std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
@@ -218,8 +215,12 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
                             list(run.position_m, kMm, 0),
                             list(run.nees, 1, 1),
                             list(run.tracks_after_s, 1, 1),
-                            text_of(run.steps),
-                            text_of(run.steps_at_once),
+                            pair_of(run.ramped.position, run.at_once.position, 2),
+                            pair_of(run.ramped.attitude, run.at_once.attitude, 2),
+                            pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
+                                    kMm * run.at_once.sigma_m / run.at_once.valid, 2),
+                            pair_of(kPercent * run.ramped.valid / run.ramped.frames,
+                                    kPercent * run.at_once.valid / run.at_once.frames, 2),
                             Figure{kMm * run.graph.level_m, 2},
                             Figure{run.graph.nees, 2},
                             Figure{run.chi_square, 3},
@@ -232,8 +233,10 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
   table.remarks.emplace_back(
       "Up to `track after`: the map as it is published and the poses as they are given, by the "
       "objects of the server in virtual time; `level`: place and heading of all of it taken out. "
-      "`step`: the largest of published frames, position and attitude, beyond the motion, in "
-      "published sigmas, 100 a second; `at once`: without map.correction_ramp_s. "
+      "`step` and `turn`: the largest between published frames, 100 a second, beyond the motion, "
+      "in "
+      "published sigmas; those, their mean sigma and how many are valid with map.correction_ramp_s "
+      "and without. "
       "`solved anew`: a graph of the same segments, solved once at the end; zeros when it does not "
       "come to rest.");
   return {table};
