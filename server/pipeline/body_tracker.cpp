@@ -15,8 +15,8 @@ constexpr double kIntervalSmoothing = 0.1;
 constexpr double kLongestInterval_s = 1.0;
 // Images that are this many intervals overdue lower the rate shown.
 constexpr double kOverdueIntervals = 3.0;
-// Slow clients notice it, too.
-constexpr Duration kHidden = std::chrono::milliseconds(500);
+// Clients of 10 Hz notice it, too.
+constexpr Duration kHidden = std::chrono::milliseconds(200);
 // Readings that are stamped later than that after an image say nothing of what is published.
 constexpr Duration kLongestLead = std::chrono::seconds(1);
 

@@ -181,9 +181,9 @@ TEST_F(RampedTrackerTest, WhatDoesNotFitIntoTheLimitsIsAwayForAMomentAndRightAtO
   image(100);
   image_with_correction(150, {Eigen::Quaterniond::Identity(), {0.6, 0, 0}});
   EXPECT_FALSE(sample(180).valid);
-  for (int ms = 200; ms < 650; ms += 50) image(ms);
-  EXPECT_FALSE(sample(670).valid);
-  const BodyPose pose = sample(690);
+  for (int ms = 200; ms < 350; ms += 50) image(ms);
+  EXPECT_FALSE(sample(370).valid);
+  const BodyPose pose = sample(390);
   EXPECT_TRUE(pose.valid);
   EXPECT_LT((pose.X_WP.p - true_X_WP().p).norm(), kRounding);
 }
