@@ -212,6 +212,9 @@ std::unique_ptr<SensorSource> Server::Impl::keep_open(
 }
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
+  RampConfig ramp;
+  if (config_.map.builder.refine_period_s > 0) ramp.seconds = config_.map.correction_ramp_s;
+  ramp.frame_s = std::max(ramp.frame_s, 1 / config_.streaming.rate_hz);
   std::vector<SceneBody> described;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyConfig& config = config_.bodies[i];
@@ -219,7 +222,8 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
                          config.pivot,
                          config.limits,
                          bodies[i].setup.sensors,
-                         config_.estimator});
+                         config_.estimator,
+                         ramp});
   }
   scene_.emplace(described);
 }

@@ -203,10 +203,7 @@ const BodyUpdate* BodyPipeline::watched_image() {
   update_.known.clear();
   update_.contradicted.clear();
   update_.segment.reset();
-  if (std::string news = late_.take_news(update_.corners.camera); !news.empty()) {
-    note(BodyEvent::Kind::kTurnsDisagree);
-    update_.events.back().text = std::move(news);
-  }
+  say(BodyEvent::Kind::kTurnsDisagree, late_.take_news(update_.corners.camera));
   note_turns();
   note_shown();
   update_.estimate.reset();
@@ -279,6 +276,13 @@ void BodyPipeline::note(BodyEvent::Kind kind, int tag_id) {
   update_.events.push_back({kind, update_.seen.exposed_at, tag_id, {}, {}, {}});
 }
 
+/// With words, if there are any.
+void BodyPipeline::say(BodyEvent::Kind kind, std::string text) {
+  if (text.empty()) return;
+  note(kind);
+  update_.events.back().text = std::move(text);
+}
+
 void BodyPipeline::note_events() {
   const UpdateReport& report = update_.report;
   if (generation_ >= 0 && report.generation != generation_) note(BodyEvent::Kind::kReset);
@@ -288,6 +292,7 @@ void BodyPipeline::note_events() {
     note(BodyEvent::Kind::kGaugeShift);
     update_.events.back().shift = *report.gauge_shift;
   }
+  say(BodyEvent::Kind::kMapCorrection, corrections_.add(report, update_.estimate));
   const bool anchored = update_.estimate && update_.estimate->anchored;
   if (anchored && !anchored_) note(BodyEvent::Kind::kAnchored);
   anchored_ = anchored;
@@ -296,11 +301,8 @@ void BodyPipeline::note_events() {
   note_imu();
   note_imu_faults();
   note_mismatches();
-  std::string doubt =
-      doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known);
-  if (doubt.empty()) return;
-  note(BodyEvent::Kind::kDoubt);
-  update_.events.back().text = std::move(doubt);
+  say(BodyEvent::Kind::kDoubt,
+      doubts_.add(update_.seen, report, update_.estimate, update_.beliefs, update_.known));
 }
 
 void BodyPipeline::note_mismatches() {
@@ -366,9 +368,8 @@ void BodyPipeline::note_shown() {
 
 void BodyPipeline::note_imu() {
   const std::string_view news = imu_silence_.take_news();
-  if (news.empty()) return;
-  note(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack);
-  update_.events.back().text = news;
+  say(imu_silence_.is_silent() ? BodyEvent::Kind::kImuSilent : BodyEvent::Kind::kImuBack,
+      std::string(news));
 }
 
 void BodyPipeline::note_imu_faults() {

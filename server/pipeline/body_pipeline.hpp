@@ -18,6 +18,7 @@
 #include "pipeline/imu_plausibility.hpp"
 #include "pipeline/imu_silence.hpp"
 #include "pipeline/late_images.hpp"
+#include "pipeline/map_corrections.hpp"
 #include "pipeline/mismatch_words.hpp"
 #include "pipeline/pipeline_statistics.hpp"
 #include "pipeline/tag_doubts.hpp"
@@ -102,6 +103,7 @@ class BodyPipeline final {
   void note_shown();
   void note_mismatches();
   void note(BodyEvent::Kind kind, int tag_id = -1);
+  void say(BodyEvent::Kind kind, std::string text);
 
   PipelineSetup setup_;
   SampleMerger merger_;
@@ -114,6 +116,7 @@ class BodyPipeline final {
   RotationAgreement agreement_;
   PoseTrust trust_;
   bool disagreement_told_{false};  ///< While poses were not shown.
+  MapCorrections corrections_;
   MismatchNews mismatches_;
   std::vector<FoundMismatch> found_;  ///< Kept for its memory.
   LateImages late_;

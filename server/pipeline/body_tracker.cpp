@@ -1,5 +1,7 @@
 #include "pipeline/body_tracker.hpp"
 
+#include <algorithm>
+
 #include "estimation/filter/filter_rules.hpp"
 #include "pipeline/pivot.hpp"
 
@@ -13,6 +15,10 @@ constexpr double kIntervalSmoothing = 0.1;
 constexpr double kLongestInterval_s = 1.0;
 // Images that are this many intervals overdue lower the rate shown.
 constexpr double kOverdueIntervals = 3.0;
+// Clients of 10 Hz notice it, too.
+constexpr Duration kHidden = std::chrono::milliseconds(200);
+// Readings that are stamped later than that after an image say nothing of what is published.
+constexpr Duration kLongestLead = std::chrono::seconds(1);
 
 /// The same estimate in axes that stand elsewhere. @param X_new_old  W as it was in W as it is
 BodyEstimate moved(BodyEstimate estimate, const Pose& X_new_old) {
@@ -48,20 +54,32 @@ std::vector<ConfigError> BodyLimits::check(const std::string& prefix) const {
 }
 
 BodyTracker::BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits,
-                         const BodySensors& sensors, const EstimatorConfig& estimator)
+                         const BodySensors& sensors, const EstimatorConfig& estimator,
+                         const RampConfig& ramp)
     : body_id_(body_id),
       X_BP_(X_BP),
       limits_(limits),
       rate_variance_(rate_variance_of(sensors)),
-      predictor_(sensors, estimator) {}
+      predictor_(sensors, estimator),
+      longest_imu_gap_s_(estimator.max_imu_gap_s),
+      ramp_(ramp) {}
 
-void BodyTracker::add_imu(const ImuSample& imu) { predictor_.add_imu(imu); }
+void BodyTracker::add_imu(const ImuSample& imu) {
+  predictor_.add_imu(imu);
+  last_imu_at_ = imu.sampled_at;
+}
 
 void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const UpdateReport& report,
                          Duration processing, std::uint64_t images_dropped) {
+  const Instant from = newest(report, processing);
+  const bool goes_on = follows(estimate, report);
+  const auto shown = ramp_.is_on() && goes_on ? shown_at(from) : std::nullopt;
+  if (!shown) ramp_.forget();
   source_lost_ = false;
-  if (report.gauge_shift && last_seen_ && report.generation == report_.generation)
-    last_seen_ = moved(*last_seen_, *report.gauge_shift);
+  if (last_seen_ && report.generation == report_.generation) {
+    if (report.gauge_shift) last_seen_ = moved(*last_seen_, *report.gauge_shift);
+    if (report.map_shift) last_seen_ = moved(*last_seen_, *report.map_shift);
+  }
   report_ = report;
   processing_ = processing;
   images_dropped_ = images_dropped;
@@ -73,16 +91,55 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
     return;
   }
   predictor_.set_estimate(*estimate);
-  if (report.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_)
-    last_carried_at_ = report.exposed_at;
+  note_tags(*estimate);
+  if (shown) bridge(*shown, from);
+}
+
+void BodyTracker::note_tags(const BodyEstimate& estimate) {
+  if (report_.landmarks_used >= filter_rules::kLandmarksToStay && last_tag_at_)
+    last_carried_at_ = report_.exposed_at;
   // A tag that has just entered the state ties the body as well as one that corrected it.
-  if (report.tags_used + report.tags_added == 0) return;
-  last_tag_at_ = report.exposed_at;
-  last_carried_at_ = report.exposed_at;
+  if (report_.tags_used + report_.tags_added == 0) return;
+  last_tag_at_ = report_.exposed_at;
+  last_carried_at_ = report_.exposed_at;
   if (anchored_) last_seen_ = estimate;
 }
 
-void BodyTracker::source_lost() { source_lost_ = true; }
+/// The poses that come are those before, moved by the map at most.
+bool BodyTracker::follows(const std::optional<BodyEstimate>& estimate,
+                          const UpdateReport& report) const {
+  return estimate && estimate->anchored && report.generation == report_.generation &&
+         !report.gauge_shift && !report.relocalised && !report.start_changed;
+}
+
+/// No frame that was published is about a later instant, except without an IMU, when the image was
+/// long on its way.
+Instant BodyTracker::newest(const UpdateReport& report, Duration processing) const {
+  return std::clamp(last_imu_at_, report.exposed_at + std::min(processing, kLongestLead),
+                    report.exposed_at + kLongestLead);
+}
+
+/// From the pose that was published to the filter's.
+void BodyTracker::bridge(const Pose& shown, Instant from) {
+  const BodyEstimate now = *predictor_.predict(from);
+  if (report_.map_shift) {
+    ramp_.correct(shown, now, from);
+  } else if (to_seconds(report_.exposed_at - last_imu_at_) < longest_imu_gap_s_) {
+    ramp_.follow(shown, now, from);
+  } else {  // images alone say how it moves: what they change is motion
+    BodyEstimate expected = now;
+    ramp_.apply(from, expected);
+    ramp_.follow(expected.X_WB, now, from);
+  }
+  if (ramp_.is_over(from) || shown_at(from)) return;
+  ramp_.forget();
+  hidden_until_ = from + kHidden;
+}
+
+void BodyTracker::source_lost() {
+  source_lost_ = true;
+  ramp_.forget();
+}
 
 void BodyTracker::count_image(Instant exposed_at) {
   const double interval = last_image_at_ ? to_seconds(exposed_at - *last_image_at_) : 0.0;
@@ -127,15 +184,23 @@ bool BodyTracker::within_limits(const BodyPose& pose) const {
          pose.rotation_sigma_rad() <= limits_.max_rotation_sigma_rad;
 }
 
+/// X_WB as it is published; nullopt: it is not valid.
+std::optional<Pose> BodyTracker::shown_at(Instant at) const {
+  BodyPose pose;
+  sample(at, pose);
+  return pose.valid ? std::optional(pose.X_WP * X_BP_.inverse()) : std::nullopt;
+}
+
 void BodyTracker::sample(Instant at, BodyPose& out) const {
   out = BodyPose{};
   out.body_id = body_id_;
   out.state = state_at(at);
   const bool alive = out.state == BodyState::kTracking || out.state == BodyState::kCoasting;
-  if (const auto shown = alive ? predictor_.predict(at) : last_seen_) {
+  if (auto shown = alive ? predictor_.predict(at) : last_seen_) {
+    if (alive) ramp_.apply(at, *shown);
     write_pivot(*shown, X_BP_, rate_variance_, out);
   }
-  out.valid = alive && within_limits(out);
+  out.valid = alive && within_limits(out) && !(hidden_until_ && at < *hidden_until_);
   if (last_tag_at_) out.age = at - *last_tag_at_;
   if (out.state == BodyState::kTracking) {
     out.tags_in_view = report_.tags_used;

@@ -10,6 +10,7 @@
 #include "estimation/body_filter.hpp"
 #include "estimation/imu/output_predictor.hpp"
 #include "pipeline/body_pose.hpp"
+#include "pipeline/correction_ramp.hpp"
 
 namespace fiducap {
 
@@ -30,11 +31,21 @@ struct BodyLimits {
 /// the last used tag; lost from `lose_after_s` on, when its filter gave the motion up, or when the
 /// source ended, until a tag is used again. A pose is valid while tracking or coasting with both
 /// sigmas inside the limits. An invalid pose is history: what the last used tag said; it moves
-/// along when W is re-defined. Not thread-safe; Scene guards it.
+/// along when W is re-defined.
+///
+/// What the map corrects about a body that is shown is published little by little (CorrectionRamp),
+/// and what is left of it is in the sigma, so also in the limits. A correction that does not fit
+/// into them is no ramp: the pose is right at once, and not valid for a moment, so that clients see
+/// that it comes back, elsewhere (PoseJumps counts that). A pose that is not valid needs no ramp,
+/// nor does one that relates to nothing before: a new generation, another start, W re-defined. What
+/// the map has learned comes with images as well, when they show its tags: so no image moves a body
+/// by a sigma in one frame, either, unless there is no IMU to tell corrections from motion.
+///
+/// Not thread-safe; Scene guards it.
 class BodyTracker final {
  public:
   BodyTracker(int body_id, const Pose& X_BP, const BodyLimits& limits, const BodySensors& sensors,
-              const EstimatorConfig& estimator);
+              const EstimatorConfig& estimator, const RampConfig& ramp = {});
 
   /// A reading straight from the device (see OutputPredictor).
   void add_imu(const ImuSample& imu);
@@ -55,6 +66,12 @@ class BodyTracker final {
   [[nodiscard]] bool unseen_for(Instant at, double seconds) const;
   [[nodiscard]] bool lost_by(Instant at) const;
   [[nodiscard]] bool within_limits(const BodyPose& pose) const;
+  [[nodiscard]] std::optional<Pose> shown_at(Instant at) const;
+  [[nodiscard]] bool follows(const std::optional<BodyEstimate>& estimate,
+                             const UpdateReport& report) const;
+  [[nodiscard]] Instant newest(const UpdateReport& report, Duration processing) const;
+  void note_tags(const BodyEstimate& estimate);
+  void bridge(const Pose& shown, Instant from);
   [[nodiscard]] double image_rate_at(Instant at) const;
   void count_image(Instant exposed_at);
 
@@ -70,8 +87,12 @@ class BodyTracker final {
   std::optional<Instant> last_tag_at_;
   std::optional<Instant> last_carried_at_;  ///< The same, or followed points in its stead.
   std::optional<Instant> last_image_at_;
-  double image_interval_s_{0};  ///< Smoothed; 0: not known.
-  UpdateReport report_;         ///< Of the newest image.
+  Instant last_imu_at_{};
+  double longest_imu_gap_s_;  ///< Beyond, images alone say how the body moves.
+  CorrectionRamp ramp_;
+  std::optional<Instant> hidden_until_;  ///< The map moved it too far for a ramp.
+  double image_interval_s_{0};           ///< Smoothed; 0: not known.
+  UpdateReport report_;                  ///< Of the newest image.
   Duration processing_{};
   std::uint64_t images_dropped_{0};
 };

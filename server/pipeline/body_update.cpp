@@ -8,6 +8,8 @@ std::string_view name_of(BodyEvent::Kind kind) {
       return "anchored";
     case BodyEvent::Kind::kGaugeShift:
       return "gauge_shift";
+    case BodyEvent::Kind::kMapCorrection:
+      return "map_correction";
     case BodyEvent::Kind::kReset:
       return "reset";
     case BodyEvent::Kind::kRelocalised:

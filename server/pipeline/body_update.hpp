@@ -18,6 +18,7 @@ struct BodyEvent {
   enum class Kind {
     kAnchored,       ///< The filter stands in the workspace from here on.
     kGaugeShift,     ///< W was re-defined: poses of this generation move by `shift`.
+    kMapCorrection,  ///< The map has learned, and moved the body: `text` says how far.
     kReset,          ///< The filter has forgotten everything.
     kRelocalised,    ///< Images contradicted where the body was: found anew in what was learned.
     kMotionLost,     ///< Without a tag for so long that the body has to be found anew.
@@ -36,8 +37,9 @@ struct BodyEvent {
   } kind{Kind::kDoubt};
   Instant at{};
   int tag_id{-1};
-  Pose shift;        ///< Of kGaugeShift.
-  std::string text;  ///< Of kDoubt, kMismatch and those about the IMU and the clocks.
+  Pose shift;  ///< Of kGaugeShift.
+  std::string
+      text;  ///< Of kDoubt, kMismatch, kMapCorrection and those about the IMU and the clocks.
   Duration clock_jump{
       0};  ///< Of kClockJumped: what is to be added to the camera's stamps has grown by it.
 };

@@ -7,8 +7,8 @@ namespace fiducap {
 Scene::Scene(const std::vector<SceneBody>& bodies) {
   for (const SceneBody& body : bodies) {
     list_.push_back({body.description, true, body.X_BP});
-    bodies_.push_back(std::make_unique<Guarded>(
-        BodyTracker(body.description.id, body.X_BP, body.limits, body.sensors, body.estimator)));
+    bodies_.push_back(std::make_unique<Guarded>(BodyTracker(
+        body.description.id, body.X_BP, body.limits, body.sensors, body.estimator, body.ramp)));
   }
   renew_roster();
 }

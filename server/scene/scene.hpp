@@ -17,6 +17,7 @@ struct SceneBody {
   BodyLimits limits;
   BodySensors sensors;
   EstimatorConfig estimator;
+  RampConfig ramp;
 };
 
 /// All bodies. The one object that several threads enter: one mutex per body inside, held for the

@@ -69,6 +69,22 @@ TEST(MapRefinerSimulation, TwoRobotsMakeOneMapThatKnowsHowGoodItIs) {
   }
 }
 
+TEST(MapRefinerSimulation, AFrozenMapMovesNobody) {
+  const auto robots = two_robots_on_a_ring();
+  FilterChoice choice;
+  choice.filter = "world";
+  choice.refine_period_s = 2;  // asked for, but the map is frozen
+  int placed = 0;
+  int shifted = 0;
+  choice.listen = [&](std::size_t, const BodyUpdate& update, const TagMap&) {
+    shifted += update.report.map_shift ? 1 : 0;
+    placed += update.is_placed() ? 1 : 0;
+  };
+  (void)run_together(std::span(robots).first(1), choice);
+  EXPECT_EQ(shifted, 0);
+  EXPECT_GT(placed, 100);
+}
+
 TEST(MapRefinerSimulation, NothingIsRefinedUnlessItIsAskedFor) {
   const auto robots = two_robots_on_a_ring();
   FilterChoice choice;

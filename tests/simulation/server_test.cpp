@@ -120,7 +120,7 @@ TEST(ServerOnLoopback, StreamsThreeRobotsWhereTheyReallyAre) {
 }
 
 TEST(ServerOnLoopback, StreamsThreeRobotsWhileTheirMapIsRefined) {
-  // Corrections of the map are not ramped yet: centimetres at first.
+  // The room is new: the map corrects by decimetres at first.
   constexpr double kPosition_m = 0.3;
   constexpr int kFrames = 1000;
   ServerConfig config = corner_demo();

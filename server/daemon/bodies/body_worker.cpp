@@ -251,7 +251,8 @@ void BodyWorker::tell_people(const BodyUpdate& update) {
   }
   for (const BodyEvent& event : update.events) {
     if (event.text.empty() || tell_of_sensors(event)) continue;
-    shared_.events.tell({.severity = Severity::kWarning,
+    const bool is_news = event.kind == BodyEvent::Kind::kMapCorrection;
+    shared_.events.tell({.severity = is_news ? Severity::kInfo : Severity::kWarning,
                          .subject = name_,
                          .kind = std::string(name_of(event.kind)),
                          .text = event.text});

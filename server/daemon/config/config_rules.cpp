@@ -171,6 +171,7 @@ void check_map(Errors& all, const MapSettings& map) {
       all,
       Checker{"map."}
           .positive("file_tag_size_m", map.file_tag_size_m)
+          .not_negative("correction_ramp_s", map.correction_ramp_s)
           .require(!map.reference_pose || map.reference_tag, "reference_pose", "{…}",
                    "needs reference_tag: whose pose is it?")
           .require(!map.reference_pose || map.floor_tags.empty(), "floor_tags", "[…]",

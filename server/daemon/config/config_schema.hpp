@@ -72,6 +72,7 @@ void describe(V& v, MapSettings& c) {
   v.value("publish_rotation_sigma_rad", c.builder.publish_rotation_sigma_rad);
   v.value("publish_sightings", c.builder.publish_sightings);
   v.value("refine_period_s", c.builder.refine_period_s);
+  v.value("correction_ramp_s", c.correction_ramp_s);
   v.value("commit_period_s", c.builder.commit_period_s);
 }
 

@@ -8,8 +8,9 @@
 namespace fiducap {
 
 /// Counts per body how often its pose moved in a way no motion explains: it came back after it was
-/// gone, or the map moved. Who fuses the stream starts again then. One `observe` per frame;
-/// allocates nothing while the bodies are the same.
+/// gone, or the map moved at once. What the map corrects little by little (CorrectionRamp) is none:
+/// nobody has to start again for less than a sigma. Who fuses the stream starts again then. One
+/// `observe` per frame; allocates nothing while the bodies are the same.
 class PoseJumps final {
  public:
   void observe(const SceneFrame& frame);

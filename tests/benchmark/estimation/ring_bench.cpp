@@ -9,6 +9,7 @@
 #include "estimation/ensemble.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
+#include "estimation/published_steps.hpp"
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/map_graph.hpp"
 
@@ -19,6 +20,8 @@ namespace {
 constexpr std::uint64_t kNextRobot = 10'000;
 constexpr double kSeconds = 240;
 constexpr double kRefine_s = 2;
+constexpr double kRamp_s = 2;
+constexpr double kPercent = 100;
 constexpr double kShareOfThree = 0.45;
 constexpr std::size_t kFoldedAt = 150;
 
@@ -81,12 +84,19 @@ struct RingRun {
   std::vector<double> position_m;
   std::vector<double> nees;
   std::vector<double> tracks_after_s;
+  StepFigures ramped;   ///< Of all robots.
+  StepFigures at_once;  ///< … if corrections of the map were not ramped.
   double chi_square{};
   double solve_s{};
   int iterations{};
   int condensed{};
   std::size_t nodes{};
 };
+
+/// Ramped, and at once.
+std::string pair_of(double ramped, double at_once, int decimals) {
+  return fmt::format("{:.{}f} {:.{}f}", ramped, decimals, at_once, decimals);
+}
 
 RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed) {
   std::vector<EstimationData> data;
@@ -115,7 +125,16 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   std::vector<MeanSquare> position(data.size());
   std::vector<double> nees(data.size());
   std::vector<int> scored(data.size());
+  std::vector<PublishedSteps> published;
+  std::vector<PublishedSteps> published_at_once;
+  for (const EstimationData& one : data) {
+    const PipelineSetup setup = pipeline_of(one, choice);
+    published.emplace_back(one, setup.sensors, setup.estimator, RampConfig{.seconds = kRamp_s});
+    published_at_once.emplace_back(one, setup.sensors, setup.estimator, RampConfig{});
+  }
   choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap& map) {
+    published[body].take(update);
+    published_at_once[body].take(update);
     const double t_s = to_seconds(update.seen.exposed_at - first);
     if (update.is_placed() && t_s > kSettled_s && map.tags.size() > 2) {
       // Where W is, is the mean of all tags of the map: there the truth stands.
@@ -148,6 +167,8 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
     out.position_m.push_back(position[k].rms());
     out.nees.push_back(nees[k] / std::max(1, scored[k]));
   }
+  for (const PublishedSteps& one : published) out.ramped.add(one.figures());
+  for (const PublishedSteps& one : published_at_once) out.at_once.add(one.figures());
   const auto begin = std::chrono::steady_clock::now();
   const auto solution = graph.solve();
   out.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -173,10 +194,18 @@ std::string list(const std::vector<double>& values, double unit, int decimals) {
 std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots",        "seed",           "raw mm", "level",     "deg",
-               "sigma",         "NEES",           "tags",   "bodies mm", "NEES of bodies",
-               "track after s", "solved anew mm", "/NEES",  "folded mm", "/NEES",
-               "chi2",          "nodes",          "s",      "its",       "again"}};
+              {"robots",        "seed",
+               "raw mm",        "level",
+               "deg",           "sigma",
+               "NEES",          "tags",
+               "bodies mm",     "NEES of bodies",
+               "track after s", "step",
+               "turn",          "published sigma",
+               "valid %",       "solved anew mm",
+               "/NEES",         "folded mm",
+               "/NEES",         "chi2",
+               "nodes",         "s",
+               "its",           "again"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
     std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
@@ -197,6 +226,12 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
                             list(run.position_m, kMm, 0),
                             list(run.nees, 1, 1),
                             list(run.tracks_after_s, 1, 1),
+                            pair_of(run.ramped.position, run.at_once.position, 2),
+                            pair_of(run.ramped.attitude, run.at_once.attitude, 2),
+                            pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
+                                    kMm * run.at_once.sigma_m / run.at_once.valid, 2),
+                            pair_of(kPercent * run.ramped.valid / run.ramped.frames,
+                                    kPercent * run.at_once.valid / run.at_once.frames, 2),
                             Figure{kMm * run.graph.level_m, 2},
                             Figure{run.graph.nees, 2},
                             Figure{kMm * run.folded.level_m, 2},
@@ -211,9 +246,11 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
   table.remarks.emplace_back(
       "Up to `track after`: the map as it is published and the poses as they are given, by the "
       "objects of the server in virtual time; `level`: place and heading of all of it taken out. "
-      "`solved anew`: a graph of the same segments, solved once at the end; `folded`: one that "
-      "makes "
-      "a prior of every 150 of them; zeros when it does not come to rest.");
+      "`step` and `turn`: the largest between published frames, 100 a second, beyond the motion, "
+      "in published sigmas; those, their mean sigma and how many are valid with "
+      "map.correction_ramp_s and without. `solved anew`: a graph of the same segments, solved once "
+      "at the end; `folded`: one that makes a prior of every 150 of them; zeros when it does not "
+      "come to rest.");
   return {table};
 }
 

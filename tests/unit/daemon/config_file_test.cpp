@@ -146,6 +146,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "map.reference_pose ="},
         BadValue{"map: {reference_tag: 0, reference_pose: {q_wxyz: [1, 1, 0, 0]}}",
                  "with a unit quaternion"},
+        BadValue{"map: {correction_ramp_s: -1}", "map.correction_ramp_s = -1: must be finite"},
         BadValue{"map: {reference_pose: {p: [0, 0, 0]}}", "needs reference_tag"},
         BadValue{"map: {reference_tag: 0, reference_pose: {p: [0, 0, 0]}, floor_tags: [1]}",
                  "reference_pose says what is up"},
@@ -286,8 +287,9 @@ TEST(ConfigPrint, LoadsAgainToTheSame) {
 TEST(ConfigPrint, ShowsEveryKeyAlsoThoseWithDefaults) {
   const auto config = parse_config(kOneCamera, "test.yaml");
   ASSERT_TRUE(config);
-  for (const char* key : {"decimate:", "gate_probability:", "commit_period_s:",
-                          "reference_tag: null", "minor_version:", "lose_after_s:", "q_wxyz"}) {
+  for (const char* key :
+       {"decimate:", "gate_probability:", "commit_period_s:", "correction_ramp_s:",
+        "reference_tag: null", "minor_version:", "lose_after_s:", "q_wxyz"}) {
     EXPECT_THAT(print_config(*config), HasSubstr(key));
   }
 }

@@ -5,6 +5,7 @@
 #include <chrono>
 
 #include "base/so3.hpp"
+#include "scene/scene.hpp"
 #include "support/allocation_counter.hpp"
 #include "support/scene_builder.hpp"
 
@@ -40,6 +41,39 @@ TEST_F(PoseJumpsTest, AStepOfTheMapIsOne) {
   step();
   EXPECT_EQ(jumps_.count(0), 1u);
   EXPECT_EQ(jumps_.count(1), 0u) << "the other body did not move";
+}
+
+// As the scene publishes it: little by little, or away for a moment and back elsewhere.
+TEST(PoseJumps, ACorrectionOfTheMapIsOneOnlyWhereThePoseJumps) {
+  const auto count = [](double correction_m, double ramp_s) {
+    SceneBody body;
+    body.description = {1, "drone"};
+    body.sensors.imu = ImuNoise{};
+    body.ramp.seconds = ramp_s;
+    Scene scene({body});
+    PoseJumps jumps;
+    const auto at_ms = [](int ms) { return instant_from_ns(1'000'000'000) + ms * 1ms; };
+    for (int ms = 0; ms < 4000; ms += 10) {
+      scene.add_imu(0, {at_ms(ms), Eigen::Vector3d::Zero(), {0, 0, 9.81}});
+      if (ms % 50 == 0) {
+        BodyEstimate estimate;
+        estimate.at = at_ms(ms);
+        estimate.covariance = Matrix15d::Identity() * 1e-5;
+        estimate.anchored = true;
+        if (ms >= 1000) estimate.X_WB.p.x() = correction_m;
+        UpdateReport report;
+        report.exposed_at = at_ms(ms);
+        report.tags_used = 2;
+        if (ms == 1000) report.map_shift = estimate.X_WB;
+        scene.ingest(0, estimate, report, {}, 0);
+      }
+      jumps.observe(*scene.sample(at_ms(ms), at_ms(ms), {}, 100.0, nullptr));
+    }
+    return jumps.count(0);
+  };
+  EXPECT_EQ(count(0.2, 2), 0u);
+  EXPECT_EQ(count(0.5, 2), 1u) << "more than a valid pose may be off";
+  EXPECT_EQ(count(0.2, 0), 1u);
 }
 
 TEST_F(PoseJumpsTest, ATurnOfTheMapIsOne) {
