@@ -304,7 +304,7 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return contributions_;
-  known->revision = revision_ + 1;
+  known->revision = 1 + std::max(revision_, working_.known ? working_.known->revision : 0);
   for (const GraphTagEstimate& tag : solution.tags) {
     if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
     const KnownTag placed{tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance};

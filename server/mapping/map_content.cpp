@@ -56,7 +56,7 @@ void write_tag(Writer& writer, const MapTag& entry) {
       .i64(entry.component);
 }
 
-std::uint64_t fnv1a(const std::vector<std::byte>& bytes) {
+std::uint64_t fnv1a(std::span<const std::byte> bytes) {
   std::uint64_t hash = 0xcbf29ce484222325;
   for (const std::byte b : bytes) hash = (hash ^ std::to_integer<std::uint64_t>(b)) * 0x100000001b3;
   return hash;
@@ -102,6 +102,10 @@ std::string content_hash(const TagMap& map) {
   writer.u8(map.reference_tag ? 1 : 0).i64(map.reference_tag.value_or(0));
   write_pose(writer, map.X_RW);
   for (const MapTag& entry : map.tags) write_tag(writer, entry);
+  return hash_of(bytes);
+}
+
+std::string hash_of(std::span<const std::byte> bytes) {
   constexpr char kDigits[] = "0123456789abcdef";
   std::string hex;
   const std::uint64_t hash = fnv1a(bytes);

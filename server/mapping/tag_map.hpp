@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -67,5 +68,7 @@ struct TagMap {
 /// version numbers, time of creation and comment). FNV-1a, 64 bit, 16 hex digits, over the numbers
 /// as little-endian bytes: finds changes and damage, no protection against forgery.
 [[nodiscard]] std::string content_hash(const TagMap& map);
+/// That hash of any bytes.
+[[nodiscard]] std::string hash_of(std::span<const std::byte> bytes);
 
 }  // namespace fiducap

@@ -7,6 +7,7 @@
 #include "base/byte_reader.hpp"
 #include "base/byte_writer.hpp"
 #include "mapping/store/sqlite_file.hpp"
+#include "mapping/store/tie_rows.hpp"
 
 namespace fiducap {
 
@@ -134,8 +135,21 @@ Expected<void> load_tags(const SqliteFile& file, TagMap& map, const std::string&
 
 }  // namespace
 
+Expected<void> migrate(SqliteFile& file) {
+  const auto schema = file.integer("PRAGMA user_version");
+  if (!schema) return tl::unexpected(schema.error());
+  if (*schema == kMapStoreSchema) return {};
+  auto transaction = SqliteTransaction::begin(file);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (auto created = create_ties(file); !created) return created;
+  const std::string mark = "PRAGMA user_version = " + std::to_string(kMapStoreSchema);
+  if (auto marked = file.execute(mark.c_str()); !marked) return marked;
+  return transaction->commit();
+}
+
 Expected<void> create_tables(SqliteFile& file) {
   if (auto created = file.execute(kCreate); !created) return created;
+  if (auto created = create_ties(file); !created) return created;
   const std::string marks = "PRAGMA application_id = " + std::to_string(kMapStoreId) +
                             "; PRAGMA user_version = " + std::to_string(kMapStoreSchema);
   return file.execute(marks.c_str());
@@ -143,7 +157,8 @@ Expected<void> create_tables(SqliteFile& file) {
 
 Expected<void> insert_map(const SqliteFile& file, const TagMap& map) {
   if (auto written = insert_version(file, map); !written) return written;
-  return insert_tags(file, map);
+  if (auto written = insert_tags(file, map); !written) return written;
+  return insert_ties(file, map);
 }
 
 Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version) {
@@ -173,10 +188,12 @@ Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version) {
                     "; go back to another version",
                 context);
   }
+  if (auto loaded = load_ties(file, map, context); !loaded) return tl::unexpected(loaded.error());
   return map;
 }
 
 Expected<void> remove_map(const SqliteFile& file, std::int64_t version) {
+  if (auto done = remove_ties(file, version); !done) return done;
   for (const char* sql :
        {"UPDATE version SET parent = (SELECT parent FROM version WHERE version = "
         "?1) WHERE parent = ?1",

@@ -41,6 +41,8 @@ struct StoredExtrinsics {
 
 /// In a file that has no tables yet.
 [[nodiscard]] Expected<void> create_tables(SqliteFile& file);
+/// Brings a store of an older schema to this one, in a transaction of its own.
+[[nodiscard]] Expected<void> migrate(SqliteFile& file);
 /// @param map  with version, parent and hash
 [[nodiscard]] Expected<void> insert_map(const SqliteFile& file, const TagMap& map);
 /// @return Error `kInvalid` when what lies there is not what was stored (hash), `kNotFound` when
@@ -54,7 +56,7 @@ struct StoredExtrinsics {
 
 /// PRAGMA application_id of a store: "FDCP".
 inline constexpr std::int64_t kMapStoreId = 0x46444350;
-/// PRAGMA user_version: what this program reads and writes.
-inline constexpr std::int64_t kMapStoreSchema = 1;
+/// PRAGMA user_version: what this program writes; it reads all before. 2: with ties (tie_rows.hpp).
+inline constexpr std::int64_t kMapStoreSchema = 2;
 
 }  // namespace fiducap

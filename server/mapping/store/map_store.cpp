@@ -8,6 +8,7 @@
 #include "mapping/store/file_claim.hpp"
 #include "mapping/store/map_thinning.hpp"
 #include "mapping/store/sqlite_file.hpp"
+#include "mapping/store/tie_rows.hpp"
 
 namespace fiducap {
 
@@ -66,7 +67,7 @@ Expected<bool> check_kind(const SqliteFile& file) {
                     "); update Fiducap or give another path",
                 file.path());
   }
-  if (*schema != kMapStoreSchema)
+  if (*schema < 1)
     return fail(ErrorCode::kInvalid,
                 "is damaged (schema " + std::to_string(*schema) + ")" + kWhatToDo, file.path());
   return false;
@@ -100,7 +101,8 @@ Expected<void> set_up(SqliteFile& file, bool fresh) {
                 file.path());
   }
   // A long reader may make the log grow; afterwards it is cut to 8 MB.
-  if (auto set = file.execute("PRAGMA journal_size_limit = 8388608"); !set || !fresh) return set;
+  if (auto set = file.execute("PRAGMA journal_size_limit = 8388608"); !set) return set;
+  if (!fresh) return migrate(file);
   auto transaction = SqliteTransaction::begin(file);
   if (!transaction) return tl::unexpected(transaction.error());
   if (auto created = create_tables(file); !created) return created;
@@ -205,6 +207,8 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
   stored.comment = comment;
   stored.hash = content_hash(stored);
   if (auto written = insert_map(file, stored); !written) return tl::unexpected(written.error());
+  if (auto removed = remove_old_ties(file, stored.version, kAutomaticComment); !removed)
+    return tl::unexpected(removed.error());
   if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
   return stored;
 }

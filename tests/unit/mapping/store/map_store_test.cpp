@@ -219,8 +219,8 @@ TEST_F(MapStoreTest, AnotherProgramsDatabaseIsRefusedAndNotTouched) {
 
 TEST_F(MapStoreTest, ANewerSchemaIsRefusedAndNotTouched) {
   commit(make_map({1}));
-  ASSERT_TRUE(SqliteFile::open(path_)->execute("PRAGMA user_version = 2"));
-  expect_refused(ErrorCode::kUnsupported, "newer Fiducap (schema 2, this one knows up to 1)");
+  ASSERT_TRUE(SqliteFile::open(path_)->execute("PRAGMA user_version = 3"));
+  expect_refused(ErrorCode::kUnsupported, "newer Fiducap (schema 3, this one knows up to 2)");
 }
 
 TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {

@@ -1,0 +1,159 @@
+// How tags' errors hang together survives a restart; a store of the first schema is brought up to
+// date.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+
+#include "mapping/store/map_repair.hpp"
+#include "mapping/store/map_store.hpp"
+#include "mapping/store/sqlite_file.hpp"
+#include "support/temporary_folder.hpp"
+#include "unit/mapping/map_fixture.hpp"
+
+namespace fiducap {
+namespace {
+
+TagMap with_ties(TagMap map) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> gauss;
+  auto known = std::make_shared<KnownMap>();
+  known->revision = 7;
+  for (const MapTag& entry : map.tags) known->tags.push_back(entry.tag);
+  for (std::size_t i = 0; i + 1 < map.tags.size(); ++i) {
+    KnownPair pair{map.tags[i].tag.tag_id, map.tags[i + 1].tag.tag_id, {}};
+    for (double& x : pair.covariance.reshaped()) x = 1e-6 * gauss(random);
+    known->pairs.push_back(pair);
+  }
+  map.known = std::move(known);
+  return map;
+}
+
+class TieRowsTest : public testing::Test {
+ protected:
+  [[nodiscard]] MapStore open() const {
+    auto store = MapStore::open(path_);
+    EXPECT_TRUE(store) << store.error().text();
+    return std::move(*store);
+  }
+  [[nodiscard]] std::int64_t count() const {
+    return *SqliteFile::open(path_)->integer("SELECT count(*) FROM tie");
+  }
+
+  TemporaryFolder folder_;
+  std::string path_{folder_.file("hall.map")};
+};
+
+void expect_same(const KnownMap& a, const KnownMap& b) {
+  ASSERT_EQ(a.tags.size(), b.tags.size());
+  for (std::size_t i = 0; i < a.tags.size(); ++i) {
+    EXPECT_EQ(a.tags[i].tag_id, b.tags[i].tag_id);
+    EXPECT_TRUE(a.tags[i].covariance.isApprox(b.tags[i].covariance, 1e-14));
+  }
+  ASSERT_EQ(a.pairs.size(), b.pairs.size());
+  for (std::size_t i = 0; i < a.pairs.size(); ++i) {
+    EXPECT_EQ(a.pairs[i].first_id, b.pairs[i].first_id);
+    EXPECT_EQ(a.pairs[i].second_id, b.pairs[i].second_id);
+    EXPECT_EQ(a.pairs[i].covariance, b.pairs[i].covariance);
+  }
+}
+
+TEST_F(TieRowsTest, AreGivenBackExactly) {
+  const TagMap map = with_ties(make_map({3, 5, 9, 12}));
+  ASSERT_TRUE(open().commit(map, "calibrated"));
+  const auto loaded = open().newest();
+  ASSERT_TRUE(loaded) << loaded.error().text();
+  ASSERT_NE(loaded->known, nullptr);
+  expect_same(*loaded->known, *map.known);
+  EXPECT_GT(loaded->known->revision, 0U) << "a filter takes it over";
+}
+
+TEST_F(TieRowsTest, OfAMapWithoutAnyThereAreNone) {
+  ASSERT_TRUE(open().commit(make_map({3, 5}), "calibrated"));
+  EXPECT_EQ(open().newest()->known, nullptr);
+  EXPECT_EQ(count(), 0);
+}
+
+TEST_F(TieRowsTest, AQuarantinedTagHasNone) {
+  TagMap map = with_ties(make_map({3, 5, 9}));
+  map.tags[1].state = TagState::kQuarantined;
+  ASSERT_TRUE(open().commit(map, "calibrated"));
+  const auto loaded = open().newest();
+  ASSERT_TRUE(loaded);
+  EXPECT_EQ(loaded->known->tags.size(), 2U);
+  EXPECT_EQ(loaded->known->find(5), nullptr);
+}
+
+TEST_F(TieRowsTest, OnlyTheNewestAutomaticVersionAndThoseOfPeopleKeepThem) {
+  auto store = open();
+  const TagMap map = with_ties(make_map({3, 5, 9}));
+  ASSERT_TRUE(store.commit(map, kAutomaticComment));
+  ASSERT_TRUE(store.commit(map, "before the demo"));
+  ASSERT_TRUE(store.commit(map, kAutomaticComment));
+  ASSERT_TRUE(store.commit(map, kAutomaticComment));
+  EXPECT_EQ(store.load(1)->known, nullptr);
+  EXPECT_NE(store.load(2)->known, nullptr);
+  EXPECT_EQ(store.load(3)->known, nullptr);
+  EXPECT_NE(store.load(4)->known, nullptr);
+}
+
+TEST_F(TieRowsTest, DamageIsFoundAndTheVersionBeforeIsServed) {
+  ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9})), "one"));
+  ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9, 11})), "two"));
+  ASSERT_TRUE(SqliteFile::open(path_)->execute(
+      "UPDATE tie SET content = zeroblob(length(content)) WHERE version = 2"));
+  const auto loaded = open().load(2);
+  ASSERT_FALSE(loaded);
+  EXPECT_EQ(loaded.error().code, ErrorCode::kInvalid);
+  EXPECT_NE(loaded.error().text().find("ties"), std::string::npos);
+  const auto sound = open().newest_sound();
+  ASSERT_TRUE(sound);
+  EXPECT_EQ(sound->map.version, 1);
+}
+
+TEST_F(TieRowsTest, BytesThatSayTooMuchAreRefused) {
+  // A hash that fits, and a number of pairs that is not there.
+  ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9})), "one"));
+  const std::vector<std::byte> bytes(8, std::byte{0xff});
+  {
+    auto file = SqliteFile::open(path_);
+    auto update = file->prepare("UPDATE tie SET content = ?, hash = ?");
+    ASSERT_TRUE(update.bind(bytes).bind(hash_of(bytes)).run());
+  }
+  const auto loaded = open().load(1);
+  ASSERT_FALSE(loaded);
+  EXPECT_NE(loaded.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(TieRowsTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
+  ASSERT_TRUE(open().commit(make_map({3, 5, 9}), "of an old server"));
+  ASSERT_TRUE(SqliteFile::open(path_)->execute("DROP TABLE tie; PRAGMA user_version = 1"));
+  {
+    // Who only looks changes nothing.
+    const auto reader = MapStore::open_to_read(path_);
+    ASSERT_TRUE(reader);
+    EXPECT_EQ(reader->newest()->tags.size(), 3U);
+    EXPECT_EQ(
+        *SqliteFile::open(path_, SqliteFile::Access::kSalvage)->integer("PRAGMA user_version"), 1);
+  }
+  auto store = open();
+  EXPECT_EQ(store.newest()->tags.size(), 3U);
+  EXPECT_EQ(store.newest()->comment, "of an old server");
+  ASSERT_TRUE(store.commit(with_ties(make_map({3, 5, 9})), "new"));
+  EXPECT_NE(open().newest()->known, nullptr);
+}
+
+TEST_F(TieRowsTest, AreKeptByARepair) {
+  const TagMap map = with_ties(make_map({3, 5, 9}));
+  ASSERT_TRUE(open().commit(map, "one"));
+  ASSERT_TRUE(open().commit(with_ties(make_map({3, 5, 9, 11})), "two"));
+  ASSERT_TRUE(SqliteFile::open(path_)->execute("DELETE FROM tag WHERE version = 2 AND tag_id = 5"));
+  ASSERT_TRUE(repair_map_store(path_));
+  const auto loaded = open().newest();
+  ASSERT_TRUE(loaded) << loaded.error().text();
+  ASSERT_NE(loaded->known, nullptr);
+  expect_same(*loaded->known, *map.known);
+}
+
+}  // namespace
+}  // namespace fiducap
