@@ -19,9 +19,12 @@ bool MapRefiner::solve(const std::stop_token& stop) {
 }
 
 std::optional<RefinementTurn> MapRefiner::adopt(std::int64_t utc_now_ns) {
+  const auto taken = std::exchange(taken_, std::nullopt);
   auto solution = std::exchange(solution_, std::nullopt);
-  if (!solution) return std::nullopt;
-  return RefinementTurn{taken_, map_.adopt(std::move(*solution), utc_now_ns)};
+  if (!taken) return std::nullopt;
+  RefinementTurn turn{.taken = *taken};
+  if (solution) turn.adopted = map_.adopt(std::move(*solution), utc_now_ns);
+  return turn;
 }
 
 }  // namespace fiducap

@@ -13,7 +13,8 @@ namespace fiducap {
 /// contributions to the map before that: a replay does the same.
 struct RefinementTurn {
   std::uint64_t taken{};
-  std::uint64_t adopted{};
+  /// nullopt: it came to nothing. Still the graph went on from where that left it.
+  std::optional<std::uint64_t> adopted{};
 };
 
 /// Brings the map up to date with everything that all bodies have seen: takes their segments out of
@@ -27,7 +28,8 @@ class MapRefiner final {
   /// @param stop  leaves the solution for another time
   /// @return whether there is something to publish
   bool solve(const std::stop_token& stop = {});
-  /// Publishes what solve() has found. @return nullopt: there is nothing to publish
+  /// Publishes what solve() has found, when it has.
+  /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
@@ -36,7 +38,7 @@ class MapRefiner final {
   MapBuilder& map_;
   MapGraph graph_;
   std::optional<GraphSolution> solution_;
-  std::uint64_t taken_{};
+  std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
   bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
 };
 

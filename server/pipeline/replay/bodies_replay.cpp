@@ -25,7 +25,11 @@ BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& ma
   }
 }
 
-void BodiesReplay::follow(std::vector<MapTurn> turns) { turns_ = std::move(turns); }
+void BodiesReplay::follow(std::vector<MapTurn> turns,
+                          std::optional<std::vector<RefinementTurn>> refinements) {
+  turns_ = std::move(turns);
+  if (refinements) refinements_.emplace(refinements->begin(), refinements->end());
+}
 
 Expected<void> BodiesReplay::run(const Watch& watch) {
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
@@ -94,11 +98,35 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
 }
 
 void BodiesReplay::refine(Instant now) {
-  if (refine_period_.count() == 0) return;
+  if (refine_period_.count() == 0 || refinements_) return;
   if (!refined_at_) refined_at_ = now;
   if (now - *refined_at_ < refine_period_) return;
   refined_at_ = now;
   if (refiner_.solve()) (void)refiner_.adopt(to_ns(now));
+}
+
+/// Those of the recorded session that took or gave the map something before this turn. It is solved
+/// when it was taken: later the same segments would be laid out by another state of the graph.
+void BodiesReplay::refine_as_before(std::uint64_t turn) {
+  while (refinements_ && !refinements_->empty()) {
+    const RefinementTurn& next = refinements_->front();
+    if (next.taken > turn) return;
+    if (!is_solved_) is_solved_ = refiner_.solve();
+    if (next.adopted && *next.adopted > turn) return;
+    if (*is_solved_ != next.adopted.has_value()) ++turns_missed_;
+    if (next.adopted) {
+      remember(map_.published());
+      (void)refiner_.adopt(0);
+    }
+    is_solved_.reset();
+    refinements_->pop_front();
+  }
+}
+
+void BodiesReplay::remember(const MapView& view) {
+  if (!published_.empty() && published_.back().revision == view.revision) return;
+  published_.push_back(view);
+  if (published_.size() > kRevisions) published_.pop_front();
 }
 
 bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {
@@ -128,6 +156,7 @@ Expected<void> BodiesReplay::skip_to(const MapTurn& turn, const Watch& watch) {
 
 Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
   for (const MapTurn& turn : turns_) {
+    refine_as_before(turn.turn);
     if (turn.body < bodies_.size()) {
       if (const auto done = skip_to(turn, watch); !done) return done;
     }
@@ -136,10 +165,7 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
       continue;
     }
     MapView now = map_.view(bodies_[turn.body].id);
-    if (published_.empty() || published_.back().revision != now.revision) {
-      published_.push_back(now);
-      if (published_.size() > kRevisions) published_.pop_front();
-    }
+    remember(now);
     const auto seen = published(turn.revision);
     if (!seen) ++turns_missed_;
     const MapView view{seen ? seen : now.map, turn.may_define_workspace, now.revision};

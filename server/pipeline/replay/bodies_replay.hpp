@@ -45,7 +45,9 @@ class BodiesReplay final {
 
   BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start);
   /// Follows the order of a recorded session instead of the images' times.
-  void follow(std::vector<MapTurn> turns);
+  /// @param refinements  nullopt: not recorded; the map is refined by its period
+  void follow(std::vector<MapTurn> turns,
+              std::optional<std::vector<RefinementTurn>> refinements = std::nullopt);
   void listen(Listener listener) { listener_ = std::move(listener); }
 
   /// @return Error when a source is lost, or IMU readings pile up
@@ -55,7 +57,8 @@ class BodiesReplay final {
   [[nodiscard]] const BodyPipeline& pipeline(std::size_t body) const {
     return *bodies_[body].pipeline;
   }
-  /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
+  /// Images that the recorded session has no turn for, or the other way round, and refinements that
+  /// came to something only here or only there; 0: it was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
   /// What the body of the newest image was told.
   [[nodiscard]] const MapView& view() const { return view_; }
@@ -82,6 +85,8 @@ class BodiesReplay final {
 
   std::vector<Body> bodies_;
   void refine(Instant now);
+  void refine_as_before(std::uint64_t turn);
+  void remember(const MapView& view);
 
   MapBuilder map_;
   MapRefiner refiner_{map_};
@@ -89,6 +94,9 @@ class BodiesReplay final {
   std::optional<Instant> refined_at_;
   Listener listener_;
   std::vector<MapTurn> turns_;
+  std::optional<std::deque<RefinementTurn>> refinements_;  ///< Those to come.
+  std::optional<bool>
+      is_solved_;  ///< Whether the next one has come to something; nullopt: not yet.
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
   LiveAgreement agreement_;

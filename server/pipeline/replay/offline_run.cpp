@@ -255,7 +255,7 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
     notes.emplace_back(body.setup);
   }
   BodiesReplay replay(std::move(replayed), map.config, start_of(bodies, map.start));
-  replay.follow(map.turns);
+  replay.follow(map.turns, map.refinements);
   replay.listen([&](std::size_t body, const SensorSample& sample) {
     notes[body].note_time(time_of(sample));
   });

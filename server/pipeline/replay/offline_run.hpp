@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -79,8 +80,9 @@ struct OfflineBody {
 struct OfflineMap {
   MapConfig config{};
   TagMap start{};  ///< What is known before; the bodies' known tags are added.
-  std::vector<MapTurn>
-      turns{};  ///< Of a recorded session; empty: images of all bodies by their time.
+  /// Of a recorded session; empty: images of all bodies by their time.
+  std::vector<MapTurn> turns{};
+  std::optional<std::vector<RefinementTurn>> refinements{};  ///< See BodiesReplay::follow.
 };
 
 struct OfflineMapEvent {
