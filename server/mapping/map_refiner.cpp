@@ -4,18 +4,42 @@
 
 namespace fiducap {
 
-bool MapRefiner::solve(const std::stop_token& stop) {
-  auto [segments, taken] = map_.take_segments();
+void MapRefiner::take() {
+  auto [segments, contributions] = map_.take_segments();
   for (const auto& [body_id, segment] : segments) {
     MotionSegment own = *segment;
     own.body_id = body_id;
     is_settled_ &= !graph_.add(std::move(own));
   }
+  contributions_ = contributions;
+}
+
+bool MapRefiner::solve(const std::stop_token& stop) {
+  take();
   if (is_settled_) return false;
-  taken_ = taken;
+  taken_ = contributions_;
   solution_ = graph_.solve(stop);
   is_settled_ = solution_.has_value();
   return is_settled_;
+}
+
+bool MapRefiner::found_workspace() {
+  const bool is_new = graph_.found_workspace();
+  if (is_new) is_settled_ = false;
+  return is_new;
+}
+
+void MapRefiner::define_axes_by_survey() {
+  const auto map = map_.snapshot();
+  std::map<int, Eigen::Vector3d> places;
+  for (const GraphTag& tag : graph_.state().tags) {
+    const MapTag* entry = tag.component == 0 ? map->find(tag.tag_id) : nullptr;
+    if (entry != nullptr && entry->state == TagState::kSurveyed)
+      places[tag.tag_id] = entry->tag.X_WT.p;
+  }
+  if (places.size() < 2) return;
+  graph_.define_axes(std::move(places));
+  is_settled_ = false;
 }
 
 std::optional<RefinementTurn> MapRefiner::adopt(std::int64_t utc_now_ns) {

@@ -24,10 +24,17 @@ class MapRefiner final {
  public:
   explicit MapRefiner(MapBuilder& map) : map_(map) {}
 
-  /// Takes what has come since the last time, and solves. Nothing of it is published yet.
+  /// Takes what has come since the last time into the graph. The map keeps a limited number.
+  void take();
+  /// The same, and solves. Nothing of it is published yet.
   /// @param stop  leaves the solution for another time
   /// @return whether there is something to publish
   bool solve(const std::stop_token& stop = {});
+  /// See MapGraph.
+  bool found_workspace();
+  /// W is where the surveyed tags of the map are in the mean; with fewer than two in the graph it
+  /// stays where it is.
+  void define_axes_by_survey();
   /// Publishes what solve() has found, when it has.
   /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
@@ -39,6 +46,7 @@ class MapRefiner final {
   MapGraph graph_;
   std::optional<GraphSolution> solution_;
   std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
+  std::uint64_t contributions_{};         ///< Before the last take().
   bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
 };
 

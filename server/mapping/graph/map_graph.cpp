@@ -169,6 +169,16 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   }
 }
 
+bool MapGraph::found_workspace() {
+  std::map<int, int> tags;
+  for (const GraphTag& tag : state_.tags) ++tags[tag.component];
+  if (tags.empty() || tags.contains(kWorkspace)) return false;
+  const auto largest = std::max_element(
+      tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  merge_components(largest->first, kWorkspace, Pose{}, state_);
+  return true;
+}
+
 std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
@@ -266,6 +276,11 @@ void MapGraph::define_axes() {
   is_defined_ = true;
   for (const GraphTag& tag : state_.tags)
     if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
+}
+
+void MapGraph::define_axes(std::map<int, Eigen::Vector3d> places) {
+  definition_ = std::move(places);
+  is_defined_ = true;
 }
 
 void MapGraph::lay_over_definition() {

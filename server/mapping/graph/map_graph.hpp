@@ -23,8 +23,13 @@ class MapGraph final {
   /// @return nullopt when there is nothing to solve, numbers are not finite, or it still moves:
   /// then the next call goes on from there
   [[nodiscard]] std::optional<GraphSolution> solve(const std::stop_token& stop = {});
+  /// The component with most tags becomes the workspace, when nobody stands in it yet.
+  /// @return whether one has
+  bool found_workspace();
   /// From now on W is where these tags are in the mean: what is solved later is laid over them.
   void define_axes();
+  /// W is where these tags are in the mean when they stand at these places.
+  void define_axes(std::map<int, Eigen::Vector3d> places);
   [[nodiscard]] const GraphState& state() const { return state_; }
 
  private:

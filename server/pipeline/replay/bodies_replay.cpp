@@ -10,6 +10,8 @@ namespace fiducap {
 namespace {
 // A live body works on one image while others publish: no image sees a map older than this.
 constexpr std::size_t kRevisions = 256;
+// Each goes on where the one before was stopped, after forty steps.
+constexpr int kMostRounds = 10;
 }  // namespace
 
 BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
@@ -19,6 +21,7 @@ BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& ma
     bodies_.push_back({body.id,
                        std::move(body.name),
                        body.source,
+                       body.later,
                        std::make_unique<BodyPipeline>(std::move(body.setup)),
                        false,
                        {}});
@@ -52,12 +55,15 @@ Expected<void> BodiesReplay::advance(std::size_t index) {
   for (;;) {
     while (body.pipeline->next() != nullptr) {
       if (body.pipeline->next_is_image()) {
-        body.image_at = time_of(*body.pipeline->next());
+        body.image_at = time_of(*body.pipeline->next()) + body.later;
         return {};
       }
       (void)body.pipeline->take({});
     }
-    if (body.exhausted) return {};
+    if (body.exhausted) {
+      map_.release(body.id);
+      return {};
+    }
     auto sample = body.source->next({});
     if (!sample) return tl::unexpected(sample.error());
     if (!sample->has_value()) {
@@ -89,8 +95,9 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
   Body& body = bodies_[index];
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
-    map_.absorb(contribution_of(body.id, *update), to_ns(update->seen.exposed_at));
-    refine(update->seen.exposed_at);
+    newest_ = std::max(newest_, update->seen.exposed_at);
+    map_.absorb(contribution_of(body.id, *update), to_ns(newest_));
+    refine(update->seen.exposed_at + body.later);
     last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
   }
@@ -99,10 +106,38 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
 
 void BodiesReplay::refine(Instant now) {
   if (refine_period_.count() == 0 || refinements_) return;
-  if (!refined_at_) refined_at_ = now;
-  if (now - *refined_at_ < refine_period_) return;
+  if (!began_at_) began_at_ = refined_at_ = now;
+  const Duration seen = now - *began_at_;
+  const Duration pause = std::max(refine_period_, from_seconds(refine_share_ * to_seconds(seen)));
+  if (now - refined_at_ < pause) {
+    if (refine_share_ > 0) refiner_.take();
+    return;
+  }
   refined_at_ = now;
-  if (refiner_.solve()) (void)refiner_.adopt(to_ns(now));
+  if (refiner_.solve()) (void)refiner_.adopt(to_ns(newest_));
+}
+
+BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
+    const std::function<void(int round)>& progress) {
+  for (Body& body : bodies_) {
+    while (const auto segment = body.pipeline->take_last_segment()) {
+      map_.absorb({.body_id = body.id, .at = segment->end().at, .segment = segment},
+                  to_ns(newest_));
+      refiner_.take();
+    }
+  }
+  LastRefinement last;
+  // The given tags are the workspace then; what does not hang on them is no part of it.
+  if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.found_workspace();
+  refiner_.define_axes_by_survey();
+  for (int round = 1; round <= kMostRounds; ++round) {
+    progress(round);
+    const bool is_solved = refiner_.solve();
+    const auto turn = refiner_.adopt(to_ns(newest_));
+    last.is_at_rest = is_solved || !turn;
+    if (last.is_at_rest) break;
+  }
+  return last;
 }
 
 /// Those of the recorded session that took or gave the map something before this turn. It is solved

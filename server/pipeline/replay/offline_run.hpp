@@ -98,6 +98,9 @@ struct OfflineSession {
   LiveAgreement agreement;
 };
 
+/// The start map with what a body was told to take as known: surveyed.
+void add_known(const OfflineSetup& setup, TagMap& start);
+
 /// Runs all bodies over one live map (BodiesReplay) and notes what became of each.
 /// @return Error when a source is lost or the refinement fails. A source without images gives an
 /// empty trajectory.
