@@ -29,17 +29,12 @@ bool MapRefiner::found_workspace() {
   return is_new;
 }
 
-void MapRefiner::define_axes_by_survey() {
+void MapRefiner::stand_on_survey() {
+  std::vector<KnownTag> given;
   const auto map = map_.snapshot();
-  std::map<int, Eigen::Vector3d> places;
-  for (const GraphTag& tag : graph_.state().tags) {
-    const MapTag* entry = tag.component == 0 ? map->find(tag.tag_id) : nullptr;
-    if (entry != nullptr && entry->state == TagState::kSurveyed)
-      places[tag.tag_id] = entry->tag.X_WT.p;
-  }
-  if (places.size() < 2) return;
-  graph_.define_axes(std::move(places));
-  is_settled_ = false;
+  for (const MapTag& entry : map->tags)
+    if (entry.state == TagState::kSurveyed) given.push_back(entry.tag);
+  if (graph_.stand_on(given)) is_settled_ = false;
 }
 
 std::optional<RefinementTurn> MapRefiner::adopt(std::int64_t utc_now_ns) {

@@ -32,9 +32,9 @@ class MapRefiner final {
   bool solve(const std::stop_token& stop = {});
   /// See MapGraph.
   bool found_workspace();
-  /// W is where the surveyed tags of the map are in the mean; with fewer than two in the graph it
-  /// stays where it is.
-  void define_axes_by_survey();
+  /// Moves all of it so that the surveyed tags are where the map has them, as well as they can.
+  /// Belongs behind a solution: the next solve() tells the same in the new axes.
+  void stand_on_survey();
   /// Publishes what solve() has found, when it has.
   /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);

@@ -2,6 +2,11 @@
 
 #include <algorithm>
 
+#include <Eigen/Geometry>
+
+#include "detection/tag_pose.hpp"
+#include "mapping/graph/graph_datum.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -47,6 +52,29 @@ void merge_components(int from, int into, const Pose& T, GraphState& graph) {
   graph.level[into] = graph.level[into] || graph.level[from];
   graph.level.erase(from);
   unite_tags(into, graph);
+}
+
+std::optional<Pose> axes_of_given(std::span<const KnownTag> given, const GraphState& graph) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const KnownTag& tag : given) {
+    for (const GraphTag& own : graph.tags) {
+      if (own.component != 0 || own.tag_id != tag.tag_id) continue;
+      for (int i = 0; i < 4; ++i)
+        points.emplace_back(own.X_WT * tag_corner(i, tag.edge_m),
+                            tag.X_WT * tag_corner(i, tag.edge_m));
+    }
+  }
+  if (points.empty()) return std::nullopt;
+  const auto level = graph.level.find(0);
+  if (level != graph.level.end() && level->second) return lay_over(points);
+  Eigen::Matrix3Xd from(3, static_cast<Eigen::Index>(points.size()));
+  Eigen::Matrix3Xd to(3, from.cols());
+  for (Eigen::Index i = 0; i < from.cols(); ++i) {
+    from.col(i) = points[static_cast<std::size_t>(i)].first;
+    to.col(i) = points[static_cast<std::size_t>(i)].second;
+  }
+  const Eigen::Matrix4d T = Eigen::umeyama(from, to, false);
+  return Pose{Eigen::Quaterniond(T.topLeftCorner<3, 3>()).normalized(), T.topRightCorner<3, 1>()};
 }
 
 }  // namespace fiducap

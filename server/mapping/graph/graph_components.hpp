@@ -1,5 +1,9 @@
 #pragma once
 
+#include <optional>
+#include <span>
+
+#include "estimation/known_tag.hpp"
 #include "mapping/graph/graph_state.hpp"
 
 namespace fiducap {
@@ -9,6 +13,11 @@ namespace fiducap {
 
 /// X ← T X for all of it.
 void move_component(int component, const Pose& T, GraphState& graph);
+
+/// What lays the corners of the workspace's tags over those of the same tags as they are given;
+/// upright when gravity is felt. @return nullopt: it has none of them
+[[nodiscard]] std::optional<Pose> axes_of_given(std::span<const KnownTag> given,
+                                                const GraphState& graph);
 
 /// All of `from` becomes part of `into`, in whose axes T brings it; what was a tag of both is one
 /// then, where `graph.tags` has it first. Segments keep their tags by other indices.

@@ -278,9 +278,12 @@ void MapGraph::define_axes() {
     if (tag.component == kWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
 }
 
-void MapGraph::define_axes(std::map<int, Eigen::Vector3d> places) {
-  definition_ = std::move(places);
-  is_defined_ = true;
+bool MapGraph::stand_on(std::span<const KnownTag> given) {
+  const auto T = axes_of_given(given, state_);
+  if (!T) return false;
+  move_component(kWorkspace, *T, state_);
+  definition_.clear();
+  return true;
 }
 
 void MapGraph::lay_over_definition() {

@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <stop_token>
 #include <vector>
 
@@ -28,8 +29,9 @@ class MapGraph final {
   bool found_workspace();
   /// From now on W is where these tags are in the mean: what is solved later is laid over them.
   void define_axes();
-  /// W is where these tags are in the mean when they stand at these places.
-  void define_axes(std::map<int, Eigen::Vector3d> places);
+  /// Moves the workspace as one so that these tags are where they are given, as well as they can.
+  /// @return false: it has none of them
+  bool stand_on(std::span<const KnownTag> given);
   [[nodiscard]] const GraphState& state() const { return state_; }
 
  private:

@@ -129,7 +129,6 @@ BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
   LastRefinement last;
   // The given tags are the workspace then; what does not hang on them is no part of it.
   if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.found_workspace();
-  refiner_.define_axes_by_survey();
   for (int round = 1; round <= kMostRounds; ++round) {
     progress(round);
     const bool is_solved = refiner_.solve();
@@ -137,6 +136,8 @@ BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
     last.is_at_rest = is_solved || !turn;
     if (last.is_at_rest) break;
   }
+  refiner_.stand_on_survey();
+  if (refiner_.solve()) (void)refiner_.adopt(to_ns(newest_));
   return last;
 }
 

@@ -211,6 +211,18 @@ TEST_F(MapBuildTest, GivenTagsStayAndTheRestIsLaidOutAroundThem) {
   ASSERT_EQ(build({robot(1)}, {"--map", survey}), kExitOk) << err_.str();
   EXPECT_THAT(out_.str(), HasSubstr("1 tags placed of 3 seen, 2 given"));
   EXPECT_LT(worst_error_m(), kMap_m);
+
+  // A single one, and a robot that does not feel what is up.
+  ASSERT_EQ(run({"simulate", "--room", "table", "--seconds", "15", "--no-imu", "--out",
+                 folder_.file("slow")}),
+            kExitOk);
+  replace(folder_.file("slow") + "/mav0/tags.yaml", "reference_tag: 0", "reference_tag: 1");
+  ASSERT_TRUE(write_whole_file(survey,
+                               "id,size,px,py,pz,qw,qx,qy,qz\n"
+                               "1,0.16,3,4,5,0.8,0.6,0,0\n"));
+  ASSERT_EQ(build({folder_.file("slow")}, {"--map", survey}), kExitOk) << err_.str();
+  EXPECT_LT(worst_error_m(), kMap_m) << "the given tag fits the others";
+
   EXPECT_EQ(build({robot(1)}, {"--map", robot(1) + "/truth/tags.csv"}), kExitFailed);
   EXPECT_THAT(err_.str(), HasSubstr("beside those that were given"));
 }
