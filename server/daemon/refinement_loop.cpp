@@ -11,7 +11,9 @@ void RefinementLoop::run(std::stop_token stop) {
     net::guarded(
         "mapping", [] { return "refining the map"; },
         [&] {
-          if (refiner_.solve(stop)) (void)refiner_.adopt(utc_now_ns());
+          const bool is_solved = refiner_.solve(stop);
+          if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
+          if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
         });
     next = std::max(next + period_, clock_.now());
   }

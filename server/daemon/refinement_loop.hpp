@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <stop_token>
+#include <utility>
 
 #include "base/clock.hpp"
 #include "mapping/map_refiner.hpp"
@@ -11,8 +13,10 @@ namespace fiducap {
 /// it takes, and no body waits for it. What is thrown costs a round.
 class RefinementLoop final {
  public:
-  RefinementLoop(MapBuilder& map, double period_s, const Clock& clock)
-      : refiner_(map), period_(from_seconds(period_s)), clock_(clock) {}
+  /// @param done  called after each, on that thread
+  RefinementLoop(MapBuilder& map, double period_s, const Clock& clock,
+                 std::function<void(const RefinementTurn&)> done)
+      : refiner_(map), period_(from_seconds(period_s)), clock_(clock), done_(std::move(done)) {}
 
   /// Until stopped.
   void run(std::stop_token stop);
@@ -21,6 +25,7 @@ class RefinementLoop final {
   MapRefiner refiner_;
   Duration period_;
   const Clock& clock_;
+  std::function<void(const RefinementTurn&)> done_;
 };
 
 }  // namespace fiducap

@@ -127,7 +127,8 @@ Expected<void> Server::Impl::build() {
                            std::to_string(start->map.tags.size()) + " tags");
   map_.emplace(config_.map.builder, std::move(start->map));
   if (config_.map.builder.refine_period_s > 0)
-    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_);
+    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_,
+                        [this](const RefinementTurn& turn) { recorder_.take_refinement(turn); });
   if (start->store) {
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
@@ -247,7 +248,8 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
         BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},
         shared));
   }
-  recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); }});
+  recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); },
+                              config_.map.builder.refine_period_s > 0});
 }
 
 Expected<void> Server::Impl::build_streaming() {

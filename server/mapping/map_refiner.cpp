@@ -4,24 +4,38 @@
 
 namespace fiducap {
 
-bool MapRefiner::solve(const std::stop_token& stop) {
-  auto [segments, taken] = map_.take_segments();
+void MapRefiner::take() {
+  auto [segments, contributions] = map_.take_segments();
   for (const auto& [body_id, segment] : segments) {
     MotionSegment own = *segment;
     own.body_id = body_id;
     is_settled_ &= !graph_.add(std::move(own));
   }
+  contributions_ = contributions;
+}
+
+bool MapRefiner::solve(const std::stop_token& stop) {
+  take();
   if (is_settled_) return false;
-  taken_ = taken;
+  taken_ = contributions_;
   solution_ = graph_.solve(stop);
   is_settled_ = solution_.has_value();
   return is_settled_;
 }
 
+bool MapRefiner::found_workspace() {
+  const bool is_new = graph_.found_workspace();
+  if (is_new) is_settled_ = false;
+  return is_new;
+}
+
 std::optional<RefinementTurn> MapRefiner::adopt(std::int64_t utc_now_ns) {
+  const auto taken = std::exchange(taken_, std::nullopt);
   auto solution = std::exchange(solution_, std::nullopt);
-  if (!solution) return std::nullopt;
-  return RefinementTurn{taken_, map_.adopt(std::move(*solution), utc_now_ns)};
+  if (!taken) return std::nullopt;
+  RefinementTurn turn{.taken = *taken};
+  if (solution) turn.adopted = map_.adopt(std::move(*solution), utc_now_ns);
+  return turn;
 }
 
 }  // namespace fiducap

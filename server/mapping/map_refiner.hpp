@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stop_token>
 
@@ -13,7 +15,8 @@ namespace fiducap {
 /// contributions to the map before that: a replay does the same.
 struct RefinementTurn {
   std::uint64_t taken{};
-  std::uint64_t adopted{};
+  /// nullopt: it came to nothing. Still the graph went on from where that left it.
+  std::optional<std::uint64_t> adopted{};
 };
 
 /// Brings the map up to date with everything that all bodies have seen: takes their segments out of
@@ -23,20 +26,28 @@ class MapRefiner final {
  public:
   explicit MapRefiner(MapBuilder& map) : map_(map), graph_(*map.snapshot()) {}
 
-  /// Takes what has come since the last time, and solves. Nothing of it is published yet.
+  /// Takes what has come since the last time into the graph. The map keeps a limited number.
+  void take();
+  /// The same, and solves. Nothing of it is published yet.
   /// @param stop  leaves the solution for another time
   /// @return whether there is something to publish
   bool solve(const std::stop_token& stop = {});
-  /// Publishes what solve() has found. @return nullopt: there is nothing to publish
+  /// See MapGraph.
+  bool found_workspace();
+  /// Publishes what solve() has found, when it has.
+  /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
+  /// Nothing is folded, however long it takes: offline.
+  void keep_all() { graph_.keep_at_most(std::numeric_limits<std::size_t>::max()); }
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
 
  private:
   MapBuilder& map_;
   MapGraph graph_;
   std::optional<GraphSolution> solution_;
-  std::uint64_t taken_{};
+  std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
+  std::uint64_t contributions_{};         ///< Before the last take().
   bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
 };
 

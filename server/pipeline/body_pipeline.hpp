@@ -68,6 +68,13 @@ class BodyPipeline final {
   /// @return what an image did, until the next call; nullptr for an IMU reading
   const BodyUpdate* take(const MapView& view);
 
+  /// After the last sample: what was recorded of the motion and not handed over with an image,
+  /// piece by piece. @return nullptr: that was all
+  [[nodiscard]] std::shared_ptr<const MotionSegment> take_last_segment() {
+    if (segments_) segments_->finish(*filter_);
+    return segments_ ? segments_->take() : nullptr;
+  }
+
   /// Leaves it out: an image that is too old to be of use. @pre next() != nullptr
   void skip();
 

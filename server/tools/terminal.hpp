@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <ostream>
 #include <string>
 
@@ -20,6 +21,9 @@ struct Terminal {
   bool out_is_live{false};  ///< A person looks at `out` right now: lines may be redrawn.
   bool err_is_live{false};
 };
+
+/// What the command line asks for, to be run when all of it has been read. @return exit code
+using ChosenVerb = std::function<int(const Terminal&)>;
 
 /// Says what went wrong. @return kExitFailed
 int report(const Terminal& terminal, const Error& error);

@@ -19,6 +19,7 @@ struct Stage : fuzz::RecordingStage {
     link(layout().truth_tags_csv(), file);
     link(layout().reference_poses_csv(), file);
     link(layout().folder() / "turns.csv", file);
+    link(layout().folder() / "refinements.csv", file);
   }
   fuzz::MemoryFile file, more;
   GrayImagePool pool;
@@ -74,6 +75,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (const auto turns = read_map_turns(stage.layout().folder() / "turns.csv")) {
         for (std::size_t i = 1; i < turns->size(); ++i)
           fuzz::require((*turns)[i].turn >= (*turns)[i - 1].turn);
+      }
+      if (const auto turns = read_refinement_turns(stage.layout().folder() / "refinements.csv")) {
+        for (const RefinementTurn& turn : *turns)
+          fuzz::require(!turn.adopted || *turn.adopted >= turn.taken);
       }
   }
   return 0;

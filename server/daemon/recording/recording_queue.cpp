@@ -11,6 +11,7 @@ struct Attached {
   std::size_t operator()(const SessionBegin&) const { return 0; }
   std::size_t operator()(const SessionEnd&) const { return 0; }
   std::size_t operator()(const MapTurn&) const { return 0; }
+  std::size_t operator()(const RefinementTurn&) const { return 0; }
   std::size_t operator()(const SensorSample& sample) const { return std::visit(*this, sample); }
   std::size_t operator()(const ImuSample&) const { return 0; }
   std::size_t operator()(const CameraFrame& frame) const {

@@ -16,7 +16,7 @@ struct SessionBegin {
   SessionStart start;
 };
 struct SessionEnd {};
-using RecordedThing = std::variant<SessionBegin, SessionEnd, SensorSample, MapTurn>;
+using RecordedThing = std::variant<SessionBegin, SessionEnd, SensorSample, MapTurn, RefinementTurn>;
 
 struct RecordedItem {
   std::shared_ptr<RecordedSession> session;

@@ -51,6 +51,10 @@ Expected<void> SessionFiles::open_surroundings(const fs::path& folder, const Ses
   auto turns = MapTurnWriter::create(folder / "turns.csv");
   if (!turns) return tl::unexpected(turns.error());
   turns_ = std::move(*turns);
+  if (!start.is_refined) return {};
+  auto refinements = RefinementTurnWriter::create(folder / "refinements.csv");
+  if (!refinements) return tl::unexpected(refinements.error());
+  refinements_ = std::move(*refinements);
   return {};
 }
 
@@ -68,8 +72,15 @@ Expected<void> SessionFiles::write(MapTurn turn) {
   return turns_->write(turn);
 }
 
+Expected<void> SessionFiles::write(const RefinementTurn& turn) {
+  return refinements_ ? refinements_->write(turn) : Expected<void>{};
+}
+
 Expected<void> SessionFiles::flush() {
   Expected<void> all = turns_ ? turns_->flush() : Expected<void>{};
+  if (refinements_) {
+    if (auto done = refinements_->flush(); !done && all) all = std::move(done);
+  }
   for (RecordingWriter& writer : writers_) {
     if (auto done = writer.flush(); !done && all) all = std::move(done);
   }
@@ -78,6 +89,9 @@ Expected<void> SessionFiles::flush() {
 
 Expected<void> SessionFiles::close() {
   Expected<void> all = turns_ ? turns_->close() : Expected<void>{};
+  if (refinements_) {
+    if (auto done = refinements_->close(); !done && all) all = std::move(done);
+  }
   for (RecordingWriter& writer : writers_) {
     if (auto done = writer.finish(); !done && all) all = std::move(done);
   }
@@ -85,7 +99,8 @@ Expected<void> SessionFiles::close() {
 }
 
 std::uint64_t SessionFiles::bytes() const {
-  std::uint64_t all = surroundings_bytes_ + (turns_ ? turns_->bytes() : 0);
+  std::uint64_t all = surroundings_bytes_ + (turns_ ? turns_->bytes() : 0) +
+                      (refinements_ ? refinements_->bytes() : 0);
   for (const RecordingWriter& writer : writers_) all += writer.bytes();
   return all;
 }

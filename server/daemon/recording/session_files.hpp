@@ -29,10 +29,11 @@ struct RecordedBody {
 struct SessionStart {
   std::string config_yaml;     ///< Effective, without secrets.
   std::optional<MapView> map;  ///< As it was then.
+  bool is_refined{false};      ///< While the session lasts.
 };
 
-/// The folder of one session: a recording per body, `config.yaml`, `map.yaml`, `turns.csv`. Every
-/// call may wait for the disk.
+/// The folder of one session: a recording per body, `config.yaml`, `map.yaml`, `turns.csv`, and
+/// `refinements.csv` when the map is refined. Every call may wait for the disk.
 class SessionFiles final {
  public:
   /// @param folder  must not exist: nothing is overwritten
@@ -44,6 +45,7 @@ class SessionFiles final {
   [[nodiscard]] Expected<void> write(std::size_t body, const SensorSample& sample);
   /// And the truth at its time, where it is known.
   [[nodiscard]] Expected<void> write(MapTurn turn);
+  [[nodiscard]] Expected<void> write(const RefinementTurn& turn);
   /// What was written survives the end of the process.
   [[nodiscard]] Expected<void> flush();
   [[nodiscard]] Expected<void> close();
@@ -60,6 +62,7 @@ class SessionFiles final {
   std::reference_wrapper<const std::vector<RecordedBody>> bodies_;
   std::vector<RecordingWriter> writers_;
   std::optional<MapTurnWriter> turns_;
+  std::optional<RefinementTurnWriter> refinements_;
   std::uint64_t first_revision_{};
   std::uint64_t surroundings_bytes_{};
 };

@@ -47,7 +47,7 @@ Expected<void> SessionRecorder::start(const std::string& name) {
   if (!is_folder_name(name))
     return fail(ErrorCode::kInvalid,
                 "a recording's name must have 1 to 127 of a-z A-Z 0-9 _ - . and space", name);
-  SessionBegin begin{{surroundings_.config_yaml, std::nullopt}};
+  SessionBegin begin{{surroundings_.config_yaml, std::nullopt, surroundings_.is_refined}};
   if (surroundings_.published) begin.start.map = surroundings_.published();
   {
     const std::lock_guard lock(mutex_);
@@ -169,6 +169,10 @@ void SessionRecorder::take_turn(std::size_t body, const BodyUpdate& update, cons
               {}};
   if (update.is_placed()) now.X_WB = update.estimate->X_WB;
   put(body, now);
+}
+
+void SessionRecorder::take_refinement(const RefinementTurn& turn) {
+  if (recording_) put(0, turn);
 }
 
 void SessionRecorder::put(std::size_t body, RecordedThing what) {

@@ -33,6 +33,7 @@ struct RecorderConfig {
 struct SessionSurroundings {
   std::string config_yaml;             ///< Effective, without secrets.
   std::function<MapView()> published;  ///< The map just now.
+  bool is_refined{false};              ///< Refinements of the map will be told.
 };
 
 /// Writes the sensors of all bodies to disk while the server runs. Only `run`, on a thread of its
@@ -73,6 +74,8 @@ class SessionRecorder final {
   /// How the image's body and the map met.
   void take_turn(std::size_t body, const BodyUpdate& update, const MapView& view,
                  std::uint64_t turn);
+  /// When all bodies' map was refined.
+  void take_refinement(const RefinementTurn& turn);
 
   /// The writer: runs until stopped and everything is on disk.
   void run(std::stop_token stop);

@@ -40,6 +40,7 @@ Expected<void> SessionWriter::carry_out(const RecordedItem& item) {
   }
   if (is_end) return finish();
   if (const auto* turn = std::get_if<MapTurn>(&item.what)) return files_->write(*turn);
+  if (const auto* turn = std::get_if<RefinementTurn>(&item.what)) return files_->write(*turn);
   auto done = files_->write(item.body, std::get<SensorSample>(item.what));
   if (done) ++written_;
   if (done || done.error().code != ErrorCode::kInvalid) return done;

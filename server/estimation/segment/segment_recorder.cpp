@@ -46,6 +46,14 @@ void SegmentRecorder::break_chain() {
   places_.clear();
 }
 
+void SegmentRecorder::finish(const BodyFilter& filter) {
+  if (is_open_ && filter.running() && open_.instances.size() > 1) {
+    open_.anchored = filter.estimate().anchored;
+    end(filter);
+  }
+  break_chain();
+}
+
 std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
   if (done_.empty() || start_is_open_) return nullptr;
   std::shared_ptr<const MotionSegment> out = std::move(done_.front());

@@ -32,6 +32,8 @@ class SegmentRecorder final {
            std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
   /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
   void break_chain();
+  /// Nothing more will come: what is open ends at its last image.
+  void finish(const BodyFilter& filter);
   /// A segment that has ended, the oldest one first; nullptr: none.
   [[nodiscard]] std::shared_ptr<const MotionSegment> take();
 

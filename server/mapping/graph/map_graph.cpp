@@ -15,8 +15,6 @@ namespace fiducap {
 
 namespace {
 
-// A solution takes a second then, and the memory some ten megabytes.
-constexpr std::size_t kMostSegments = 2000;
 constexpr int kMostIterations = 40;
 constexpr double kLeastDamping = 1e-9;
 constexpr double kMostDamping = 1.0;
@@ -201,6 +199,16 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   }
 }
 
+bool MapGraph::found_workspace() {
+  std::map<int, int> tags;
+  for (const GraphTag& tag : state_.tags) ++tags[tag.component];
+  if (tags.empty() || tags.contains(kInWorkspace)) return false;
+  const auto largest = std::max_element(
+      tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  merge_components(largest->first, kInWorkspace, Pose{}, state_);
+  return true;
+}
+
 std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
@@ -212,7 +220,7 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   out->iterations = done.iterations;
   out->condensed = done.condensed;
   for (const GraphSegment& segment : state_.segments) out->numbers += segment.factor.numbers;
-  if (state_.segments.size() > kMostSegments) fold();
+  if (state_.segments.size() > most_segments_) fold();
   return out;
 }
 

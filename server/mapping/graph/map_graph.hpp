@@ -35,6 +35,11 @@ class MapGraph final {
   /// What all segments of the workspace say becomes a prior, and they go. solve() does so when
   /// there are many. @pre solve() has just come to rest
   void fold();
+  /// Beyond so many segments solve() folds.
+  void keep_at_most(std::size_t segments) { most_segments_ = segments; }
+  /// The component with most tags becomes the workspace, when nobody stands in it yet.
+  /// @return whether one has
+  bool found_workspace();
   [[nodiscard]] const GraphState& state() const { return state_; }
 
  private:
@@ -62,6 +67,8 @@ class MapGraph final {
   std::map<int, Eigen::Vector3d> definition_;  ///< Places of the tags that define W.
   bool is_defined_{false};                     ///< … from the beginning; false: all tags do.
   int components_{0};
+  // A solution takes a second then, and the memory some ten megabytes.
+  std::size_t most_segments_{2000};
 };
 
 }  // namespace fiducap

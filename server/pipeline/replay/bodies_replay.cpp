@@ -10,6 +10,8 @@ namespace fiducap {
 namespace {
 // A live body works on one image while others publish: no image sees a map older than this.
 constexpr std::size_t kRevisions = 256;
+// Each goes on where the one before was stopped, after forty steps.
+constexpr int kMostRounds = 10;
 }  // namespace
 
 BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
@@ -19,13 +21,18 @@ BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& ma
     bodies_.push_back({body.id,
                        std::move(body.name),
                        body.source,
+                       body.later,
                        std::make_unique<BodyPipeline>(std::move(body.setup)),
                        false,
                        {}});
   }
 }
 
-void BodiesReplay::follow(std::vector<MapTurn> turns) { turns_ = std::move(turns); }
+void BodiesReplay::follow(std::vector<MapTurn> turns,
+                          std::optional<std::vector<RefinementTurn>> refinements) {
+  turns_ = std::move(turns);
+  if (refinements) refinements_.emplace(refinements->begin(), refinements->end());
+}
 
 Expected<void> BodiesReplay::run(const Watch& watch) {
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
@@ -48,12 +55,15 @@ Expected<void> BodiesReplay::advance(std::size_t index) {
   for (;;) {
     while (body.pipeline->next() != nullptr) {
       if (body.pipeline->next_is_image()) {
-        body.image_at = time_of(*body.pipeline->next());
+        body.image_at = time_of(*body.pipeline->next()) + body.later;
         return {};
       }
       (void)body.pipeline->take({});
     }
-    if (body.exhausted) return {};
+    if (body.exhausted) {
+      map_.release(body.id);
+      return {};
+    }
     auto sample = body.source->next({});
     if (!sample) return tl::unexpected(sample.error());
     if (!sample->has_value()) {
@@ -85,8 +95,9 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
   Body& body = bodies_[index];
   const BodyUpdate* update = body.pipeline->take(view);
   if (update != nullptr) {
-    map_.absorb(contribution_of(body.id, *update), to_ns(update->seen.exposed_at));
-    refine(update->seen.exposed_at);
+    newest_ = std::max(newest_, update->seen.exposed_at);
+    map_.absorb(contribution_of(body.id, *update), to_ns(newest_));
+    refine(update->seen.exposed_at + body.later);
     last_ = update->is_placed() ? std::optional(update->estimate->X_WB) : std::nullopt;
     if (watch) watch(index, *update);
   }
@@ -94,11 +105,62 @@ Expected<void> BodiesReplay::take_next(std::size_t index, const MapView& view, c
 }
 
 void BodiesReplay::refine(Instant now) {
-  if (refine_period_.count() == 0) return;
-  if (!refined_at_) refined_at_ = now;
-  if (now - *refined_at_ < refine_period_) return;
+  if (refine_period_.count() == 0 || refinements_) return;
+  if (!began_at_) began_at_ = refined_at_ = now;
+  const Duration seen = now - *began_at_;
+  const Duration pause = std::max(refine_period_, from_seconds(refine_share_ * to_seconds(seen)));
+  if (now - refined_at_ < pause) {
+    if (refine_share_ > 0) refiner_.take();
+    return;
+  }
   refined_at_ = now;
-  if (refiner_.solve()) (void)refiner_.adopt(to_ns(now));
+  if (refiner_.solve()) (void)refiner_.adopt(to_ns(newest_));
+}
+
+BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
+    const std::function<void(int round)>& progress) {
+  for (Body& body : bodies_) {
+    while (const auto segment = body.pipeline->take_last_segment()) {
+      map_.absorb({.body_id = body.id, .at = segment->end().at, .segment = segment},
+                  to_ns(newest_));
+      refiner_.take();
+    }
+  }
+  LastRefinement last;
+  // The given tags are the workspace then; what does not hang on them is no part of it.
+  if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.found_workspace();
+  for (int round = 1; round <= kMostRounds; ++round) {
+    progress(round);
+    const bool is_solved = refiner_.solve();
+    const auto turn = refiner_.adopt(to_ns(newest_));
+    last.is_at_rest = is_solved || !turn;
+    if (last.is_at_rest) break;
+  }
+  return last;
+}
+
+/// Those of the recorded session that took or gave the map something before this turn. It is solved
+/// when it was taken: later the same segments would be laid out by another state of the graph.
+void BodiesReplay::refine_as_before(std::uint64_t turn) {
+  while (refinements_ && !refinements_->empty()) {
+    const RefinementTurn& next = refinements_->front();
+    if (next.taken > turn) return;
+    if (!is_solved_) is_solved_ = refiner_.solve();
+    if (next.adopted && *next.adopted > turn) return;
+    if (*is_solved_ != next.adopted.has_value()) ++turns_missed_;
+    if (next.adopted) {
+      remember(map_.published());
+      (void)refiner_.adopt(0);
+    }
+    is_solved_.reset();
+    refinements_->pop_front();
+  }
+}
+
+void BodiesReplay::remember(const MapView& view) {
+  if (!published_.empty() && published_.back().revision == view.revision) return;
+  published_.push_back(view);
+  if (published_.size() > kRevisions) published_.pop_front();
 }
 
 bool BodiesReplay::is_at(const Body& body, const MapTurn& turn) {
@@ -128,6 +190,7 @@ Expected<void> BodiesReplay::skip_to(const MapTurn& turn, const Watch& watch) {
 
 Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
   for (const MapTurn& turn : turns_) {
+    refine_as_before(turn.turn);
     if (turn.body < bodies_.size()) {
       if (const auto done = skip_to(turn, watch); !done) return done;
     }
@@ -136,10 +199,7 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
       continue;
     }
     MapView now = map_.view(bodies_[turn.body].id);
-    if (published_.empty() || published_.back().revision != now.revision) {
-      published_.push_back(now);
-      if (published_.size() > kRevisions) published_.pop_front();
-    }
+    remember(now);
     const auto seen = published(turn.revision);
     if (!seen) ++turns_missed_;
     const MapView view{seen ? seen : now.map, turn.may_define_workspace, now.revision};

@@ -23,6 +23,8 @@ struct ReplayedBody {
   std::string name;
   PipelineSetup setup;
   SensorSource* source{};  ///< Outlives the replay.
+  /// Its samples come by so much later than they say, against those of the others.
+  Duration later{0};
 };
 
 /// Replayed estimates beside those that the live server had at the same images.
@@ -45,17 +47,36 @@ class BodiesReplay final {
 
   BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start);
   /// Follows the order of a recorded session instead of the images' times.
-  void follow(std::vector<MapTurn> turns);
+  /// @param refinements  nullopt: not recorded; the map is refined by its period
+  void follow(std::vector<MapTurn> turns,
+              std::optional<std::vector<RefinementTurn>> refinements = std::nullopt);
   void listen(Listener listener) { listener_ = std::move(listener); }
+  /// The map is refined when so much of what has been seen by then has been seen since, as well as
+  /// after its period: solving for hours again and again would take days. All of it is kept.
+  void refine_after_share(double share) {
+    refine_share_ = share;
+    refiner_.keep_all();
+  }
 
   /// @return Error when a source is lost, or IMU readings pile up
   Expected<void> run(const Watch& watch);
+  struct LastRefinement {
+    bool is_at_rest{};           ///< False: the last solution still moved and was not taken.
+    bool has_found_workspace{};  ///< No body ever stood in it: it is where the largest part began.
+  };
+  /// After run(): with the last piece of everything, until nothing moves any more, laid over the
+  /// surveyed tags.
+  /// @param progress  called before each round
+  LastRefinement refine_to_the_end(const std::function<void(int round)>& progress);
 
   [[nodiscard]] MapBuilder& map() { return map_; }
+  /// What has been solved for.
+  [[nodiscard]] const MapGraph& graph() const { return refiner_.graph(); }
   [[nodiscard]] const BodyPipeline& pipeline(std::size_t body) const {
     return *bodies_[body].pipeline;
   }
-  /// Images that the recorded session has no turn for, or the other way round; 0: it was followed.
+  /// Images that the recorded session has no turn for, or the other way round, and refinements that
+  /// came to something only here or only there; 0: it was followed.
   [[nodiscard]] std::uint64_t turns_missed() const { return turns_missed_; }
   /// What the body of the newest image was told.
   [[nodiscard]] const MapView& view() const { return view_; }
@@ -67,9 +88,10 @@ class BodiesReplay final {
     int id{};
     std::string name;
     SensorSource* source{};
+    Duration later{0};
     std::unique_ptr<BodyPipeline> pipeline;
     bool exhausted{false};
-    std::optional<Instant> image_at;  ///< Of the image that is next; nullopt: there is none.
+    std::optional<Instant> image_at;  ///< When the next image comes; nullopt: there is none.
   };
   Expected<void> advance(std::size_t body);
   [[nodiscard]] std::optional<std::size_t> earliest() const;
@@ -82,13 +104,21 @@ class BodiesReplay final {
 
   std::vector<Body> bodies_;
   void refine(Instant now);
+  void refine_as_before(std::uint64_t turn);
+  void remember(const MapView& view);
 
   MapBuilder map_;
   MapRefiner refiner_{map_};
   Duration refine_period_;
-  std::optional<Instant> refined_at_;
+  double refine_share_{0};
+  std::optional<Instant> began_at_;
+  Instant refined_at_{};
+  Instant newest_{Instant::min()};  ///< Image, by its own time.
   Listener listener_;
   std::vector<MapTurn> turns_;
+  std::optional<std::deque<RefinementTurn>> refinements_;  ///< Those to come.
+  std::optional<bool>
+      is_solved_;  ///< Whether the next one has come to something; nullopt: not yet.
   std::deque<MapView> published_;  ///< The newest revisions of the map.
   std::uint64_t turns_missed_{0};
   LiveAgreement agreement_;

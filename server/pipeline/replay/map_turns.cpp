@@ -10,6 +10,7 @@ namespace fiducap {
 namespace {
 constexpr const char* kHeader =
     "#turn,body,timestamp [ns],camera,map_revision,may_define_workspace,px,py,pz,qw,qx,qy,qz";
+constexpr const char* kRefinementHeader = "#taken_after,adopted_after";
 constexpr std::size_t kWithoutPose = 6;
 constexpr std::size_t kWithPose = 13;
 }  // namespace
@@ -57,6 +58,44 @@ Expected<std::vector<MapTurn>> read_map_turns(const std::filesystem::path& path)
   csv->log_damage();
   std::stable_sort(turns.begin(), turns.end(),
                    [](const MapTurn& a, const MapTurn& b) { return a.turn < b.turn; });
+  return turns;
+}
+
+Expected<RefinementTurnWriter> RefinementTurnWriter::create(const std::filesystem::path& path) {
+  auto csv = CsvWriter::create(path, kRefinementHeader);
+  if (!csv) return tl::unexpected(csv.error());
+  return RefinementTurnWriter(std::move(*csv));
+}
+
+Expected<void> RefinementTurnWriter::write(const RefinementTurn& turn) {
+  csv_.integer(static_cast<std::int64_t>(turn.taken));
+  if (turn.adopted) csv_.integer(static_cast<std::int64_t>(*turn.adopted));
+  return csv_.end_line();
+}
+
+Expected<std::vector<RefinementTurn>> read_refinement_turns(const std::filesystem::path& path) {
+  auto csv = CsvReader::open(path);
+  if (!csv) return tl::unexpected(csv.error());
+  std::vector<RefinementTurn> turns;
+  while (csv->next()) {
+    const auto fields = csv->fields();
+    RefinementTurn turn;
+    std::uint64_t adopted = 0;
+    const bool is_adopted = fields.size() == 2;
+    const bool good = (is_adopted || fields.size() == 1) && csv->line_is_complete() &&
+                      parse(fields[0], turn.taken) && (!is_adopted || parse(fields[1], adopted)) &&
+                      (!is_adopted || adopted >= turn.taken);
+    if (!good) {
+      csv->count_damaged();
+      continue;
+    }
+    if (is_adopted) turn.adopted = adopted;
+    turns.push_back(turn);
+  }
+  csv->log_damage();
+  std::stable_sort(
+      turns.begin(), turns.end(),
+      [](const RefinementTurn& a, const RefinementTurn& b) { return a.taken < b.taken; });
   return turns;
 }
 

@@ -8,6 +8,7 @@
 #include "base/pose.hpp"
 #include "capture/recording/csv_writer.hpp"
 #include "mapping/map_builder.hpp"
+#include "mapping/map_refiner.hpp"
 
 namespace fiducap {
 
@@ -39,5 +40,23 @@ class MapTurnWriter final {
 
 /// Sorted by turn. A last line that was cut is left out.
 [[nodiscard]] Expected<std::vector<MapTurn>> read_map_turns(const std::filesystem::path& path);
+
+/// `refinements.csv` of a recorded session whose map was refined.
+class RefinementTurnWriter final {
+ public:
+  [[nodiscard]] static Expected<RefinementTurnWriter> create(const std::filesystem::path& path);
+  [[nodiscard]] Expected<void> write(const RefinementTurn& turn);
+  [[nodiscard]] Expected<void> flush() { return csv_.flush(); }
+  [[nodiscard]] Expected<void> close() { return csv_.close(); }
+  [[nodiscard]] std::uint64_t bytes() const { return csv_.bytes(); }
+
+ private:
+  explicit RefinementTurnWriter(CsvWriter csv) : csv_(std::move(csv)) {}
+  CsvWriter csv_;
+};
+
+/// As they came, one after the other. A last line that was cut is left out.
+[[nodiscard]] Expected<std::vector<RefinementTurn>> read_refinement_turns(
+    const std::filesystem::path& path);
 
 }  // namespace fiducap

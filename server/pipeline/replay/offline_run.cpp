@@ -212,22 +212,18 @@ class BodyNotes final {
   OfflineResult result_;
 };
 
-/// The start map with what each body was told to take as known.
-TagMap start_of(const std::vector<OfflineBody>& bodies, TagMap map) {
-  for (const OfflineBody& body : bodies) {
-    for (const KnownTag& known : body.setup.known) {
-      if (map.find(known.tag_id) != nullptr) continue;
-      const auto place =
-          std::lower_bound(map.tags.begin(), map.tags.end(), known.tag_id,
-                           [](const MapTag& entry, int id) { return entry.tag.tag_id < id; });
-      map.tags.insert(place, {known, TagState::kSurveyed, 0, 0, 0, 0});
-    }
-    if (!map.reference_tag) map.reference_tag = body.setup.gauge.reference_tag;
-  }
-  return map;
-}
-
 }  // namespace
+
+void add_known(const OfflineSetup& setup, TagMap& start) {
+  for (const KnownTag& known : setup.known) {
+    if (start.find(known.tag_id) != nullptr) continue;
+    const auto place =
+        std::lower_bound(start.tags.begin(), start.tags.end(), known.tag_id,
+                         [](const MapTag& entry, int id) { return entry.tag.tag_id < id; });
+    start.tags.insert(place, {known, TagState::kSurveyed, 0, 0, 0, 0});
+  }
+  if (!start.reference_tag) start.reference_tag = setup.gauge.reference_tag;
+}
 
 OfflineSetup offline_setup(const RecordingInfo& info) {
   OfflineSetup setup;
@@ -254,8 +250,10 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
     replayed.push_back({body.id, body.name, body.setup, body.source});
     notes.emplace_back(body.setup);
   }
-  BodiesReplay replay(std::move(replayed), map.config, start_of(bodies, map.start));
-  replay.follow(map.turns);
+  TagMap start = map.start;
+  for (const OfflineBody& body : bodies) add_known(body.setup, start);
+  BodiesReplay replay(std::move(replayed), map.config, std::move(start));
+  replay.follow(map.turns, map.refinements);
   replay.listen([&](std::size_t body, const SensorSample& sample) {
     notes[body].note_time(time_of(sample));
   });

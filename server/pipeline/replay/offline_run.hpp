@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -79,8 +80,9 @@ struct OfflineBody {
 struct OfflineMap {
   MapConfig config{};
   TagMap start{};  ///< What is known before; the bodies' known tags are added.
-  std::vector<MapTurn>
-      turns{};  ///< Of a recorded session; empty: images of all bodies by their time.
+  /// Of a recorded session; empty: images of all bodies by their time.
+  std::vector<MapTurn> turns{};
+  std::optional<std::vector<RefinementTurn>> refinements{};  ///< See BodiesReplay::follow.
 };
 
 struct OfflineMapEvent {
@@ -95,6 +97,9 @@ struct OfflineSession {
   std::uint64_t turns_missed{};  ///< See BodiesReplay.
   LiveAgreement agreement;
 };
+
+/// The start map with what a body was told to take as known: surveyed.
+void add_known(const OfflineSetup& setup, TagMap& start);
 
 /// Runs all bodies over one live map (BodiesReplay) and notes what became of each.
 /// @return Error when a source is lost or the refinement fails. A source without images gives an

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <functional>
-
 #include "tools/calibrate/calibrate_camera_command.hpp"
 #include "tools/calibrate/calibrate_extrinsics_command.hpp"
 #include "tools/calibrate/calibrate_imu_command.hpp"
@@ -12,9 +10,6 @@ class App;
 }
 
 namespace fiducap {
-
-/// What the command line asks for, to be run when all of it has been read.
-using ChosenVerb = std::function<int(const Terminal&)>;
 
 struct CalibrateArguments {
   CalibrateImuArguments imu;

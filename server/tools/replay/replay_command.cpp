@@ -138,6 +138,7 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
   inputs.map.config = session->config.map.builder;
   inputs.map.start = std::move(session->map);
   inputs.map.turns = std::move(session->turns);
+  inputs.map.refinements = std::move(session->refinements);
   inputs.is_session = true;
   return {};
 }

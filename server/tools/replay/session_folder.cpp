@@ -30,6 +30,11 @@ Expected<SessionFolder> read_session(const std::string& folder,
   auto turns = read_map_turns(path / "turns.csv");
   if (!turns) return tl::unexpected(turns.error());
   session.turns = std::move(*turns);
+  if (is_file(path / "refinements.csv")) {
+    auto refinements = read_refinement_turns(path / "refinements.csv");
+    if (!refinements) return tl::unexpected(refinements.error());
+    session.refinements = std::move(*refinements);
+  }
   for (const BodyConfig& body : session.config.bodies)
     session.bodies.push_back((path / body.name).string());
   return session;

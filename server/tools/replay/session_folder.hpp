@@ -15,8 +15,10 @@ namespace fiducap {
 struct SessionFolder {
   std::string folder;
   ServerConfig config;
-  TagMap map;                       ///< As it was when the recording began.
-  std::vector<MapTurn> turns;       ///< Bodies by their place in the configuration.
+  TagMap map;                  ///< As it was when the recording began.
+  std::vector<MapTurn> turns;  ///< Bodies by their place in the configuration.
+  /// When the map was refined; nullopt: it was not, or that was not recorded yet.
+  std::optional<std::vector<RefinementTurn>> refinements;
   std::vector<std::string> bodies;  ///< Folders of the recordings, in that order.
 };
 

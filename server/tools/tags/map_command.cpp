@@ -131,6 +131,18 @@ Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
 
 }  // namespace
 
+Expected<TagMap> store_next_version(const std::string& path, TagMap map, const std::string& comment,
+                                    const Terminal& terminal) {
+  auto store = MapStore::open(path);
+  if (!store) return tl::unexpected(store.error());
+  if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
+  const auto newest = newest_of(*store, terminal);
+  if (!newest) return tl::unexpected(newest.error());
+  map.version = newest->version;  // whatever the file was once: here it follows the newest
+  if (map.created_utc_ns == 0) map.created_utc_ns = utc_now_ns();
+  return store->commit(map, comment);
+}
+
 int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   const auto store = open_existing(arguments.store);
   if (!store) return report(terminal, store.error());
@@ -151,19 +163,12 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
                                   {arguments.tag_size_m, arguments.family});
   if (!imported) return report(terminal, imported.error());
   print_remarks(terminal, arguments.file, imported->remarks);
-  TagMap& map = imported->map;
-  auto store = MapStore::open(arguments.store);
-  if (!store) return report(terminal, store.error());
-  if (auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
-  const auto newest = newest_of(*store, terminal);
-  if (!newest) return report(terminal, newest.error());
-  map.version = newest->version;  // whatever the file was once: here it follows the newest
-  if (map.created_utc_ns == 0) map.created_utc_ns = utc_now_ns();
   const std::string comment =
       arguments.comment.empty()
           ? "import of " + std::filesystem::path(arguments.file).filename().string()
           : arguments.comment;
-  const auto stored = store->commit(map, comment);
+  const auto stored =
+      store_next_version(arguments.store, std::move(imported->map), comment, terminal);
   if (!stored) return report(terminal, stored.error());
   terminal.out << arguments.store << ": version " << stored->version << ", " << stored->tags.size()
                << " tags, hash " << stored->hash << "\n";

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "base/expected.hpp"
+#include "mapping/tag_map.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
@@ -22,6 +24,12 @@ struct MapArguments {
   std::string comment;
   bool json{false};
 };
+
+/// Stores the map as the next version, whatever version it was; the store is made when there is
+/// none. Says what it passed over. @return it as stored
+[[nodiscard]] Expected<TagMap> store_next_version(const std::string& store, TagMap map,
+                                                  const std::string& comment,
+                                                  const Terminal& terminal);
 
 /// `fiducap map export | import | log | diff | show | check | repair`. @return exit code; `check`
 /// fails when something is damaged

@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <fstream>
+#include <functional>
+
 #include "pipeline/replay/offline_run.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
@@ -151,6 +155,64 @@ TEST(MapTurns, ReadBackInTheOrderInWhichTheBodiesToldTheMap) {
   EXPECT_EQ((*read)[1].revision, 3);
   ASSERT_TRUE((*read)[1].X_WB);
   EXPECT_EQ((*read)[1].X_WB->p, pose.p) << "to the last bit";
+}
+
+TEST(MapTurns, RefinementsReadBackWithThoseThatCameToNothingWithoutALineThatWasCut) {
+  TemporaryFolder folder;
+  auto writer = RefinementTurnWriter::create(folder.file("refinements.csv"));
+  ASSERT_TRUE(writer);
+  for (const RefinementTurn& turn : {RefinementTurn{10, 12}, {20, {}}, {30, 30}})
+    ASSERT_TRUE(writer->write(turn));
+  ASSERT_TRUE(writer->close());
+  std::ofstream(folder.file("refinements.csv"), std::ios::app) << "50,40\n60,7";
+  const auto read = read_refinement_turns(folder.file("refinements.csv"));
+  ASSERT_TRUE(read);
+  ASSERT_EQ(read->size(), 3u) << "nothing is adopted before it was taken";
+  EXPECT_EQ((*read)[0].adopted, 12u);
+  EXPECT_EQ((*read)[1].taken, 20u);
+  EXPECT_FALSE((*read)[1].adopted);
+  EXPECT_EQ((*read)[2].adopted, 30u);
+}
+
+TEST(BodiesReplay, RefinesWhereTheSessionDidAndSaysWhenItCameToSomethingElse) {
+  constexpr std::uint64_t kTaken = 200;
+  constexpr std::uint64_t kAdopted = 230;
+  MapConfig map;
+  map.refine_period_s = 1;
+  std::vector<MapTurn> turns;
+  const auto run =
+      [&](std::optional<std::vector<RefinementTurn>> refinements,
+          const std::function<void(const BodyUpdate&, std::uint64_t revision)>& watch) {
+        Robot robot(1, 13, 0);
+        BodiesReplay replay({{1, "a", robot.setup(), robot.offline(1).source}}, map, {});
+        replay.follow(turns, std::move(refinements));
+        EXPECT_TRUE(replay.run(
+            [&](std::size_t, const BodyUpdate& update) { watch(update, replay.view().revision); }));
+        return replay.turns_missed();
+      };
+  run(std::nullopt, [&](const BodyUpdate& update, std::uint64_t) {
+    MapTurn turn;
+    turn.turn = turns.size();
+    turn.stamp_ns = to_ns(update.corners.exposed_at);
+    turn.stamp_ns -= update.corners.clock_shift.count();
+    turn.may_define_workspace = true;
+    turn.revision = turn.turn < kAdopted ? 0 : 1;
+    turns.push_back(turn);
+  });
+  ASSERT_GT(turns.size(), kAdopted + 20);
+
+  std::vector<std::uint64_t> revisions;
+  const auto note = [&](const BodyUpdate&, std::uint64_t revision) {
+    revisions.push_back(revision);
+  };
+  EXPECT_EQ(run({{{kTaken, kAdopted}}}, note), 0u);
+  const auto first = std::find(revisions.begin(), revisions.end(), 1u) - revisions.begin();
+  EXPECT_EQ(static_cast<std::uint64_t>(first), kAdopted) << "not by its period";
+  EXPECT_EQ(revisions.back(), 1u);
+
+  revisions.clear();
+  EXPECT_GT(run({{{kTaken, {}}}}, note), 0u) << "it came to nothing then";
+  EXPECT_EQ(revisions.back(), 0u);
 }
 
 TEST(BodiesReplay, FollowsTheTurnsOfASessionAndSaysHowFarItIsFromTheLiveEstimates) {

@@ -1,0 +1,148 @@
+#include "pipeline/replay/map_build.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <set>
+#include <span>
+#include <utility>
+
+#include "base/this_thread.hpp"
+#include "mapping/graph/graph_terms.hpp"
+
+namespace fiducap {
+namespace {
+
+// Between recordings that have no time in common.
+constexpr Duration kPause = std::chrono::seconds(10);
+// Solving costs as much as there is: with a tenth more each time all of it costs a few last ones.
+constexpr double kRefineAfterShare = 0.1;
+
+struct Span {
+  Instant first;
+  Instant last;
+  std::vector<std::size_t> members;
+};
+
+/// Those that overlap, be it by way of others; in the order of each one's first member.
+std::vector<Span> spans_of(std::span<const MapBuildBody> bodies) {
+  std::vector<std::size_t> by_time(bodies.size());
+  std::iota(by_time.begin(), by_time.end(), std::size_t{0});
+  std::stable_sort(by_time.begin(), by_time.end(),
+                   [&](std::size_t a, std::size_t b) { return bodies[a].first < bodies[b].first; });
+  std::vector<Span> spans;
+  for (const std::size_t i : by_time) {
+    if (spans.empty() || spans.back().last < bodies[i].first)
+      spans.push_back({bodies[i].first, bodies[i].last, {}});
+    spans.back().last = std::max(spans.back().last, bodies[i].last);
+    spans.back().members.push_back(i);
+  }
+  std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) {
+    return *std::min_element(a.members.begin(), a.members.end()) <
+           *std::min_element(b.members.begin(), b.members.end());
+  });
+  return spans;
+}
+
+void count(const BodyUpdate& update, BuiltRecording& recording) {
+  ++recording.images;
+  recording.images_with_tags += update.seen.tags.empty() ? 0 : 1;
+  for (const TagObservation& tag : update.seen.tags) ++recording.seen[tag.tag_id];
+}
+
+/// What the graph says beside the map.
+void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, MapBuild& build) {
+  std::map<int, MapPart> parts;
+  std::map<int, std::set<std::size_t>> who;
+  double chi_square = 0;
+  int numbers = 0;
+  for (const GraphSegment& segment : graph.segments) {
+    const auto body = static_cast<std::size_t>(
+        std::find_if(bodies.begin(), bodies.end(),
+                     [&](const auto& one) { return one.body.id == segment.raw.body_id; }) -
+        bodies.begin());
+    const int component = graph.nodes[segment.begin].component;
+    BuiltRecording& recording = build.recordings[body];
+    ++recording.segments;
+    recording.segments_in_map += component == 0 ? 1 : 0;
+    build.fit.sightings += segment.factor.sightings;
+    build.fit.outliers += segment.factor.outliers;
+    chi_square += 2 * cost_of(segment.factor, error_of(graph, segment));
+    numbers += segment.factor.numbers;
+    if (component == 0) continue;
+    ++parts[component].segments;
+    who[component].insert(body);
+  }
+  const auto level = graph.level.find(0);
+  build.is_level = level == graph.level.end() || level->second;
+  build.fit.chi_square_per_number = numbers == 0 ? 0.0 : chi_square / numbers;
+  for (const GraphTag& tag : graph.tags) {
+    const bool is_mapped = build.map.find(tag.tag_id) != nullptr;
+    if (tag.component == 0) {
+      if (!is_mapped) build.seen_too_seldom[tag.tag_id] = tag.sightings;
+      continue;
+    }
+    const auto part = parts.find(tag.component);
+    if (part == parts.end()) continue;
+    part->second.tag_ids.push_back(tag.tag_id);
+    if (is_mapped) part->second.also_in_map.push_back(tag.tag_id);
+  }
+  for (auto& [component, part] : parts) {
+    part.recordings.assign(who[component].begin(), who[component].end());
+    std::sort(part.tag_ids.begin(), part.tag_ids.end());
+    build.apart.push_back(std::move(part));
+  }
+}
+
+}  // namespace
+
+std::vector<Duration> one_after_the_other(std::span<const MapBuildBody> bodies) {
+  std::vector<Duration> later(bodies.size(), Duration{0});
+  std::optional<Instant> end;
+  for (const Span& span : spans_of(bodies)) {
+    const Duration by = end ? *end + kPause - span.first : Duration{0};
+    for (const std::size_t i : span.members) later[i] = by;
+    end = span.last + by;
+  }
+  return later;
+}
+
+Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const OfflineMap& map,
+                             const std::function<void(const MapBuildProgress&)>& progress) {
+  const auto later = one_after_the_other(bodies);
+  std::vector<ReplayedBody> replayed;
+  Instant first = Instant::max();
+  Instant last = Instant::min();
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const OfflineBody& body = bodies[i].body;
+    replayed.push_back({body.id, body.name, body.setup, body.source, later[i]});
+    first = std::min(first, bodies[i].first + later[i]);
+    last = std::max(last, bodies[i].last + later[i]);
+  }
+  const double all_s = std::max(1e-3, to_seconds(last - first));
+  TagMap start = map.start;
+  for (const MapBuildBody& one : bodies) add_known(one.body.setup, start);
+  BodiesReplay replay(std::move(replayed), map.config, std::move(start));
+  replay.refine_after_share(kRefineAfterShare);
+  MapBuild build;
+  build.recordings.resize(bodies.size());
+  const Duration begin = thread_cpu_time();
+  const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
+    count(update, build.recordings[body]);
+    (void)replay.map().take_events();
+    const double done_s = to_seconds(update.seen.exposed_at + later[body] - first);
+    if (progress)
+      progress({std::clamp(done_s / all_s, 0.0, 1.0), 0, replay.view().map->tags.size()});
+  });
+  if (!done) return tl::unexpected(done.error());
+  const Duration ran = thread_cpu_time();
+  build.last = replay.refine_to_the_end([&](int round) {
+    if (progress) progress({1.0, round, replay.view().map->tags.size()});
+  });
+  build.run_cpu_s = to_seconds(ran - begin);
+  build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
+  build.map = *replay.map().snapshot();
+  look_at(replay.graph().state(), bodies, build);
+  return build;
+}
+
+}  // namespace fiducap

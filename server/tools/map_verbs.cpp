@@ -1,0 +1,149 @@
+#include "tools/map_verbs.hpp"
+
+#include <CLI/CLI.hpp>
+
+#include "detection/tag_family.hpp"
+#include "mapping/formats/map_format.hpp"
+#include "tools/positive_number.hpp"
+
+namespace fiducap {
+namespace {
+
+struct MapLine {
+  MapVerbs& verbs;
+  ChosenVerb& chosen;
+};
+
+using MapVerb = int (*)(const MapArguments&, const Terminal&);
+
+CLI::App* add_map_verb(CLI::App& map, const MapLine& line, const char* name, const char* what,
+                       const char* example, MapVerb run) {
+  auto* verb = map.add_subcommand(name, what);
+  verb->add_option("--store", line.verbs.store.store,
+                   "The map store, as map.store of the server's configuration says")
+      ->required();
+  verb->footer(std::string("Example:\n  fiducap map ") + example);
+  verb->callback([line, run] {
+    line.chosen = [&a = line.verbs.store, run](const Terminal& t) { return run(a, t); };
+  });
+  return verb;
+}
+
+void add_map_format(CLI::App& verb, MapArguments& a, const std::string& what) {
+  verb.add_option("--format", a.format, what + "; one of " + map_format_names())
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            return map_format_from(name) ? std::string() : "must be one of " + map_format_names();
+          },
+          "NAME"));
+}
+
+void add_map_export(CLI::App& map, const MapLine& line) {
+  auto& a = line.verbs.store;
+  auto* take = add_map_verb(map, line, "export",
+                            "Write one version to a file: ours (.yaml, complete), or another "
+                            "program's",
+                            "export --store hall.map hall.yaml\n"
+                            "  fiducap map export --store hall.map tagslam.yaml --format tagslam\n"
+                            "  fiducap map export --store hall.map field.json --field 16.54 8.21",
+                            run_map_export);
+  take->add_option("FILE", a.file, "Where to")->required();
+  add_map_format(*take, a,
+                 "What to write; when not given, by the end of the name: .yaml and .csv are ours, "
+                 ".json WPILib's");
+  take->add_option(
+          "--field", a.field_m,
+          "Length and width of the playing field in metres, for WPILib; as far as the tags "
+          "reach when not given")
+      ->expected(2)
+      ->check(kPositive);
+  take->add_option("--version", a.version, "Which version; the newest when not given");
+}
+
+void add_map_build(CLI::App& map, const MapLine& line) {
+  auto& a = line.verbs.build;
+  auto* verb = map.add_subcommand(
+      "build", "One map out of recordings: of several robots, of several days, solved as one");
+  verb->add_option("RECORDING", a.recordings,
+                   "Folders in the EuRoC/ASL layout. Those that have no time in common come one "
+                   "after the other, as they are given")
+      ->required();
+  verb->add_option("--out", a.out, "Write the map to this file: .yaml (complete), .csv");
+  verb->add_option("--store", a.store,
+                   "Store it as the next version, as map.store of the server's configuration says");
+  verb->add_option("--config", a.config,
+                   "Take the sections estimator, detector, tags and map of a server configuration");
+  verb->add_option("--map", a.map,
+                   "Tags whose places are known (a survey, an earlier map): they stay as they are. "
+                   ".yaml, .csv");
+  verb->add_option("--filter", a.filter, "Which filter")
+      ->check(CLI::IsMember({"robocentric", "world"}));
+  verb->add_option("--set", a.sets,
+                   "Override one key of the configuration; may be given several times")
+      ->allow_extra_args(false);
+  verb->add_option("--comment", a.comment, "What the history shall say about it");
+  verb->add_flag("--json", a.json, "Numbers for scripts");
+  verb->footer(
+      "Fails when no recording has given the map a tag.\n"
+      "Example:\n"
+      "  fiducap map build monday/drone monday/rover friday/drone --out hall.yaml\n"
+      "  fiducap map build friday/drone --map surveyed.csv --store hall.map");
+  verb->callback([line] {
+    line.chosen = [&a = line.verbs.build](const Terminal& t) { return run_map_build(a, t); };
+  });
+}
+
+}  // namespace
+
+void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen) {
+  const MapLine line{verbs, chosen};
+  auto* map = app.add_subcommand(
+      "map", "Build tag maps, look into their store, take them out, put them in");
+  map->require_subcommand(1);
+  map->footer("Example:\n  fiducap map log --store hall.map");
+  auto& a = line.verbs.store;
+  add_map_build(*map, line);
+  add_map_export(*map, line);
+  auto* put = add_map_verb(*map, line, "import",
+                           "Store a file as the next version: ours, or another program's",
+                           "import --store hall.map field.json --tag-size 0.1651\n"
+                           "  fiducap map import --store hall.map poses.yaml\n"
+                           "  fiducap map import --store hall.map tags.yaml --format apriltag_ros\n"
+                           "  fiducap map import --store hall.map default.yaml --tag-size 0.16",
+                           run_map_import);
+  put->add_option("FILE", a.file, "Where from")->required();
+  add_map_format(*put, a, "What the file is; when not given, what stands in it says");
+  put->add_option(
+         "--tag-size", a.tag_size_m,
+         "Edge of the tags in metres, where the file does not say it: WPILib, RCARS, ArUco "
+         "in pixels")
+      ->check(kPositive);
+  put->add_option("--family", a.family,
+                  "Family of the tags, where the file does not say it; tag36h11 when not given")
+      ->check(CLI::Validator(
+          [](std::string& name) {
+            return is_tag_family(name) ? std::string() : "known are " + tag_family_names();
+          },
+          "NAME"));
+  put->add_option("--comment", a.comment, "What the history shall say about it");
+  auto* log = add_map_verb(*map, line, "log", "All versions, newest first",
+                           "log --store hall.map --json", run_map_log);
+  log->add_flag("--json", a.json, "For scripts");
+  auto* diff =
+      add_map_verb(*map, line, "diff", "How far tags moved between two versions, in mm and degrees",
+                   "diff --store hall.map --from 3 --to 7", run_map_diff);
+  diff->add_option("--from", a.before, "The older version; the parent of --to when not given");
+  diff->add_option("--to", a.after, "The newer version; the newest when not given");
+  diff->add_flag("--json", a.json, "For scripts");
+  auto* show = add_map_verb(*map, line, "show", "The tags of one version",
+                            "show --store hall.map --version 3", run_map_show);
+  show->add_option("--version", a.version, "Which version; the newest when not given");
+  show->add_flag("--json", a.json, "For scripts");
+  add_map_verb(*map, line, "check", "Is every version as it was stored? Changes nothing",
+               "check --store hall.map", run_map_check);
+  add_map_verb(*map, line, "repair",
+               "Make a store of what is sound in a damaged one, which is kept beside it",
+               "repair --store hall.map", run_map_repair);
+}
+
+}  // namespace fiducap

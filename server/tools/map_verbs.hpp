@@ -1,0 +1,21 @@
+#pragma once
+
+#include "tools/replay/map_build_command.hpp"
+#include "tools/tags/map_command.hpp"
+#include "tools/terminal.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace fiducap {
+
+struct MapVerbs {
+  MapArguments store;
+  MapBuildArguments build;
+};
+
+/// Adds `fiducap map …`. @param verbs, chosen  outlive `app`
+void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen);
+
+}  // namespace fiducap
