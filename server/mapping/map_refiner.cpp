@@ -5,7 +5,9 @@
 namespace fiducap {
 
 bool MapRefiner::solve(const std::stop_token& stop) {
-  auto [segments, taken] = map_.take_segments();
+  auto [segments, moves, taken] = map_.take_segments();
+  for (const EpochOrder& order : moves) graph_.follow(order);
+  is_settled_ &= moves.empty();
   for (const auto& [body_id, segment] : segments) {
     MotionSegment own = *segment;
     own.body_id = body_id;

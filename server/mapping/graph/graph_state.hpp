@@ -27,6 +27,7 @@ struct GraphTag {
   int sightings{};
   Instant first_seen{};
   Instant last_seen{};
+  int epoch{};  ///< How often it was moved before (TagEpochs).
 };
 
 struct GraphSegment {
