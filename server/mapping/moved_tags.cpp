@@ -20,6 +20,7 @@ constexpr Duration kBeforeFirstWord = std::chrono::seconds(2);
 // Moves count together when they are not further apart; so many, and the tag is given up.
 constexpr Duration kMoveCounts = std::chrono::minutes(10);
 constexpr int kMostMoves = 3;
+constexpr int kMostWithReturn = 2;  // … when one of them led back to where it was
 // A new place is believed by so many sightings over so long: a door stands still for a moment.
 constexpr int kSightingsToFind = 20;
 constexpr Duration kTimeToFind = std::chrono::milliseconds(800);
@@ -58,19 +59,25 @@ double distance(const GraphTagEstimate& a, const KnownTag& b) {
   return e.dot(Matrix6d(a.covariance + b.covariance).ldlt().solve(e));
 }
 
+/// It was found at a place that it had left.
+bool has_come_back(const std::vector<Pose>& places) {
+  for (std::size_t i = 2; i < places.size(); ++i) {
+    for (std::size_t k = 0; k + 1 < i; ++k)
+      if ((places[i].p - places[k].p).norm() < kSamePlace_m) return true;
+  }
+  return false;
+}
+
 /// What the places of a tag say about it.
 std::string likely_cause(const std::vector<Pose>& places) {
   double widest_m = 0;
   const Pose* far = nullptr;
-  bool comes_back = false;
   for (std::size_t i = 0; i < places.size(); ++i) {
     const double away_m = (places[i].p - places.front().p).norm();
     if (away_m > widest_m) {
       widest_m = away_m;
       far = &places[i];
     }
-    for (std::size_t k = 0; k + 1 < i; ++k)
-      comes_back = comes_back || (places[i].p - places[k].p).norm() < kSamePlace_m;
   }
   if (places.size() < 2) return "it is never still for long: it hangs on something that moves";
   if (widest_m < kSamePlace_m) {
@@ -79,8 +86,9 @@ std::string likely_cause(const std::vector<Pose>& places) {
   }
   const std::string where = "it was found at " + place(places.front()) + " and " + place(*far) +
                             ", " + fixed(widest_m, 2) + " m apart: ";
-  return where + (comes_back ? "two prints have the same id, or it hangs on a door"
-                             : "it hangs on something that moves, or two prints have the same id");
+  return where + (has_come_back(places)
+                      ? "two prints have the same id, or it hangs on a door"
+                      : "it hangs on something that moves, or two prints have the same id");
 }
 
 }  // namespace
@@ -103,7 +111,8 @@ std::optional<MapEvent> MovedTags::suspect(const TagSuspicion& suspicion, const 
              " UTC, seen by " + list(suspicion.by);
   one.is_away = true;
   ++one.epoch;
-  if (one.moves > kMostMoves) return give_up(tag_id, one);
+  const int most = has_come_back(one.places) ? kMostWithReturn : kMostMoves;
+  if (one.moves > most) return give_up(tag_id, one);
   orders_.push_back({tag_id, TagEpoch{one.gone, suspicion.at}});
   return MapEvent{MapEvent::Kind::kTagQuarantined, tag_id,
                   name(tag_id) + " has left its place " + one.told +
