@@ -7,9 +7,10 @@ namespace fiducap {
 namespace {
 
 // A body is judged by the tags that it has just found in their places, and by those that it
-// contradicted not long ago.
+// contradicted not long ago and has not found in place since: once it is right again, it is
+// believed again.
 constexpr Duration kJustNow = std::chrono::seconds(2);
-constexpr Duration kNotLongAgo = std::chrono::seconds(30);
+constexpr Duration kNotLongAgo = std::chrono::seconds(10);
 constexpr std::size_t kFittingBesideOne = 2;
 constexpr std::size_t kFittingPerContradicted = 3;
 // Robots come by now and then: a word counts for so long, unless somebody finds the tag in place.
@@ -29,6 +30,7 @@ std::vector<TagSuspicion> TagWatch::hear(int body_id, Instant at, std::span<cons
   for (const int tag_id : fitting) {
     OfTag& tag = tags_[tag_id];
     body.fitted[tag_id] = at;
+    if (fitting.size() > 1) body.contradicted.erase(tag_id);
     (fitting.size() > 1 ? tag.fitted_at : tag.fitted_alone_at) = at;
     if (fitting.size() > 1) tag.words.clear();
   }

@@ -68,6 +68,12 @@ TEST_F(TagWatchTest, NorIsOneThatFoundTheOthersLongAgo) {
   for (int second = 10; second < 60; ++second) EXPECT_THAT(hear(1, second, {}, {7}), IsEmpty());
 }
 
+TEST_F(TagWatchTest, ABodyThatFindsThemInPlaceAgainIsBelievedAgain) {
+  (void)hear(1, 1, {}, {2, 3, 4});
+  for (int i = 0; i < 2; ++i) EXPECT_THAT(hear(1, 2, {2, 3, 4}, {7}), IsEmpty());
+  EXPECT_EQ(hear(1, 3, {2, 3, 4}, {7}).size(), 1U);
+}
+
 TEST_F(TagWatchTest, TwoTagsThatAreMovedTogetherAreGoneForABodyThatFindsSixOthers) {
   for (int i = 0; i < 2; ++i) (void)hear(1, 2, {1, 2, 3, 4, 5, 6}, {7, 8});
   EXPECT_EQ(hear(1, 3, {}, {7, 8}).size(), 2U);
