@@ -49,6 +49,7 @@ struct BodyPlace {
 /// What one update did. A rejected tag is a value, not a log line and not an exception.
 struct UpdateReport {
   static constexpr std::size_t kMostNamed = 8;
+  static constexpr std::size_t kMostFitting = 16;
 
   Instant exposed_at{};
   int tags_seen{};
@@ -62,7 +63,9 @@ struct UpdateReport {
       reprojection_px{};  ///< RMS over the used corners after the update, raw pixels; 0 when none.
   int tags_dropped{};     ///< Left the state because they kept contradicting the others (moved or
                           ///< wrong).
-  std::array<int, kMostNamed> dropped_tags{};  ///< The ids of the first of them.
+  std::array<int, kMostNamed> dropped_tags{};    ///< The ids of the first of them.
+  int tags_fitting{};                            ///< Used where the map has them …
+  std::array<int, kMostFitting> fitting_tags{};  ///< … the first of them.
   int landmarks_used{};  ///< Followed image points whose track ended with this image.
   int landmarks_rejected{};
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
@@ -103,6 +106,15 @@ struct UpdateReport {
   [[nodiscard]] std::span<const int> named_dropped() const {
     return std::span(dropped_tags)
         .first(std::min(kMostNamed, static_cast<std::size_t>(tags_dropped)));
+  }
+  [[nodiscard]] std::span<const int> named_fitting() const {
+    return std::span(fitting_tags)
+        .first(std::min(kMostFitting, static_cast<std::size_t>(tags_fitting)));
+  }
+  void name_fitting(int tag_id) {
+    if (static_cast<std::size_t>(tags_fitting) < kMostFitting)
+      fitting_tags[static_cast<std::size_t>(tags_fitting)] = tag_id;
+    ++tags_fitting;
   }
   void name_dropped(int tag_id) {
     if (static_cast<std::size_t>(tags_dropped) < kMostNamed)

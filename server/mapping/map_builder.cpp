@@ -64,11 +64,6 @@ TagBelief without_rounding(TagBelief belief) {
   return belief;
 }
 
-MapTag* find_in(TagMap& map, int tag_id) {
-  const MapTag* found = map.find(tag_id);
-  return found == nullptr ? nullptr : &map.tags[static_cast<std::size_t>(found - map.tags.data())];
-}
-
 }  // namespace
 
 std::vector<ConfigError> MapConfig::check() const {
@@ -144,15 +139,17 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   const std::lock_guard lock(mutex_);
   note_workspace_locked(contribution);
   const std::uint64_t turn = contributions_++;
+  const bool has_graph = config_.refine_period_s > 0;
+  bool follow = has_graph && watch_locked(contribution, utc_now_ns);
   if (config_.mode == MapMode::kFrozen) {
+    if (has_graph) return turn;
     for (const int tag_id : contribution.contradicted)
       note_contradicted_once_locked(contribution.body_id, tag_id, "the map is frozen");
     return turn;
   }
-  bool follow = false;
-  for (const int tag_id : contribution.contradicted)
-    follow |= quarantine_locked(contribution, tag_id);
-  if (config_.refine_period_s == 0) {
+  if (!has_graph) {
+    for (const int tag_id : contribution.contradicted)
+      follow |= quarantine_locked(contribution, tag_id);
     for (const TagBelief& belief : contribution.beliefs)
       follow |= absorb_locked(contribution.body_id, belief, utc_now_ns);
   }
@@ -172,14 +169,11 @@ void MapBuilder::note_contradicted_once_locked(int body_id, int tag_id, const ch
 }
 
 bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_id) {
-  MapTag* entry = find_in(working_, tag_id);
+  MapTag* entry = working_.find(tag_id);
   if (entry == nullptr || entry->component != 0 || entry->state == TagState::kQuarantined)
     return false;
-  // With a graph: one body that went astray must not take the map apart tag by tag.
-  const bool is_surveyed = entry->state == TagState::kSurveyed;
-  if (is_surveyed || working_.known) {
-    note_contradicted_once_locked(contribution.body_id, tag_id,
-                                  is_surveyed ? "the survey holds" : "all bodies' sightings hold");
+  if (entry->state == TagState::kSurveyed) {
+    note_contradicted_once_locked(contribution.body_id, tag_id, "the survey holds");
     return false;
   }
   Ownership& owner = ownership_[tag_id];
@@ -242,7 +236,7 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
   const TagBelief belief = without_rounding(offered);
   if (!ready(belief)) return false;
   const int id = belief.tag.tag_id;
-  MapTag* entry = find_in(working_, id);
+  MapTag* entry = working_.find(id);
   const bool is_new = entry == nullptr;
   if (is_new) {
     entry = &add_locked(body_id, belief);
@@ -292,11 +286,6 @@ MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_b
   return *working_.tags.insert(place, MapTag{.tag = tag});
 }
 
-MapBuilder::Waiting MapBuilder::take_segments() {
-  const std::lock_guard lock(mutex_);
-  return {std::exchange(segments_, {}), contributions_};
-}
-
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
   auto known = std::make_shared<KnownMap>();
   known->pairs = std::move(solution.pairs);
@@ -307,19 +296,21 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
   known->revision = 1 + std::max(revision_, working_.known ? working_.known->revision : 0);
   for (const GraphTagEstimate& tag : solution.tags) {
     if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
+    if (moved_.is_outdated(tag)) continue;
     const KnownTag placed{tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance};
     if (fault_in(MapTag{.tag = placed})) continue;
-    MapTag* entry = find_in(working_, tag.tag_id);
+    MapTag* entry = working_.find(tag.tag_id);
     if (entry == nullptr) {
       entry = &insert_locked(placed, "");
       entry->first_seen_utc_ns = utc_now_ns - (newest - tag.first_seen).count();
     }
     if (entry->state == TagState::kSurveyed) continue;
+    if (entry->state == TagState::kQuarantined && !find_again_locked(tag, solution.tags, *entry))
+      continue;
     entry->tag = placed;
     entry->sightings = tag.sightings;
     if (tag.last_seen != Instant{})  // in this session
       entry->last_seen_utc_ns = utc_now_ns - (newest - tag.last_seen).count();
-    if (entry->state == TagState::kQuarantined) continue;
     if (tag.sightings >= kSightingsToSettle) entry->state = TagState::kCalibrated;
     known->tags.push_back(placed);
     has_workspace_ = true;

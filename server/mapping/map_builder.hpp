@@ -15,7 +15,9 @@
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/map_config.hpp"
 #include "mapping/map_event.hpp"
+#include "mapping/moved_tags.hpp"
 #include "mapping/tag_map.hpp"
+#include "mapping/tag_watch.hpp"
 
 namespace fiducap {
 
@@ -33,6 +35,7 @@ struct MapContribution {
   bool anchored{};  ///< The body's filter stands in the workspace.
   std::span<const TagBelief> beliefs{};
   std::span<const int> contradicted{};  ///< Tags that the body's filter gave up for their place.
+  std::span<const int> fitting{};       ///< Tags that it found where the map has them.
   std::shared_ptr<const MotionSegment> segment{};  ///< That has ended, or nullptr.
 };
 
@@ -73,6 +76,7 @@ class MapBuilder final {
       std::shared_ptr<const MotionSegment> segment;
     };
     std::vector<OfBody> segments;
+    std::vector<EpochOrder> moves;  ///< Come before the segments.
     std::uint64_t contributions{};
   };
   [[nodiscard]] Waiting take_segments();
@@ -110,6 +114,10 @@ class MapBuilder final {
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
   bool quarantine_locked(const MapContribution& contribution, int tag_id);
   bool relearn_locked(int body_id, const TagBelief& belief, MapTag& entry, Ownership& owner);
+  bool watch_locked(const MapContribution& contribution, std::int64_t utc_now_ns);
+  bool suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_now_ns);
+  bool find_again_locked(const GraphTagEstimate& found, std::span<const GraphTagEstimate> all,
+                         MapTag& entry);
   void note_contradicted_once_locked(int body_id, int tag_id, const char* what_holds);
   bool settle_locked(MapTag& entry, Ownership& owner, bool moved);
   [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
@@ -125,6 +133,8 @@ class MapBuilder final {
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
   std::map<int, Ownership> ownership_;  ///< Of every tag that may still move.
+  TagWatch watch_;                      ///< With a graph …
+  MovedTags moved_;                     ///< … also this.
   std::set<int> contradicted_;          ///< Tags that were said to stay all the same.
   bool starts_with_places_;             ///< The starting map says where the workspace is.
   bool has_workspace_;                  ///< … or a body has since.

@@ -5,7 +5,9 @@
 namespace fiducap {
 
 void MapRefiner::take() {
-  auto [segments, contributions] = map_.take_segments();
+  auto [segments, moves, contributions] = map_.take_segments();
+  for (const EpochOrder& order : moves) graph_.follow(order);
+  is_settled_ &= moves.empty();
   for (const auto& [body_id, segment] : segments) {
     MotionSegment own = *segment;
     own.body_id = body_id;

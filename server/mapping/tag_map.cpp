@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace fiducap {
 
@@ -38,6 +39,11 @@ const MapTag* TagMap::find(int tag_id) const {
       std::lower_bound(tags.begin(), tags.end(), tag_id,
                        [](const MapTag& entry, int id) { return entry.tag.tag_id < id; });
   return found != tags.end() && found->tag.tag_id == tag_id ? &*found : nullptr;
+}
+
+MapTag* TagMap::find(int tag_id) {
+  const MapTag* found = std::as_const(*this).find(tag_id);
+  return found == nullptr ? nullptr : &tags[static_cast<std::size_t>(found - tags.data())];
 }
 
 void TagMap::known_among(const TagObservations& seen, std::vector<KnownTag>& out) const {

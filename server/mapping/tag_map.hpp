@@ -52,6 +52,7 @@ struct TagMap {
   std::shared_ptr<const KnownMap> known;
 
   [[nodiscard]] const MapTag* find(int tag_id) const;
+  [[nodiscard]] MapTag* find(int tag_id);
   /// The tags of `seen` that a filter may lean on (not quarantined, component 0), appended to `out`
   /// after clearing it.
   void known_among(const TagObservations& seen, std::vector<KnownTag>& out) const;

@@ -57,6 +57,8 @@ MapContribution contribution_of(int body_id, const BodyUpdate& update) {
           .anchored = update.estimate && update.estimate->anchored,
           .beliefs = update.beliefs,
           .contradicted = update.contradicted,
+          .fitting =
+              update.report.start_is_open ? std::span<const int>{} : update.report.named_fitting(),
           .segment = update.segment};
 }
 

@@ -323,12 +323,16 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
   map.mode = choice.live ? MapMode::kMapping : MapMode::kFrozen;
   map.refine_period_s = choice.refine_period_s;
   BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
+  TogetherRun out;
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     runs[body].take(update, replay.pipeline(body));
+    for (MapEvent& event : replay.map().take_events()) {
+      out.map_events.push_back(std::move(event));
+      if (choice.hear) choice.hear(out.map_events.back(), update.seen.exposed_at);
+    }
     if (choice.listen) choice.listen(body, update, *replay.view().map);
   });
   FIDUCAP_ASSERT(done.has_value());
-  TogetherRun out;
   for (std::size_t i = 0; i < runs.size(); ++i)
     out.bodies.push_back(runs[i].finish(replay.pipeline(i)));
   out.map = *replay.map().snapshot();

@@ -38,6 +38,8 @@ struct FilterChoice {
   std::function<void(const FilterMoment&)> watch{};
   /// Called at every image with what its body, counted from 0, made of it, and the map it had.
   std::function<void(std::size_t, const BodyUpdate&, const TagMap&)> listen{};
+  /// Called with what the map says, after the image that made it say so.
+  std::function<void(const MapEvent&, Instant)> hear{};
 };
 
 /// Normalised squared errors (expected value: their degrees of freedom). NaN: not known at this
@@ -126,6 +128,7 @@ struct TogetherRun {
   TagMap map;               ///< At the end; W is that of the reference tag.
   double map_position_m{};  ///< RMSE of its tags.
   double map_rotation_rad{};
+  std::vector<MapEvent> map_events;
   double map_nees{};  ///< Mean over its tags but the reference, per degree of freedom.
 };
 [[nodiscard]] TogetherRun run_together(std::span<const EstimationData> data,

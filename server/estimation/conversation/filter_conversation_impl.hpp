@@ -222,6 +222,12 @@ void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
+  for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
+    // Tags of the body's own only say that it agrees with itself.
+    const int local = tags_.usable[i].local;
+    const bool is_own = local >= 0 && coordinates().is_own(static_cast<std::size_t>(local));
+    if (tags_.accepted[i] && !is_own) report.name_fitting(tags_.usable[i].seen->tag_id);
+  }
   const auto given_up =
       contradictions_.count(seen.camera, seen.exposed_at, tags_.usable, tags_.accepted);
   for (const int tag_id : std::vector<int>(given_up.begin(), given_up.end()))

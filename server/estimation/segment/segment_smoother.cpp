@@ -26,6 +26,13 @@ constexpr double kSurestMotion = 1e-6;
 // A body without accelerometer has no bias of it; its column must not be empty.
 constexpr double kUnusedBias = 1e-9;
 
+/// Nothing of what the body saw is in it.
+bool is_blind(const MotionSegment& segment) {
+  return segment.tags.empty() &&
+         std::all_of(segment.instances.begin(), segment.instances.end(),
+                     [](const MotionSegment::Instance& i) { return i.images.empty(); });
+}
+
 /// ½ zᵀ Λ z − ηᵀ z + cost over z = (the body now, [begin, end, cameras, tags]).
 struct Information {
   explicit Information(int rest)
@@ -75,8 +82,8 @@ class Smoother final {
   std::optional<SegmentFactor> run() {
     for (int pass = 1;; ++pass) {
       Information info = eliminate();
-      if (!info.all.allFinite() || !std::isfinite(info.cost) || sightings_ == 0)
-        return std::nullopt;
+      if (!info.all.allFinite() || !std::isfinite(info.cost)) return std::nullopt;
+      if (sightings_ == 0 && !is_blind(segment_)) return std::nullopt;
       const double step = move_inner();
       if (step < kSettled || pass == kMostPasses) return factor(info);
     }

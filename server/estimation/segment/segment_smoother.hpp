@@ -43,7 +43,8 @@ struct SegmentFactor {
 
 /// Least squares over all images and readings of the segment, ends, cameras and tags held where the
 /// segment has them. Moves its instances between to where they fit best, in W axes.
-/// @return nullopt when the numbers are not finite or no image shows a tag of the segment
+/// One without tags and images only says how the body moved.
+/// @return nullopt when the numbers are not finite, or images show no tag of the segment
 [[nodiscard]] std::optional<SegmentFactor> condense(MotionSegment& segment);
 
 }  // namespace fiducap

@@ -1,34 +1,40 @@
 #include "mapping/graph/graph_components.hpp"
 
 #include <algorithm>
+#include <numeric>
+#include <set>
 
 namespace fiducap {
 
 namespace {
 
-void unite_tags(int component, GraphState& graph) {
-  std::vector<GraphTag> kept;
-  std::map<int, std::size_t> numbers;  // by id, of the component's
-  std::vector<std::size_t> now(graph.tags.size());
-  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
-    const GraphTag& tag = graph.tags[i];
-    now[i] = kept.size();
-    if (tag.component == component)
-      now[i] = numbers.try_emplace(tag.tag_id, kept.size()).first->second;
-    if (now[i] == kept.size()) {
-      kept.push_back(tag);
-      continue;
+/// Variables of a component that segments, or the prior, bind to each other.
+class Islands final {
+ public:
+  Islands(const GraphState& graph, int component)
+      : nodes_(graph.nodes.size()), parent_(nodes_ + graph.tags.size()) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+    for (const GraphSegment& segment : graph.segments) {
+      if (graph.nodes[segment.begin].component != component) continue;
+      join(segment.begin, segment.end);
+      for (const std::size_t i : segment.tags) join(segment.begin, nodes_ + i);
     }
-    GraphTag& one = kept[now[i]];
-    one.sightings += tag.sightings;
-    one.first_seen = std::min(one.first_seen, tag.first_seen);
-    one.last_seen = std::max(one.last_seen, tag.last_seen);
+    for (const std::size_t i : graph.prior.tags)
+      join(nodes_ + graph.prior.tags.front(), nodes_ + i);
   }
-  graph.tags = std::move(kept);
-  graph.prior.renumber(now);
-  for (GraphSegment& segment : graph.segments)
-    for (std::size_t& i : segment.tags) i = now[i];
-}
+  [[nodiscard]] std::size_t of_node(std::size_t i) { return root(i); }
+  [[nodiscard]] std::size_t of_tag(std::size_t i) { return root(nodes_ + i); }
+
+ private:
+  std::size_t root(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void join(std::size_t a, std::size_t b) { parent_[root(a)] = root(b); }
+
+  std::size_t nodes_;
+  std::vector<std::size_t> parent_;
+};
 
 }  // namespace
 
@@ -49,6 +55,102 @@ void merge_components(int from, int into, const Pose& T, GraphState& graph) {
   graph.level[into] = graph.level[into] || graph.level[from];
   graph.level.erase(from);
   unite_tags(into, graph);
+}
+
+void unite_tags(int component, GraphState& graph) {
+  std::vector<GraphTag> kept;
+  std::map<std::pair<int, int>, std::size_t> numbers;  // by id and epoch, of the component's
+  std::vector<std::size_t> now(graph.tags.size());
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    const GraphTag& tag = graph.tags[i];
+    now[i] = kept.size();
+    if (tag.component == component)
+      now[i] = numbers.try_emplace({tag.tag_id, tag.epoch}, kept.size()).first->second;
+    if (now[i] == kept.size()) {
+      kept.push_back(tag);
+      continue;
+    }
+    GraphTag& one = kept[now[i]];
+    one.sightings += tag.sightings;
+    one.sightings_before += tag.sightings_before;
+    one.first_seen = std::min(one.first_seen, tag.first_seen);
+    one.last_seen = std::max(one.last_seen, tag.last_seen);
+  }
+  graph.tags = std::move(kept);
+  graph.prior.renumber(now);
+  for (GraphSegment& segment : graph.segments)
+    for (std::size_t& i : segment.tags) i = now[i];
+}
+
+void forget_unseen_tags(GraphState& graph) {
+  std::vector<bool> is_seen(graph.tags.size());
+  for (const GraphSegment& segment : graph.segments)
+    for (const std::size_t i : segment.tags) is_seen[i] = true;
+  for (const std::size_t i : graph.prior.tags) is_seen[i] = true;
+  std::vector<std::size_t> now(graph.tags.size());
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    now[i] = kept;
+    if (is_seen[i]) graph.tags[kept++] = graph.tags[i];
+  }
+  graph.tags.resize(kept);
+  graph.prior.renumber(now);
+  for (GraphSegment& segment : graph.segments)
+    for (std::size_t& i : segment.tags) i = now[i];
+}
+
+int split_component(int component, int next, GraphState& graph) {
+  Islands islands(graph, component);
+  std::map<std::size_t, int> sightings;  // by island
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    if (graph.tags[i].component == component)
+      sightings[islands.of_tag(i)] += graph.tags[i].sightings;
+  }
+  if (sightings.empty()) return next;
+  const auto most =
+      std::max_element(sightings.begin(), sightings.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  std::map<std::size_t, int> numbers{{most->first, component}};
+  const auto number_of = [&](std::size_t island) {
+    const auto [at, is_new] = numbers.try_emplace(island, next);
+    if (is_new) graph.level[next++] = graph.level.at(component);
+    return at->second;
+  };
+  for (std::size_t i = 0; i < graph.tags.size(); ++i) {
+    if (graph.tags[i].component == component)
+      graph.tags[i].component = number_of(islands.of_tag(i));
+  }
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+    if (graph.nodes[i].component == component)
+      graph.nodes[i].component = number_of(islands.of_node(i));
+  }
+  return next;
+}
+
+std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph) {
+  std::set<int> bound;
+  for (const GraphTag& tag : graph.tags) bound.insert(tag.component);
+  std::vector<std::optional<std::size_t>> now(graph.nodes.size());
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+    if (!bound.contains(graph.nodes[i].component)) continue;
+    now[i] = kept;
+    graph.nodes[kept++] = graph.nodes[i];
+  }
+  graph.nodes.resize(kept);
+  std::erase_if(graph.segments, [&](const GraphSegment& s) { return !now[s.begin]; });
+  for (GraphSegment& segment : graph.segments) {
+    segment.begin = *now[segment.begin];
+    segment.end = *now[segment.end];
+  }
+  std::erase_if(graph.starts, [&](const ChainStart& start) { return !now[start.node]; });
+  for (ChainStart& start : graph.starts) {
+    start.node = *now[start.node];
+    if (start.after < 0) continue;
+    const auto after = now[static_cast<std::size_t>(start.after)];
+    start.after = after ? static_cast<int>(*after) : -1;
+  }
+  return now;
 }
 
 }  // namespace fiducap

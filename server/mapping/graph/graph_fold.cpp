@@ -90,6 +90,8 @@ std::optional<GraphPrior> prior_of(const GraphState& graph) {
 FoldedGraph without_workspace_segments(GraphState graph, GraphPrior prior) {
   FoldedGraph out = part_of(graph, false);
   out.state.prior = std::move(prior);
+  for (GraphTag& tag : out.state.tags)
+    if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
   return out;
 }
 

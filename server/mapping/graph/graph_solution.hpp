@@ -18,11 +18,13 @@ struct GraphTagEstimate {
   Pose X_WT;
   /// As KnownTag::covariance, against the mean place and heading of the tags that define W.
   Matrix6d covariance{Matrix6d::Zero()};
+  int epoch{};            ///< How often it had been moved …
+  bool is_current{true};  ///< … and has not been since: this is where it is now.
 };
 
 struct GraphSolution {
-  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component.
-  std::vector<KnownPair> pairs;        ///< Tags seen together; sorted.
+  std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component and epoch.
+  std::vector<KnownPair> pairs;        ///< Tags seen together, where they are now; sorted.
   double cost{};                       ///< Twice: chi-square …
   double numbers{};                    ///< … of so many.
   int iterations{};

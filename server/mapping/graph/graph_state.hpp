@@ -28,8 +28,10 @@ struct GraphTag {
   Pose X_WT;
   int component{};
   int sightings{};
+  int sightings_before{};  ///< Of those: in no segment, but in the prior.
   Instant first_seen{};
   Instant last_seen{};
+  int epoch{};  ///< How often it was moved before (TagEpochs).
 };
 
 struct GraphSegment {

@@ -39,7 +39,7 @@ MapGraph::MapGraph(const TagMap& start) {
   for (const MapTag& entry : start.tags) {
     if (entry.component != 0 || entry.state == TagState::kQuarantined) continue;
     const KnownTag& tag = entry.tag;
-    definition_[tag.tag_id] = tag.X_WT.p;
+    definition_[{tag.tag_id, 0}] = tag.X_WT.p;
     const bool is_surveyed = entry.state == TagState::kSurveyed;
     if (!is_surveyed && (!start.known || start.known->find(tag.tag_id) == nullptr)) continue;
     has_survey |= is_surveyed;
@@ -48,7 +48,8 @@ MapGraph::MapGraph(const TagMap& start) {
                            .edge_m = tag.edge_m,
                            .X_WT = tag.X_WT,
                            .component = kInWorkspace,
-                           .sightings = entry.sightings});
+                           .sightings = entry.sightings,
+                           .sightings_before = entry.sightings});
   }
   is_defined_ = !definition_.empty();
   if (tags.empty()) return;
@@ -72,17 +73,15 @@ std::size_t MapGraph::body_of(const MotionSegment& segment) {
 
 bool MapGraph::add(MotionSegment segment) {
   const std::size_t body = body_of(segment);
+  const std::vector<int> epochs = epochs_.sort(segment);
+  if (segment.tags.empty() && !goes_on(segment)) return false;
   GraphSegment entry;
   auto factor = condense(segment);
   if (!factor) return false;
   entry.factor = std::move(*factor);
-  const auto chain = chains_.find(segment.body_id);
-  // It does not when a segment between is missing: nobody knows how the body got over there.
-  const bool goes_on = chain != chains_.end() && chain->second.node &&
-                       chain->second.number == segment.chain &&
-                       state_.nodes[*chain->second.node].at.at == segment.begin().at;
-  entry.begin = goes_on ? *chain->second.node : begin_chain(body, segment);
-  join_workspace(entry.begin, segment);
+  entry.begin = goes_on(segment) ? *chains_.at(segment.body_id).node
+                                 : begin_chain(body, segment, is_in_workspace(segment, epochs));
+  join_workspace(entry.begin, segment, epochs);
   const int component = state_.nodes[entry.begin].component;
   const Pose G =
       axes_between(segment.begin().X_WB, state_.nodes[entry.begin].at.X_WB, segment.has_imu());
@@ -91,8 +90,10 @@ bool MapGraph::add(MotionSegment segment) {
   state_.nodes.back().at.at = segment.end().at;
   // The factor's tags stand in the factor's axes, the segment's in the filter's.
   entry.raw = std::move(segment);
-  for (const KnownTag& tag : entry.raw.tags)
-    entry.tags.push_back(tag_of(component, tag, G * tag.X_WT, entry.raw.begin().at));
+  for (std::size_t i = 0; i < epochs.size(); ++i) {
+    const KnownTag& tag = entry.raw.tags[i];
+    entry.tags.push_back(tag_of(component, tag, epochs[i], G * tag.X_WT, entry.raw.begin().at));
+  }
   count_sightings(entry);
   chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
   state_.segments.push_back(std::move(entry));
@@ -100,21 +101,31 @@ bool MapGraph::add(MotionSegment segment) {
   return true;
 }
 
-std::size_t MapGraph::tag_of(int component, const KnownTag& tag, const Pose& X_WT, Instant now) {
+/// It does not when a segment between is missing: nobody knows how the body got over there.
+bool MapGraph::goes_on(const MotionSegment& segment) const {
+  const auto chain = chains_.find(segment.body_id);
+  return chain != chains_.end() && chain->second.node && chain->second.number == segment.chain &&
+         state_.nodes[*chain->second.node].at.at == segment.begin().at;
+}
+
+std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
+                             Instant now) {
   const auto found = std::find_if(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& t) {
-    return t.tag_id == tag.tag_id && t.component == component;
+    return t.tag_id == tag.tag_id && t.component == component && t.epoch == epoch;
   });
   if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
   state_.tags.push_back({.tag_id = tag.tag_id,
                          .edge_m = tag.edge_m,
                          .X_WT = X_WT,
                          .component = component,
-                         .first_seen = now});
+                         .first_seen = now,
+                         .epoch = epoch});
   return state_.tags.size() - 1;
 }
 
-std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment) {
-  const int component = is_in_workspace(segment) ? kInWorkspace : ++components_;
+std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment,
+                                  bool is_in_workspace) {
+  const int component = is_in_workspace ? kInWorkspace : ++components_;
   state_.level[component] = state_.level[component] || segment.has_imu();
   const auto last = chains_.find(segment.body_id);
   ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu()};
@@ -132,22 +143,24 @@ std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment
 
 /// A body says that it stands in the workspace, and what it sees hangs on it. Nothing may be in a
 /// component that no sighting binds to the rest.
-bool MapGraph::is_in_workspace(const MotionSegment& segment) const {
+bool MapGraph::is_in_workspace(const MotionSegment& segment, const std::vector<int>& epochs) const {
   if (!segment.anchored) return false;
   const auto is_there = [](const auto& x) { return x.component == kInWorkspace; };
   if (std::none_of(state_.nodes.begin(), state_.nodes.end(), is_there) &&
       std::none_of(state_.tags.begin(), state_.tags.end(), is_there))
     return true;
   return std::any_of(state_.tags.begin(), state_.tags.end(), [&](const GraphTag& tag) {
-    return is_there(tag) && std::any_of(segment.tags.begin(), segment.tags.end(),
-                                        [&](const auto& t) { return t.tag_id == tag.tag_id; });
+    for (std::size_t i = 0; i < epochs.size() && is_there(tag); ++i)
+      if (segment.tags[i].tag_id == tag.tag_id && epochs[i] == tag.epoch) return true;
+    return false;
   });
 }
 
 /// A body that began in axes of its own stands in the workspace since then.
-void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment) {
+void MapGraph::join_workspace(std::size_t begin, const MotionSegment& segment,
+                              const std::vector<int>& epochs) {
   const GraphNode& node = state_.nodes[begin];
-  if (node.component == kInWorkspace || !is_in_workspace(segment)) return;
+  if (node.component == kInWorkspace || !is_in_workspace(segment, epochs)) return;
   const bool level = state_.level.at(node.component);
   merge_components(node.component, kInWorkspace,
                    axes_between(node.at.X_WB, segment.begin().X_WB, level), state_);
@@ -175,7 +188,9 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   for (std::size_t i = 0; i < entry.tags.size(); ++i) {
     const Pose here = G * entry.factor.tags[i].X_WT;
     for (const GraphTag& tag : state_.tags) {
-      if (tag.tag_id != entry.factor.tags[i].tag_id || tag.component == component) continue;
+      if (tag.tag_id != entry.factor.tags[i].tag_id || tag.component == component ||
+          tag.epoch != state_.tags[entry.tags[i]].epoch)
+        continue;
       const bool level = state_.level.at(component) && state_.level.at(tag.component);
       const Pose T = axes_between(here, tag.X_WT, level);
       if (angle_between((T * here).q, tag.X_WT.q) < kSameTilt_rad)
@@ -309,7 +324,7 @@ void MapGraph::lay_over_definition() {
     if (!definition_.empty()) lay_over_places();
     definition_.clear();
     for (const GraphTag& tag : state_.tags)
-      if (tag.component == kInWorkspace) definition_[tag.tag_id] = tag.X_WT.p;
+      if (tag.component == kInWorkspace) definition_[{tag.tag_id, tag.epoch}] = tag.X_WT.p;
     return;
   }
   lay_over_places();
@@ -318,7 +333,7 @@ void MapGraph::lay_over_definition() {
 void MapGraph::lay_over_places() {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
   for (const GraphTag& tag : state_.tags) {
-    const auto was = definition_.find(tag.tag_id);
+    const auto was = definition_.find({tag.tag_id, tag.epoch});
     if (was != definition_.end() && tag.component == kInWorkspace)
       points.emplace_back(tag.X_WT.p, was->second);
   }
@@ -326,10 +341,14 @@ void MapGraph::lay_over_places() {
 }
 
 std::optional<GraphSolution> MapGraph::tell() {
+  const auto is_current = [&](const GraphTag& tag) {
+    return tag.epoch == epochs_.newest(tag.tag_id);
+  };
   std::vector<std::size_t> defining;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
-    if (tag.component == kInWorkspace && (!is_defined_ || definition_.contains(tag.tag_id)))
+    if (tag.component == kInWorkspace &&
+        (!is_defined_ || definition_.contains({tag.tag_id, tag.epoch})))
       defining.push_back(i);
   }
   if (defining.empty()) return std::nullopt;
@@ -340,13 +359,17 @@ std::optional<GraphSolution> MapGraph::tell() {
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
     out.tags.push_back({tag.tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
-                        tag.last_seen, tag.X_WT, *covariance->between(i, i)});
+                        tag.last_seen, tag.X_WT, *covariance->between(i, i), tag.epoch,
+                        is_current(tag)});
   }
   std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
-    return std::pair(a.tag_id, a.component) < std::pair(b.tag_id, b.component);
+    return std::tuple(a.tag_id, a.component, a.epoch) < std::tuple(b.tag_id, b.component, b.epoch);
   });
+  const auto is_told = [&](std::size_t i) {
+    return state_.tags[i].component == kInWorkspace && is_current(state_.tags[i]);
+  };
   for (const auto& [i, j] : bound_tags(state_)) {
-    if (state_.tags[i].component != kInWorkspace) continue;
+    if (!is_told(i) || !is_told(j)) continue;
     const bool turned = state_.tags[i].tag_id > state_.tags[j].tag_id;
     const std::size_t first = turned ? j : i;
     const std::size_t second = turned ? i : j;

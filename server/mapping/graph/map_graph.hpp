@@ -9,6 +9,7 @@
 #include "mapping/graph/graph_covariance.hpp"
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/graph/graph_state.hpp"
+#include "mapping/graph/tag_epochs.hpp"
 #include "mapping/tag_map.hpp"
 
 namespace fiducap {
@@ -32,6 +33,8 @@ class MapGraph final {
   /// @return nullopt when there is nothing to solve, numbers are not finite, or it still moves:
   /// then the next call goes on from there
   [[nodiscard]] std::optional<GraphSolution> solve(const std::stop_token& stop = {});
+  /// A tag has left its place, or has not after all: sightings bind to another one.
+  void follow(const EpochOrder& order);
   /// What all segments of the workspace say becomes a prior, and they go. solve() does so when
   /// there are many. @pre solve() has just come to rest
   void fold();
@@ -48,13 +51,19 @@ class MapGraph final {
     int number{-1};
   };
   std::size_t body_of(const MotionSegment& segment);
-  [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment);
-  [[nodiscard]] bool is_in_workspace(const MotionSegment& segment) const;
-  void join_workspace(std::size_t begin, const MotionSegment& segment);
+  [[nodiscard]] std::size_t begin_chain(std::size_t body, const MotionSegment& segment,
+                                        bool is_in_workspace);
+  [[nodiscard]] bool goes_on(const MotionSegment& segment) const;
+  /// @param epochs  of the segment's tags
+  [[nodiscard]] bool is_in_workspace(const MotionSegment& segment,
+                                     const std::vector<int>& epochs) const;
+  void join_workspace(std::size_t begin, const MotionSegment& segment,
+                      const std::vector<int>& epochs);
+  void bind_anew(GraphSegment& entry);
   void count_sightings(const GraphSegment& entry);
   void link_components(const GraphSegment& entry, int component);
   /// Index of a tag, added when the component does not have it.
-  [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, const Pose& X_WT,
+  [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
                                    Instant now);
   bool iterate(const std::stop_token& stop, GraphSolution& done);
   int condense_again();
@@ -63,9 +72,11 @@ class MapGraph final {
   [[nodiscard]] std::optional<GraphSolution> tell();
 
   GraphState state_;
-  std::map<int, Chain> chains_;                ///< Per body id.
-  std::map<int, Eigen::Vector3d> definition_;  ///< Places of the tags that define W.
-  bool is_defined_{false};                     ///< … from the beginning; false: all tags do.
+  std::map<int, Chain> chains_;  ///< Per body id.
+  /// Places of the tags that define W, by id and epoch.
+  std::map<std::pair<int, int>, Eigen::Vector3d> definition_;
+  TagEpochs epochs_;
+  bool is_defined_{false};  ///< … from the beginning; false: all tags do.
   int components_{0};
   // A solution takes a second then, and the memory some ten megabytes.
   std::size_t most_segments_{2000};

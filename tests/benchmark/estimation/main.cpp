@@ -97,6 +97,13 @@ const std::vector<Verb>& verbs() {
        "A",
        10,
        bench_ring},
+      {"moved",
+       "tags that are moved (by metres), twice, on a door or of another size: verdicts, and false "
+       "ones",
+       {"0.14", "0.3", "twice", "door", "size", "clean"},
+       "A",
+       5,
+       bench_moved},
       {"first-day",
        "config/one_robot.yaml on rendered images of a lens that is 8 % off",
        {"table", "ceiling"},
@@ -141,6 +148,7 @@ std::vector<Table> run_quick(const EstimationOptions& base) {
   for (const Verb& verb : verbs()) {
     // Take a minute by themselves.
     if (verb.run == bench_starloc || verb.run == bench_live_branches) continue;
+    if (verb.run == bench_ring || verb.run == bench_moved) continue;
     EstimationOptions options = base;
     options.quick = true;
     options.classes = verb.classes.empty() ? verb.classes : std::vector<std::string>{"table"};

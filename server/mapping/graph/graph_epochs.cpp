@@ -1,0 +1,53 @@
+// What becomes of a map graph's segments when a tag has left its place.
+#include <algorithm>
+
+#include "estimation/filter/heading_rule.hpp"
+#include "mapping/graph/graph_components.hpp"
+#include "mapping/graph/map_graph.hpp"
+
+namespace fiducap {
+
+void MapGraph::follow(const EpochOrder& order) {
+  const int last = epochs_.newest(order.tag_id);
+  epochs_.follow(order);
+  if (order.opens) {
+    for (GraphSegment& entry : state_.segments) {
+      const bool has_tag = std::any_of(entry.raw.tags.begin(), entry.raw.tags.end(),
+                                       [&](const auto& t) { return t.tag_id == order.tag_id; });
+      if (has_tag && entry.raw.end().at > order.opens->gone) bind_anew(entry);
+    }
+  } else {
+    for (GraphTag& tag : state_.tags)
+      if (tag.tag_id == order.tag_id && tag.epoch == last) --tag.epoch;
+    std::set<int> components;
+    for (const GraphTag& tag : state_.tags) components.insert(tag.component);
+    for (const int component : components) unite_tags(component, state_);
+  }
+  forget_unseen_tags(state_);
+  for (GraphTag& tag : state_.tags) tag.sightings = tag.sightings_before;
+  for (const GraphSegment& entry : state_.segments) count_sightings(entry);
+  // The workspace is 0; new ones are counted from 1.
+  components_ = split_component(0, components_ + 1, state_) - 1;
+  const auto now = forget_unbound_paths(state_);
+  for (auto& [body_id, chain] : chains_)
+    if (chain.node) chain.node = now[*chain.node];
+}
+
+/// Its sightings are of other places than was thought, or of none.
+void MapGraph::bind_anew(GraphSegment& entry) {
+  MotionSegment raw = entry.raw;
+  const std::vector<int> epochs = epochs_.sort(raw);
+  auto factor = condense(raw);
+  if (!factor) return;
+  const GraphNode& begin = state_.nodes[entry.begin];
+  const Pose G = axes_between(raw.begin().X_WB, begin.at.X_WB, raw.has_imu());
+  entry.tags.clear();
+  for (std::size_t i = 0; i < epochs.size(); ++i) {
+    entry.tags.push_back(
+        tag_of(begin.component, raw.tags[i], epochs[i], G * raw.tags[i].X_WT, raw.begin().at));
+  }
+  entry.raw = std::move(raw);
+  entry.factor = std::move(*factor);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,147 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+
+#include <Eigen/Cholesky>
+
+#include "base/so3.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "mapping/graph/map_graph.hpp"
+#include "pipeline/body_pipeline.hpp"
+#include "simulation/room_shape.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap {
+
+inline constexpr Instant kStart = instant_from_ns(1'000'000'000);
+
+inline simulation::RoomConfig table() {
+  simulation::RoomConfig room;
+  room.preset = "table";
+  return room;
+}
+
+struct RobotSetup {
+  int id{1};
+  std::uint64_t seed{1};
+  double seconds{12};
+  simulation::RoomConfig room{table()};
+  /// False: it stays in axes of its own, for its map says nothing.
+  bool may_define_workspace{true};
+  bool has_imu{true};
+  simulation::FaultConfig faults{};
+};
+
+/// What a body's pipeline tells the graph of a motion over three tags on a table.
+struct Robot {
+  explicit Robot(const RobotSetup& setup) : id(setup.id) {
+    simulation::SimulatedBodyConfig body;
+    CameraMount mount;
+    mount.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
+    mount.X_BV = simulation::forward_camera();
+    body.cameras = {mount};
+    body.has_imu = setup.has_imu;
+    body.camera.images = false;
+    body.faults = setup.faults;
+    body.trajectory.kind = "table";
+    body.trajectory.seed = body.seed = setup.seed;
+    body.trajectory.duration_s = setup.seconds;
+    auto motion = simulation::make_trajectory(body.trajectory, table(), mount.X_BV);
+    auto source =
+        simulation::make_simulated_source(setup.room, body, kStart, nullptr, std::move(*motion));
+    PipelineSetup pipeline_setup;
+    pipeline_setup.sensors.cameras = {told(mount, setup.seed)};
+    if (setup.has_imu) pipeline_setup.sensors.imu = body.imu.noise;
+    for (const RecordedTag& tag : simulation::tags_of(setup.room)) {
+      pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
+      truth[tag.tag_id] = tag.X_WT;
+    }
+    pipeline_setup.records_segments = true;
+    sensors = pipeline_setup.sensors;
+    estimator = pipeline_setup.estimator;
+    BodyPipeline pipeline(pipeline_setup);
+    const MapView view{std::make_shared<const TagMap>(), setup.may_define_workspace};
+    for (auto sample = (*source)->next({}); sample && *sample; sample = (*source)->next({})) {
+      (void)pipeline.push(std::move(**sample));
+      while (pipeline.next() != nullptr) {
+        const BodyUpdate* update = pipeline.take(view);
+        if (update == nullptr || !update->segment) continue;
+        segments.push_back(*update->segment);
+        segments.back().body_id = id;
+      }
+    }
+  }
+
+  /// As far off as its sigmas say.
+  static CameraMount told(CameraMount mount, std::uint64_t seed) {
+    std::mt19937_64 random(seed * 77 + 5);
+    std::normal_distribution<double> gauss;
+    const auto draw = [&](double sigma) {
+      const double x = gauss(random);
+      const double y = gauss(random);
+      return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
+    };
+    mount.X_BV.p += draw(mount.position_sigma_m);
+    mount.X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * mount.X_BV.q;
+    return mount;
+  }
+
+  int id;
+  BodySensors sensors;
+  EstimatorConfig estimator;
+  std::map<int, Pose> truth;
+  std::vector<MotionSegment> segments;
+};
+
+using Robots = std::vector<Robot>;
+
+/// Bodies' segments one after the other, in the order of the bodies.
+inline MapGraph graph_of(const Robots& robots) {
+  MapGraph graph;
+  for (const Robot& robot : robots)
+    for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(graph.add(segment));
+  return graph;
+}
+
+/// The yaw and shift that lays tags over where others have them.
+template <class Place>
+Pose level_between(const std::vector<GraphTagEstimate>& tags, const Place& place) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const GraphTagEstimate& tag : tags) points.emplace_back(tag.X_WT.p, place(tag.tag_id).p);
+  return lay_over(points);
+}
+
+struct Score {
+  double nees{};  ///< Per degree of freedom, mean over the tags.
+  double worst_m{};
+};
+
+/// Place and heading of all tags together are taken out: nothing says where the room is.
+inline Score score(const std::vector<GraphTagEstimate>& tags, const std::map<int, Pose>& truth) {
+  const Pose level = level_between(tags, [&](int tag_id) { return truth.at(tag_id); });
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = level.rotation();
+  Score out;
+  for (const GraphTagEstimate& tag : tags) {
+    const Pose X = level * tag.X_WT;
+    const Pose& expected = truth.at(tag.tag_id);
+    Vector6d error;
+    error << X.p - expected.p, log_so3(X.q * expected.q.conjugate());
+    const Matrix6d covariance = turn * tag.covariance * turn.transpose();
+    out.nees += error.dot(covariance.ldlt().solve(error)) / 6 / static_cast<double>(tags.size());
+    out.worst_m = std::max(out.worst_m, error.head<3>().norm());
+  }
+  return out;
+}
+
+inline std::vector<GraphTagEstimate> in_component(const GraphSolution& solution, int component) {
+  std::vector<GraphTagEstimate> out;
+  for (const GraphTagEstimate& tag : solution.tags)
+    if (tag.component == component) out.push_back(tag);
+  return out;
+}
+
+}  // namespace fiducap

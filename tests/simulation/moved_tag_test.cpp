@@ -1,0 +1,115 @@
+// A tag that somebody moves while robots map: pipelines, builder and refiner as in the server, in
+// virtual time.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/so3.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "simulation/filter_run.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kSeconds = 40;
+constexpr double kMovedAt_s = 20;
+constexpr double kRefine_s = 2;
+const Eigen::Vector3d kMovedBy(0.2, -0.2, 0.1);
+
+/// Two that walk the same part of the ring: whoever sees the tag, both have to use it.
+class MovedTagSimulation : public testing::Test {
+ protected:
+  MovedTagSimulation() {
+    moved_ = most_seen_tag(simulate(setup(0)));
+    for (std::uint64_t k = 0; k < 2; ++k) {
+      SimulatedDataSetup one = setup(k);
+      one.faults.moved_tag = moved_;
+      one.faults.moved_at_s = kMovedAt_s;
+      one.faults.moved_by_m = kMovedBy;
+      robots_.push_back(simulate(one));
+    }
+    for (EstimationData& robot : robots_) robot.reference_tag = robots_.front().reference_tag;
+    choice_.filter = "world";
+    choice_.live = true;
+    choice_.refine_period_s = kRefine_s;
+  }
+
+  static SimulatedDataSetup setup(std::uint64_t k) {
+    return {.world = "ring",
+            .seconds = kSeconds,
+            .seed = 5 + 100 * k,
+            .from = 0.05 * static_cast<double>(k),
+            .share = 0.12};
+  }
+
+  [[nodiscard]] std::vector<MapEvent> verdicts(const TogetherRun& run) const {
+    std::vector<MapEvent> out;
+    for (const MapEvent& event : run.map_events) {
+      if (event.kind == MapEvent::Kind::kTagQuarantined ||
+          event.kind == MapEvent::Kind::kTagMoved || event.kind == MapEvent::Kind::kTagDisputed)
+        out.push_back(event);
+    }
+    return out;
+  }
+
+  /// Of a tag in the map, against the others; squared, per degree of freedom.
+  [[nodiscard]] double nees(const TagMap& map, int tag_id) const {
+    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+    for (const MapTag& tag : map.tags) {
+      if (tag.tag.tag_id != moved_)
+        points.emplace_back(robots_.front().tag(tag.tag.tag_id)->X_WT.p, tag.tag.X_WT.p);
+    }
+    Pose truth = robots_.front().tag(tag_id)->X_WT;
+    if (tag_id == moved_) truth.p += kMovedBy;
+    truth = lay_over(points) * truth;
+    const KnownTag& tag = map.find(tag_id)->tag;
+    Vector6d e;
+    e << tag.X_WT.p - truth.p, log_so3(tag.X_WT.q * truth.q.conjugate());
+    return e.dot(tag.covariance.ldlt().solve(e)) / 6;
+  }
+
+  std::vector<EstimationData> robots_;
+  FilterChoice choice_;
+  int moved_{};
+};
+
+TEST_F(MovedTagSimulation, IsNoticedWithinSecondsAndFoundAgain) {
+  const Instant moved_at = time_of(robots_.front().samples.front()) + from_seconds(kMovedAt_s);
+  std::optional<Instant> sighted;
+  std::optional<Instant> noticed;
+  choice_.listen = [&](std::size_t, const BodyUpdate& update, const TagMap&) {
+    const bool sees = std::any_of(update.seen.tags.begin(), update.seen.tags.end(),
+                                  [&](const auto& t) { return t.tag_id == moved_; });
+    if (sees && !sighted && update.seen.exposed_at > moved_at) sighted = update.seen.exposed_at;
+  };
+  choice_.hear = [&](const MapEvent& event, Instant at) {
+    if (event.kind == MapEvent::Kind::kTagQuarantined && !noticed) noticed = at;
+  };
+  const TogetherRun run = run_together(robots_, choice_);
+  ASSERT_TRUE(sighted && noticed);
+  EXPECT_LT(to_seconds(*noticed - *sighted), 5);
+  const auto said = verdicts(run);
+  ASSERT_EQ(said.size(), 2U);
+  EXPECT_EQ(said[0].kind, MapEvent::Kind::kTagQuarantined);
+  EXPECT_EQ(said[1].kind, MapEvent::Kind::kTagMoved);
+  EXPECT_THAT(said[1].text, HasSubstr("was moved by 30"));
+  for (const MapEvent& event : said) EXPECT_EQ(event.tag_id, moved_);
+  ASSERT_NE(run.map.known->find(moved_), nullptr);
+  EXPECT_LT(nees(run.map, moved_), 9);
+  for (const MapTag& tag : run.map.tags) EXPECT_LT(nees(run.map, tag.tag.tag_id), 9);
+}
+
+TEST_F(MovedTagSimulation, ARobotWithAWrongLensTakesNothingOutOfTheMap) {
+  robots_[0] = simulate(setup(0));
+  robots_[1] = simulate(setup(1));
+  robots_[1].reference_tag = robots_[0].reference_tag;
+  robots_[1].camera.model.fu *= 1.1;
+  robots_[1].camera.model.fv *= 1.1;
+  const TogetherRun run = run_together(robots_, choice_);
+  EXPECT_TRUE(verdicts(run).empty()) << verdicts(run).front().text;
+  for (const MapTag& tag : run.map.tags) EXPECT_NE(tag.state, TagState::kQuarantined);
+}
+
+}  // namespace
+}  // namespace fiducap
