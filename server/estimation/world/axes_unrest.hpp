@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <utility>
 
 #include "base/pose.hpp"
 #include "base/so3.hpp"
@@ -12,11 +13,11 @@ namespace fiducap::world {
 /// linear then looks like a lens or a print that is wrong.
 class AxesUnrest final {
  public:
-  void begin(Instant now) { until_ = now + kLasts; }
   /// @param X_new_old  by which the map moved a body that now is at X_WB
   void note(const Pose& X_new_old, const Pose& X_WB, Instant now) {
     const double moved_m = (X_WB.p - (X_new_old.inverse() * X_WB).p).norm();
-    if (moved_m > kFar_m || log_so3(X_new_old.q).norm() > kFar_rad) begin(now);
+    const bool is_far = moved_m > kFar_m || log_so3(X_new_old.q).norm() > kFar_rad;
+    if (std::exchange(is_first_, false) || is_far) until_ = now + kLasts;
   }
   [[nodiscard]] bool is_on(Instant now) const { return now < until_; }
 
@@ -25,6 +26,7 @@ class AxesUnrest final {
   static constexpr double kFar_m = 0.1;
   static constexpr double kFar_rad = 0.02;
 
+  bool is_first_{true};
   Instant until_{Instant::min()};
 };
 

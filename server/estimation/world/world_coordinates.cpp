@@ -224,9 +224,12 @@ void WorldCoordinates::look_at(const TagObservations& seen) {
 }
 
 void WorldCoordinates::moved_axes(const Pose& X_new_old) {
-  unrest_.begin(state_.time);
   memory_.move_axes(X_new_old);
   noise_watch_.lose_motion();  // its covariance was in the old axes
+}
+
+const CornerNoise& WorldCoordinates::noise(int camera) const {
+  return corner_noise_[static_cast<std::size_t>(camera)];
 }
 
 LearnedSensors WorldCoordinates::learned(int camera) const {

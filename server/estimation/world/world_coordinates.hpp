@@ -109,9 +109,7 @@ class WorldCoordinates final {
   void keep_defined(std::size_t tag, const HeadingRule& rule);
   void moved_axes(const Pose& X_new_old);
 
-  [[nodiscard]] const CornerNoise& noise(int camera) const {
-    return corner_noise_[static_cast<std::size_t>(camera)];
-  }
+  [[nodiscard]] const CornerNoise& noise(int camera) const;
   [[nodiscard]] LearnedSensors learned(int camera) const;
   [[nodiscard]] ImageMemory& memory() { return memory_; }
   [[nodiscard]] std::optional<Instant> needed_since() const { return memory_.needed_since(); }
