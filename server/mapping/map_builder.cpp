@@ -82,6 +82,10 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
       working_(std::move(start)),
       starts_with_places_(has_places(working_)),
       has_workspace_(starts_with_places_) {
+  if (config.refine_period_s == 0 && working_.known) {
+    working_.known.reset();
+    snapshot_ = std::make_shared<const TagMap>(working_);
+  }
   for (const MapTag& entry : working_.tags) {
     if (entry.state == TagState::kLocal) ownership_[entry.tag.tag_id] = {};
     if (entry.state == TagState::kQuarantined)
@@ -287,13 +291,12 @@ MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_b
 }
 
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
-  auto known = std::make_shared<KnownMap>();
-  known->pairs = std::move(solution.pairs);
+  KnownMap known;
+  known.pairs = std::move(solution.pairs);
   Instant newest = Instant::min();  // of the solution: about now
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen) return contributions_;
-  known->revision = 1 + std::max(revision_, working_.known ? working_.known->revision : 0);
   for (const GraphTagEstimate& tag : solution.tags) {
     if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
     if (moved_.is_outdated(tag)) continue;
@@ -312,12 +315,18 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
     if (tag.last_seen != Instant{})  // in this session
       entry->last_seen_utc_ns = utc_now_ns - (newest - tag.last_seen).count();
     if (tag.sightings >= kSightingsToSettle) entry->state = TagState::kCalibrated;
-    known->tags.push_back(placed);
+    known.tags.push_back(placed);
     has_workspace_ = true;
   }
-  working_.known = std::move(known);
+  replace_known_locked(std::move(known));
   publish_locked(utc_now_ns);
   return contributions_;
+}
+
+/// With a revision of its own: filters take it over once.
+void MapBuilder::replace_known_locked(KnownMap known) {
+  known.revision = 1 + (working_.known ? working_.known->revision : 0);
+  working_.known = std::make_shared<const KnownMap>(std::move(known));
 }
 
 void MapBuilder::publish_locked(std::int64_t utc_now_ns) {

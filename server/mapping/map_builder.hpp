@@ -46,14 +46,13 @@ struct MapContribution {
 /// for a `view` before each image and contributes after it; in between it alone may define the
 /// workspace.
 ///
-/// Surveyed tags stay as they are, and so do tags that start calibrated until a body contradicts
-/// them. A new tag belongs to the body that knows it best: its belief is copied, beliefs of
-/// different bodies are never averaged (they share known tags, so they are not independent).
-/// Another body takes a tag over when its position variance is 30 % smaller; a belief that much
-/// worse than the map's is ignored, also the owner's. A tag that a body contradicts is quarantined
-/// until a body has learned it anew, also over a restart; one that is then found less than 0.1 m
-/// and 0.1 rad away is disputed: it stays where it was, and contradictions count again only a
-/// minute later. The joint refinement over keyframes of all bodies will take this place.
+/// Surveyed tags stay as they are. With a graph (`refine_period_s`) it says where all others are
+/// (adopt), and TagWatch finds out which have left their places. Without one a tag belongs to the
+/// body that knows it best: its belief is copied, never averaged with others' (they share known
+/// tags, so they are not independent); another body takes it over when its position variance is
+/// 30 % smaller. A tag that a body contradicts is quarantined until one has learned it anew; found
+/// less than 0.1 m and 0.1 rad away it is disputed: it stays, and contradictions count again a
+/// minute later. Beliefs do not keep ties between tags (TagMap::known) true: they are dropped.
 ///
 /// A snapshot is published when a tag is new, moved by 0.1 mm or 0.01°, changed its state, or its
 /// 1-sigma changed by a tenth, each against the published map; sightings and times travel along
@@ -124,6 +123,7 @@ class MapBuilder final {
                                    Ownership& owner);
   MapTag& add_locked(int body_id, const TagBelief& belief);
   MapTag& insert_locked(const KnownTag& tag, const std::string& seen_by);
+  void replace_known_locked(KnownMap known);
   void publish_locked(std::int64_t utc_now_ns);
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 

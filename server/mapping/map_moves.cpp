@@ -36,13 +36,12 @@ bool MapBuilder::suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_
   watch_.forget(tag_id);
   entry.state = TagState::kQuarantined;
   if (working_.known == nullptr) return true;
-  auto known = std::make_shared<KnownMap>(*working_.known);
-  known->revision = revision_ + 1;
-  std::erase_if(known->tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
-  std::erase_if(known->pairs, [&](const KnownPair& pair) {
+  KnownMap known = *working_.known;
+  std::erase_if(known.tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
+  std::erase_if(known.pairs, [&](const KnownPair& pair) {
     return pair.first_id == tag_id || pair.second_id == tag_id;
   });
-  working_.known = std::move(known);
+  replace_known_locked(std::move(known));
   return true;
 }
 

@@ -42,20 +42,6 @@ CameraMount simulated_camera(const SimulatedDataSetup& setup) {
   return mount;
 }
 
-Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
-  std::mt19937_64 random(seed * 77 + 5);
-  std::normal_distribution<double> gauss;
-  const auto draw = [&](double sigma) {
-    const double x = gauss(random);
-    const double y = gauss(random);
-    return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
-  };
-  Pose X_BV = mount.X_BV;
-  X_BV.p += draw(mount.position_sigma_m);
-  X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * X_BV.q;
-  return X_BV;
-}
-
 /// As the camera is, looking along x, -x, y and -y in turn, 10 cm from the middle of the body.
 std::vector<CameraMount> simulated_rig(const SimulatedDataSetup& setup) {
   constexpr double kRadius_m = 0.1;
@@ -232,6 +218,20 @@ void collect(EstimationData& data, const SimulatedDataSetup& setup,
 }
 
 }  // namespace
+
+Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed) {
+  std::mt19937_64 random(seed * 77 + 5);
+  std::normal_distribution<double> gauss;
+  const auto draw = [&](double sigma) {
+    const double x = gauss(random);
+    const double y = gauss(random);
+    return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
+  };
+  Pose X_BV = mount.X_BV;
+  X_BV.p += draw(mount.position_sigma_m);
+  X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * X_BV.q;
+  return X_BV;
+}
 
 const TruthSample& EstimationData::truth_at(Instant at) const {
   const auto found = std::lower_bound(truth.begin(), truth.end(), at,

@@ -39,6 +39,9 @@ struct EstimationData {
   [[nodiscard]] double path_m(Instant at) const;
 };
 
+/// Where a camera is said to be, as far off as its sigmas tell.
+[[nodiscard]] Pose drawn_extrinsics(const CameraMount& mount, std::uint64_t seed);
+
 /// A body of the simulator, its tags as corners with noise or as found in images.
 struct SimulatedDataSetup {
   std::string world{"table"};  ///< Room preset and class of motion; `hall` is walked by `survey`,

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <random>
 
 #include <Eigen/Cholesky>
 
@@ -11,6 +10,7 @@
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/map_graph.hpp"
 #include "pipeline/body_pipeline.hpp"
+#include "simulation/estimation_data.hpp"
 #include "simulation/room_shape.hpp"
 #include "simulation/simulation.hpp"
 
@@ -53,7 +53,8 @@ struct Robot {
     auto source =
         simulation::make_simulated_source(setup.room, body, kStart, nullptr, std::move(*motion));
     PipelineSetup pipeline_setup;
-    pipeline_setup.sensors.cameras = {told(mount, setup.seed)};
+    pipeline_setup.sensors.cameras = {mount};
+    pipeline_setup.sensors.cameras[0].X_BV = drawn_extrinsics(mount, setup.seed);
     if (setup.has_imu) pipeline_setup.sensors.imu = body.imu.noise;
     for (const RecordedTag& tag : simulation::tags_of(setup.room)) {
       pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
@@ -73,20 +74,6 @@ struct Robot {
         segments.back().body_id = id;
       }
     }
-  }
-
-  /// As far off as its sigmas say.
-  static CameraMount told(CameraMount mount, std::uint64_t seed) {
-    std::mt19937_64 random(seed * 77 + 5);
-    std::normal_distribution<double> gauss;
-    const auto draw = [&](double sigma) {
-      const double x = gauss(random);
-      const double y = gauss(random);
-      return Eigen::Vector3d(sigma * Eigen::Vector3d(x, y, gauss(random)));
-    };
-    mount.X_BV.p += draw(mount.position_sigma_m);
-    mount.X_BV.q = exp_so3(draw(mount.rotation_sigma_rad)) * mount.X_BV.q;
-    return mount;
   }
 
   int id;

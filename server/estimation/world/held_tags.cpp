@@ -59,7 +59,7 @@ void forget_unknown(FilterState& state, const KnownMap& map) {
 }  // namespace
 
 std::optional<Pose> HeldTags::take_over(FilterState& state, const KnownMap& map, bool level) {
-  if (revision_ == map.revision) return std::nullopt;
+  if (!has_news(map)) return std::nullopt;
   revision_ = map.revision;
   return exchange(state, map, level);
 }

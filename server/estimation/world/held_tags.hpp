@@ -15,6 +15,8 @@ namespace fiducap::world {
 /// and a few that were seen last.
 class HeldTags final {
  public:
+  /// The map has another revision than the one that was last taken over.
+  [[nodiscard]] bool has_news(const KnownMap& map) const { return revision_ != map.revision; }
   /// See exchange(); once for each revision of the map.
   std::optional<Pose> take_over(FilterState& state, const KnownMap& map, bool level);
   /// Takes over what the map says of tags in view and of those held.

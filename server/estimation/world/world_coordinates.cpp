@@ -246,6 +246,7 @@ void WorldCoordinates::hold_one(const KnownTag& tag, const KnownMap* whole, Inst
 }
 
 std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
+  if (!held_tags_.has_news(map)) return std::nullopt;  // most images: nothing to do
   const auto evidence = suspects_.evidence(state_);
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;

@@ -199,6 +199,35 @@ TEST_F(MapMovesTest, ASurveyedTagStays) {
   ASSERT_EQ(builder.take_events().size(), 1U);
 }
 
+/// A map as a session with a graph has stored it.
+TagMap map_with_ties() {
+  TagMap map;
+  auto known = std::make_shared<KnownMap>();
+  known->revision = 1;
+  const GraphTagEstimate tag = estimate(kMoved, 1);
+  known->tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance});
+  map.tags.push_back({.tag = known->tags.back(), .state = TagState::kCalibrated});
+  map.known = std::move(known);
+  return map;
+}
+
+TEST(MapMoves, StoredTiesAreKeptWhereAGraphKeepsThemTrueAndDroppedElsewhere) {
+  const MapBuilder with_graph({.refine_period_s = 2}, map_with_ties());
+  EXPECT_NE(with_graph.snapshot()->known, nullptr);
+  const MapBuilder with_beliefs({.refine_period_s = 0}, map_with_ties());
+  EXPECT_EQ(with_beliefs.snapshot()->known, nullptr);
+  EXPECT_NE(with_beliefs.snapshot()->find(kMoved), nullptr);
+}
+
+TEST(MapMoves, EveryChangeOfStoredTiesIsNewsForFilters) {
+  MapBuilder builder({.refine_period_s = 2}, map_with_ties());
+  const auto before = builder.snapshot()->known->revision;
+  GraphSolution solution;
+  solution.tags.push_back(estimate(kMoved, 1.1));
+  builder.adopt(std::move(solution), kNow_utc_ns);
+  EXPECT_GT(builder.snapshot()->known->revision, before);
+}
+
 TEST(MapMoves, ATagQuarantinedInAnEarlierSessionIsUsedOnceTheGraphHasIt) {
   TagMap start;
   start.tags.push_back({.tag = belief(kMoved).tag, .state = TagState::kQuarantined});
