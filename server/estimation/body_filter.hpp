@@ -18,6 +18,8 @@
 
 namespace fiducap {
 
+class SegmentRecorder;
+
 /// What the filter must know about the body it follows.
 struct BodySensors {
   std::vector<CameraMount> cameras;
@@ -103,6 +105,8 @@ class BodyFilter {
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   /// The same, also of a start that may be taken back.
   virtual void own_tags(std::vector<TagBelief>& out) const { tag_beliefs(out); }
+  /// After `start_changed`, once: what the start that has won saw, up to the present image.
+  [[nodiscard]] virtual std::optional<SegmentRecorder> take_start();
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
   /// The merger of the samples adds shift_to_apply() to the camera's stamps
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter

@@ -20,7 +20,7 @@ struct MapConfig {
   /// What all bodies saw is solved together this often, in seconds of their data, and the map is
   /// what comes out (MapRefiner): every tag seen often enough, with its sigma, whatever that is.
   /// 0: never, each tag is the business of the body that knows it best.
-  double refine_period_s{0.0};
+  double refine_period_s{2.0};
   double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;

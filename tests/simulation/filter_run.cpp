@@ -254,6 +254,7 @@ PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice
 namespace {
 
 TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
+  if (choice.start) return *choice.start;
   TagMap map;
   if (!choice.knowledge.map_known()) {
     map.reference_tag = data.reference_tag;

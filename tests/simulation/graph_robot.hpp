@@ -32,6 +32,7 @@ struct RobotSetup {
   /// False: it stays in axes of its own, for its map says nothing.
   bool may_define_workspace{true};
   bool has_imu{true};
+  std::optional<int> reference_tag{};
   simulation::FaultConfig faults{};
 };
 
@@ -60,6 +61,7 @@ struct Robot {
       pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
       truth[tag.tag_id] = tag.X_WT;
     }
+    pipeline_setup.gauge.reference_tag = setup.reference_tag;
     pipeline_setup.records_segments = true;
     sensors = pipeline_setup.sensors;
     estimator = pipeline_setup.estimator;

@@ -76,9 +76,9 @@ TEST(MapGraphSimulation, ABodyInAxesOfItsOwnJoinsByTheTagsThatBothSee) {
 
 TEST(MapGraphSimulation, ABodyThatFindsTheWorkspaceOnItsWayTakesWhatItKnowsAlong) {
   Robot robot({.seed = 4, .may_define_workspace = false});
-  // From its third segment on its filter stands in the workspace.
+  // Half way its filter comes to stand in the workspace.
   const Pose G{exp_so3({0, 0, 0.7}), {1, 2, 3}};
-  for (std::size_t i = 2; i < robot.segments.size(); ++i) {
+  for (std::size_t i = robot.segments.size() / 2; i < robot.segments.size(); ++i) {
     MotionSegment& segment = robot.segments[i];
     segment.anchored = true;
     for (auto& instance : segment.instances) instance.body = in_other_axes(G, instance.body);
@@ -91,7 +91,8 @@ TEST(MapGraphSimulation, ABodyThatFindsTheWorkspaceOnItsWayTakesWhatItKnowsAlong
   ASSERT_TRUE(solution);
   ASSERT_EQ(solution->tags.size(), 3u);
   EXPECT_LT(score(solution->tags, robot.truth).worst_m, 0.003);
-  EXPECT_LT((solution->tags.front().X_WT.p - expected.p).norm(), 0.02) << "in those axes";
+  constexpr double kFirstSight_m = 0.05;  // nobody said where W is: tags stay where they came to be
+  EXPECT_LT((solution->tags.front().X_WT.p - expected.p).norm(), kFirstSight_m);
 }
 
 TEST(MapGraphSimulation, TwoBodiesWithoutAWorkspaceAreOneComponent) {
@@ -200,6 +201,7 @@ Difference difference(const GraphSolution& one, const GraphSolution& other) {
 }
 
 TEST(MapGraphSimulation, WhatIsFoldedIsKnownAsBefore) {
+  constexpr std::size_t kKept = 12;  // what is folded is linearised for good
   const Robots robots{Robot({.id = 1, .seed = 3}), Robot({.id = 2, .seed = 4})};
   MapGraph whole = graph_of(robots);
   const auto expected = whole.solve();
@@ -210,10 +212,10 @@ TEST(MapGraphSimulation, WhatIsFoldedIsKnownAsBefore) {
       EXPECT_TRUE(folded.add(segment));
       found = folded.solve();
       ASSERT_TRUE(found);
-      if (folded.state().segments.size() >= 5) folded.fold();
+      if (folded.state().segments.size() >= kKept) folded.fold();
     }
   }
-  EXPECT_LT(folded.state().segments.size(), 5U);
+  EXPECT_LT(folded.state().segments.size(), kKept);
   ASSERT_TRUE(expected);
   ASSERT_EQ(found->tags.size(), expected->tags.size());
   for (std::size_t i = 0; i < found->tags.size(); ++i)
@@ -284,6 +286,76 @@ TEST(MapGraphSimulation, ASurveyedTagSaysWhereTheRoomIs) {
     EXPECT_LT((solution->tags[i].X_WT.p - (at * free->tags[i].X_WT).p).norm(), 0.005);
     EXPECT_GT(std::sqrt(solution->tags[i].covariance.trace()), 1e-4);
   }
+}
+
+TEST(MapGraphSimulation, AReferenceTagSaysWhereTheRoomIs) {
+  constexpr int kSeeds = 12;
+  TagMap start;
+  start.reference_tag = 1;
+  double nees = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const Robot robot({.seed = seed, .reference_tag = 1});
+    MapGraph graph(start);
+    for (const MotionSegment& segment : robot.segments) EXPECT_TRUE(graph.add(segment));
+    const auto solution = graph.solve();
+    ASSERT_TRUE(solution);
+    // At the origin; its x axis is W's but for the tilt.
+    const Eigen::Vector3d h = robot.truth.at(1).q * Eigen::Vector3d::UnitX();
+    const Eigen::Quaterniond turn = exp_so3({0, 0, -std::atan2(h.y(), h.x())});
+    const Pose X_WR{turn, -(turn * robot.truth.at(1).p)};
+    for (const GraphTagEstimate& tag : solution->tags) {
+      const Pose truth = X_WR * robot.truth.at(tag.tag_id);
+      Vector6d error;
+      error << tag.X_WT.p - truth.p, log_so3(tag.X_WT.q * truth.q.conjugate());
+      if (tag.tag_id == 1) EXPECT_LT(error.head<3>().norm(), 1e-5);
+      if (tag.tag_id == 1) EXPECT_LT(tag.covariance(0, 0), 1e-10);
+      if (tag.tag_id == 1) continue;
+      nees += error.dot(tag.covariance.ldlt().solve(error)) / 6 / (2 * kSeeds);
+    }
+  }
+  EXPECT_GT(nees, 0.5);
+  EXPECT_LT(nees, 1.6);
+}
+
+TEST(MapGraphSimulation, AMapThatHangsOnItsReferenceTagGoesOnDoingSo) {
+  TagMap start;
+  start.reference_tag = 1;
+  const Robot robot({.seed = 3, .reference_tag = 1});
+  MapGraph first(start);
+  for (const MotionSegment& segment : robot.segments) (void)first.add(segment);
+  const auto before = first.solve();
+  ASSERT_TRUE(before);
+  auto known = std::make_shared<KnownMap>();
+  known->pairs = before->pairs;
+  for (const GraphTagEstimate& tag : before->tags) {
+    known->tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance});
+    start.tags.push_back({known->tags.back(), TagState::kCalibrated, 0, 0, tag.sightings, 0});
+  }
+  start.known = std::move(known);
+  MapGraph second(start);
+  MotionSegment again = robot.segments.back();
+  ASSERT_TRUE(second.add(again));
+  const auto after = second.solve();
+  ASSERT_TRUE(after);
+  for (std::size_t i = 0; i < before->tags.size(); ++i) {
+    const double was = before->tags[i].covariance.diagonal().head<3>().sum();
+    const double is = after->tags[i].covariance.diagonal().head<3>().sum();
+    if (before->tags[i].tag_id == 1) {
+      EXPECT_LT((after->tags[i].X_WT.p - before->tags[i].X_WT.p).norm(), 1e-5);
+      continue;
+    }
+    // A second more says little of the heading that the others' places hang on.
+    EXPECT_LT(is, 1.01 * was);
+    EXPECT_GT(is, 0.3 * was);
+  }
+}
+
+TEST(MapGraphSimulation, AStartThatWasFollowedAgainIsInTheSegments) {
+  const Robot robot({.seed = 5});
+  EXPECT_LT(robot.segments.at(0).begin().at - kStart, std::chrono::milliseconds(500));
+  for (std::size_t i = 1; i < robot.segments.size(); ++i)
+    EXPECT_EQ(robot.segments[i].begin().at, robot.segments[i - 1].end().at) << i;
 }
 
 TEST(MapGraphSimulation, TagsWhoseTiesAreNotStoredGiveTheirPlacesOnly) {

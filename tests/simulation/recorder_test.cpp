@@ -152,6 +152,7 @@ std::map<std::string, std::int64_t> newest_stamps(const std::filesystem::path& s
   for (const auto& entry : std::filesystem::recursive_directory_iterator(session)) {
     const std::string name = std::filesystem::relative(entry.path(), session).string();
     if (entry.path().extension() != ".csv" || name.find("truth/") != std::string::npos) continue;
+    if (name == "refinements.csv") continue;  // counts turns, has no stamps
     std::ifstream file(entry.path());
     std::int64_t& stamp = newest[name];
     const bool turns = name == "turns.csv";

@@ -40,6 +40,13 @@ void SegmentRecorder::add(const ImuSample& imu) {
   if (imu_.is_full()) integrate_to(imu_.before_newest().sampled_at, 1.0);
 }
 
+/// Another start has won. It was recorded up to the present image.
+void SegmentRecorder::go_on_from(SegmentRecorder start, const UpdateReport& report) {
+  *this = std::move(start);
+  generation_ = report.generation;
+  start_is_open_ = report.start_is_open;
+}
+
 /// Places may be in axes that are no more.
 void SegmentRecorder::break_chain() {
   is_open_ = false;
@@ -61,9 +68,10 @@ std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
   return out;
 }
 
-void SegmentRecorder::add(const TagObservations& seen, const BodyFilter& filter,
+void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
                           const UpdateReport& report, std::span<const TagBelief> beliefs,
                           std::span<const KnownTag> known) {
+  if (auto start = filter.take_start()) return go_on_from(std::move(*start), report);
   start_is_open_ = report.start_is_open;
   if (report.generation != generation_ || report.start_changed) {
     break_chain();

@@ -17,9 +17,9 @@ namespace fiducap {
 ///
 /// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
 /// the filter forgets or loses the body. While a start may be taken back its segments are held
-/// back; when it is, they are void. Images without a tag that the filter or the map has a place for
-/// are left out, their readings are not. Nothing of the filter's covariance enters: the graph gets
-/// every reading and every corner once.
+/// back; when it is, those of the start that has won take their place. Images without a tag that
+/// the filter or the map has a place for are left out, their readings are not. Nothing of the
+/// filter's covariance enters: the graph gets every reading and every corner once.
 class SegmentRecorder final {
  public:
   SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config);
@@ -28,7 +28,7 @@ class SegmentRecorder final {
   /// After the filter has taken the image.
   /// @param beliefs  the tags in the filter's state
   /// @param known    what the map said of the image's tags
-  void add(const TagObservations& seen, const BodyFilter& filter, const UpdateReport& report,
+  void add(const TagObservations& seen, BodyFilter& filter, const UpdateReport& report,
            std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
   /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
   void break_chain();
@@ -38,6 +38,7 @@ class SegmentRecorder final {
   [[nodiscard]] std::shared_ptr<const MotionSegment> take();
 
  private:
+  void go_on_from(SegmentRecorder start, const UpdateReport& report);
   void begin(const BodyEstimate& body);
   void integrate_to(Instant to, double imu_variance);
   void add_step(Instant to, const InertialInput& input, Duration longest);

@@ -40,8 +40,12 @@ double work_of(const TagObservations& seen) {
 }
 }  // namespace
 
-StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
-    : prior_(std::move(prior)), is_needed_(is_needed), make_(std::move(make)) {
+StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make,
+                         SegmentRecorder recorder)
+    : prior_(std::move(prior)),
+      is_needed_(is_needed),
+      make_(std::move(make)),
+      recorder_(std::move(recorder)) {
   begin();
 }
 
@@ -67,20 +71,21 @@ void StartSearch::add(const ImuSample& imu) {
   if (is_open_) log_.add(imu);
 }
 
-std::unique_ptr<StartingFilter> StartSearch::add(const TagObservations& seen,
-                                                 const MapKnowledge& map, StartingFilter& present) {
-  if (!is_open_) return nullptr;
+std::optional<StartSearch::Start> StartSearch::add(const TagObservations& seen,
+                                                   const MapKnowledge& map,
+                                                   StartingFilter& present) {
+  if (!is_open_) return std::nullopt;
   log_.add(seen, map);
   if (log_.is_full()) {
     // Images without readings lead to no look: a search that has not started begins once more.
     present.is_following() ? close(present) : begin();
-    return nullptr;
+    return std::nullopt;
   }
   const bool was_last =
       due_looks_ == kLooks_s.size() || (due_looks_ == kUsualLooks && is_noise_settled(present));
   if (!plan_ && was_last) {
     close(present);
-    return nullptr;
+    return std::nullopt;
   }
   if (!plan_ && is_due(seen.exposed_at, present)) begin_plan(present);
   double work = kWorkPerImage;
@@ -93,10 +98,10 @@ std::unique_ptr<StartingFilter> StartSearch::add(const TagObservations& seen,
     } else if (catch_up(work)) {
       plan_.reset();
       std::optional<Trial> best = std::exchange(best_, std::nullopt);
-      return best ? std::move(best->filter) : nullptr;
+      return best ? std::optional(std::move(best->start)) : std::nullopt;
     }
   }
-  return nullptr;
+  return std::nullopt;
 }
 
 bool StartSearch::is_due(Instant now, const StartingFilter& present) {
@@ -139,8 +144,8 @@ bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const 
 }
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
-  Trial trial{hypothesis, make_(hypothesis), {}, 0, 0, {}};
-  trial.filter->begin_with(
+  Trial trial{hypothesis, {make_(hypothesis), recorder_}, {}, 0, 0, {}};
+  trial.start.filter->begin_with(
       is_of_learned_clocks(hypothesis) ? lessons_ : StartLessons{{}, lessons_.corners_px, {}});
   trial.order.resize(horizon_);
   std::iota(trial.order.begin(), trial.order.end(), std::size_t{0});
@@ -172,19 +177,27 @@ void StartSearch::take_image(Trial& trial, const StartLog::Image& image) const {
   // Up to the first reading at or after the image, as SampleMerger has it.
   bool is_covered = false;
   while (!is_covered && trial.readings < log_.imu().size()) {
-    const ImuSample& imu = log_.imu()[trial.readings++];
-    is_covered = imu.sampled_at >= seen.exposed_at;
-    trial.filter->propagate(imu);
+    is_covered = log_.imu()[trial.readings].sampled_at >= seen.exposed_at;
+    take_reading(trial);
   }
-  const UpdateReport report = trial.filter->update(seen, {image.known, image.may_define_workspace});
-  trial.explanation += trial.filter->explain(seen, report);
+  auto& [filter, recorder] = trial.start;
+  UpdateReport report = filter->update(seen, {image.known, image.may_define_workspace});
+  trial.explanation += filter->explain(seen, report);
+  report.start_is_open = true;
+  recorder.add(seen, *filter, report, {}, image.known);
   ++trial.images;
+}
+
+void StartSearch::take_reading(Trial& trial) const {
+  const ImuSample& imu = log_.imu()[trial.readings++];
+  trial.start.recorder.add(imu);
+  trial.start.filter->propagate(imu);
 }
 
 void StartSearch::judge_trial() {
   HypothesisPlan::Outcome outcome{trial_->explanation, {}};
   for (std::size_t k = 0; k < prior_.shifts_s.size(); ++k)
-    outcome.clocks.push_back(trial_->filter->clock(static_cast<int>(k)));
+    outcome.clocks.push_back(trial_->start.filter->clock(static_cast<int>(k)));
   if (plan_->take(outcome)) best_ = std::move(trial_);
   trial_.reset();
   if (plan_->next()) return;
@@ -203,8 +216,7 @@ bool StartSearch::catch_up(double& work) {
     take_image(*best_, image);
     work -= work_of(image.seen);
   }
-  while (best_->readings < log_.imu().size())
-    best_->filter->propagate(log_.imu()[best_->readings++]);
+  while (best_->readings < log_.imu().size()) take_reading(*best_);
   return true;
 }
 

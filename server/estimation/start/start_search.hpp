@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "estimation/segment/segment_recorder.hpp"
 #include "estimation/start/clock_hypothesis.hpp"
 #include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/start_log.hpp"
@@ -23,9 +24,16 @@ namespace fiducap {
 class StartSearch final {
  public:
   using MakeFilter = std::function<std::unique_ptr<StartingFilter>(const ClockHypothesis&)>;
+  /// A filter that has followed the start, and what it saw.
+  struct Start {
+    std::unique_ptr<StartingFilter> filter;
+    SegmentRecorder recorder;
+  };
 
   /// @param make  a filter that starts with this hypothesis
-  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make);
+  /// @param recorder  an empty one
+  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make,
+              SegmentRecorder recorder);
 
   /// Everything starts from nothing: also the log.
   void begin();
@@ -34,16 +42,15 @@ class StartSearch final {
 
   void add(const ImuSample& imu);
   /// Takes in an image that the filter in use has just taken in, and works on.
-  /// @return the filter to use from now on, which stands at the same image; nullptr: the same
-  [[nodiscard]] std::unique_ptr<StartingFilter> add(const TagObservations& seen,
-                                                    const MapKnowledge& map,
-                                                    StartingFilter& present);
+  /// @return the filter to use from now on, which stands at the same image; nullopt: the same
+  [[nodiscard]] std::optional<Start> add(const TagObservations& seen, const MapKnowledge& map,
+                                         StartingFilter& present);
 
  private:
   /// A filter on its way through the log.
   struct Trial {
     ClockHypothesis hypothesis;
-    std::unique_ptr<StartingFilter> filter;
+    Start start;
     std::vector<std::size_t> order;  ///< Of the images, by the hypothesis.
     std::size_t images{0};           ///< So many of `order` are behind it …
     std::size_t readings{0};         ///< … and so many readings.
@@ -56,6 +63,7 @@ class StartSearch final {
   [[nodiscard]] bool is_of_learned_clocks(const ClockHypothesis& hypothesis) const;
   [[nodiscard]] Trial begin_trial(const ClockHypothesis& hypothesis) const;
   void advance(Trial& trial, double& work) const;
+  void take_reading(Trial& trial) const;
   void take_image(Trial& trial, const StartLog::Image& image) const;
   void judge_trial();
   /// @return whether the best trial stands where the present filter does
@@ -65,6 +73,7 @@ class StartSearch final {
   HypothesisPlan::Prior prior_;
   bool is_needed_;
   MakeFilter make_;
+  SegmentRecorder recorder_;  ///< Empty.
   bool is_open_{true};
   StartLog log_;
   std::size_t due_looks_{0};           ///< Since the log began …

@@ -18,8 +18,10 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
     : sensors_(std::move(sensors)),
       gauge_(gauge),
       config_(config),
-      search_(clock_prior(), are_clocks_vague(),
-              [this](const ClockHypothesis& clocks) { return make(clocks); }),
+      search_(
+          clock_prior(), are_clocks_vague(),
+          [this](const ClockHypothesis& clocks) { return make(clocks); },
+          SegmentRecorder(sensors_, config_)),
       present_(make(configured_clocks())),
       generation_(present_->generation()) {
   if (!search_.is_open()) present_->end_start();
@@ -68,7 +70,7 @@ UpdateReport WorldFilter::update(const TagObservations& seen, const MapKnowledge
   if (present_->generation() != generation_) {
     follow_restart();
   } else if (auto better = search_.add(seen, map, *present_)) {
-    take_over(std::move(better), before, report);
+    take_over(std::move(*better), before, report);
   }
   report.start_is_open = search_.is_open();
   return report;
@@ -80,8 +82,9 @@ void WorldFilter::follow_restart() {
   if (!search_.is_open()) present_->end_start();
 }
 
-void WorldFilter::take_over(std::unique_ptr<StartingFilter> better,
-                            const StartingFilter::Axes& before, UpdateReport& report) {
+void WorldFilter::take_over(StartSearch::Start start, const StartingFilter::Axes& before,
+                            UpdateReport& report) {
+  std::unique_ptr<StartingFilter>& better = start.filter;
   if (!better->running() || !present_->running()) return;
   // Poses given out before this image stand in the axes of then. The same tag, or the map, defines
   // the same axes.
@@ -95,6 +98,7 @@ void WorldFilter::take_over(std::unique_ptr<StartingFilter> better,
   better->set_generation(generation_);
   better->set_restart_clocks(configured_clocks());
   present_ = std::move(better);
+  start_ = std::move(start.recorder);
 }
 
 void WorldFilter::mismatches(std::vector<FoundMismatch>& out) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "estimation/conversation/filter_conversation.hpp"
@@ -33,6 +34,9 @@ class WorldFilter final : public BodyFilter {
   /// None while the start may be taken back: the map's knowledge may not.
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   void own_tags(std::vector<TagBelief>& out) const override { present_->tag_beliefs(out); }
+  [[nodiscard]] std::optional<SegmentRecorder> take_start() override {
+    return std::exchange(start_, std::nullopt);
+  }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     return present_->extrinsics();
   }
@@ -54,7 +58,7 @@ class WorldFilter final : public BodyFilter {
   [[nodiscard]] bool are_clocks_vague() const;
   [[nodiscard]] std::unique_ptr<StartingFilter> make(const ClockHypothesis& clocks) const;
   void follow_restart();
-  void take_over(std::unique_ptr<StartingFilter> better, const StartingFilter::Axes& before,
+  void take_over(StartSearch::Start better, const StartingFilter::Axes& before,
                  UpdateReport& report);
 
   BodySensors sensors_;
@@ -63,6 +67,7 @@ class WorldFilter final : public BodyFilter {
   std::vector<KnownTag> priors_;
   StartSearch search_;
   std::unique_ptr<StartingFilter> present_;
+  std::optional<SegmentRecorder> start_;  ///< That has won, until it is taken.
   int generation_;
 };
 

@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "base/so3.hpp"
+#include "estimation/filter/heading_rule.hpp"
 
 namespace fiducap {
 
@@ -182,6 +183,24 @@ void GraphPrior::move(const Pose& T) {
     hanging.C = R * hanging.C;
     hanging.information = R * hanging.information * R.transpose();
   }
+}
+
+void GraphPrior::hold(std::size_t tag, const Pose& X_WT, bool level) {
+  constexpr double kInformation = 1 / (kExact * kExact);
+  Matrix6d information = Matrix6d::Zero();
+  information.diagonal().setConstant(kInformation);
+  if (level) {
+    // Of a sloping axis the heading changes as well when the tag tilts.
+    const int axis = make_heading_rule({}, X_WT.q).axis;
+    const Eigen::Vector3d h = X_WT.q * Eigen::Vector3d::Unit(axis);
+    Eigen::Vector3d heading = Eigen::Vector3d::UnitZ();
+    heading.head<2>() = -h.z() / h.head<2>().squaredNorm() * h.head<2>();
+    information.bottomRightCorner<3, 3>() = kInformation * heading * heading.transpose();
+  }
+  hangings.push_back({tags.size(), {}, {}, Eigen::MatrixXd(6, 0), information});
+  tags.push_back(tag);
+  expected.push_back(X_WT);
+  is_absolute = true;
 }
 
 void GraphPrior::renumber(const std::vector<std::size_t>& now) {

@@ -32,13 +32,16 @@ struct GraphPrior {
   std::vector<std::size_t> tags;  ///< Index in GraphState::tags of each.
   std::vector<Pose> expected;
   std::vector<Hanging> hangings;
-  bool is_absolute{false};  ///< A survey says where W is.
+  bool is_absolute{false};  ///< Something says where W is: a survey, or a tag that is held.
 
   std::vector<std::vector<CameraBelief>> cameras;  ///< Of the first bodies, in their order …
   Eigen::MatrixXd camera_information;              ///< … in place of GraphBody::information.
 
   /// W is moved: X ← T X for all tags.
   void move(const Pose& T);
+  /// This tag stands there by definition, and says where W is: its place and the heading of its
+  /// most level axis (HeadingRule); when gravity does not say what is up, all of its attitude.
+  void hold(std::size_t tag, const Pose& X_WT, bool level);
   /// Tags have other indices now.
   void renumber(const std::vector<std::size_t>& now);
 };

@@ -7,7 +7,6 @@
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
-#include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/graph_fold.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -23,44 +22,17 @@ constexpr double kMostDamping = 1.0;
 constexpr double kConverged = 0.05;
 constexpr double kBetweenLinearisations = 1.0;
 // A segment is linearised anew when something in it has moved, against where the body began, by
-// more than this: turned, or by this share of its distance.
-constexpr double kTurned_rad = 0.01;
-constexpr double kMoved = 0.005;
+// more than this: turned, or by this share of its distance. Where segments see a tag that has
+// turned meanwhile, they seem to say more of its heading than they do: with ten times as much of it
+// a map that hangs on one tag told 10 mm instead of 29.
+constexpr double kTurned_rad = 0.001;
+constexpr double kMoved = 0.002;
 // A tag joins two components when it, seen from both, differs by no more than this in what gravity
 // says.
 constexpr double kSameTilt_rad = 0.06;
 constexpr double kSamePlace_m = 0.15;
 
 }  // namespace
-
-MapGraph::MapGraph(const TagMap& start) {
-  std::vector<PriorTag> tags;
-  bool has_survey = false;
-  for (const MapTag& entry : start.tags) {
-    if (entry.component != 0 || entry.state == TagState::kQuarantined) continue;
-    const KnownTag& tag = entry.tag;
-    definition_[{tag.tag_id, 0}] = tag.X_WT.p;
-    const bool is_surveyed = entry.state == TagState::kSurveyed;
-    if (!is_surveyed && (!start.known || start.known->find(tag.tag_id) == nullptr)) continue;
-    has_survey |= is_surveyed;
-    tags.push_back({state_.tags.size(), tag.X_WT, tag.covariance, is_surveyed});
-    state_.tags.push_back({.tag_id = tag.tag_id,
-                           .edge_m = tag.edge_m,
-                           .X_WT = tag.X_WT,
-                           .component = kInWorkspace,
-                           .sightings = entry.sightings,
-                           .sightings_before = entry.sightings});
-  }
-  is_defined_ = !definition_.empty();
-  if (tags.empty()) return;
-  state_.level[kInWorkspace] = true;
-  const auto between = [&](std::size_t a, std::size_t b) {
-    return start.known ? start.known->between(state_.tags[a].tag_id, state_.tags[b].tag_id)
-                       : std::nullopt;
-  };
-  state_.prior = make_prior(tags, between, {},
-                            has_survey ? PriorUnknown::kNothing : PriorUnknown::kPlaceAndYaw);
-}
 
 std::size_t MapGraph::body_of(const MotionSegment& segment) {
   const auto found =
@@ -94,6 +66,7 @@ bool MapGraph::add(MotionSegment segment) {
     const KnownTag& tag = entry.raw.tags[i];
     entry.tags.push_back(tag_of(component, tag, epochs[i], G * tag.X_WT, entry.raw.begin().at));
   }
+  hold_reference(entry.raw, epochs, component);
   count_sightings(entry);
   chains_[entry.raw.body_id] = {entry.end, entry.raw.chain};
   state_.segments.push_back(std::move(entry));
@@ -214,16 +187,6 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
   }
 }
 
-bool MapGraph::found_workspace() {
-  std::map<int, int> tags;
-  for (const GraphTag& tag : state_.tags) ++tags[tag.component];
-  if (tags.empty() || tags.contains(kInWorkspace)) return false;
-  const auto largest = std::max_element(
-      tags.begin(), tags.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
-  merge_components(largest->first, kInWorkspace, Pose{}, state_);
-  return true;
-}
-
 std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
@@ -231,6 +194,7 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   lay_over_definition();
   auto out = tell();
   if (!out) return out;
+  reference_tag_.reset();  // W has been told: it stays there
   out->cost = done.cost;
   out->iterations = done.iterations;
   out->condensed = done.condensed;
@@ -315,29 +279,6 @@ int MapGraph::condense_again() {
     ++count;
   }
   return count;
-}
-
-void MapGraph::lay_over_definition() {
-  if (state_.prior.is_absolute) return;
-  if (!is_defined_) {
-    // Until somebody says where W is, it stays where it was.
-    if (!definition_.empty()) lay_over_places();
-    definition_.clear();
-    for (const GraphTag& tag : state_.tags)
-      if (tag.component == kInWorkspace) definition_[{tag.tag_id, tag.epoch}] = tag.X_WT.p;
-    return;
-  }
-  lay_over_places();
-}
-
-void MapGraph::lay_over_places() {
-  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
-  for (const GraphTag& tag : state_.tags) {
-    const auto was = definition_.find({tag.tag_id, tag.epoch});
-    if (was != definition_.end() && tag.component == kInWorkspace)
-      points.emplace_back(tag.X_WT.p, was->second);
-  }
-  if (points.size() > 1) move_component(kInWorkspace, lay_over(points), state_);
 }
 
 std::optional<GraphSolution> MapGraph::tell() {

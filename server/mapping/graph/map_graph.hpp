@@ -21,9 +21,10 @@ namespace fiducap {
 class MapGraph final {
  public:
   MapGraph() = default;
-  /// Begins with what an earlier session has learned, and with surveyed tags. Where W is, is where
-  /// this map's tags are in the mean, or where a survey says. Of tags whose errors' ties it does
-  /// not know it takes the places alone: they are learned anew.
+  /// Begins with what an earlier session has learned, and with surveyed tags. W is where a survey
+  /// says; or where the reference tag says, of a new map or of one that hangs on it; or where this
+  /// map's tags are in the mean. Of tags whose errors' ties it does not know it takes the places
+  /// alone: they are learned anew.
   explicit MapGraph(const TagMap& start);
 
   /// @return whether it says anything
@@ -61,6 +62,8 @@ class MapGraph final {
                       const std::vector<int>& epochs);
   void bind_anew(GraphSegment& entry);
   void count_sightings(const GraphSegment& entry);
+  /// @param epochs  of the segment's tags
+  void hold_reference(const MotionSegment& segment, const std::vector<int>& epochs, int component);
   void link_components(const GraphSegment& entry, int component);
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
@@ -76,7 +79,8 @@ class MapGraph final {
   /// Places of the tags that define W, by id and epoch.
   std::map<std::pair<int, int>, Eigen::Vector3d> definition_;
   TagEpochs epochs_;
-  bool is_defined_{false};  ///< … from the beginning; false: all tags do.
+  bool is_defined_{false};            ///< … from the beginning; false: all tags do.
+  std::optional<int> reference_tag_;  ///< Will define W as soon as a body stands by it.
   int components_{0};
   // A solution takes a second then, and the memory some ten megabytes.
   std::size_t most_segments_{2000};

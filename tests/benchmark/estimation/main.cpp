@@ -97,6 +97,12 @@ const std::vector<Verb>& verbs() {
        "A",
        10,
        bench_ring},
+      {"restart",
+       "starts in a room that the map knows: time to the first pose, and what the map learns",
+       {"table", "hall"},
+       "A",
+       60,
+       bench_restart},
       {"moved",
        "tags that are moved (by metres), twice, on a door or of another size: verdicts, and false "
        "ones",

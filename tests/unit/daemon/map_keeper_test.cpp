@@ -26,6 +26,7 @@ class MapKeeperTest : public testing::Test {
   void build(MapMode mode) {
     MapConfig config;
     config.mode = mode;
+    config.refine_period_s = 0;
     map_ = std::make_unique<MapBuilder>(config, TagMap{});
     auto store = MapStore::open(file_);
     ASSERT_TRUE(store) << store.error().text();

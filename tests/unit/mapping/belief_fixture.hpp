@@ -6,6 +6,8 @@ namespace fiducap {
 
 inline constexpr std::int64_t kNow_utc_ns = 1'700'000'100'000'000'000;
 
+inline const MapConfig kByBeliefs{.refine_period_s = 0};
+
 inline TagBelief belief(int id, double sigma = 0.01, double x = 1.0, int sightings = 20) {
   TagBelief b;
   b.tag.tag_id = id;

@@ -12,7 +12,7 @@ namespace {
 
 class MapBuilderTest : public testing::Test {
  protected:
-  MapBuilderTest() : builder_(MapConfig{}, make_map({2, 5})) {}
+  MapBuilderTest() : builder_(kByBeliefs, make_map({2, 5})) {}
   void absorb(int body, const TagBelief& b) { builder_.absorb(from(body, b), kNow_utc_ns); }
   void contradict(int body, int tag_id, int second) {
     const int contradicted[] = {tag_id};
@@ -64,7 +64,7 @@ TEST_F(MapBuilderTest, AnUncertainRareOrBrokenBeliefStaysOutside) {
 TEST_F(MapBuilderTest, TagsThatStartCalibratedOrSurveyedNeverMoveByBeliefsAlone) {
   auto start = make_map({1, 2});
   start.tags[1].state = TagState::kSurveyed;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   for (const int id : {1, 2}) {
     const auto better = belief(id, 1e-6);
     builder.absorb(from(1, better), kNow_utc_ns);
@@ -76,7 +76,7 @@ TEST_F(MapBuilderTest, TagsThatStartCalibratedOrSurveyedNeverMoveByBeliefsAlone)
 TEST_F(MapBuilderTest, ATagThatStartsQuarantinedIsLearnedAnew) {
   auto start = make_map({1, 2});
   start.tags[1].state = TagState::kQuarantined;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   const auto anew = belief(2, 0.01, start.tags[1].tag.X_WT.p.x() + 1.5);
   builder.absorb(from(1, anew), kNow_utc_ns);
   EXPECT_EQ(builder.snapshot()->find(2)->state, TagState::kLocal);
@@ -87,7 +87,7 @@ TEST_F(MapBuilderTest, ALocalTagOfTheStartingMapGoesToWhoKnowsItBetter) {
   auto start = make_map({1});
   start.tags[0].state = TagState::kLocal;
   start.tags[0].tag.covariance = Matrix6d::Identity() * 0.01 * 0.01;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   const auto equal = belief(1, 0.01);
   builder.absorb(from(1, equal), kNow_utc_ns);
   EXPECT_NE(builder.snapshot()->find(1)->tag.X_WT.p.x(), 1.0);
@@ -334,7 +334,7 @@ TEST_F(MapBuilderTest, AFrozenMapSaysOnceWhichTagIsContradicted) {
 TEST_F(MapBuilderTest, ASurveyedTagIsNeverMovedByAContradiction) {
   auto start = make_map({1});
   start.tags[0].state = TagState::kSurveyed;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   const int moved[] = {1};
   for (int times = 0; times < 3; ++times)
     builder.absorb({.body_id = 1, .contradicted = moved}, kNow_utc_ns);

@@ -9,7 +9,7 @@ namespace fiducap {
 namespace {
 
 TEST(Workspace, BelongsToTheFirstBodyThatAnchorsAndAllOthersWait) {
-  MapBuilder builder(MapConfig{}, TagMap{});
+  MapBuilder builder(kByBeliefs, TagMap{});
   EXPECT_TRUE(builder.view(1).may_define_workspace);
   EXPECT_FALSE(builder.view(2).may_define_workspace) << "1 is at work";
   builder.absorb({.body_id = 1}, kNow_utc_ns);
@@ -24,7 +24,7 @@ TEST(Workspace, BelongsToTheFirstBodyThatAnchorsAndAllOthersWait) {
 }
 
 TEST(Workspace, IsFreeAgainWhenTheBodyThatDefinedItIsGoneBeforeAnythingWasMapped) {
-  MapBuilder builder(MapConfig{}, TagMap{});
+  MapBuilder builder(kByBeliefs, TagMap{});
   (void)builder.view(1);
   builder.absorb({.body_id = 1, .anchored = true}, kNow_utc_ns);
   EXPECT_FALSE(builder.view(2).may_define_workspace);
@@ -35,14 +35,14 @@ TEST(Workspace, IsFreeAgainWhenTheBodyThatDefinedItIsGoneBeforeAnythingWasMapped
 TEST(Workspace, IsWhereTheStartingMapHasItAlsoWithoutTheReferenceTag) {
   TagMap start = make_map({1, 2});
   start.reference_tag = 7;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   EXPECT_FALSE(builder.view(1).may_define_workspace) << "tags 1 and 2 say where it is";
 }
 
 TEST(Workspace, IsThereAgainWhenATagThatStartedQuarantinedIsLearned) {
   TagMap start = make_map({1});
   start.tags[0].state = TagState::kQuarantined;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   EXPECT_TRUE(builder.view(1).may_define_workspace);
   const auto anew = belief(1, 0.01, 5.0);
   builder.absorb(from(1, anew), kNow_utc_ns);
@@ -52,7 +52,7 @@ TEST(Workspace, IsThereAgainWhenATagThatStartedQuarantinedIsLearned) {
 TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
   TagMap start;
   start.reference_tag = 7;
-  MapBuilder builder(MapConfig{}, start);
+  MapBuilder builder(kByBeliefs, start);
   EXPECT_TRUE(builder.view(1).may_define_workspace);
   EXPECT_TRUE(builder.view(2).may_define_workspace);
   const auto first = belief(7);
@@ -63,7 +63,7 @@ TEST(Workspace, IsTheReferenceTagForEveryBodyUntilTheMapHasIt) {
 TEST(Workspace, IsTheGraphsOnceItHasSpokenAlsoForWhoSeesTheReferenceTag) {
   TagMap start;
   start.reference_tag = 7;
-  MapBuilder builder({}, start);
+  MapBuilder builder(kByBeliefs, start);
   EXPECT_TRUE(builder.view(1).may_define_workspace);
   GraphTagEstimate tag;
   tag.tag_id = 3;

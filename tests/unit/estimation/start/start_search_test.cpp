@@ -105,7 +105,7 @@ class StartSearchTest : public testing::Test {
     present_->update(seen, {});
     const int before = world_.sightings;
     if (auto better = search_.add(seen, {}, *present_)) {
-      present_.reset(static_cast<FakeFilter*>(better.release()));
+      present_.reset(static_cast<FakeFilter*>(better->filter.release()));
       ++taken_over_;
       EXPECT_EQ(present_->newest_image(), now_) << "it stands at the present image";
       EXPECT_EQ(present_->newest_imu(), now_);
@@ -115,9 +115,12 @@ class StartSearchTest : public testing::Test {
 
   World world_;
   Instant now_{std::chrono::seconds(100)};
-  StartSearch search_{{{0.0}, {0.02}}, true, [this](const ClockHypothesis& clocks) {
+  StartSearch search_{{{0.0}, {0.02}},
+                      true,
+                      [this](const ClockHypothesis& clocks) {
                         return std::make_unique<FakeFilter>(world_, clocks);
-                      }};
+                      },
+                      SegmentRecorder(BodySensors{}, EstimatorConfig{})};
   std::unique_ptr<FakeFilter> present_{
       std::make_unique<FakeFilter>(world_, ClockHypothesis{{0.0}, 1.0})};
   int taken_over_{0};
