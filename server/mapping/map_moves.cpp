@@ -35,14 +35,19 @@ bool MapBuilder::suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_
   note_locked(event->kind, tag_id, event->text);
   watch_.forget(tag_id);
   entry.state = TagState::kQuarantined;
-  if (working_.known == nullptr) return true;
+  leave_out_locked(tag_id);
+  return true;
+}
+
+/// No filter leans on the tag any more.
+void MapBuilder::leave_out_locked(int tag_id) {
+  if (working_.known == nullptr) return;
   KnownMap known = *working_.known;
   std::erase_if(known.tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
   std::erase_if(known.pairs, [&](const KnownPair& pair) {
     return pair.first_id == tag_id || pair.second_id == tag_id;
   });
   replace_known_locked(std::move(known));
-  return true;
 }
 
 /// @return whether filters may lean on it, at its place of now
@@ -61,7 +66,8 @@ bool MapBuilder::find_again_locked(const GraphTagEstimate& found,
 
 MapBuilder::Waiting MapBuilder::take_segments() {
   const std::lock_guard lock(mutex_);
-  return {std::exchange(segments_, {}), moved_.take_orders(), contributions_};
+  return {std::exchange(segments_, {}), std::exchange(begin_anew_, nullptr), moved_.take_orders(),
+          contributions_};
 }
 
 }  // namespace fiducap
