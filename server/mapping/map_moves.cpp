@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "mapping/map_builder.hpp"
+#include "mapping/map_edit.hpp"
 
 namespace fiducap {
 
@@ -42,12 +43,8 @@ bool MapBuilder::suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_
 /// No filter leans on the tag any more.
 void MapBuilder::leave_out_locked(int tag_id) {
   if (working_.known == nullptr) return;
-  KnownMap known = *working_.known;
-  std::erase_if(known.tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
-  std::erase_if(known.pairs, [&](const KnownPair& pair) {
-    return pair.first_id == tag_id || pair.second_id == tag_id;
-  });
-  replace_known_locked(std::move(known));
+  drop_ties(working_, tag_id);
+  replace_known_locked(*working_.known);
 }
 
 /// @return whether filters may lean on it, at its place of now

@@ -132,15 +132,23 @@ Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
 }  // namespace
 
 Expected<TagMap> store_next_version(const std::string& path, TagMap map, const std::string& comment,
-                                    const Terminal& terminal) {
+                                    const Terminal& terminal, MapOrigin origin) {
   auto store = MapStore::open(path);
   if (!store) return tl::unexpected(store.error());
   if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
   const auto newest = newest_of(*store, terminal);
   if (!newest) return tl::unexpected(newest.error());
-  map.version = newest->version;  // whatever the file was once: here it follows the newest
-  if (map.created_utc_ns == 0) map.created_utc_ns = utc_now_ns();
+  // Whatever a file was once, here it follows the newest; a version of this store has a parent.
+  if (origin == MapOrigin::kFile) map.version = newest->version;
+  if (map.created_utc_ns == 0 || origin == MapOrigin::kStore) map.created_utc_ns = utc_now_ns();
   return store->commit(map, comment);
+}
+
+Expected<TagMap> stored_version(const std::string& path, std::optional<std::int64_t> version,
+                                const Terminal& terminal) {
+  const auto store = open_existing(path);
+  if (!store) return tl::unexpected(store.error());
+  return version_of(*store, version, terminal);
 }
 
 int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
