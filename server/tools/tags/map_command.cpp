@@ -63,18 +63,6 @@ void print_remarks(const Terminal& terminal, const std::string& file,
   for (const std::string& one : remarks) terminal.err << file << ": " << one << "\n";
 }
 
-const char* name_of(TagChange::Kind kind) {
-  switch (kind) {
-    case TagChange::Kind::kAdded:
-      return "added";
-    case TagChange::Kind::kRemoved:
-      return "removed";
-    case TagChange::Kind::kMoved:
-      return "moved";
-  }
-  return "moved";
-}
-
 /// Largest 1-sigma along an axis, position in metres and attitude in radians.
 std::pair<double, double> sigmas(const KnownTag& tag) {
   const auto variances = tag.covariance.diagonal();
@@ -240,7 +228,8 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
       std::snprintf(line.data(), line.size(), "%5d moved   %9.3f mm %8.4f deg\n", c.tag_id,
                     c.distance_mm, c.angle_deg);
     else
-      std::snprintf(line.data(), line.size(), "%5d %s\n", c.tag_id, name_of(c.kind));
+      std::snprintf(line.data(), line.size(), "%5d %s\n", c.tag_id,
+                    std::string(name_of(c.kind)).c_str());
     terminal.out << line.data();
   }
   return kExitOk;
