@@ -97,6 +97,7 @@ Outcome Control::list(ControlState& state) {
   for (const auto& body : reply.state().bodies()) state.bodies.push_back(to_body(body));
   state.mapping = reply.state().mapping();
   state.recording = reply.state().recording();
+  state.map_version = reply.state().map_version();
   for (const auto& recording : reply.state().recordings())
     state.recordings.push_back(to_recording(recording));
   return outcome;
@@ -136,10 +137,51 @@ Outcome Control::set_mapping(bool mapping) {
   return impl_->run(command, reply);
 }
 
-Outcome Control::commit_map() {
+Outcome Control::commit_map(const std::string& name) {
   v1::ControlCommand command;
   v1::ControlReply reply;
-  command.mutable_commit_map();
+  command.mutable_commit_map()->set_name(name);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::name_version(std::int64_t version, const std::string& name) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_name_version()->set_version(version);
+  command.mutable_name_version()->set_name(name);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::roll_back(std::int64_t version) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_roll_back()->set_version(version);
+  return impl_->run(command, reply);
+}
+
+Outcome Control::align_map(const std::vector<MeasuredTag>& measured) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_align_map();
+  for (const MeasuredTag& tag : measured) {
+    auto& place = *command.mutable_align_map()->add_places();
+    place.set_tag_id(static_cast<std::uint32_t>(tag.tag_id));
+    for (const double part : tag.position_m) place.add_position(part);
+  }
+  return impl_->run(command, reply);
+}
+
+Outcome Control::quarantine_tag(int tag_id) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_quarantine_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
+  return impl_->run(command, reply);
+}
+
+Outcome Control::forget_tag(int tag_id) {
+  v1::ControlCommand command;
+  v1::ControlReply reply;
+  command.mutable_forget_tag()->set_tag_id(static_cast<std::uint32_t>(tag_id));
   return impl_->run(command, reply);
 }
 

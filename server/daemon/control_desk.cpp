@@ -43,14 +43,13 @@ bool is_body_name(const std::string& name) {
 }
 
 ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
-                         SessionRecorder& recorder, EventBoard& events,
-                         std::function<void()> commit)
+                         SessionRecorder& recorder, EventBoard& events, MapKeeper* keeper)
     : config_(std::move(config)),
       scene_(scene),
       map_(map),
       recorder_(recorder),
       events_(events),
-      commit_(std::move(commit)) {
+      keeper_(keeper) {
   for (const Scene::Listed& body : scene_.list())
     configured_names_.push_back(body.description.name);
 }
@@ -110,20 +109,6 @@ Expected<void> ControlDesk::set_pivot(int body_id, const Pose& X_BP) {
   if (!X_BP.p.allFinite() || !X_BP.q.coeffs().allFinite() || std::abs(X_BP.q.norm() - 1.0) > kUnit)
     return fail(ErrorCode::kInvalid, "a pivot needs finite numbers and a unit quaternion");
   scene_.set_pivot(*body, {X_BP.q.normalized(), X_BP.p});
-  return {};
-}
-
-Expected<void> ControlDesk::set_map_mode(MapMode mode) {
-  map_.set_mode(mode);
-  log::info("mapping", mode == MapMode::kFrozen ? "the map is frozen" : "the map grows again");
-  return {};
-}
-
-Expected<void> ControlDesk::commit_map() {
-  if (!commit_)
-    return fail(ErrorCode::kUnsupported,
-                "the map has no store; set map.store to keep it from run to run");
-  commit_();
   return {};
 }
 

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "base/event_board.hpp"
+#include "daemon/map_keeper.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "scene/scene.hpp"
 #include "streaming/operator_desk.hpp"
@@ -24,9 +24,9 @@ struct OperatorConfig {
 /// What clients may change, carried out on the scene, the map and the recorder.
 class ControlDesk final : public OperatorDesk {
  public:
-  /// @param commit  asks the keeper of the map for a version now; empty: the map has no store
+  /// @param keeper  nullptr: the map has no store
   ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map, SessionRecorder& recorder,
-              EventBoard& events, std::function<void()> commit);
+              EventBoard& events, MapKeeper* keeper);
 
   [[nodiscard]] bool admits(std::string_view token) const override;
   [[nodiscard]] std::string_view token() const override { return config_.token; }
@@ -36,7 +36,11 @@ class ControlDesk final : public OperatorDesk {
   Expected<void> set_pivot(int body_id, const Pose& X_BP) override;
   [[nodiscard]] MapMode map_mode() const override { return map_.mode(); }
   Expected<void> set_map_mode(MapMode mode) override;
-  Expected<void> commit_map() override;
+  Expected<void> change_map(const MapChange& change) override;
+  [[nodiscard]] std::vector<MapVersionInfo> map_versions() const override;
+  [[nodiscard]] Expected<std::shared_ptr<const TagMap>> map_version(
+      std::int64_t version) const override;
+  [[nodiscard]] std::shared_ptr<const TagMap> map() const override { return map_.snapshot(); }
   Expected<void> start_recording(const std::string& name) override;
   Expected<void> stop_recording() override { return recorder_.stop(); }
   [[nodiscard]] std::optional<std::string> recording() const override {
@@ -48,13 +52,22 @@ class ControlDesk final : public OperatorDesk {
 
  private:
   [[nodiscard]] Expected<std::size_t> index_of(int body_id) const;
+  Expected<void> change(const CommitVersion& change);
+  Expected<void> change(const NameVersion& change);
+  Expected<void> change(const RollBack& change);
+  Expected<void> change(const AlignMap& change);
+  Expected<void> change(const QuarantineTag& change);
+  Expected<void> change(const ForgetTag& change);
+  Expected<void> ask_keeper(StoreChange change);
+  [[nodiscard]] Expected<void> knows_version(std::int64_t version) const;
+  void tell(const char* kind, std::string text);
 
   OperatorConfig config_;
   Scene& scene_;
   MapBuilder& map_;
   SessionRecorder& recorder_;
   EventBoard& events_;
-  std::function<void()> commit_;
+  MapKeeper* keeper_;
   std::vector<std::string> configured_names_;  ///< Under which events are told.
 };
 

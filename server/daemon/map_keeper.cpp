@@ -17,6 +17,8 @@ constexpr Duration kLook = std::chrono::milliseconds(200);
 // A clock known better than this is worth remembering.
 constexpr double kKnownShift_s = 1e-3;
 
+constexpr std::size_t kMostRequests = 16;
+
 constexpr const char* kSubject = "map";
 constexpr const char* kNotStored = "not_stored";
 constexpr const char* kCamerasNotStored = "cameras_not_stored";
@@ -45,14 +47,21 @@ MapKeeper::MapKeeper(MapStore store, MapBuilder& map, double commit_period_s, co
       period_(from_seconds(commit_period_s)),
       clock_(clock),
       events_(events),
-      learned_(std::move(learned)) {}
+      learned_(std::move(learned)) {
+  fill_shelf();
+}
 
 void MapKeeper::run(std::stop_token stop) {
   Instant next = clock_.now() + period_;
   while (clock_.wait_until(std::min(next, clock_.now() + kLook), stop)) {
     const bool due = clock_.now() >= next;
     if (due) next += period_;
-    if (due || requested_) commit();
+    if (due || requested_) {
+      commit();
+    } else {
+      guarded(&MapKeeper::carry_out_requests);
+    }
+    fill_shelf();
   }
   learned_waits_ = true;
   commit();
@@ -60,7 +69,7 @@ void MapKeeper::run(std::stop_token stop) {
 }
 
 void MapKeeper::commit() {
-  if (requested_.exchange(false)) is_asked_for_ = true;
+  guarded(&MapKeeper::carry_out_requests);
   guarded(&MapKeeper::store_map);
   guarded(&MapKeeper::store_learned);
 }
@@ -80,15 +89,18 @@ void MapKeeper::store_map() {
   // Also while frozen: what joined before the freeze is part of the map that is served. What a
   // person asked for is kept, also when it is what was stored last anyway.
   const bool is_wanted =
-      map_.changed() || (is_asked_for_ && map_.snapshot()->comment == kAutomaticComment);
+      map_.changed() || (asked_for_ && (*asked_for_ != kRequestComment ||
+                                        map_.snapshot()->comment == kAutomaticComment));
   if (is_wanted) {
-    const auto stored = store_version(is_asked_for_ ? kRequestComment : kAutomaticComment);
+    const auto stored = store_version(asked_for_.value_or(kAutomaticComment));
     if (!stored) return events_.begin(not_stored(kNotStored, "the map", stored.error().text()));
     learned_waits_ = true;
   }
-  is_asked_for_ = false;
+  asked_for_.reset();
   events_.end(kSubject, kNotStored, "is stored again");
-  if (is_wanted) thin();
+  if (!is_wanted) return;
+  is_log_old_ = true;
+  thin();
 }
 
 /// Fails rarely, and costs room only.
@@ -102,6 +114,101 @@ void MapKeeper::thin() {
                        (thinned ? "" : ": " + thinned.error().text()),
                .remedy = "stop the server and run `fiducap map check`"},
               "old versions are taken away again");
+}
+
+Expected<void> MapKeeper::request(StoreChange change) {
+  const std::lock_guard lock(requests_mutex_);
+  if (requests_.size() >= kMostRequests)
+    return fail(ErrorCode::kUnavailable, "the disk of the map is slow, and " +
+                                             std::to_string(kMostRequests) +
+                                             " commands wait for it: try again later");
+  requests_.push_back(std::move(change));
+  return {};
+}
+
+void MapKeeper::carry_out_requests() {
+  if (requested_) {
+    if (!asked_for_) asked_for_ = kRequestComment;
+    requested_ = false;
+  }
+  std::vector<StoreChange> requests;
+  {
+    const std::lock_guard lock(requests_mutex_);
+    requests.swap(requests_);
+  }
+  for (const StoreChange& change : requests) carry_out(change);
+}
+
+void MapKeeper::carry_out(const StoreChange& change) {
+  Expected<void> done;
+  std::string what;
+  if (const auto* commit = std::get_if<CommitVersion>(&change)) {
+    asked_for_ = commit->name.empty() ? kRequestComment : commit->name;
+    return store_map();
+  }
+  if (const auto* back = std::get_if<RollBack>(&change)) {
+    what = "not rolled back to version " + std::to_string(back->version);
+    done = roll_back(back->version);
+  } else if (const auto* name = std::get_if<NameVersion>(&change)) {
+    what = "version " + std::to_string(name->version) + " is not named";
+    done = name_version(*name);
+  }
+  is_log_old_ = true;
+  if (done) return;
+  events_.tell({.severity = Severity::kWarning,
+                .subject = kSubject,
+                .kind = "refused",
+                .text = what + ": " + done.error().text(),
+                .remedy = "The map is as it was; try again when that is mended"});
+}
+
+/// What is served now is stored before, so that nothing is lost; then the old version as the newest
+/// one; then it is served. A kill in between leaves one or the other.
+Expected<void> MapKeeper::roll_back(std::int64_t version) {
+  auto wanted = store_.load(version);
+  if (!wanted) return tl::unexpected(wanted.error());
+  if (auto may = map_.may_begin_anew(*wanted); !may) return may;
+  if (map_.changed()) {
+    if (auto stored = store_version(kAutomaticComment); !stored) return stored;
+  }
+  wanted->created_utc_ns = utc_now_ns();
+  const auto stored = store_.commit(*wanted, "rolled back to version " + std::to_string(version));
+  if (!stored) return tl::unexpected(stored.error());
+  if (auto begun = map_.begin_anew(*stored, utc_now_ns()); !begun) {
+    // Frozen in this moment. The newest version is the one that is served.
+    if (auto again = store_version(kAutomaticComment); !again) return again;
+    return begun;
+  }
+  map_.mark_stored(*stored);
+  tell("rolled_back", "was rolled back to version " + std::to_string(version) + ", stored as " +
+                          std::to_string(stored->version) + " with " +
+                          std::to_string(stored->tags.size()) + " tags");
+  return {};
+}
+
+Expected<void> MapKeeper::name_version(const NameVersion& change) {
+  auto named = store_.name_version(change.version, change.name);
+  if (named)
+    tell("version_named",
+         "version " + std::to_string(change.version) + " is called \"" + change.name + "\"");
+  return named;
+}
+
+void MapKeeper::tell(const char* kind, std::string text) {
+  events_.tell({.subject = kSubject, .kind = kind, .text = std::move(text)});
+}
+
+void MapKeeper::refill_shelf() {
+  if (is_log_old_) {
+    auto log = store_.log();
+    is_log_old_ = !log;
+    if (log) shelf_.put_log(std::move(*log));
+  }
+  for (const std::int64_t version : shelf_.take_wanted()) {
+    auto map = store_.load(version);
+    shelf_.put(version, map ? VersionShelf::Content(std::make_shared<const TagMap>(std::move(*map)))
+                            : tl::unexpected(map.error()));
+  }
 }
 
 Expected<void> MapKeeper::store_version(const std::string& comment) {

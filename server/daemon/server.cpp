@@ -135,9 +135,8 @@ Expected<void> Server::Impl::build() {
   }
   build_scene(*bodies);
   build_workers(std::move(*bodies));
-  std::function<void()> commit;
-  if (keeper_) commit = [this] { keeper_->request_commit(); };
-  desk_.emplace(config_.operators, *scene_, *map_, recorder_, events_, std::move(commit));
+  desk_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
+                keeper_ ? &*keeper_ : nullptr);
   if (!config_.recorder.at_start.empty()) {
     const auto opened = recorder_.start_and_open(config_.recorder.at_start);
     // The disk's fault is said and stands; robots are followed all the same.
@@ -214,7 +213,8 @@ std::unique_ptr<SensorSource> Server::Impl::keep_open(
 
 void Server::Impl::build_scene(const std::vector<Body>& bodies) {
   RampConfig ramp;
-  if (config_.map.builder.refine_period_s > 0) ramp.seconds = config_.map.correction_ramp_s;
+  ramp.seconds = config_.map.correction_ramp_s;
+  ramp.follows_images = config_.map.builder.refine_period_s > 0;
   ramp.frame_s = std::max(ramp.frame_s, 1 / config_.streaming.rate_hz);
   std::vector<SceneBody> described;
   for (std::size_t i = 0; i < bodies.size(); ++i) {

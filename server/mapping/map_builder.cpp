@@ -37,20 +37,14 @@ bool differs_visibly(const KnownTag& now, const KnownTag& published) {
          std::abs(std::sqrt(position_variance(now)) - before) > kSigmaChanged * before;
 }
 
-bool same_tags(const TagMap& a, const TagMap& b) {
-  return std::equal(a.tags.begin(), a.tags.end(), b.tags.begin(), b.tags.end(),
+bool same_content(const TagMap& a, const TagMap& b) {
+  return a.X_RW.p == b.X_RW.p && a.X_RW.q.coeffs() == b.X_RW.q.coeffs() &&
+         std::equal(a.tags.begin(), a.tags.end(), b.tags.begin(), b.tags.end(),
                     [](const MapTag& x, const MapTag& y) {
                       return x.tag.tag_id == y.tag.tag_id && x.tag.X_WT.p == y.tag.X_WT.p &&
                              x.tag.X_WT.q.coeffs() == y.tag.X_WT.q.coeffs() &&
                              x.tag.covariance == y.tag.covariance && x.state == y.state;
                     });
-}
-
-/// Some tag says where the workspace is.
-bool has_places(const TagMap& map) {
-  return std::any_of(map.tags.begin(), map.tags.end(), [](const MapTag& entry) {
-    return entry.component == 0 && entry.state != TagState::kQuarantined;
-  });
 }
 
 /// Numbers that are known exactly, as the place of the reference tag is, may come with a variance a
@@ -86,11 +80,7 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
     working_.known.reset();
     snapshot_ = std::make_shared<const TagMap>(working_);
   }
-  for (const MapTag& entry : working_.tags) {
-    if (entry.state == TagState::kLocal) ownership_[entry.tag.tag_id] = {};
-    if (entry.state == TagState::kQuarantined)
-      ownership_[entry.tag.tag_id] = {.quarantined_at = Instant::min()};
-  }
+  ownership_ = owners_of(working_);
 }
 
 bool MapBuilder::ready(const TagBelief& belief) const {
@@ -119,7 +109,9 @@ MapView MapBuilder::view(int body_id) {
   const std::lock_guard lock(mutex_);
   const bool may_define = may_define_locked(body_id);
   if (may_define && !working_.reference_tag) defining_ = body_id;
-  return {snapshot(), may_define, revision_};
+  MapView view{snapshot(), may_define, revision_};
+  news_.tell(body_id, view);
+  return view;
 }
 
 void MapBuilder::release(int body_id) {
@@ -143,6 +135,8 @@ std::uint64_t MapBuilder::absorb(const MapContribution& contribution, std::int64
   const std::lock_guard lock(mutex_);
   note_workspace_locked(contribution);
   const std::uint64_t turn = contributions_++;
+  newest_at_ = std::max(newest_at_, contribution.at);
+  if (news_.is_behind(contribution.body_id)) return turn;  // it speaks of the map of before
   const bool has_graph = config_.refine_period_s > 0;
   bool follow = has_graph && watch_locked(contribution, utc_now_ns);
   if (config_.mode == MapMode::kFrozen) {
@@ -180,7 +174,7 @@ bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_
     note_contradicted_once_locked(contribution.body_id, tag_id, "the survey holds");
     return false;
   }
-  Ownership& owner = ownership_[tag_id];
+  TagOwner& owner = ownership_[tag_id];
   const auto disputed_at = owner.disputed_at;
   if (disputed_at && contribution.at - *disputed_at < kDisputeHolds) return false;
   owner = {.quarantined_at = contribution.at, .before = entry->state, .disputed_at = disputed_at};
@@ -196,7 +190,7 @@ bool MapBuilder::quarantine_locked(const MapContribution& contribution, int tag_
 
 /// The first belief since the quarantine. @return false when the tag has not moved
 bool MapBuilder::relearn_locked(int body_id, const TagBelief& belief, MapTag& entry,
-                                Ownership& owner) {
+                                TagOwner& owner) {
   const int id = belief.tag.tag_id;
   const double moved_m = (belief.tag.X_WT.p - entry.tag.X_WT.p).norm();
   if (moved_m < kMove_m && angle_between(belief.tag.X_WT.q, entry.tag.X_WT.q) < kMove_rad) {
@@ -222,7 +216,7 @@ bool MapBuilder::relearn_locked(int body_id, const TagBelief& belief, MapTag& en
 
 /// Whether this belief says more than the map does.
 bool MapBuilder::accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
-                               Ownership& owner) {
+                               TagOwner& owner) {
   // What was seen before it moved is the old place.
   if (owner.quarantined_at) return belief.last_seen > *owner.quarantined_at;
   if (owner.disputed_at) return false;
@@ -238,8 +232,8 @@ bool MapBuilder::accept_locked(int body_id, const TagBelief& belief, const MapTa
 
 bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64_t utc_now_ns) {
   const TagBelief belief = without_rounding(offered);
-  if (!ready(belief)) return false;
   const int id = belief.tag.tag_id;
+  if (!ready(belief) || news_.is_behind(body_id, id)) return false;
   MapTag* entry = working_.find(id);
   const bool is_new = entry == nullptr;
   if (is_new) {
@@ -248,7 +242,7 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
   }
   const auto owned = ownership_.find(id);
   if (owned == ownership_.end()) return false;  // a fixed tag of the starting map
-  Ownership& owner = owned->second;
+  TagOwner& owner = owned->second;
   if (!is_new && !accept_locked(body_id, belief, *entry, owner)) return false;
   has_workspace_ = true;
   if (owner.quarantined_at && !relearn_locked(body_id, belief, *entry, owner)) return true;
@@ -264,7 +258,7 @@ bool MapBuilder::absorb_locked(int body_id, const TagBelief& offered, std::int64
 }
 
 /// A tag that is looked at, and whose published place does not change any more, has settled.
-bool MapBuilder::settle_locked(MapTag& entry, Ownership& owner, bool moved) {
+bool MapBuilder::settle_locked(MapTag& entry, TagOwner& owner, bool moved) {
   if (moved || !owner.still_since) owner.still_since = owner.last_seen;
   if (entry.state != TagState::kLocal || entry.sightings < kSightingsToSettle ||
       owner.last_seen - *owner.still_since < kStillToSettle)
@@ -296,7 +290,7 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
   Instant newest = Instant::min();  // of the solution: about now
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);
-  if (config_.mode == MapMode::kFrozen) return contributions_;
+  if (config_.mode == MapMode::kFrozen || begin_anew_ != nullptr) return contributions_;
   for (const GraphTagEstimate& tag : solution.tags) {
     if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
     if (moved_.is_outdated(tag)) continue;
@@ -325,7 +319,7 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
 
 /// With a revision of its own: filters take it over once.
 void MapBuilder::replace_known_locked(KnownMap known) {
-  known.revision = 1 + (working_.known ? working_.known->revision : 0);
+  known.revision = 1 + std::max(revision_, working_.known ? working_.known->revision : 0);
   working_.known = std::make_shared<const KnownMap>(std::move(known));
 }
 
@@ -357,7 +351,7 @@ bool MapBuilder::changed() const {
 void MapBuilder::mark_stored(const TagMap& stored) {
   const std::lock_guard lock(mutex_);
   // What joined while the store was writing is in no version yet.
-  const bool more = !same_tags(*snapshot_, stored);
+  const bool more = !same_content(*snapshot_, stored);
   auto next = std::make_shared<TagMap>(*snapshot_);
   next->version = stored.version;
   next->parent = stored.parent;
@@ -384,16 +378,6 @@ void MapBuilder::note_locked(MapEvent::Kind kind, int tag_id, std::string text) 
 std::vector<MapEvent> MapBuilder::take_events() {
   const std::lock_guard lock(mutex_);
   return std::exchange(events_, {});
-}
-
-void MapBuilder::set_mode(MapMode mode) {
-  const std::lock_guard lock(mutex_);
-  config_.mode = mode;
-}
-
-MapMode MapBuilder::mode() const {
-  const std::lock_guard lock(mutex_);
-  return config_.mode;
 }
 
 }  // namespace fiducap

@@ -10,34 +10,18 @@
 #include <string>
 #include <vector>
 
-#include "estimation/segment/motion_segment.hpp"
-#include "estimation/tag_belief.hpp"
+#include "base/expected.hpp"
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/map_config.hpp"
 #include "mapping/map_event.hpp"
+#include "mapping/map_news.hpp"
+#include "mapping/map_view.hpp"
 #include "mapping/moved_tags.hpp"
 #include "mapping/tag_map.hpp"
+#include "mapping/tag_owner.hpp"
 #include "mapping/tag_watch.hpp"
 
 namespace fiducap {
-
-/// The map as one body gets it for one image.
-struct MapView {
-  std::shared_ptr<const TagMap> map;
-  bool may_define_workspace{true};  ///< See MapKnowledge.
-  std::uint64_t revision{};         ///< How often the map was published before; counts from 0.
-};
-
-/// What one body tells the map after an image.
-struct MapContribution {
-  int body_id{};
-  Instant at{};
-  bool anchored{};  ///< The body's filter stands in the workspace.
-  std::span<const TagBelief> beliefs{};
-  std::span<const int> contradicted{};  ///< Tags that the body's filter gave up for their place.
-  std::span<const int> fitting{};       ///< Tags that it found where the map has them.
-  std::shared_ptr<const MotionSegment> segment{};  ///< That has ended, or nullptr.
-};
 
 /// Joins the tag beliefs of all bodies into the one shared map, and owns the workspace.
 ///
@@ -75,6 +59,8 @@ class MapBuilder final {
       std::shared_ptr<const MotionSegment> segment;
     };
     std::vector<OfBody> segments;
+    /// The map was replaced: whatever was taken before counts no more. Comes before the moves.
+    std::shared_ptr<const TagMap> begin_anew;
     std::vector<EpochOrder> moves;  ///< Come before the segments.
     std::uint64_t contributions{};
   };
@@ -97,30 +83,40 @@ class MapBuilder final {
   void set_mode(MapMode mode);
   [[nodiscard]] MapMode mode() const;
 
+  // What an operator does by hand: map_by_hand.cpp. Errors are for him to read.
+
+  /// A map may be put in this one's place. @return Error when it is frozen, or `map` has no place
+  [[nodiscard]] Expected<void> may_begin_anew(const TagMap& map) const;
+  /// Serves another map from now on, as if the server had begun with it: bodies take it over with
+  /// their next image, the graph begins anew. What was learned and not stored is gone.
+  /// @param stored  as it came back from MapStore::commit   @return see above
+  Expected<void> begin_anew(TagMap stored, std::int64_t utc_now_ns);
+  /// Where the room is, seen from W. Moves neither tags nor bodies.
+  void align(const Pose& X_RW, std::int64_t utc_now_ns);
+  /// The tag is kept and not used, until it is forgotten or this map is replaced.
+  Expected<void> quarantine(int tag_id, std::int64_t utc_now_ns);
+  /// The map and all bodies know nothing of the tag any more; seen again, it is a new one.
+  /// @return Error when the map is frozen, does not have it, or hangs on it
+  Expected<void> forget(int tag_id, std::int64_t utc_now_ns);
+
  private:
-  struct Ownership {
-    std::optional<int> body_id{};  ///< nullopt: a local tag of the starting map.
-    Instant last_seen{};
-    std::optional<Instant> still_since{};  ///< When the published place last changed, by the owner.
-    std::optional<Instant> quarantined_at{};
-    TagState before{TagState::kLocal};     ///< What it was before the quarantine.
-    std::optional<Instant> disputed_at{};  ///< Contradicted, but not moved: stays where it is.
-  };
   [[nodiscard]] bool ready(const TagBelief& belief) const;
   [[nodiscard]] bool may_define_locked(int body_id) const;
   void note_workspace_locked(const MapContribution& contribution);
   /// The three below: @return true when the published map should follow.
   bool absorb_locked(int body_id, const TagBelief& belief, std::int64_t utc_now_ns);
   bool quarantine_locked(const MapContribution& contribution, int tag_id);
-  bool relearn_locked(int body_id, const TagBelief& belief, MapTag& entry, Ownership& owner);
+  bool relearn_locked(int body_id, const TagBelief& belief, MapTag& entry, TagOwner& owner);
   bool watch_locked(const MapContribution& contribution, std::int64_t utc_now_ns);
   bool suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_now_ns);
   bool find_again_locked(const GraphTagEstimate& found, std::span<const GraphTagEstimate> all,
                          MapTag& entry);
   void note_contradicted_once_locked(int body_id, int tag_id, const char* what_holds);
-  bool settle_locked(MapTag& entry, Ownership& owner, bool moved);
+  [[nodiscard]] Expected<MapTag*> tag_locked(int tag_id);
+  void leave_out_locked(int tag_id);
+  bool settle_locked(MapTag& entry, TagOwner& owner, bool moved);
   [[nodiscard]] bool accept_locked(int body_id, const TagBelief& belief, const MapTag& entry,
-                                   Ownership& owner);
+                                   TagOwner& owner);
   MapTag& add_locked(int body_id, const TagBelief& belief);
   MapTag& insert_locked(const KnownTag& tag, const std::string& seen_by);
   void replace_known_locked(KnownMap known);
@@ -132,18 +128,21 @@ class MapBuilder final {
   mutable std::mutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
-  std::map<int, Ownership> ownership_;  ///< Of every tag that may still move.
-  TagWatch watch_;                      ///< With a graph …
-  MovedTags moved_;                     ///< … also this.
-  std::set<int> contradicted_;          ///< Tags that were said to stay all the same.
-  bool starts_with_places_;             ///< The starting map says where the workspace is.
-  bool has_workspace_;                  ///< … or a body has since.
+  std::map<int, TagOwner> ownership_;         ///< Of every tag that may still move.
+  TagWatch watch_;                            ///< With a graph …
+  MovedTags moved_;                           ///< … also this.
+  MapNews news_;                              ///< For bodies: what an operator did.
+  std::shared_ptr<const TagMap> begin_anew_;  ///< For the graph, until it takes it.
+  std::set<int> contradicted_;                ///< Tags that were said to stay all the same.
+  bool starts_with_places_;                   ///< The starting map says where the workspace is.
+  bool has_workspace_;                        ///< … or a body has since.
   std::optional<int> founder_;   ///< The body that defined the workspace, without a reference tag.
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<Waiting::OfBody> segments_;  ///< For the graph.
   std::vector<MapEvent> events_;
   std::uint64_t revision_{0};
   std::uint64_t contributions_{0};
+  Instant newest_at_{};  ///< Of all contributions.
   bool changed_{false};
 };
 

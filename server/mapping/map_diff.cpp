@@ -13,6 +13,18 @@ constexpr double kTurned_rad = 1e-6;
 
 }  // namespace
 
+std::string_view name_of(TagChange::Kind kind) {
+  switch (kind) {
+    case TagChange::Kind::kAdded:
+      return "added";
+    case TagChange::Kind::kRemoved:
+      return "removed";
+    case TagChange::Kind::kMoved:
+      return "moved";
+  }
+  return "moved";
+}
+
 std::vector<TagChange> diff(const TagMap& before, const TagMap& after) {
   std::vector<TagChange> changes;
   auto b = before.tags.begin();

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "mapping/map_builder.hpp"
+#include "mapping/map_edit.hpp"
 
 namespace fiducap {
 
@@ -35,14 +36,15 @@ bool MapBuilder::suspect_locked(const TagSuspicion& suspicion, std::int64_t utc_
   note_locked(event->kind, tag_id, event->text);
   watch_.forget(tag_id);
   entry.state = TagState::kQuarantined;
-  if (working_.known == nullptr) return true;
-  KnownMap known = *working_.known;
-  std::erase_if(known.tags, [&](const KnownTag& tag) { return tag.tag_id == tag_id; });
-  std::erase_if(known.pairs, [&](const KnownPair& pair) {
-    return pair.first_id == tag_id || pair.second_id == tag_id;
-  });
-  replace_known_locked(std::move(known));
+  leave_out_locked(tag_id);
   return true;
+}
+
+/// No filter leans on the tag any more.
+void MapBuilder::leave_out_locked(int tag_id) {
+  if (working_.known == nullptr) return;
+  drop_ties(working_, tag_id);
+  replace_known_locked(*working_.known);
 }
 
 /// @return whether filters may lean on it, at its place of now
@@ -61,7 +63,8 @@ bool MapBuilder::find_again_locked(const GraphTagEstimate& found,
 
 MapBuilder::Waiting MapBuilder::take_segments() {
   const std::lock_guard lock(mutex_);
-  return {std::exchange(segments_, {}), moved_.take_orders(), contributions_};
+  return {std::exchange(segments_, {}), std::exchange(begin_anew_, nullptr), moved_.take_orders(),
+          contributions_};
 }
 
 }  // namespace fiducap

@@ -5,7 +5,8 @@
 namespace fiducap {
 
 void MapRefiner::take() {
-  auto [segments, moves, contributions] = map_.take_segments();
+  auto [segments, begin_anew, moves, contributions] = map_.take_segments();
+  if (begin_anew != nullptr) begin_with(*begin_anew);
   for (const EpochOrder& order : moves) graph_.follow(order);
   is_settled_ &= moves.empty();
   for (const auto& [body_id, segment] : segments) {
@@ -14,6 +15,13 @@ void MapRefiner::take() {
     is_settled_ &= !graph_.add(std::move(own));
   }
   contributions_ = contributions;
+}
+
+void MapRefiner::begin_with(const TagMap& map) {
+  graph_ = MapGraph(map);
+  if (keeps_all_) keep_all();
+  solution_.reset();
+  is_settled_ = true;
 }
 
 bool MapRefiner::solve(const std::stop_token& stop) {

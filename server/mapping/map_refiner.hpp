@@ -26,7 +26,8 @@ class MapRefiner final {
  public:
   explicit MapRefiner(MapBuilder& map) : map_(map), graph_(*map.snapshot()) {}
 
-  /// Takes what has come since the last time into the graph. The map keeps a limited number.
+  /// Takes what has come since the last time into the graph; begins a new one when the map was
+  /// replaced. The map keeps a limited number.
   void take();
   /// The same, and solves. Nothing of it is published yet.
   /// @param stop  leaves the solution for another time
@@ -39,12 +40,18 @@ class MapRefiner final {
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
   /// Nothing is folded, however long it takes: offline.
-  void keep_all() { graph_.keep_at_most(std::numeric_limits<std::size_t>::max()); }
+  void keep_all() {
+    keeps_all_ = true;
+    graph_.keep_at_most(std::numeric_limits<std::size_t>::max());
+  }
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
 
  private:
+  void begin_with(const TagMap& map);
+
   MapBuilder& map_;
   MapGraph graph_;
+  bool keeps_all_{false};
   std::optional<GraphSolution> solution_;
   std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
   std::uint64_t contributions_{};         ///< Before the last take().

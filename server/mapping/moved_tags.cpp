@@ -47,7 +47,8 @@ std::string list(const std::set<int>& bodies) {
 }
 
 std::string place(const Pose& X) {
-  return "(" + fixed(X.p.x(), 2) + " " + fixed(X.p.y(), 2) + " " + fixed(X.p.z(), 2) + ")";
+  return std::string("(") + fixed(X.p.x(), 2) + " " + fixed(X.p.y(), 2) + " " + fixed(X.p.z(), 2) +
+         ")";
 }
 
 std::string name(int tag_id) { return "tag " + std::to_string(tag_id); }
@@ -168,6 +169,18 @@ std::optional<MovedTags::Found> MovedTags::judge(const GraphTagEstimate& found,
                 name(found.tag_id) + " was moved by " + fixed(1e3 * moved_m, 0) + " mm and " +
                     fixed(turned, 1) + "° " + one.told + ": it is used where it is now"},
                TagState::kLocal};
+}
+
+void MovedTags::set_aside(int tag_id, Instant at) {
+  Case& one = cases_[tag_id];
+  ++one.epoch;
+  one.is_away = one.is_given_up = true;
+  orders_.push_back({tag_id, TagEpoch{at, Instant::max()}});
+}
+
+void MovedTags::forget(int tag_id, Instant at) {
+  cases_[tag_id] = {.epoch = cases_[tag_id].epoch + 1};
+  orders_.push_back({tag_id, TagEpoch{at, at}});
 }
 
 std::vector<EpochOrder> MovedTags::take_orders() { return std::exchange(orders_, {}); }

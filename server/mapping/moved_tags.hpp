@@ -39,6 +39,10 @@ class MovedTags final {
   /// @return nullopt: that is not known well enough
   std::optional<Found> judge(const GraphTagEstimate& found, std::span<const GraphTagEstimate> all,
                              const MapTag& entry);
+  /// Not used any more, whatever is seen of it: an operator says so.
+  void set_aside(int tag_id, Instant at);
+  /// Nothing is known of it: seen again, it is another tag.
+  void forget(int tag_id, Instant at);
   /// For the graph, since the last call.
   [[nodiscard]] std::vector<EpochOrder> take_orders();
 
@@ -51,7 +55,7 @@ class MovedTags final {
     Instant last_moved{};                  ///< Each suspicion counts as a move …
     int moves{0};                          ///< … of so many not long after each other.
     TagState before{};                     ///< What it was.
-    std::string told;                      ///< Since when, and by whom seen.
+    std::string told{};                    ///< Since when, and by whom seen.
     std::vector<Pose> places{};            ///< Where it was, the newest one last.
     std::optional<Instant> disputed_at{};  ///< When it was found in place after all.
   };

@@ -29,11 +29,10 @@ bool agree(const Pose& a, const Pose& b) {
 /// As many as come within the merger's window, so that images wait for their IMU readings, not for
 /// a full queue.
 std::size_t images_within_window(const PipelineSetup& setup) {
-  constexpr double kMostPerCamera = 64;
+  constexpr double kMost = 64;  // of each
   double all = 0;
   for (const CameraMount& camera : setup.sensors.cameras)
-    all +=
-        std::min(std::ceil(camera.rate_hz * to_seconds(setup.merger.window)) + 2, kMostPerCamera);
+    all += std::min(std::ceil(camera.rate_hz * to_seconds(setup.merger.window)) + 2, kMost);
   return std::max<std::size_t>(setup.merger.max_images, static_cast<std::size_t>(all));
 }
 
@@ -166,6 +165,7 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   if (was_found_here) agreement_.add(update_.seen);
   if (late_.only_watches(corners.camera)) return watched_image();
   lose_motion_if_lost();
+  for (const int tag_id : view.forget) filter_->release_tag(tag_id);
   view.map->known_among(update_.seen, update_.known);
   update_.report = filter_->update(
       update_.seen, {update_.known, view.may_define_workspace, view.map->known.get()});

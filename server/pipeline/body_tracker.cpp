@@ -73,7 +73,8 @@ void BodyTracker::ingest(const std::optional<BodyEstimate>& estimate, const Upda
                          Duration processing, std::uint64_t images_dropped) {
   const Instant from = newest(report, processing);
   const bool goes_on = follows(estimate, report);
-  const auto shown = ramp_.is_on() && goes_on ? shown_at(from) : std::nullopt;
+  const bool is_bridged = goes_on && ramp_.bridges(report.map_shift.has_value(), from);
+  const auto shown = is_bridged ? shown_at(from) : std::nullopt;
   if (!shown) ramp_.forget();
   source_lost_ = false;
   if (last_seen_ && report.generation == report_.generation) {

@@ -14,6 +14,9 @@ struct RampConfig {
   /// Between two published frames: within it no pose moves by a sigma. Not less than the slowest
   /// client's.
   double frame_s{1.0 / 30};
+  /// Images move bodies by what the map had learned, too. False: no graph makes it learn, and only
+  /// an operator moves it.
+  bool follows_images{true};
 };
 
 /// What of the map's corrections (UpdateReport::map_shift) is not published yet, and of images that
@@ -53,6 +56,10 @@ class CorrectionRamp final {
   void forget() { seconds_ = 0; }
 
   [[nodiscard]] bool is_on() const { return config_.seconds > 0; }
+  /// Whether an image, after which the map has moved the body or not, is bridged at all.
+  [[nodiscard]] bool bridges(bool map_has_moved, Instant from) const {
+    return is_on() && (config_.follows_images || map_has_moved || !is_over(from));
+  }
   [[nodiscard]] bool is_over(Instant at) const;
   /// Puts what is left on top: pose, and covariance. Nothing after the end.
   void apply(Instant at, BodyEstimate& shown) const;

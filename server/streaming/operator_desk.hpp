@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -11,6 +12,8 @@
 #include "base/expected.hpp"
 #include "base/pose.hpp"
 #include "mapping/map_builder.hpp"
+#include "mapping/map_change.hpp"
+#include "mapping/store/map_rows.hpp"
 
 namespace fiducap {
 
@@ -70,8 +73,19 @@ class OperatorDesk {
 
   [[nodiscard]] virtual MapMode map_mode() const = 0;
   virtual Expected<void> set_map_mode(MapMode mode) = 0;
-  /// Writes the map as it is now as a version. @return Error when no store is configured
-  virtual Expected<void> commit_map() = 0;
+  /// What needs the store is done a moment later, and said on the event board; so is what becomes
+  /// of it. @return Error when it cannot be done: no store is configured, the map is frozen, there
+  /// is no such version or tag, measured places contradict each other
+  virtual Expected<void> change_map(const MapChange& change) = 0;
+  /// What the store has, newest first; empty without a store.
+  [[nodiscard]] virtual std::vector<MapVersionInfo> map_versions() const { return {}; }
+  /// One of them. @return nullptr: it is being read, ask again in a moment
+  [[nodiscard]] virtual Expected<std::shared_ptr<const TagMap>> map_version(
+      std::int64_t version) const {
+    return fail(ErrorCode::kNotFound, "there is no version " + std::to_string(version));
+  }
+  /// The map that is served.
+  [[nodiscard]] virtual std::shared_ptr<const TagMap> map() const { return nullptr; }
 
   /// Raw sensors of all bodies to disk, from now on. @param name  folder name; empty: the date and
   /// time

@@ -162,6 +162,39 @@ CLI::App* add_control_verb(CLI::App& control, CommandLine& line, const char* nam
   return verb;
 }
 
+void add_control_map(CLI::App& control, CommandLine& line) {
+  auto& a = line.control;
+  add_control_verb(control, line, "commit", "Store the map now", run_control_commit,
+                   " before-the-move")
+      ->add_option("NAME", a.name, "What the history shall call the version");
+  const auto for_version = [&](const char* name, const char* what, ControlVerb run,
+                               const char* example) {
+    auto* verb = add_control_verb(control, line, name, what, run, example);
+    verb->add_option("VERSION", a.version, "Its number, as the page and fiducap map log say")
+        ->required();
+    return verb;
+  };
+  for_version("name", "Name a stored version of the map: it is kept then", run_control_name,
+              " 12 before-the-move")
+      ->add_option("NAME", a.name, "1 to 200 characters")
+      ->required();
+  for_version("rollback", "Serve a stored version of the map again, as a new version",
+              run_control_rollback, " 12");
+  add_control_verb(control, line, "align", "Say where the workspace lies in the room",
+                   run_control_align, " --to measured.csv")
+      ->add_option("--to", a.measured,
+                   "Three tags or more as measured in the room: id,x,y,z in metres, z up")
+      ->required();
+  const auto for_tag = [&](const char* name, const char* what, ControlVerb run) {
+    add_control_verb(control, line, name, what, run, " 7")
+        ->add_option("TAG", a.tag_id, "Its id")
+        ->required()
+        ->check(CLI::NonNegativeNumber);
+  };
+  for_tag("quarantine", "Keep a tag in the map and use it no more", run_control_quarantine);
+  for_tag("forget", "Know nothing of a tag: seen again, it is a new one", run_control_forget);
+}
+
 void add_control(CLI::App& app, CommandLine& line) {
   auto* control = app.add_subcommand("control", "Change a running server: bodies, map, recording");
   control->require_subcommand(1);
@@ -186,7 +219,7 @@ void add_control(CLI::App& app, CommandLine& line) {
       ->required();
   add_control_verb(*control, line, "freeze", "The map moves no more", run_control_freeze);
   add_control_verb(*control, line, "map", "The map grows and is refined", run_control_map);
-  add_control_verb(*control, line, "commit", "Store the map now", run_control_commit);
+  add_control_map(*control, line);
   const auto for_recording = [&](const char* name, const char* what, ControlVerb run) {
     auto* verb = add_control_verb(*control, line, name, what, run);
     verb->add_option("--patience", a.patience_s,

@@ -93,12 +93,83 @@ void add_map_build(CLI::App& map, const MapLine& line) {
   });
 }
 
+using MapEditVerb = int (*)(const MapEditArguments&, const Terminal&);
+
+CLI::App* add_edit_verb(CLI::App& map, const MapLine& line, const char* name, const char* what,
+                        const char* example, MapEditVerb run) {
+  auto* verb = map.add_subcommand(name, what);
+  verb->add_option("--store", line.verbs.edit.store,
+                   "The map store; no server may have it open (fiducap control does it there)")
+      ->required();
+  verb->footer(std::string("The map of before stays in the store.\nExample:\n  fiducap map ") +
+               example);
+  verb->callback([line, run] {
+    line.chosen = [&a = line.verbs.edit, run](const Terminal& t) { return run(a, t); };
+  });
+  return verb;
+}
+
+void add_map_align(CLI::App& map, const MapLine& line) {
+  auto& a = line.verbs.edit;
+  auto* verb = add_edit_verb(map, line, "align",
+                             "Say where the workspace lies in the room, by measured tags: yaw and "
+                             "shift, least squares",
+                             "align --store hall.map --to measured.csv\n"
+                             "  fiducap map align --store hall.map --distance 3 17 4.52",
+                             run_map_align);
+  auto* to = verb->add_option("--to", a.measured,
+                              "Middles of three tags or more as measured in the room: CSV with the "
+                              "header id,x,y,z, metres, z up");
+  verb->add_option("--tolerance", a.most_off_m,
+                   "What a measured place may be off, metres: beyond it contradicts the others")
+      ->check(kPositive)
+      ->capture_default_str();
+  verb->add_option("--distance", a.distance,
+                   "Two tags and the metres between their middles by a tape: compared with the "
+                   "map, which is not scaled")
+      ->expected(3)
+      ->excludes(to);
+  verb->add_option("--comment", a.comment, "What the history shall say about it");
+}
+
+void add_map_edit(CLI::App& map, const MapLine& line) {
+  auto& a = line.verbs.edit;
+  auto* verb = add_edit_verb(map, line, "edit", "Forget, quarantine or survey tags",
+                             "edit --store hall.map --forget 7\n"
+                             "  fiducap map edit --store hall.map --survey 3 1.25 4 1.6 --sigma "
+                             "0.002",
+                             run_map_edit);
+  verb->add_option("--forget", a.forget, "Ids of tags that go: seen again, they are new ones");
+  verb->add_option("--quarantine", a.quarantine, "Ids of tags that are kept and not used");
+  verb->add_option("--survey", a.survey,
+                   "Id, measured place x y z of its middle in the workspace (metres), and, when "
+                   "the map is to take it over, the attitude w x y z")
+      ->expected(4, 8);
+  verb->add_option("--sigma", a.sigma_m, "1-sigma of each coordinate of the survey, metres")
+      ->check(kPositive);
+  verb->add_option("--tag-size", a.tag_size_m, "Edge of a surveyed tag that is new, metres")
+      ->check(kPositive);
+  verb->add_option("--comment", a.comment, "What the history shall say about it");
+}
+
+void add_map_history(CLI::App& map, const MapLine& line) {
+  auto& a = line.verbs.edit;
+  add_edit_verb(map, line, "rollback", "Store an older version again, as the newest one",
+                "rollback --store hall.map 12", run_map_rollback)
+      ->add_option("VERSION", a.version, "Its number, as the log says")
+      ->required();
+  auto* name = add_edit_verb(map, line, "name", "Name a version: it is never thinned out then",
+                             "name --store hall.map 12 \"before the move\"", run_map_name);
+  name->add_option("VERSION", a.version, "Its number, as the log says")->required();
+  name->add_option("NAME", a.name, "1 to 200 characters; the log shows it as comment")->required();
+}
+
 }  // namespace
 
 void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen) {
   const MapLine line{verbs, chosen};
   auto* map = app.add_subcommand(
-      "map", "Build tag maps, look into their store, take them out, put them in");
+      "map", "Build tag maps, look into their store, change them, take them out, put them in");
   map->require_subcommand(1);
   map->footer("Example:\n  fiducap map log --store hall.map");
   auto& a = line.verbs.store;
@@ -139,6 +210,9 @@ void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen) {
                             "show --store hall.map --version 3", run_map_show);
   show->add_option("--version", a.version, "Which version; the newest when not given");
   show->add_flag("--json", a.json, "For scripts");
+  add_map_history(*map, line);
+  add_map_align(*map, line);
+  add_map_edit(*map, line);
   add_map_verb(*map, line, "check", "Is every version as it was stored? Changes nothing",
                "check --store hall.map", run_map_check);
   add_map_verb(*map, line, "repair",

@@ -2,6 +2,7 @@
 
 #include "tools/replay/map_build_command.hpp"
 #include "tools/tags/map_command.hpp"
+#include "tools/tags/map_edit_command.hpp"
 #include "tools/terminal.hpp"
 
 namespace CLI {
@@ -13,6 +14,7 @@ namespace fiducap {
 struct MapVerbs {
   MapArguments store;
   MapBuildArguments build;
+  MapEditArguments edit;
 };
 
 /// Adds `fiducap map …`. @param verbs, chosen  outlive `app`

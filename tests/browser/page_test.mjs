@@ -154,6 +154,28 @@ step('a condition that ends is gone from above and stays in the list', async () 
   assert.ok(await page.isVisible('#log'));
 });
 
+step('versions of the map are listed, and two are compared', async () => {
+  const { page } = world;
+  await page.click('[data-list=versions]');
+  assert.ok(await page.isHidden('#log'));
+  await page.waitForFunction(() => document.querySelectorAll('#versions table.versions tbody tr').length === 2);
+  const rows = await page.$$eval('#versions table.versions tbody tr', (all) => all.map((row) => row.textContent));
+  assert.match(rows[0], /^12.*24mapped by fiducapd$/);
+  assert.match(rows[1], /^11.*23before <the> move$/);
+  const before = await page.locator('.stage canvas').screenshot();
+  await page.click('#versions table.versions tbody tr:nth-child(2) button');
+  await page.waitForFunction(() => document.querySelectorAll('#versions table.changes tbody tr').length === 2);
+  assert.match(await page.textContent('#versions .empty'), /Version 11 → 12: 2 tags differ/);
+  const changes = await page.$$eval('#versions table.changes tbody tr', (all) => all.map((row) => row.textContent));
+  assert.deepEqual(changes, ['9moved5000.000', '20added––']);
+  assert.notDeepEqual(await page.locator('.stage canvas').screenshot(), before);
+  const tags = await page.$$eval('#versions table.tags tbody tr', (all) => all.map((row) => row.textContent));
+  assert.equal(tags.length, 24);
+  assert.match(tags[23], /^23quarantined20\.?0*40–$/);
+  if (shots) await page.screenshot({ path: join(shots, 'page-map.png') });
+  await page.click('[data-list=log]');
+});
+
 step('the chart draws three lines', async () => {
   assert.ok((await colours(world.page, '#chart canvas')) > 30);
   await world.page.click('[data-chart=latency]');

@@ -243,6 +243,20 @@ int main(int argc, char** argv) {
   sources.events = &events;
   sources.version = "0.1.0";
   sources.map_mode = [] { return std::string("mapping"); };
+  sources.map_versions = [] {
+    const std::int64_t now_ns = 1'790'000'000'000'000'000;
+    return std::vector<MapVersionInfo>{
+        {12, 11, now_ns, "c", "mapped by fiducapd", 24},
+        {11, 0, now_ns - 60'000'000'000, "b", "before <the> move", 23}};
+  };
+  sources.map_version = [](std::int64_t version) -> Expected<std::shared_ptr<const TagMap>> {
+    auto map = std::make_shared<TagMap>(*hall());
+    map->version = version;
+    if (version == 12) return map;
+    map->tags.erase(map->tags.begin() + 20);
+    map->tags[9].tag.X_WT.p += Eigen::Vector3d(0.3, 0, 0.4);
+    return map;
+  };
   sources.clients = [&] {
     const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
     const auto sent = static_cast<std::uint64_t>(up * 100);

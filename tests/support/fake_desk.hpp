@@ -15,7 +15,9 @@ class FakeDesk final : public OperatorDesk {
       {1, "drone", true, {Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()}},
       {2, "arm", false, {Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3}}}};
   MapMode mode{MapMode::kFrozen};
-  int commits{0};
+  std::vector<MapChange> changes;
+  std::string refusal;  ///< Of every change; empty: none.
+  std::shared_ptr<const TagMap> served;
   std::optional<std::string> under_way;
   std::vector<RecordingStatus> known;
 
@@ -39,10 +41,11 @@ class FakeDesk final : public OperatorDesk {
     mode = wanted;
     return {};
   }
-  Expected<void> commit_map() override {
-    ++commits;
-    return {};
+  Expected<void> change_map(const MapChange& change) override {
+    changes.push_back(change);
+    return refusal.empty() ? Expected<void>{} : fail(ErrorCode::kInvalid, refusal);
   }
+  [[nodiscard]] std::shared_ptr<const TagMap> map() const override { return served; }
   Expected<void> start_recording(const std::string& name) override {
     if (under_way) return fail(ErrorCode::kInvalid, "one is under way");
     under_way = name;

@@ -7,6 +7,7 @@ import { EventsPanel } from './events_panel';
 import { duration, fixed, timeOfDay } from './format';
 import { LogPanel } from './log_panel';
 import { mapLine } from './map_line';
+import { MapPanel } from './map_panel';
 import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
 import { TAG_COLOUR } from './theme';
@@ -22,6 +23,7 @@ class Page {
   private readonly log = new LogPanel(byId('log'));
   private readonly events = new EventsPanel(byId('alarms-banner'), byId('alarms'), byId('events'), byId('alarms-summary'));
   private readonly chart = new StripChart(byId('chart'));
+  private readonly versions = new MapPanel(byId('versions'), (diff) => this.scene?.setChanges(diff?.changes ?? []));
   private hello: Hello | null = null;
   private map: TagMap | null = null;
   private chosen: number | null = null;
@@ -76,6 +78,7 @@ class Page {
     if (map !== this.map) {
       this.scene?.setMap(map.tags);
       showLegend(map);
+      this.versions.update(map);
     }
     this.map = map;
     setText(byId('map-line'), mapLine(map, this.hello?.mapMode ?? ''));
@@ -122,8 +125,13 @@ class Page {
       button.addEventListener('click', () => this.showChart(button.dataset.chart as ChartQuantity));
     }
     for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
-      button.addEventListener('click', () => showList(button.dataset.list ?? 'log'));
+      button.addEventListener('click', () => this.showList(button.dataset.list ?? 'log'));
     }
+  }
+
+  private showList(chosen: string): void {
+    showList(chosen);
+    if (chosen === 'versions') void this.versions.refresh();
   }
 
   private showRoom(from: 'oblique' | 'top'): void {
@@ -140,7 +148,7 @@ class Page {
   }
 }
 
-/** Log and events share a place. */
+/** Log, events and map share a place. */
 function showList(chosen: string): void {
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
     const shown = button.dataset.list === chosen;

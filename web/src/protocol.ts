@@ -29,6 +29,8 @@ export interface MapTag {
   state: TagState;
   component: number;
   sightings: number;
+  /** null: never, or a server that does not say. */
+  lastSeenUtcMs: number | null;
   p: Vector3;
   q: Quaternion;
   sigmaMm: number | null;
@@ -41,6 +43,31 @@ export interface TagMap {
   family: string;
   referenceTag: number | null;
   tags: MapTag[];
+}
+
+/** One stored version of the map. */
+export interface MapVersion {
+  version: number;
+  parent: number;
+  utcMs: number;
+  tags: number;
+  comment: string;
+}
+
+export interface TagChange {
+  id: number;
+  kind: 'added' | 'removed' | 'moved';
+  mm: number;
+  deg: number;
+  /** null where the tag is not. */
+  from: Vector3 | null;
+  to: Vector3 | null;
+}
+
+export interface MapDiff {
+  before: number;
+  after: number;
+  changes: TagChange[];
 }
 
 /** Where a body is, or was: `BodyFrame.valid` says which. */
@@ -210,6 +237,7 @@ function parseTag(value: unknown): MapTag | null {
     state: oneOf(tag.state, ['local', 'calibrated', 'surveyed', 'quarantined'] as const, 'tag.state'),
     component: number(tag.component, 'tag.component'),
     sightings: number(tag.sightings, 'tag.sightings'),
+    lastSeenUtcMs: numberOrNull(tag.last_seen_utc_ms) || null,
     p,
     q,
     sigmaMm: numberOrNull(tag.sigma_mm),
@@ -307,4 +335,38 @@ export function parseMessage(json: string): Message | null {
     default:
       return null;
   }
+}
+
+/** The answer of `/api/v1/map/versions`, newest first. */
+export function parseVersions(json: string): MapVersion[] {
+  return list(fields(JSON.parse(json), 'versions').versions, 'versions', (item) => {
+    const one = fields(item, 'version');
+    return {
+      version: number(one.version, 'version.version'),
+      parent: number(one.parent, 'version.parent'),
+      utcMs: number(one.utc_ms, 'version.utc_ms'),
+      tags: number(one.tags, 'version.tags'),
+      comment: text(one.comment, 'version.comment'),
+    };
+  });
+}
+
+/** The answer of `/api/v1/map/diff/A/B`. */
+export function parseDiff(json: string): MapDiff {
+  const diff = fields(JSON.parse(json), 'diff');
+  return {
+    before: number(diff.before, 'diff.before'),
+    after: number(diff.after, 'diff.after'),
+    changes: list(diff.changes, 'diff.changes', (item) => {
+      const change = fields(item, 'change');
+      return {
+        id: number(change.id, 'change.id'),
+        kind: oneOf(change.kind, ['added', 'removed', 'moved'] as const, 'change.kind'),
+        mm: number(change.mm, 'change.mm'),
+        deg: number(change.deg, 'change.deg'),
+        from: tuple<Vector3>(change.from, 3),
+        to: tuple<Vector3>(change.to, 3),
+      };
+    }),
+  };
 }

@@ -2,8 +2,9 @@ import { Color, DirectionalLight, HemisphereLight, Scene, SRGBColorSpace, Vector
 import { BodyView, type Box } from './body_view';
 import { CameraRig } from './camera_rig';
 import { element } from './dom';
-import type { BodyFrame, BodyName, MapTag } from './protocol';
+import type { BodyFrame, BodyName, MapTag, TagChange } from './protocol';
 import { EMPTY_ROOM, extentOf, RoomView, sameExtent, type Extent } from './room_view';
+import { ChangesView } from './changes_view';
 import { TagsView } from './tags_view';
 import { fitSprites } from './text_sprite';
 import { bodyColour, ROOM } from './theme';
@@ -21,6 +22,7 @@ export class Scene3D {
   private readonly rig: CameraRig;
   private readonly room = new RoomView();
   private readonly tags = new TagsView();
+  private readonly changes = new ChangesView();
   private readonly labels = element('div', 'labels');
   private readonly bodies = new Map<number, BodyView>();
   private extent: Extent = EMPTY_ROOM;
@@ -52,7 +54,7 @@ export class Scene3D {
     const sun = new DirectionalLight('#ffffff', 2.2);
     sun.position.set(-3, -5, 9);
     this.scene.add(new HemisphereLight('#dfe9f2', '#3a4650', 1.6), sun);
-    this.scene.add(this.room.group, this.tags.group);
+    this.scene.add(this.room.group, this.tags.group, this.changes.group);
     this.tags.setSigmaScale(this.sigma);
     canvas.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe(host);
@@ -75,6 +77,11 @@ export class Scene3D {
       this.labels.append(view.label);
     });
     this.rig.follow(null, 0);
+  }
+
+  /** Arrows from where tags were to where they are. */
+  setChanges(changes: TagChange[]): void {
+    this.changes.set(changes);
   }
 
   setMap(tags: MapTag[]): void {

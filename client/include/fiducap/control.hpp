@@ -50,12 +50,19 @@ struct Recording {
   std::uint64_t dropped{};  ///< Not recorded, because the disk was slow or failed.
 };
 
+/// Where the middle of a tag is in the room, as somebody has measured it.
+struct MeasuredTag {
+  int tag_id{};
+  std::array<double, 3> position_m{};  ///< Axes of the room: right-handed, z up.
+};
+
 struct ControlState {
   std::vector<ControlledBody> bodies;
   bool mapping{};         ///< The map grows and is refined; false: it stands still.
   std::string recording;  ///< Name of the recording under way; empty: none.
   /// Those that are not over, and up to eight that are; the newest last.
   std::vector<Recording> recordings;
+  std::int64_t map_version{};  ///< Of the map that is served, as it was stored last; 0: never.
 };
 
 /// Whether a command was carried out, and if not, why, in one sentence for a person.
@@ -81,8 +88,21 @@ class FIDUCAP_CLIENT_API Control {
   Outcome set_pivot(int body_id, const std::array<double, 3>& position_m,
                     const std::array<double, 4>& orientation_wxyz);
   Outcome set_mapping(bool mapping);
-  /// Writes the map as it is now as a version.
-  Outcome commit_map();
+  /// Writes the map as it is now as a version. Answered before the disk is, as the two below:
+  /// events of the subject `map` (events.hpp) say how it went.
+  /// @param name  that the history shall show; empty: none
+  Outcome commit_map(const std::string& name = {});
+  Outcome name_version(std::int64_t version, const std::string& name);
+  /// Serves a stored version again, as a new version. Refused while the map is frozen.
+  Outcome roll_back(std::int64_t version);
+  /// Says where the workspace lies in the room. Nothing that is streamed moves.
+  /// @param measured  three tags or more
+  Outcome align_map(const std::vector<MeasuredTag>& measured);
+  /// The tag stays in the map and is not used.
+  Outcome quarantine_tag(int tag_id);
+  /// Nothing is known of the tag any more: seen again, it is a new one. Refused while the map is
+  /// frozen.
+  Outcome forget_tag(int tag_id);
   /// Answered before the disk is: `list` says whether it records.
   /// @param name  of the folder; empty: the date and time
   Outcome start_recording(const std::string& name = {});

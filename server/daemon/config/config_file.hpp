@@ -52,8 +52,9 @@ struct MapSettings {
   std::vector<int> floor_tags;         ///< WorkspaceGauge
   /// Start from what was learned about the cameras and stored beside the map.
   bool use_learned_extrinsics{true};
-  /// Where the map is refined (`refine_period_s`): what it corrects about a body is published over
-  /// so many seconds, longer where a frame would move by a sigma otherwise; 0: at once.
+  /// What the map corrects about a body, where it is refined (`refine_period_s`) or an operator
+  /// goes back to another version, is published over so many seconds, longer where a frame would
+  /// move by a sigma otherwise; 0: at once.
   double correction_ramp_s{2.0};
 };
 

@@ -192,6 +192,16 @@ Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version) {
   return map;
 }
 
+Expected<void> set_comment(const SqliteFile& file, std::int64_t version,
+                           const std::string& comment) {
+  auto row = file.prepare("UPDATE version SET comment = ? WHERE version = ? RETURNING version");
+  const auto found = row.bind(comment).bind(version).step();
+  if (!found) return tl::unexpected(found.error());
+  if (*found) return {};
+  return fail(ErrorCode::kNotFound, "there is no such version; the log lists them",
+              file.path() + " version " + std::to_string(version));
+}
+
 Expected<void> remove_map(const SqliteFile& file, std::int64_t version) {
   if (auto done = remove_ties(file, version); !done) return done;
   for (const char* sql :

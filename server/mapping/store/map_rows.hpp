@@ -48,6 +48,9 @@ struct StoredExtrinsics {
 /// @return Error `kInvalid` when what lies there is not what was stored (hash), `kNotFound` when
 /// there is no such version
 [[nodiscard]] Expected<TagMap> load_map(const SqliteFile& file, std::int64_t version);
+/// @return Error `kNotFound` when there is no such version
+[[nodiscard]] Expected<void> set_comment(const SqliteFile& file, std::int64_t version,
+                                         const std::string& comment);
 /// Children of the version become children of its parent.
 [[nodiscard]] Expected<void> remove_map(const SqliteFile& file, std::int64_t version);
 [[nodiscard]] Expected<std::vector<MapVersionInfo>> list_maps(const SqliteFile& file);

@@ -18,6 +18,7 @@ constexpr const char* kWhatToDo =
     "; it was not changed: `fiducap map repair` saves what is readable; or restore a copy of it, "
     "or "
     "move it away";
+constexpr std::size_t kLongestName = 200;
 constexpr int kMostThinned = 16;  // at once: beside a commit it takes no time
 // What becomes free is used by the next versions; only much of it goes back to the disk.
 constexpr std::int64_t kMuchRoom_pages = 4096;
@@ -211,6 +212,24 @@ Expected<TagMap> MapStore::commit(const TagMap& map, const std::string& comment)
     return tl::unexpected(removed.error());
   if (auto done = transaction->commit(); !done) return tl::unexpected(done.error());
   return stored;
+}
+
+Expected<void> check_version_name(const std::string& name) {
+  const bool has_control =
+      std::any_of(name.begin(), name.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; });
+  if (name.empty() || name.size() > kLongestName || has_control)
+    return fail(ErrorCode::kInvalid, "a version's name must have 1 to 200 characters in one line");
+  if (name == kAutomaticComment)
+    return fail(ErrorCode::kInvalid, "this name marks versions that the server stored by itself");
+  return {};
+}
+
+Expected<void> MapStore::name_version(std::int64_t version, const std::string& name) {
+  if (auto good = check_version_name(name); !good) return good;
+  auto transaction = SqliteTransaction::begin(impl_->file);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (auto set = set_comment(impl_->file, version, name); !set) return set;
+  return transaction->commit();
 }
 
 Expected<int> MapStore::thin() {

@@ -16,6 +16,9 @@ namespace fiducap {
 /// The comment of versions that the server stores by itself. Only these are thinned out.
 inline constexpr const char* kAutomaticComment = "mapped by fiducapd";
 
+/// 1 to 200 characters, none of them a control character, and not the server's own comment.
+[[nodiscard]] Expected<void> check_version_name(const std::string& name);
+
 /// What a repair has written and not yet put in the place of the damaged store.
 [[nodiscard]] std::string repaired_name(const std::string& path);
 
@@ -55,6 +58,10 @@ class MapStore final {
   /// @return the map with version, parent and hash filled in; Error on a full or read-only disk,
   /// the store as it was.
   [[nodiscard]] Expected<TagMap> commit(const TagMap& map, const std::string& comment);
+  /// Its comment is the name from now on, and it is kept (see kAutomaticComment).
+  /// @return Error `kInvalid` when that is no name (check_version_name), `kNotFound` when there is
+  /// no such version
+  [[nodiscard]] Expected<void> name_version(std::int64_t version, const std::string& name);
   /// Takes away automatic versions that have grown old (map_thinning.hpp), a few at a time, in one
   /// transaction, and gives the room back to the disk when it is much. Damaged ones stay.
   /// @return how many went

@@ -78,6 +78,34 @@ Expected<ControlCommand> with_id(std::uint32_t id, Command command) {
   return ControlCommand{std::move(command)};
 }
 
+Expected<int> to_tag_id(std::uint32_t id) {
+  if (id > 0x7fffffff)
+    return fail(ErrorCode::kInvalid,
+                "a tag's id must be below 2147483648, is " + std::to_string(id));
+  return static_cast<int>(id);
+}
+
+template <typename Change>
+Expected<ControlCommand> of_tag(std::uint32_t id) {
+  const auto tag_id = to_tag_id(id);
+  if (!tag_id) return tl::unexpected(tag_id.error());
+  return ControlCommand{MapChange{Change{*tag_id}}};
+}
+
+Expected<ControlCommand> to_alignment(const v1::AlignMap& in) {
+  AlignMap out;
+  for (const v1::MeasuredPlace& place : in.places()) {
+    const auto tag_id = to_tag_id(place.tag_id());
+    if (!tag_id) return tl::unexpected(tag_id.error());
+    if (place.position_size() != 3)
+      return fail(ErrorCode::kInvalid, "the place of tag " + std::to_string(*tag_id) +
+                                           " needs 3 numbers, has " +
+                                           std::to_string(place.position_size()));
+    out.places.push_back({*tag_id, {place.position(0), place.position(1), place.position(2)}});
+  }
+  return ControlCommand{MapChange{std::move(out)}};
+}
+
 }  // namespace
 
 Expected<ControlRequest> decode_control_request(std::span<const std::byte> message) {
@@ -110,11 +138,21 @@ Expected<ControlCommand> decode_control_command(const std::string& body) {
     case v1::ControlCommand::kSetMapMode:
       return SetMapMode{in.set_map_mode().mapping() ? MapMode::kMapping : MapMode::kFrozen};
     case v1::ControlCommand::kCommitMap:
-      return CommitMap{};
+      return MapChange{CommitVersion{in.commit_map().name()}};
     case v1::ControlCommand::kStartRecording:
       return StartRecording{in.start_recording().name()};
     case v1::ControlCommand::kStopRecording:
       return StopRecording{};
+    case v1::ControlCommand::kNameVersion:
+      return MapChange{NameVersion{in.name_version().version(), in.name_version().name()}};
+    case v1::ControlCommand::kRollBack:
+      return MapChange{RollBack{in.roll_back().version()}};
+    case v1::ControlCommand::kAlignMap:
+      return to_alignment(in.align_map());
+    case v1::ControlCommand::kQuarantineTag:
+      return of_tag<QuarantineTag>(in.quarantine_tag().tag_id());
+    case v1::ControlCommand::kForgetTag:
+      return of_tag<ForgetTag>(in.forget_tag().tag_id());
     case v1::ControlCommand::COMMAND_NOT_SET:
       break;
   }
@@ -132,6 +170,7 @@ void append(std::vector<std::byte>& out, const ControlReply& reply) {
     for (const auto& body : reply.state->bodies) put(body, *state.add_bodies());
     state.set_mapping(reply.state->map_mode == MapMode::kMapping);
     state.set_recording(reply.state->recording);
+    state.set_map_version(reply.state->map_version);
     for (const auto& recording : reply.state->recordings) put(recording, *state.add_recordings());
   }
   const std::size_t size = message.ByteSizeLong();

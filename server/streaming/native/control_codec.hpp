@@ -44,12 +44,11 @@ struct SetPivot {
 struct SetMapMode {
   MapMode mode{};
 };
-struct CommitMap {};
 struct StartRecording {
   std::string name;
 };
 struct StopRecording {};
-using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, CommitMap,
+using ControlCommand = std::variant<ListBodies, SetEnabled, Rename, SetPivot, SetMapMode, MapChange,
                                     StartRecording, StopRecording>;
 
 [[nodiscard]] Expected<ControlRequest> decode_control_request(std::span<const std::byte> message);
@@ -64,6 +63,7 @@ struct ControlState {
   MapMode map_mode{};
   std::string recording;
   std::vector<RecordingStatus> recordings;
+  std::int64_t map_version{};
 };
 
 struct ControlReply {

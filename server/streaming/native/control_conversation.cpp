@@ -16,6 +16,8 @@ constexpr Duration kRequestPatience = std::chrono::seconds(10);
 // Between requests of somebody who proved himself.
 constexpr Duration kIdlePatience = std::chrono::minutes(5);
 
+std::int64_t version_of(const TagMap* map) { return map == nullptr ? 0 : map->version; }
+
 template <typename... Cases>
 struct Overloaded : Cases... {
   using Cases::operator()...;
@@ -154,13 +156,14 @@ ControlReply ControlConversation::carry_out(const ControlCommand& command) {
   std::visit(Overloaded{
                  [&](const ListBodies&) {
                    reply.state = ControlState{desk_.bodies(), desk_.map_mode(),
-                                              desk_.recording().value_or(""), desk_.recordings()};
+                                              desk_.recording().value_or(""), desk_.recordings(),
+                                              version_of(desk_.map().get())};
                  },
                  [&](const SetEnabled& c) { report(desk_.set_enabled(c.body_id, c.enabled)); },
                  [&](const Rename& c) { report(desk_.rename(c.body_id, c.name)); },
                  [&](const SetPivot& c) { report(desk_.set_pivot(c.body_id, c.X_BP)); },
                  [&](const SetMapMode& c) { report(desk_.set_map_mode(c.mode)); },
-                 [&](const CommitMap&) { report(desk_.commit_map()); },
+                 [&](const MapChange& c) { report(desk_.change_map(c)); },
                  [&](const StartRecording& c) { report(desk_.start_recording(c.name)); },
                  [&](const StopRecording&) { report(desk_.stop_recording()); },
              },

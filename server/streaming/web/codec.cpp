@@ -4,6 +4,7 @@
 #include <limits>
 #include <numbers>
 
+#include "mapping/map_diff.hpp"
 #include "streaming/web/json_writer.hpp"
 
 namespace fiducap::web {
@@ -103,6 +104,7 @@ void add_tag(JsonWriter& out, const MapTag& entry) {
     out.member("state", name_of(entry.state));
     out.member("component", entry.component);
     out.member("sightings", entry.sightings);
+    out.member("last_seen_utc_ms", entry.last_seen_utc_ns / 1'000'000);
     add_vector(out, "p", entry.tag.X_WT.p);
     add_quaternion(out, entry.tag.X_WT.q);
     out.member("sigma_mm", milli(std::sqrt(position.diagonal().maxCoeff()) * kMillimetres));
@@ -174,6 +176,48 @@ std::string encode_map(const TagMap& map) {
     out.name("tags");
     out.array([&] {
       for (const auto& entry : map.tags) add_tag(out, entry);
+    });
+  });
+}
+
+std::string encode_versions(std::span<const MapVersionInfo> versions) {
+  return message("versions", [&](JsonWriter& out) {
+    out.name("versions");
+    out.array([&] {
+      for (const auto& one : versions) {
+        out.object([&] {
+          out.member("version", one.version);
+          out.member("parent", one.parent);
+          out.member("utc_ms", one.created_utc_ns / 1'000'000);
+          out.member("tags", one.tags);
+          out.member("comment", one.comment);
+        });
+      }
+    });
+  });
+}
+
+std::string encode_diff(const TagMap& before, const TagMap& after) {
+  const auto add_place = [](JsonWriter& out, const char* name, const MapTag* tag) {
+    if (tag != nullptr) return add_vector(out, name, tag->tag.X_WT.p);
+    out.name(name);
+    out.value(nullptr);
+  };
+  return message("diff", [&](JsonWriter& out) {
+    out.member("before", before.version);
+    out.member("after", after.version);
+    out.name("changes");
+    out.array([&] {
+      for (const TagChange& change : diff(before, after)) {
+        out.object([&] {
+          out.member("id", change.tag_id);
+          out.member("kind", name_of(change.kind));
+          out.member("mm", milli(change.distance_mm));
+          out.member("deg", milli(change.angle_deg));
+          add_place(out, "from", before.find(change.tag_id));
+          add_place(out, "to", after.find(change.tag_id));
+        });
+      }
     });
   });
 }

@@ -6,6 +6,7 @@
 
 #include "base/event_board.hpp"
 #include "base/log.hpp"
+#include "mapping/store/map_rows.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/streamer.hpp"
 
@@ -26,8 +27,8 @@ struct Hello {
 [[nodiscard]] std::string encode_hello(const Hello& hello, const SceneModel& model);
 
 /// `map`: version, parent, hash, family, reference_tag (or null), comment, tags [{id, edge_m,
-/// state, component, sightings, p, q, sigma_mm, cov}]; cov is the position covariance xx xy xz yy
-/// yz zz in m².
+/// state, component, sightings, last_seen_utc_ms, p, q, sigma_mm, cov}]; cov is the position
+/// covariance xx xy xz yy yz zz in m².
 [[nodiscard]] std::string encode_map(const TagMap& map);
 
 /// `frame`: number, utc_ms, rate_hz, map_version, bodies [{id, state, valid, p, q, v, speed,
@@ -48,6 +49,13 @@ struct Hello {
 /// longer than 1000 bytes is cut.
 [[nodiscard]] std::string encode_events(std::span<const Event> standing,
                                         std::span<const Event> newest);
+
+/// `versions`: versions [{version, parent, utc_ms, tags, comment}], newest first.
+[[nodiscard]] std::string encode_versions(std::span<const MapVersionInfo> versions);
+
+/// `diff`: before, after, changes [{id, kind, mm, deg, from, to}]; from and to are places, null
+/// where the tag is not.
+[[nodiscard]] std::string encode_diff(const TagMap& before, const TagMap& after);
 
 /// The answer of `/api/v1/state`: every message above under its type's name.
 struct StateParts {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <utility>
 
 #include "streaming/net/peer.hpp"
@@ -9,6 +10,8 @@
 namespace fiducap::web {
 
 namespace {
+
+constexpr std::string_view kDiffPath = "/api/v1/map/diff/";
 
 constexpr std::string_view kNoPage = R"(<!doctype html>
 <html lang="en"><meta charset="utf-8"><title>Fiducap: no page</title>
@@ -77,6 +80,27 @@ HttpResponse metrics_response(const RouteSources& sources, const HttpRequest& re
   return response;
 }
 
+/// `3/7`; nullopt: anything else.
+std::optional<std::pair<std::int64_t, std::int64_t>> two_versions_in(std::string_view text) {
+  std::pair<std::int64_t, std::int64_t> out;
+  const char* const end = text.data() + text.size();
+  const auto [middle, first] = std::from_chars(text.data(), end, out.first);
+  if (first != std::errc{} || middle == end || *middle != '/') return std::nullopt;
+  const auto [last, second] = std::from_chars(middle + 1, end, out.second);
+  if (second != std::errc{} || last != end) return std::nullopt;
+  return out;
+}
+
+HttpResponse diff_response(std::string_view versions, const RouteSources& sources,
+                           const HttpRequest& request) {
+  const auto wanted = two_versions_in(versions);
+  if (!wanted) return plain_response(400, "expected two versions, as /api/v1/map/diff/3/7\n");
+  const auto diff = sources.diff(wanted->first, wanted->second);
+  if (!diff) return plain_response(404, diff.error().what + "\n");
+  if (!*diff) return later_response(503, "the versions are being read; ask again in a moment\n");
+  return json_response(200, **diff, request);
+}
+
 std::string lower(std::string_view text) {
   std::string out(text);
   std::transform(out.begin(), out.end(), out.begin(),
@@ -121,6 +145,9 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
   if (path == "/api/v1/state") return json_response(200, sources.state(), request);
   if (path == "/healthz") return health_response(sources.health(), request);
   if (path == "/metrics") return metrics_response(sources, request);
+  if (path == "/api/v1/map/versions") return json_response(200, sources.versions(), request);
+  if (path.starts_with(kDiffPath))
+    return diff_response(path.substr(kDiffPath.size()), sources, request);
   if (path == kLivePath) return plain_response(426, "expected a WebSocket upgrade\n");
   if (const PageFile* file = page.find(path)) return file_response(*file, request);
   if (page.empty() && (path == "/" || path == "/index.html")) {

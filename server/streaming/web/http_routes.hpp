@@ -2,12 +2,15 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/expected.hpp"
 #include "streaming/web/content.hpp"
 #include "streaming/web/metrics.hpp"
 #include "streaming/web/page_files.hpp"
@@ -51,6 +54,9 @@ struct RouteSources {
   std::function<Content()> state;  ///< JSON of `/api/v1/state`
   std::function<Health()> health;
   std::function<Content(MetricsFormat)> metrics;
+  std::function<Content()> versions{};  ///< JSON of `/api/v1/map/versions`
+  /// JSON of `/api/v1/map/diff/BEFORE/AFTER`. @return nullopt: it is being read
+  std::function<Expected<std::optional<Content>>(std::int64_t before, std::int64_t after)> diff{};
 };
 
 [[nodiscard]] HttpResponse plain_response(int status, std::string text);
@@ -58,8 +64,8 @@ struct RouteSources {
 /// For who asks too much, or too many: come again in a second.
 [[nodiscard]] HttpResponse later_response(int status, std::string text);
 
-/// GET and HEAD of the page, `/api/v1/state`, `/metrics` and `/healthz`; everything else is an
-/// error status with one plain line.
+/// GET and HEAD of the page, `/api/v1/state`, `/api/v1/map/versions`, `/api/v1/map/diff/A/B`,
+/// `/metrics` and `/healthz`; everything else is an error status with one plain line.
 [[nodiscard]] HttpResponse answer(const HttpRequest& request, const PageFiles& page,
                                   const RouteSources& sources);
 

@@ -153,6 +153,23 @@ const Content& LiveFeed::state(Instant now) {
   return state_.at(now, [this] { return encode_state_now(); });
 }
 
+const Content& LiveFeed::versions(Instant now) {
+  return versions_.at(now, [this] {
+    return encode_versions(sources_.map_versions ? sources_.map_versions()
+                                                 : std::vector<MapVersionInfo>{});
+  });
+}
+
+Expected<std::optional<Content>> LiveFeed::diff(std::int64_t before, std::int64_t after) {
+  if (!sources_.map_version) return fail(ErrorCode::kNotFound, "the map has no store");
+  const auto first = sources_.map_version(before);
+  if (!first) return tl::unexpected(first.error());
+  const auto second = sources_.map_version(after);
+  if (!second) return tl::unexpected(second.error());
+  if (*first == nullptr || *second == nullptr) return std::nullopt;
+  return make_content(encode_diff(**first, **second), Effort::kQuick);
+}
+
 std::string LiveFeed::encode_state_now() {
   const Message frame = newest_ ? shared(encode_frame(*newest_)) : shared({});
   const Message at_map = newest_ && newest_->map ? map(newest_->map) : shared({});

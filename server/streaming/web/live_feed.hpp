@@ -39,6 +39,9 @@ class LiveFeed final {
   [[nodiscard]] const Content& state(Instant now);
   [[nodiscard]] const Content& metrics(MetricsFormat format, Instant now);
   [[nodiscard]] Health health(Instant now) const;
+  /// JSON of `/api/v1/map/versions`, and of how two of them differ: nullopt while they are read.
+  [[nodiscard]] const Content& versions(Instant now);
+  [[nodiscard]] Expected<std::optional<Content>> diff(std::int64_t before, std::int64_t after);
 
  private:
   [[nodiscard]] bool frame_due(Instant at);
@@ -69,6 +72,7 @@ class LiveFeed final {
   Message map_message_;  ///< Of `encoded_map_`.
   ClientTally tally_;
   Prepared state_;
+  Prepared versions_;
   std::array<Prepared, 2> metrics_;  ///< By MetricsFormat.
   std::vector<std::shared_ptr<LiveConnection>> connections_;
 };

@@ -26,6 +26,9 @@ struct WebSources {
   std::string version;
   std::function<std::string()> map_mode;  ///< `mapping` or `frozen`, as it is now.
   const EventBoard* events{};             ///< nullptr: nothing is told.
+  /// Of the stored map, as OperatorDesk::map_versions and map_version say; empty: there are none.
+  std::function<std::vector<MapVersionInfo>()> map_versions{};
+  std::function<Expected<std::shared_ptr<const TagMap>>(std::int64_t)> map_version{};
 };
 
 using WebServer = Streamer;
@@ -46,6 +49,10 @@ using WebServer = Streamer;
   sources.events = &context.events;
   sources.map_mode = [&desk = context.desk] {
     return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
+  };
+  sources.map_versions = [&desk = context.desk] { return desk.map_versions(); };
+  sources.map_version = [&desk = context.desk](std::int64_t version) {
+    return desk.map_version(version);
   };
   return start_web_server(context.io, config, std::move(sources), context.model, context.clock);
 }

@@ -36,7 +36,9 @@ class WebDesk final {
     return web::answer(
         request, page_,
         {[this] { return feed_.state(now()); }, [this] { return feed_.health(now()); },
-         [this](MetricsFormat format) { return feed_.metrics(format, now()); }});
+         [this](MetricsFormat format) { return feed_.metrics(format, now()); },
+         [this] { return feed_.versions(now()); },
+         [this](std::int64_t before, std::int64_t after) { return feed_.diff(before, after); }});
   }
   [[nodiscard]] bool knows(std::string_view host) const { return is_our_name(host, names_); }
   /// Does this address have a request left? One that is taken costs `cost` of them.

@@ -9,6 +9,7 @@
 #include "fiducap/control.hpp"
 #include "tools/live/recording_follower.hpp"
 #include "tools/live/watch_command.hpp"
+#include "tools/measured_places.hpp"
 
 namespace fiducap {
 
@@ -75,6 +76,7 @@ int carry_out_for_body(const ControlArguments& arguments, const Terminal& termin
 
 void print_json(const ControlState& state, std::ostream& out) {
   nlohmann::json json{{"mapping", state.mapping},
+                      {"map_version", state.map_version},
                       {"recording", state.recording},
                       {"recordings", nlohmann::json::array()},
                       {"bodies", nlohmann::json::array()}};
@@ -98,7 +100,8 @@ void print(const ControlState& state, std::ostream& out) {
   for (const ControlledBody& body : state.bodies)
     out << std::setw(4) << body.id << "  " << std::left << std::setw(24) << body.name << std::right
         << (body.enabled ? "streamed" : "not streamed") << "\n";
-  out << "map: " << (state.mapping ? "mapping" : "frozen")
+  out << "map: " << (state.mapping ? "mapping" : "frozen") << ", "
+      << (state.map_version == 0 ? "not stored" : "version " + std::to_string(state.map_version))
       << "; recording: " << (state.recording.empty() ? "none" : state.recording) << "\n";
   for (const Recording& recording : state.recordings)
     out << "recording \"" << recording.name << "\" " << word_of(recording.state)
@@ -151,7 +154,43 @@ int run_control_map(const ControlArguments& arguments, const Terminal& terminal)
 
 int run_control_commit(const ControlArguments& arguments, const Terminal& terminal) {
   return carry_out(arguments, terminal, "the map is being stored",
-                   [](Control& control) { return control.commit_map(); });
+                   [&](Control& control) { return control.commit_map(arguments.name); });
+}
+
+int run_control_name(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(
+      arguments, terminal, "version " + std::to_string(arguments.version) + " is being named",
+      [&](Control& control) { return control.name_version(arguments.version, arguments.name); });
+}
+
+int run_control_rollback(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal,
+                   "the map is being rolled back to version " + std::to_string(arguments.version) +
+                       "; fiducap events says when it is",
+                   [&](Control& control) { return control.roll_back(arguments.version); });
+}
+
+int run_control_align(const ControlArguments& arguments, const Terminal& terminal) {
+  const auto places = read_measured_places(arguments.measured);
+  if (!places) return report(terminal, places.error());
+  std::vector<MeasuredTag> measured;
+  for (const MeasuredPlace& place : *places)
+    measured.push_back({place.tag_id, {place.p_RT.x(), place.p_RT.y(), place.p_RT.z()}});
+  return carry_out(
+      arguments, terminal,
+      "the map is aligned with the room by " + std::to_string(measured.size()) + " tags",
+      [&](Control& control) { return control.align_map(measured); });
+}
+
+int run_control_quarantine(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal,
+                   "tag " + std::to_string(arguments.tag_id) + " is not used any more",
+                   [&](Control& control) { return control.quarantine_tag(arguments.tag_id); });
+}
+
+int run_control_forget(const ControlArguments& arguments, const Terminal& terminal) {
+  return carry_out(arguments, terminal, "tag " + std::to_string(arguments.tag_id) + " is forgotten",
+                   [&](Control& control) { return control.forget_tag(arguments.tag_id); });
 }
 
 int run_control_record(const ControlArguments& arguments, const Terminal& terminal) {

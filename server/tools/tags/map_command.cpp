@@ -63,18 +63,6 @@ void print_remarks(const Terminal& terminal, const std::string& file,
   for (const std::string& one : remarks) terminal.err << file << ": " << one << "\n";
 }
 
-const char* name_of(TagChange::Kind kind) {
-  switch (kind) {
-    case TagChange::Kind::kAdded:
-      return "added";
-    case TagChange::Kind::kRemoved:
-      return "removed";
-    case TagChange::Kind::kMoved:
-      return "moved";
-  }
-  return "moved";
-}
-
 /// Largest 1-sigma along an axis, position in metres and attitude in radians.
 std::pair<double, double> sigmas(const KnownTag& tag) {
   const auto variances = tag.covariance.diagonal();
@@ -132,15 +120,23 @@ Expected<std::pair<TagMap, TagMap>> two_versions(const MapStore& store,
 }  // namespace
 
 Expected<TagMap> store_next_version(const std::string& path, TagMap map, const std::string& comment,
-                                    const Terminal& terminal) {
+                                    const Terminal& terminal, MapOrigin origin) {
   auto store = MapStore::open(path);
   if (!store) return tl::unexpected(store.error());
   if (auto claimed = store->claim(); !claimed) return tl::unexpected(claimed.error());
   const auto newest = newest_of(*store, terminal);
   if (!newest) return tl::unexpected(newest.error());
-  map.version = newest->version;  // whatever the file was once: here it follows the newest
-  if (map.created_utc_ns == 0) map.created_utc_ns = utc_now_ns();
+  // Whatever a file was once, here it follows the newest; a version of this store has a parent.
+  if (origin == MapOrigin::kFile) map.version = newest->version;
+  if (map.created_utc_ns == 0 || origin == MapOrigin::kStore) map.created_utc_ns = utc_now_ns();
   return store->commit(map, comment);
+}
+
+Expected<TagMap> stored_version(const std::string& path, std::optional<std::int64_t> version,
+                                const Terminal& terminal) {
+  const auto store = open_existing(path);
+  if (!store) return tl::unexpected(store.error());
+  return version_of(*store, version, terminal);
 }
 
 int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
@@ -232,7 +228,8 @@ int run_map_diff(const MapArguments& arguments, const Terminal& terminal) {
       std::snprintf(line.data(), line.size(), "%5d moved   %9.3f mm %8.4f deg\n", c.tag_id,
                     c.distance_mm, c.angle_deg);
     else
-      std::snprintf(line.data(), line.size(), "%5d %s\n", c.tag_id, name_of(c.kind));
+      std::snprintf(line.data(), line.size(), "%5d %s\n", c.tag_id,
+                    std::string(name_of(c.kind)).c_str());
     terminal.out << line.data();
   }
   return kExitOk;

@@ -25,11 +25,22 @@ struct MapArguments {
   bool json{false};
 };
 
-/// Stores the map as the next version, whatever version it was; the store is made when there is
-/// none. Says what it passed over. @return it as stored
+enum class MapOrigin {
+  kFile,   ///< The next version follows the newest one.
+  kStore,  ///< It is a version of this store, and the parent of what it becomes.
+};
+
+/// Stores the map as the next version; the store is made when there is none. Says what it passed
+/// over. @return it as stored
 [[nodiscard]] Expected<TagMap> store_next_version(const std::string& store, TagMap map,
                                                   const std::string& comment,
-                                                  const Terminal& terminal);
+                                                  const Terminal& terminal,
+                                                  MapOrigin origin = MapOrigin::kFile);
+
+/// The newest version that is as it was stored, or the given one; says what it passed over.
+[[nodiscard]] Expected<TagMap> stored_version(const std::string& store,
+                                              std::optional<std::int64_t> version,
+                                              const Terminal& terminal);
 
 /// `fiducap map export | import | log | diff | show | check | repair`. @return exit code; `check`
 /// fails when something is damaged

@@ -163,7 +163,7 @@ TEST_F(CApiTest, Controls) {
   EXPECT_EQ(fiducap_control_rename(control, 5, "x", problem, sizeof(problem)), 0);
   EXPECT_NE(std::string(problem).find("5"), std::string::npos) << problem;
   EXPECT_EQ(fiducap_control_commit_map(control, nullptr, 0), 1);
-  EXPECT_EQ(desk_.commits, 1);
+  EXPECT_EQ(desk_.changes.size(), 1U);
   fiducap_control_close(control);
 }
 

@@ -90,11 +90,49 @@ TEST_F(ControlTest, CarriesOutEveryCommandOnOneConnection) {
   EXPECT_TRUE(control.set_mapping(true));
   EXPECT_EQ(desk_.mode, MapMode::kMapping);
   EXPECT_TRUE(control.commit_map());
-  EXPECT_EQ(desk_.commits, 1);
+  EXPECT_EQ(desk_.changes.size(), 1U);
   EXPECT_TRUE(control.start_recording("tuesday"));
   EXPECT_EQ(desk_.under_way, "tuesday");
   EXPECT_TRUE(control.stop_recording());
   EXPECT_FALSE(desk_.under_way);
+}
+
+template <typename Change>
+Change change_in(const FakeDesk& desk, std::size_t i) {
+  return std::get<Change>(desk.changes.at(i));
+}
+
+TEST_F(ControlTest, ChangesOfTheMapArriveAsTheyWereSent) {
+  Control control(options());
+  ASSERT_TRUE(control.commit_map("before the move"));
+  ASSERT_TRUE(control.name_version(12, "monday"));
+  ASSERT_TRUE(control.roll_back(12));
+  ASSERT_TRUE(control.align_map({{3, {1, 2, 3}}, {4, {-1, 0.5, 0}}}));
+  ASSERT_TRUE(control.quarantine_tag(0));
+  ASSERT_TRUE(control.forget_tag(586));
+  EXPECT_EQ(change_in<CommitVersion>(desk_, 0).name, "before the move");
+  EXPECT_EQ(change_in<NameVersion>(desk_, 1).version, 12);
+  EXPECT_EQ(change_in<NameVersion>(desk_, 1).name, "monday");
+  EXPECT_EQ(change_in<RollBack>(desk_, 2).version, 12);
+  const auto align = change_in<AlignMap>(desk_, 3);
+  ASSERT_EQ(align.places.size(), 2U);
+  EXPECT_EQ(align.places[1].tag_id, 4);
+  EXPECT_EQ(align.places[1].p_RT, Eigen::Vector3d(-1, 0.5, 0));
+  EXPECT_EQ(change_in<QuarantineTag>(desk_, 4).tag_id, 0);
+  EXPECT_EQ(change_in<ForgetTag>(desk_, 5).tag_id, 586);
+  EXPECT_FALSE(control.forget_tag(-1)) << "no tag has such an id";
+  desk_.refusal = "the map is frozen";
+  EXPECT_NE(control.roll_back(12).problem.find("the map is frozen"), std::string::npos);
+}
+
+TEST_F(ControlTest, TheVersionOfTheMapIsListed) {
+  auto map = std::make_shared<TagMap>();
+  map->version = 7;
+  desk_.served = map;
+  Control control(options());
+  ControlState state;
+  ASSERT_TRUE(control.list(state));
+  EXPECT_EQ(state.map_version, 7);
 }
 
 TEST_F(ControlTest, SaysWhatTheDeskRefuses) {
@@ -122,7 +160,7 @@ TEST_F(ControlTest, TakesNoCommandsWithoutAConfiguredToken) {
   const auto outcome = control.commit_map();
   EXPECT_FALSE(outcome);
   EXPECT_NE(outcome.problem.find("operator.token"), std::string::npos) << outcome.problem;
-  EXPECT_EQ(desk_.commits, 0);
+  EXPECT_EQ(desk_.changes.size(), 0U);
 }
 
 TEST_F(ControlTest, ShutsOutWhoGuesses) {

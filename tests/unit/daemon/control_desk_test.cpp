@@ -1,12 +1,16 @@
 #include "daemon/control_desk.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
+#include "unit/daemon/certain_belief.hpp"
 
 namespace fiducap {
 namespace {
+
+using testing::HasSubstr;
 
 class ControlDeskTest : public testing::Test {
  protected:
@@ -28,9 +32,11 @@ class ControlDeskTest : public testing::Test {
   FakeClock clock_;
   EventBoard events_{[] { return std::int64_t{0}; }};
   SessionRecorder recorder_;
-  int commits_{0};
-  ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, events_,
-                    [this] { ++commits_; }};
+  std::string store_{folder_.file("hall.map")};
+  MapKeeper keeper_{MapStore::open(store_).value(),           map_, 10.0, clock_, events_,
+                    [] {
+                      return std::vector<LearnedBody>{}; }};
+  ControlDesk desk_{{"correct horse", {}}, scene_, map_, recorder_, events_, &keeper_};
 };
 
 TEST_F(ControlDeskTest, KnowsTheOperatorByTheTokenAlone) {
@@ -38,7 +44,7 @@ TEST_F(ControlDeskTest, KnowsTheOperatorByTheTokenAlone) {
   EXPECT_FALSE(desk_.admits("correct hors"));
   EXPECT_FALSE(desk_.admits("correct horsf"));
   EXPECT_FALSE(desk_.admits(""));
-  const ControlDesk closed({}, scene_, map_, recorder_, events_, {});
+  const ControlDesk closed({}, scene_, map_, recorder_, events_, nullptr);
   EXPECT_FALSE(closed.admits("")) << "no token: nobody is the operator";
 }
 
@@ -80,10 +86,52 @@ TEST_F(ControlDeskTest, APivotNeedsARotation) {
 TEST_F(ControlDeskTest, TheMapIsFrozenAndStoredOnRequest) {
   EXPECT_TRUE(desk_.set_map_mode(MapMode::kFrozen));
   EXPECT_EQ(map_.mode(), MapMode::kFrozen);
-  EXPECT_TRUE(desk_.commit_map());
-  EXPECT_EQ(commits_, 1);
-  ControlDesk without_store({}, scene_, map_, recorder_, events_, {});
-  EXPECT_EQ(without_store.commit_map().error().code, ErrorCode::kUnsupported);
+  EXPECT_TRUE(desk_.change_map(CommitVersion{"as it was"}));
+  keeper_.commit();
+  keeper_.fill_shelf();
+  ASSERT_EQ(desk_.map_versions().size(), 1U);
+  EXPECT_EQ(desk_.map_versions().front().comment, "as it was");
+  ControlDesk without_store({}, scene_, map_, recorder_, events_, nullptr);
+  EXPECT_EQ(without_store.change_map(CommitVersion{}).error().code, ErrorCode::kUnsupported);
+  EXPECT_EQ(without_store.change_map(RollBack{1}).error().code, ErrorCode::kUnavailable)
+      << "frozen, first of all";
+  EXPECT_TRUE(without_store.map_versions().empty());
+}
+
+TEST_F(ControlDeskTest, WhatCannotBeDoneToTheMapIsRefusedAtOnce) {
+  const auto why = [&](const MapChange& change) {
+    const auto done = desk_.change_map(change);
+    return done ? std::string() : done.error().what;
+  };
+  EXPECT_THAT(why(RollBack{7}), HasSubstr("there is no version 7 in the store"));
+  EXPECT_THAT(why(NameVersion{7, "x"}), HasSubstr("there is no version 7"));
+  EXPECT_THAT(why(NameVersion{1, "two\nlines"}), HasSubstr("1 to 200 characters"));
+  EXPECT_THAT(why(CommitVersion{kAutomaticComment}), HasSubstr("stored by itself"));
+  EXPECT_THAT(why(QuarantineTag{3}), HasSubstr("has no tag 3"));
+  EXPECT_THAT(why(ForgetTag{3}), HasSubstr("has no tag 3"));
+  EXPECT_THAT(why(AlignMap{{{3, Eigen::Vector3d::Zero()}}}), HasSubstr("tag 3 is not in version"));
+  ASSERT_TRUE(desk_.set_map_mode(MapMode::kFrozen));
+  EXPECT_THAT(why(RollBack{7}), HasSubstr("the map is frozen"));
+}
+
+TEST_F(ControlDeskTest, WhatAnOperatorDoesToTagsIsTold) {
+  for (const int id : {3, 4, 5}) {
+    TagBelief one = belief(id, 1.0);
+    one.tag.X_WT.p.x() = id;
+    one.tag.X_WT.p.y() = id == 4 ? 2 : 0;
+    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
+  }
+  ASSERT_EQ(map_.snapshot()->tags.size(), 3U);
+  AlignMap align;
+  for (const MapTag& tag : map_.snapshot()->tags)
+    align.places.push_back({tag.tag.tag_id, tag.tag.X_WT.p + Eigen::Vector3d(10, 20, 0)});
+  EXPECT_TRUE(desk_.change_map(align));
+  EXPECT_NEAR(map_.snapshot()->X_RW.p.y(), 20, 1e-9);
+  EXPECT_TRUE(desk_.change_map(QuarantineTag{3}));
+  EXPECT_TRUE(desk_.change_map(ForgetTag{4}));
+  std::vector<std::string> kinds;
+  for (const Event& event : events_.after(0)) kinds.push_back(event.kind);
+  EXPECT_EQ(kinds, (std::vector<std::string>{"aligned", "tag_quarantined", "tag_forgotten"}));
 }
 
 TEST_F(ControlDeskTest, ARecordingWithoutANameIsCalledByTheTime) {

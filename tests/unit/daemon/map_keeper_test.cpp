@@ -94,6 +94,80 @@ TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
   EXPECT_EQ(stored().size(), 1u);
 }
 
+TEST_F(MapKeeperTest, ARollBackIsTheNewestVersionAndIsServed) {
+  build(MapMode::kMapping);
+  see(4, 1.0);
+  keeper_->commit();
+  see(5);
+  ASSERT_TRUE(keeper_->request(RollBack{1}));
+  keeper_->commit();
+  const auto log = stored();
+  ASSERT_EQ(log.size(), 3u) << "what was served and not stored is not lost either";
+  EXPECT_EQ(log[0].comment, "rolled back to version 1");
+  EXPECT_EQ(log[0].parent, 1);
+  EXPECT_EQ(log[0].tags, 1);
+  EXPECT_EQ(log[1].tags, 2);
+  EXPECT_EQ(map_->snapshot()->version, 3);
+  EXPECT_EQ(map_->snapshot()->hash, log[0].hash);
+  EXPECT_EQ(map_->snapshot()->tags.size(), 1u);
+  EXPECT_FALSE(map_->changed());
+  EXPECT_EQ(events_.after(0).back().text, "was rolled back to version 1, stored as 3 with 1 tags");
+}
+
+TEST_F(MapKeeperTest, ARollBackThatFailsLeavesTheMapAndSaysWhy) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  ASSERT_TRUE(keeper_->request(RollBack{12}));
+  keeper_->commit();
+  EXPECT_EQ(stored().size(), 1u);
+  EXPECT_EQ(events_.after(0).back().kind, "refused");
+  map_->set_mode(MapMode::kFrozen);
+  ASSERT_TRUE(keeper_->request(RollBack{1}));
+  keeper_->commit();
+  EXPECT_EQ(stored().size(), 1u);
+  EXPECT_NE(events_.after(0).back().text.find("the map is frozen"), std::string::npos);
+}
+
+TEST_F(MapKeeperTest, StoresUnderANameAndNamesVersions) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  ASSERT_TRUE(keeper_->request(NameVersion{1, "before the move"}));
+  ASSERT_TRUE(keeper_->request(CommitVersion{"after it"}));
+  keeper_->commit();
+  const auto log = stored();
+  ASSERT_EQ(log.size(), 2u) << "though nothing has changed";
+  EXPECT_EQ(log[0].comment, "after it");
+  EXPECT_EQ(log[1].comment, "before the move");
+  keeper_->fill_shelf();
+  EXPECT_EQ(keeper_->shelf().log()->front().comment, "after it");
+}
+
+TEST_F(MapKeeperTest, VersionsAreReadForThoseWhoMayNotWait) {
+  build(MapMode::kMapping);
+  see(4);
+  keeper_->commit();
+  keeper_->fill_shelf();
+  auto content = keeper_->shelf().version(1);
+  ASSERT_TRUE(content);
+  EXPECT_EQ(*content, nullptr) << "asked for";
+  std::jthread thread([&](const std::stop_token& stop) { keeper_->run(stop); });
+  while (*content == nullptr) {
+    clock_.advance(std::chrono::seconds(1));
+    std::this_thread::yield();
+    content = keeper_->shelf().version(1);
+  }
+  EXPECT_EQ((*content)->tags.size(), 1u);
+  EXPECT_EQ(keeper_->shelf().version(2).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(MapKeeperTest, RequestsThatADiskDoesNotTakeAreLimited) {
+  build(MapMode::kMapping);
+  for (int i = 0; i < 16; ++i) EXPECT_TRUE(keeper_->request(CommitVersion{}));
+  EXPECT_EQ(keeper_->request(CommitVersion{}).error().code, ErrorCode::kUnavailable);
+}
+
 TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndAlthoughTheMapIsTheSame) {
   build(MapMode::kMapping);
   ExtrinsicsEstimate camera;

@@ -1,5 +1,5 @@
-// Commits versions until it is killed and says after each one that it is stored: the victim of
-// map_store_kill_test.
+// Commits versions, every third one a roll-back, until it is killed and says after each one that it
+// is stored: the victim of map_store_kill_test.
 #include <unistd.h>
 
 #include <cstdio>
@@ -22,8 +22,14 @@ int main(int argc, char** argv) {
   for (int id = 0; id < 40; ++id) ids.push_back(id);
   if (map->tags.empty()) *map = make_map(ids);
   for (;;) {
-    for (MapTag& entry : map->tags) entry.tag.X_WT.p.x() += 0.001;
-    map = store->commit(*map, "while being killed");
+    const bool goes_back = map->version > 2 && map->version % 3 == 0;
+    if (goes_back) {
+      map = store->load(map->version - 2);
+      if (!map) return 1;
+    } else {
+      for (MapTag& entry : map->tags) entry.tag.X_WT.p.x() += 0.001;
+    }
+    map = store->commit(*map, goes_back ? "rolled back" : "while being killed");
     if (!map || !store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}}))
       return 1;
     const std::string line = std::to_string(map->version) + " " + map->hash + "\n";

@@ -63,7 +63,7 @@ TEST_F(ControlConversationTest, CarriesOutWhatIsProven) {
   EXPECT_TRUE(say(request(1, commit())));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_DONE);
   EXPECT_EQ(reply().sequence(), 1u);
-  EXPECT_EQ(desk_.commits, 1);
+  EXPECT_EQ(desk_.changes.size(), 1U);
 }
 
 TEST_F(ControlConversationTest, ReadsBytesCutAnywhereAndSeveralAtOnce) {
@@ -71,12 +71,12 @@ TEST_F(ControlConversationTest, ReadsBytesCutAnywhereAndSeveralAtOnce) {
   const auto second = request(2, commit());
   bytes.insert(bytes.end(), second.begin(), second.end());
   for (const std::byte one : bytes) EXPECT_TRUE(say({one}));
-  EXPECT_EQ(desk_.commits, 2);
+  EXPECT_EQ(desk_.changes.size(), 2U);
   auto third = request(3, commit());
   const auto fourth = request(4, commit());
   third.insert(third.end(), fourth.begin(), fourth.end());
   EXPECT_TRUE(say(third));
-  EXPECT_EQ(desk_.commits, 4);
+  EXPECT_EQ(desk_.changes.size(), 4U);
 }
 
 TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingTwice) {
@@ -84,20 +84,20 @@ TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingTwice) {
   ASSERT_TRUE(say(recorded));
   EXPECT_FALSE(say(recorded));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_EQ(desk_.commits, 1);
+  EXPECT_EQ(desk_.changes.size(), 1U);
 }
 
 TEST_F(ControlConversationTest, ARecordedRequestIsWorthNothingOnAnotherConnection) {
   EXPECT_FALSE(say(request(1, commit(), std::string(32, 'd'))));
   EXPECT_EQ(reply().result(), v1::ControlReply::RESULT_FORBIDDEN);
-  EXPECT_EQ(desk_.commits, 0);
+  EXPECT_EQ(desk_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, AChangedCommandIsNotProven) {
   auto bytes = request(1, commit());
   bytes.back() ^= std::byte{1};
   EXPECT_FALSE(say(bytes));
-  EXPECT_EQ(desk_.commits, 0);
+  EXPECT_EQ(desk_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, NoTruncationOfAMessageDoesAnything) {
@@ -110,7 +110,7 @@ TEST_F(ControlConversationTest, NoTruncationOfAMessageDoesAnything) {
     std::vector<std::byte> out;
     EXPECT_FALSE(conversation.receive(cut, out, now_)) << size;
   }
-  EXPECT_EQ(desk_.commits, 0);
+  EXPECT_EQ(desk_.changes.size(), 0U);
 }
 
 TEST_F(ControlConversationTest, KeepsNothingOfAMessageThatClaimsFourGibibytes) {
@@ -162,7 +162,7 @@ TEST_F(ControlConversationTest, RandomBytesDoNothing) {
     std::vector<std::byte> out;
     (void)conversation.receive(bytes, out, now_);
   }
-  EXPECT_EQ(desk_.commits, 0);
+  EXPECT_EQ(desk_.changes.size(), 0U);
 }
 
 TEST(ControlProof, Sha256AndHmacMatchTheStandards) {

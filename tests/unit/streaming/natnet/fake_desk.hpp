@@ -35,7 +35,7 @@ class FakeDesk final : public OperatorDesk {
   }
   [[nodiscard]] MapMode map_mode() const override { return MapMode::kMapping; }
   Expected<void> set_map_mode(MapMode) override { return {}; }
-  Expected<void> commit_map() override { return {}; }
+  Expected<void> change_map(const MapChange&) override { return {}; }
   Expected<void> start_recording(const std::string& name) override {
     if (take) return fail(ErrorCode::kUnavailable, "one is under way");
     take = name.empty() ? "by date" : name;

@@ -31,7 +31,7 @@ class FakeDesk final : public OperatorDesk {
   Expected<void> set_pivot(int, const Pose&) override { return {}; }
   [[nodiscard]] MapMode map_mode() const override { return MapMode::kFrozen; }
   Expected<void> set_map_mode(MapMode) override { return {}; }
-  Expected<void> commit_map() override { return {}; }
+  Expected<void> change_map(const MapChange&) override { return {}; }
   Expected<void> start_recording(const std::string&) override {
     if (disk_full) return fail(ErrorCode::kUnavailable, "the disk is full");
     running = "take_" + std::to_string(++started);

@@ -128,6 +128,37 @@ TEST(WebCodec, MapCarriesEveryTagWithItsState) {
   EXPECT_EQ(sent["tags"][0]["sightings"], 77);
 }
 
+TEST(WebCodec, VersionsAreListedWithTheirComments) {
+  const MapVersionInfo one{7, 3, 1'700'000'000'123'456'789, "hash", "before the \"move\"", 24};
+  const auto sent = Json::parse(encode_versions(std::span(&one, 1)))["versions"][0];
+  EXPECT_EQ(sent["version"], 7);
+  EXPECT_EQ(sent["parent"], 3);
+  EXPECT_EQ(sent["utc_ms"], 1'700'000'000'123);
+  EXPECT_EQ(sent["tags"], 24);
+  EXPECT_EQ(sent["comment"], "before the \"move\"");
+}
+
+TEST(WebCodec, ADiffSaysFromWhereToWhereInMillimetres) {
+  TagMap before;
+  before.version = 3;
+  before.tags.resize(2);
+  before.tags[0].tag.tag_id = 1;
+  before.tags[1].tag.tag_id = 2;
+  TagMap after = before;
+  after.version = 7;
+  after.tags[0].tag.X_WT.p = {0, 0.012, 0};
+  after.tags.pop_back();
+  const auto sent = Json::parse(encode_diff(before, after));
+  EXPECT_EQ(sent["before"], 3);
+  EXPECT_EQ(sent["after"], 7);
+  ASSERT_EQ(sent["changes"].size(), 2U);
+  EXPECT_EQ(sent["changes"][0]["mm"], 12);
+  EXPECT_EQ(sent["changes"][0]["from"], Json::parse("[0.0,0.0,0.0]"));
+  EXPECT_EQ(sent["changes"][0]["to"], Json::parse("[0.0,0.012,0.0]"));
+  EXPECT_EQ(sent["changes"][1]["kind"], "removed");
+  EXPECT_TRUE(sent["changes"][1]["to"].is_null());
+}
+
 TEST(WebCodec, MapWithoutReferenceSaysNull) {
   EXPECT_TRUE(Json::parse(encode_map({}))["reference_tag"].is_null());
 }

@@ -17,13 +17,31 @@ class HttpRoutesTest : public testing::Test {
     return answer(
         request, page_,
         {[] { return make_content("[" + std::string(5000, ' ') + "]", Effort::kQuick); },
-         [this] { return health_; }, [](MetricsFormat) { return plain_content("metrics"); }});
+         [this] { return health_; }, [](MetricsFormat) { return plain_content("metrics"); },
+         [] { return plain_content("versions"); },
+         [](std::int64_t before, std::int64_t after) -> Expected<std::optional<Content>> {
+           if (after > 9) return fail(ErrorCode::kNotFound, "there is no version");
+           if (after > 8) return std::nullopt;
+           return plain_content(std::to_string(before) + " to " + std::to_string(after));
+         }});
   }
 
   TemporaryPage files_;
   PageFiles page_ = PageFiles::load(files_.root());
   Health health_;
 };
+
+TEST_F(HttpRoutesTest, VersionsOfTheMapAndHowTheyDiffer) {
+  EXPECT_EQ(*get("/api/v1/map/versions").body(), "versions");
+  EXPECT_EQ(*get("/api/v1/map/diff/3/7").body(), "3 to 7");
+  EXPECT_EQ(get("/api/v1/map/diff/3/7").content_type, "application/json");
+  EXPECT_EQ(get("/api/v1/map/diff/3/9").status, 503) << "being read";
+  EXPECT_EQ(get("/api/v1/map/diff/3/9").retry_after_s, 1);
+  EXPECT_EQ(get("/api/v1/map/diff/3/12").status, 404);
+  for (const char* versions :
+       {"", "3", "3/", "/7", "3/7/9", "a/b", "3/7x", "99999999999999999999/1"})
+    EXPECT_EQ(get("/api/v1/map/diff/" + std::string(versions)).status, 400) << versions;
+}
 
 TEST_F(HttpRoutesTest, RootIsTheIndex) {
   const auto response = get("/?lab=1");

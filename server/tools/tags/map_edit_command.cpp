@@ -1,0 +1,158 @@
+#include "tools/tags/map_edit_command.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+
+#include "base/so3.hpp"
+#include "base/text.hpp"
+#include "mapping/map_alignment.hpp"
+#include "mapping/map_edit.hpp"
+#include "mapping/store/map_store.hpp"
+#include "tools/measured_places.hpp"
+#include "tools/tags/map_command.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kDegreesPerRad = 180 / M_PI;
+
+int stored(const std::string& store, const Expected<TagMap>& map, const Terminal& terminal) {
+  if (!map) return report(terminal, map.error());
+  terminal.out << store << ": version " << map->version << ", " << map->tags.size()
+               << " tags, parent " << map->parent << ", \"" << map->comment << "\"\n";
+  return kExitOk;
+}
+
+int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
+  const double first = arguments.distance[0];
+  const double second = arguments.distance[1];
+  const double tape_m = arguments.distance[2];
+  if (first != std::floor(first) || second != std::floor(second) || first < 0 || second < 0)
+    return report(terminal, Error{ErrorCode::kInvalid,
+                                  "--distance needs two ids of tags and metres, as 3 17 4.52",
+                                  {}});
+  const auto map = stored_version(arguments.store, std::nullopt, terminal);
+  if (!map) return report(terminal, map.error());
+  const auto between = distance_between(*map, static_cast<int>(first), static_cast<int>(second));
+  if (!between) return report(terminal, between.error());
+  const double off_m = tape_m - between->distance_m;
+  std::array<char, 256> line{};
+  std::snprintf(line.data(), line.size(),
+                "tags %d and %d: tape %.4f m, map %.4f m with sigma %.1f mm%s; tape less map "
+                "%+.1f mm, %+.2f per mille\n",
+                static_cast<int>(first), static_cast<int>(second), tape_m, between->distance_m,
+                1e3 * between->sigma_m,
+                between->is_tied ? "" : " (what the errors of both share is not known)",
+                1e3 * off_m, 1e3 * off_m / between->distance_m);
+  terminal.out << line.data()
+               << "nothing was changed: a map is not scaled by a tape, its scale is that of the "
+                  "printed tags; where they differ, measure the prints\n";
+  return kExitOk;
+}
+
+/// Id, place, and the attitude when it is given.
+Expected<SurveyedTag> survey_of(const MapEditArguments& arguments) {
+  const auto& numbers = arguments.survey;
+  if (numbers.size() != 4 && numbers.size() != 8)
+    return fail(ErrorCode::kInvalid,
+                "--survey needs an id and 3 numbers of the place, or 4 more of the attitude (w x "
+                "y z); came " +
+                    std::to_string(numbers.size()) + " numbers");
+  if (numbers[0] < 0 || numbers[0] != std::floor(numbers[0]))
+    return fail(ErrorCode::kInvalid, "--survey begins with the id of a tag, a whole number");
+  SurveyedTag tag;
+  tag.tag_id = static_cast<int>(numbers[0]);
+  tag.p_WT = {numbers[1], numbers[2], numbers[3]};
+  if (numbers.size() == 8) tag.q_WT = {numbers[4], numbers[5], numbers[6], numbers[7]};
+  tag.sigma_m = arguments.sigma_m;
+  tag.edge_m = arguments.tag_size_m;
+  return tag;
+}
+
+}  // namespace
+
+int run_map_rollback(const MapEditArguments& arguments, const Terminal& terminal) {
+  auto map = stored_version(arguments.store, arguments.version, terminal);
+  if (!map) return report(terminal, map.error());
+  return stored(arguments.store,
+                store_next_version(arguments.store, std::move(*map),
+                                   "rolled back to version " + std::to_string(arguments.version),
+                                   terminal, MapOrigin::kStore),
+                terminal);
+}
+
+int run_map_name(const MapEditArguments& arguments, const Terminal& terminal) {
+  const auto there = stored_version(arguments.store, arguments.version, terminal);
+  if (!there) return report(terminal, there.error());
+  auto store = MapStore::open(arguments.store);
+  if (!store) return report(terminal, store.error());
+  if (const auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
+  if (const auto named = store->name_version(arguments.version, arguments.name); !named)
+    return report(terminal, named.error());
+  terminal.out << arguments.store << ": version " << arguments.version << " is called \""
+               << arguments.name << "\"\n";
+  return kExitOk;
+}
+
+int run_map_align(const MapEditArguments& arguments, const Terminal& terminal) {
+  if (arguments.measured.empty() == arguments.distance.empty())
+    return report(terminal,
+                  Error{ErrorCode::kInvalid,
+                        "needs either --to FILE with the measured places of three tags or more, or "
+                        "--distance ID ID METRES to compare a tape with the map",
+                        {}});
+  if (!arguments.distance.empty()) return run_distance(arguments, terminal);
+  const auto places = read_measured_places(arguments.measured);
+  if (!places) return report(terminal, places.error());
+  auto map = stored_version(arguments.store, std::nullopt, terminal);
+  if (!map) return report(terminal, map.error());
+  const auto aligned = align(*map, *places, arguments.most_off_m);
+  if (!aligned)
+    return report(terminal, Error{aligned.error().code, aligned.error().what, arguments.measured});
+  terminal.out << "   id residual[mm]  x[mm]  y[mm]  z[mm]\n";
+  for (const MapAlignment::Residual& one : aligned->residuals) {
+    std::array<char, 96> line{};
+    const Eigen::Vector3d off_mm = (1e4 * one.off_m).array().round() / 10 + 0.0;  // no -0.0
+    std::snprintf(line.data(), line.size(), "%5d %12.1f %6.1f %6.1f %6.1f\n", one.tag_id,
+                  1e3 * one.off_m.norm(), off_mm.x(), off_mm.y(), off_mm.z());
+    terminal.out << line.data();
+  }
+  const auto& [q, p] = aligned->X_RW;
+  terminal.out << "the workspace lies at (" << fixed(p.x(), 4) << " " << fixed(p.y(), 4) << " "
+               << fixed(p.z(), 4) << ") m in the room, turned by "
+               << fixed(kDegreesPerRad * log_so3(q).z(), 3) << " deg\n";
+  map->X_RW = aligned->X_RW;
+  const std::string comment =
+      arguments.comment.empty()
+          ? "aligned with " + std::filesystem::path(arguments.measured).filename().string()
+          : arguments.comment;
+  return stored(
+      arguments.store,
+      store_next_version(arguments.store, std::move(*map), comment, terminal, MapOrigin::kStore),
+      terminal);
+}
+
+int run_map_edit(const MapEditArguments& arguments, const Terminal& terminal) {
+  MapEdit edit{arguments.forget, arguments.quarantine, {}};
+  if (!arguments.survey.empty()) {
+    auto survey = survey_of(arguments);
+    if (!survey) return report(terminal, survey.error());
+    edit.survey = *survey;
+  }
+  const auto map = stored_version(arguments.store, std::nullopt, terminal);
+  if (!map) return report(terminal, map.error());
+  auto edited = edited_map(*map, edit);
+  if (!edited) return report(terminal, edited.error());
+  const std::string comment =
+      arguments.comment.empty() ? "edited: " + words_of(edit) : arguments.comment;
+  return stored(
+      arguments.store,
+      store_next_version(arguments.store, std::move(*edited), comment, terminal, MapOrigin::kStore),
+      terminal);
+}
+
+}  // namespace fiducap
