@@ -72,7 +72,8 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
       doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
-  if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator);
+  const bool holds_all = setup_.segments_hold_every_image;
+  if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator, holds_all);
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
@@ -378,8 +379,7 @@ void BodyPipeline::note_imu_faults() {
     update_.events.back().text = text_of(*fault);
   }
   if (!plausibility_.take_all_clear()) return;
-  note(BodyEvent::Kind::kImuPlausible);
-  update_.events.back().text = "the IMU's readings are plausible again";
+  say(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");
 }
 
 /// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a

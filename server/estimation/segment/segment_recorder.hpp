@@ -13,6 +13,13 @@
 
 namespace fiducap {
 
+/// An image with noises as the filter has learned them.
+[[nodiscard]] SegmentImage segment_image(const TagObservations& seen, const BodyFilter& filter,
+                                         const EstimatorConfig& config);
+/// Cameras as the filter has learned them.
+[[nodiscard]] std::vector<CameraBelief> camera_beliefs(const BodyFilter& filter,
+                                                       std::span<const CameraMount> mounts);
+
 /// Cuts what one body sees and feels into segments for the map graph.
 ///
 /// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
@@ -22,7 +29,9 @@ namespace fiducap {
 /// every reading and every corner once.
 class SegmentRecorder final {
  public:
-  SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config);
+  /// @param holds_every_image  also those without a tag are instances
+  SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config,
+                  bool holds_every_image = false);
 
   void add(const ImuSample& imu);
   /// After the filter has taken the image.
@@ -41,13 +50,13 @@ class SegmentRecorder final {
   void begin(const BodyEstimate& body);
   void integrate_to(Instant to, double imu_variance);
   void add_step(Instant to, const InertialInput& input, Duration longest);
-  [[nodiscard]] SegmentImage image_of(const TagObservations& seen, const BodyFilter& filter) const;
   [[nodiscard]] bool has_place(int tag_id) const { return places_.contains(tag_id); }
   void shift_axes(const Pose& X_new_old);
   void end(const BodyFilter& filter);
 
   BodySensors sensors_;
   EstimatorConfig config_;
+  bool holds_every_image_;
   ImuBuffer imu_;
   MotionSegment open_;
   bool is_open_{false};
