@@ -8,7 +8,6 @@
 
 #include "base/so3.hpp"
 #include "mapping/graph/graph_datum.hpp"
-#include "pipeline/replay/map_build.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "simulation/simulation.hpp"
 
@@ -156,47 +155,6 @@ INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
                          testing::Values(Case{"table", "table", true}, Case{"loop", "loop", true},
                                          Case{"no_imu", "table", false}),
                          [](const auto& info) { return std::string(info.param.name); });
-
-// Two robots in one room a day apart.
-TEST(MapBuildSimulation, TwoDaysGiveOneMapThatIsAsFarOffAsItSays) {
-  constexpr int kSeeds = 10;
-  double nees = 0;
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    Robot monday = robot("hall", seed, 0, true);
-    Robot tuesday = robot("hall", seed + 100, 1, true);
-    OfflineMap map;
-    map.config.refine_period_s = 2;
-    std::vector<MapBuildBody> bodies;
-    for (Robot* one : {&monday, &tuesday}) {
-      const int id = static_cast<int>(bodies.size()) + 1;
-      bodies.push_back({{id, std::to_string(id), one->setup, one->source.get()},
-                        one->start,
-                        one->start + from_seconds(kSeconds)});
-    }
-    const auto build = build_map(bodies, map);
-    ASSERT_TRUE(build) << build.error().text();
-    EXPECT_TRUE(build->last.is_at_rest);
-    EXPECT_TRUE(build->apart.empty());
-    const Pose over = map_over_truth(build->map, monday.tags);
-    double of_map = 0;
-    double worst_m = 0;
-    int tags = 0;
-    for (const RecordedTag& tag : monday.tags) {
-      const MapTag* entry = build->map.find(tag.tag_id);
-      if (entry == nullptr) continue;
-      const Vector6d e = error_of(entry->tag.X_WT, over * tag.X_WT);
-      of_map += e.dot(entry->tag.covariance.ldlt().solve(e)) / 6;
-      worst_m = std::max(worst_m, e.head<3>().norm());
-      ++tags;
-    }
-    std::cout << "seed " << seed << ": " << tags << " tags, NEES " << of_map / tags << ", worst "
-              << 1e3 * worst_m << " mm\n";
-    nees += of_map / tags / kSeeds;
-  }
-  std::cout << "NEES " << nees << "\n";
-  EXPECT_GT(nees, 1 - kSigmas * kScatter);
-  EXPECT_LT(nees, 1 + kSigmas * kScatter);
-}
 
 }  // namespace
 }  // namespace fiducap
