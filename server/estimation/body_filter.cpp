@@ -5,7 +5,6 @@
 
 #include "base/assert.hpp"
 #include "estimation/robocentric/robocentric_filter.hpp"
-#include "estimation/segment/segment_recorder.hpp"
 #include "estimation/world/world_filter.hpp"
 
 namespace fiducap {
@@ -16,8 +15,6 @@ Duration shift_to_apply(const ClockEstimate& clock, Duration applied) {
   return std::abs(clock.shift_s - to_seconds(applied)) > kLeast_s ? from_seconds(clock.shift_s)
                                                                   : applied;
 }
-
-std::optional<SegmentRecorder> BodyFilter::take_start() { return std::nullopt; }
 
 std::unique_ptr<BodyFilter> make_body_filter(const std::string& name, const BodySensors& sensors,
                                              const WorkspaceGauge& gauge,

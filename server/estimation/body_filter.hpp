@@ -11,14 +11,13 @@
 #include "detection/tag_observation.hpp"
 #include "estimation/body_estimate.hpp"
 #include "estimation/estimator_config.hpp"
+#include "estimation/filter_witness.hpp"
 #include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
 #include "estimation/lens_estimate.hpp"
 #include "estimation/tag_belief.hpp"
 
 namespace fiducap {
-
-class SegmentRecorder;
 
 /// What the filter must know about the body it follows.
 struct BodySensors {
@@ -105,8 +104,11 @@ class BodyFilter {
   virtual void tag_beliefs(std::vector<TagBelief>& out) const = 0;
   /// The same, also of a start that may be taken back.
   virtual void own_tags(std::vector<TagBelief>& out) const { tag_beliefs(out); }
-  /// After `start_changed`, once: what the start that has won saw, up to the present image.
-  [[nodiscard]] virtual std::optional<SegmentRecorder> take_start();
+  /// Starts that are followed again are noted down, each by one like this.
+  virtual void witness_starts(std::unique_ptr<FilterWitness> /*afresh*/) {}
+  /// After `start_changed`, once: who has noted down the start that has won, up to the present
+  /// image.
+  [[nodiscard]] virtual std::unique_ptr<FilterWitness> take_start() { return nullptr; }
   [[nodiscard]] virtual std::vector<ExtrinsicsEstimate> extrinsics() const = 0;
   /// The merger of the samples adds shift_to_apply() to the camera's stamps
   /// (SampleMerger::set_clock_shift) and says so in TagObservations::clock_shift; the filter

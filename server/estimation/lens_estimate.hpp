@@ -4,6 +4,11 @@
 
 namespace fiducap {
 
+/// Assumed where nothing but the images tells, 1-sigma: how far two good calibrations of one lens
+/// are apart.
+inline constexpr double kAssumedFocal = 3e-3;
+inline constexpr double kAssumedCentre_px = 2.0;
+
 /// A camera's lens against the configured one, as a filter sees it now.
 struct LensEstimate {
   LensOffset offset;

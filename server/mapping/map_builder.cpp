@@ -291,8 +291,9 @@ std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns)
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);
   if (config_.mode == MapMode::kFrozen || begin_anew_ != nullptr) return contributions_;
+  const int least = solution.least_sightings.value_or(config_.publish_sightings);
   for (const GraphTagEstimate& tag : solution.tags) {
-    if (tag.component != 0 || tag.sightings < config_.publish_sightings) continue;
+    if (tag.component != 0 || tag.sightings < least) continue;
     if (moved_.is_outdated(tag)) continue;
     const KnownTag placed{tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance};
     if (fault_in(MapTag{.tag = placed})) continue;

@@ -11,6 +11,8 @@ enum class MapMode {
   kFrozen,   ///< The map never changes: no control loop sees a jump.
 };
 
+inline constexpr double kRefinePeriod_s = 2;
+
 struct MapConfig {
   MapMode mode{MapMode::kMapping};
   /// A belief joins the map when its tag is known better than this …
@@ -19,8 +21,10 @@ struct MapConfig {
   int publish_sightings{10};                ///< … and was seen at least this often.
   /// What all bodies saw is solved together this often, in seconds of their data, and the map is
   /// what comes out (MapRefiner): every tag seen often enough, with its sigma, whatever that is.
-  /// 0: never, each tag is the business of the body that knows it best.
-  double refine_period_s{2.0};
+  /// 0: never, each tag is the business of the body that knows it best. A configuration that does
+  /// not say means kRefinePeriod_s with several bodies, and never with one: alone it finds out
+  /// better what is wrong with its lens and its prints (docs/design/map-graph.md).
+  double refine_period_s{0.0};
   double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 
   [[nodiscard]] std::vector<ConfigError> check() const;

@@ -1,8 +1,30 @@
 #include "mapping/map_refiner.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace fiducap {
+
+namespace {
+
+/// The map with what is surveyed beside it; what the map has counts.
+TagMap with(TagMap map, std::span<const KnownTag> surveyed) {
+  for (const KnownTag& tag : surveyed)
+    if (map.find(tag.tag_id) == nullptr) map.tags.push_back({tag, TagState::kSurveyed});
+  std::stable_sort(map.tags.begin(), map.tags.end(),
+                   [](const MapTag& a, const MapTag& b) { return a.tag.tag_id < b.tag.tag_id; });
+  return map;
+}
+
+}  // namespace
+
+MapRefiner::MapRefiner(MapBuilder& map, std::span<const KnownTag> surveyed)
+    : map_(map), graph_(with(*map.snapshot(), surveyed)) {}
+
+void MapRefiner::replace_body(int body_id, std::vector<MotionSegment> segments) {
+  graph_.replace_body(body_id, std::move(segments));
+  is_settled_ = false;
+}
 
 void MapRefiner::take() {
   auto [segments, begin_anew, moves, contributions] = map_.take_segments();
@@ -30,6 +52,7 @@ bool MapRefiner::solve(const std::stop_token& stop) {
   taken_ = contributions_;
   solution_ = graph_.solve(stop);
   is_settled_ = solution_.has_value();
+  if (solution_) solution_->least_sightings = least_sightings_;
   return is_settled_;
 }
 

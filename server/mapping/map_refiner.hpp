@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <stop_token>
+#include <vector>
 
 #include "mapping/graph/map_graph.hpp"
 #include "mapping/map_builder.hpp"
@@ -24,7 +26,9 @@ struct RefinementTurn {
 /// for moments only.
 class MapRefiner final {
  public:
-  explicit MapRefiner(MapBuilder& map) : map_(map), graph_(*map.snapshot()) {}
+  explicit MapRefiner(MapBuilder& map) : MapRefiner(map, {}) {}
+  /// @param surveyed  tags that are to be estimated all the same, by a rough survey as well
+  MapRefiner(MapBuilder& map, std::span<const KnownTag> surveyed);
 
   /// Takes what has come since the last time into the graph; begins a new one when the map was
   /// replaced. The map keeps a limited number.
@@ -35,10 +39,13 @@ class MapRefiner final {
   bool solve(const std::stop_token& stop = {});
   /// See MapGraph.
   bool found_workspace();
+  void replace_body(int body_id, std::vector<MotionSegment> segments);
   /// Publishes what solve() has found, when it has.
   /// @return nullopt: there was nothing to solve since the last time
   std::optional<RefinementTurn> adopt(std::int64_t utc_now_ns);
 
+  /// From now on the map gets tags that were seen so often, whatever it is configured to.
+  void tell_from(int sightings) { least_sightings_ = sightings; }
   /// Nothing is folded, however long it takes: offline.
   void keep_all() {
     keeps_all_ = true;
@@ -55,6 +62,7 @@ class MapRefiner final {
   std::optional<GraphSolution> solution_;
   std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
   std::uint64_t contributions_{};         ///< Before the last take().
+  std::optional<int> least_sightings_{};
   bool is_settled_{true};  ///< The last solution stands: without news there is nothing to do.
 };
 

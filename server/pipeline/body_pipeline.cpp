@@ -18,12 +18,11 @@ constexpr Duration kCamerasPeriod = std::chrono::seconds(1);
 // A tag unseen for so long has left the view.
 constexpr Duration kOutOfView = std::chrono::seconds(2);
 constexpr Duration kPauseOfImages = std::chrono::seconds(10);
-// Further apart, two places of a tag are not the same place.
-constexpr double kSamePlace_m = 0.1;
-constexpr double kSamePlace_rad = 0.1;
+// Further apart (m and rad), two places of a tag are not the same place.
+constexpr double kSamePlace = 0.1;
 
 bool agree(const Pose& a, const Pose& b) {
-  return (a.p - b.p).norm() < kSamePlace_m && angle_between(a.q, b.q) < kSamePlace_rad;
+  return (a.p - b.p).norm() < kSamePlace && angle_between(a.q, b.q) < kSamePlace;
 }
 
 /// As many as come within the merger's window, so that images wait for their IMU readings, not for
@@ -71,7 +70,9 @@ BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filt
       doubts_(setup_.sensors, setup_.estimator, setup_.gauge, !setup_.priors.empty()),
       agreement_(setup_.sensors, setup_.estimator.corner_noise_px),
       late_(setup_.sensors.cameras.size()) {
-  if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator);
+  const bool all = setup_.segments_hold_every_image;
+  if (setup_.records_segments) segments_.emplace(setup_.sensors, setup_.estimator, all);
+  if (segments_) filter_->witness_starts(segments_->afresh());
   filter_->set_tag_priors(setup_.priors);
   for (int camera = 0; camera < static_cast<int>(setup_.sensors.cameras.size()); ++camera)
     merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), Duration{0}));
@@ -378,8 +379,7 @@ void BodyPipeline::note_imu_faults() {
     update_.events.back().text = text_of(*fault);
   }
   if (!plausibility_.take_all_clear()) return;
-  note(BodyEvent::Kind::kImuPlausible);
-  update_.events.back().text = "the IMU's readings are plausible again";
+  say(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");
 }
 
 /// See BodyTracker: a used or new tag ties the body to the room, and followed points do for a

@@ -36,7 +36,8 @@ struct PipelineSetup {
   std::vector<KnownTag> priors;  ///< Survey knowledge of tags that are nevertheless estimated.
   MergerConfig merger;           ///< `has_imu`, `cameras` and more images follow from the sensors.
   double lose_after_s{BodyLimits{}.lose_after_s};
-  bool records_segments{false};  ///< For the map graph.
+  bool records_segments{false};           ///< For the map graph.
+  bool segments_hold_every_image{false};  ///< Also those without a tag: somebody asks for poses.
 };
 
 /// One body's samples in, one estimate per image out: merger, detection with its forecast, filter

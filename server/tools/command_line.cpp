@@ -54,6 +54,15 @@ void add_replay(CLI::App& app, CommandLine& line) {
       "--config", a.config,
       "Take the sections estimator, detector, tags and map.reference_* of a server configuration");
   verb->add_option("--map", a.map, "Tags whose places are known: .yaml, .csv");
+  verb->add_option(
+      "--store", a.store,
+      "The newest version in this map store is where the map begins. With --resolve it "
+      "must not have been made of these recordings: what they saw would count twice");
+  verb->add_flag(
+      "--resolve", a.resolve,
+      "Solve for all poses and tags together after the last image: each pose by what was "
+      "seen before and after it, with its covariance. One recording without an IMU is "
+      "always resolved");
   verb->add_option("--filter", a.filter, "Which filter")
       ->check(CLI::IsMember({"robocentric", "world"}));
   verb->add_option("--set", a.sets,
@@ -65,7 +74,8 @@ void add_replay(CLI::App& app, CommandLine& line) {
       "Example:\n"
       "  fiducap replay recordings/hall --out results --set estimator.corner_noise_px=0.3\n"
       "  fiducap evaluate results/hall.tum recordings/hall\n"
-      "  fiducap replay drone rover arm --together --out results");
+      "  fiducap replay drone rover arm --together --out results\n"
+      "  fiducap replay recordings/hall --resolve --out results");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_replay(a, t); }; });
 }
 

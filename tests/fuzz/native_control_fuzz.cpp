@@ -19,7 +19,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Instant now = instant_from_ns(50'000'000'000);
   if (conversation.receive(bytes.first(half), out, now))
     (void)conversation.receive(bytes.subspan(half), out, now);
-  if (desk.commits != 0 || desk.mode != MapMode::kFrozen || desk.under_way)
+  if (!desk.changes.empty() || desk.mode != MapMode::kFrozen || desk.under_way)
     std::abort();  // nobody proves by luck
   (void)decode_control_command(std::string(reinterpret_cast<const char*>(data), size));
   return 0;

@@ -92,8 +92,8 @@ TEST_F(MovedTagSimulation, IsNoticedWithinSecondsAndFoundAgain) {
   ASSERT_NE(run.map.known->find(moved_), nullptr);
   EXPECT_LT(nees(run.map, moved_), 9);
   for (const MapTag& tag : run.map.tags) {
-    if (tag.tag.tag_id != robots_.front().reference_tag)
-      EXPECT_LT(nees(run.map, tag.tag.tag_id), 9) << tag.tag.tag_id;
+    if (tag.tag.tag_id == robots_.front().reference_tag) continue;
+    EXPECT_LT(nees(run.map, tag.tag.tag_id), 9) << tag.tag.tag_id;
   }
 }
 

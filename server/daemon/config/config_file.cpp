@@ -31,6 +31,13 @@ void number_the_bodies(std::vector<BodyConfig>& bodies) {
   }
 }
 
+/// Robots that share a map need what all of them saw solved together (MapConfig).
+void choose_refinement(const YAML::Node& document, ServerConfig& config) {
+  const YAML::Node map = document["map"];
+  const bool is_said = map && map.IsMap() && map["refine_period_s"];
+  if (!is_said && config.bodies.size() > 1) config.map.builder.refine_period_s = kRefinePeriod_s;
+}
+
 }  // namespace
 
 ConfigResult<ServerConfig> parse_config(const std::string& text, const std::string& name,
@@ -46,6 +53,7 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   ServerConfig read;
   ConfigReader::read_all(YamlSection(*document, "", shared), read);
   number_the_bodies(read.bodies);
+  if (document->IsMap()) choose_refinement(*document, read);
   for (auto& error : check(read)) {
     // A value that could not even be read keeps its default: whatever rule that breaks is not the
     // user's fault.

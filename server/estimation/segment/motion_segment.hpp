@@ -41,6 +41,7 @@ struct CameraBelief {
   double readout_s{};
   bool rows_apart{};  ///< The rows are exposed in turn.
   LensOffset lens;
+  bool lens_is_open{};  ///< It was found to be another one than configured.
 };
 
 /// One tag in one image.

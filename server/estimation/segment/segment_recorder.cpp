@@ -6,15 +6,12 @@
 
 #include "estimation/filter/corner_noise.hpp"
 #include "estimation/filter/filter_rules.hpp"
+#include "estimation/segment/segment_cutting.hpp"
 #include "estimation/segment/world_error.hpp"
 
 namespace fiducap {
 
 namespace {
-
-constexpr Duration kSegment = std::chrono::seconds(1);
-// Without a tag for longer, the next one is met anew: readings of minutes are no use.
-constexpr Duration kLongest = std::chrono::seconds(10);
 
 // A start that lasts for longer has seen enough.
 constexpr std::size_t kMostHeldBack = 60;
@@ -25,9 +22,11 @@ BodyMoment moment_of(const BodyEstimate& body) {
 
 }  // namespace
 
-SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config)
+SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config,
+                                 bool holds_every_image)
     : sensors_(sensors),
       config_(config),
+      holds_every_image_(holds_every_image),
       imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   open_.sensors = std::make_shared<const SegmentSensors>(
       SegmentSensors{sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2,
@@ -71,7 +70,9 @@ std::shared_ptr<const MotionSegment> SegmentRecorder::take() {
 void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
                           const UpdateReport& report, std::span<const TagBelief> beliefs,
                           std::span<const KnownTag> known) {
-  if (auto start = filter.take_start()) return go_on_from(std::move(*start), report);
+  if (auto start = filter.take_start()) {
+    return go_on_from(std::move(static_cast<SegmentRecorder&>(*start)), report);
+  }
   start_is_open_ = report.start_is_open;
   if (report.generation != generation_ || report.start_changed) {
     break_chain();
@@ -85,14 +86,14 @@ void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
   if (body.at != seen.exposed_at) return;  // without IMU: it was not moved here
   if (report.gauge_shift) shift_axes(*report.gauge_shift);
   if (report.map_shift) shift_axes(*report.map_shift);
-  if (is_open_ && body.at - of_use_at_ > kLongest) break_chain();
+  if (is_open_ && body.at - of_use_at_ > kLongestBlind) break_chain();
   if (start_is_open_) filter.own_tags(own_tags_);
   for (const TagBelief& belief : start_is_open_ ? std::span<const TagBelief>(own_tags_) : beliefs)
     places_[belief.tag.tag_id] = belief.tag;
   for (const KnownTag& tag : known) {
     if (body.anchored) places_.try_emplace(tag.tag_id, tag);
   }
-  SegmentImage image = image_of(seen, filter);
+  SegmentImage image = segment_image(seen, filter, config_);
   const bool is_of_use = std::any_of(image.tags.begin(), image.tags.end(),
                                      [&](const auto& s) { return has_place(s.seen.tag_id); });
   if (is_of_use) of_use_at_ = body.at;
@@ -104,11 +105,11 @@ void SegmentRecorder::add(const TagObservations& seen, BodyFilter& filter,
     return;
   }
   integrate_to(body.at, filter.learned(seen.camera).imu_variance);
-  if (image.tags.empty()) return;
+  if (image.tags.empty() && !holds_every_image_) return;
   if (open_.instances.back().body.at != body.at)
     open_.instances.push_back({moment_of(body), std::exchange(steps_, {}), {}});
   open_.instances.back().images.push_back(std::move(image));
-  if (is_of_use && body.at - open_.begin().at >= kSegment) {
+  if (is_of_use && body.at - open_.begin().at >= kSegmentLength) {
     open_.anchored = body.anchored;
     end(filter);
     begin(body);
@@ -140,16 +141,7 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   }
   for (const auto& [tag_id, seen] : is_seen) open_.tags.push_back(places_.at(tag_id));
   places_.clear();
-  for (const ExtrinsicsEstimate& camera : filter.extrinsics()) {
-    const auto c = open_.cameras.size();
-    const CameraMount& mount = sensors_.cameras[c];
-    open_.cameras.push_back({.X_BV = camera.X_BV,
-                             .shift_s = camera.clock.shift_s,
-                             .readout_s = camera.clock.readout_s,
-                             .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0 ||
-                                           camera.clock.readout_s != 0,
-                             .lens = camera.lens.offset});
-  }
+  open_.cameras = camera_beliefs(filter, sensors_.cameras);
   const auto sensors = open_.sensors;
   done_.push_back(std::make_shared<const MotionSegment>(std::move(open_)));
   if (done_.size() > kMostHeldBack) done_.pop_front();
@@ -157,15 +149,32 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   open_.sensors = sensors;
 }
 
-SegmentImage SegmentRecorder::image_of(const TagObservations& seen,
-                                       const BodyFilter& filter) const {
+std::vector<CameraBelief> camera_beliefs(const BodyFilter& filter,
+                                         std::span<const CameraMount> mounts) {
+  std::vector<CameraBelief> beliefs;
+  for (const ExtrinsicsEstimate& camera : filter.extrinsics()) {
+    const auto c = beliefs.size();
+    const CameraMount& mount = mounts[c];
+    beliefs.push_back({.X_BV = camera.X_BV,
+                       .shift_s = camera.clock.shift_s,
+                       .readout_s = camera.clock.readout_s,
+                       .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0 ||
+                                     camera.clock.readout_s != 0,
+                       .lens = camera.lens.offset,
+                       .lens_is_open = !camera.lens.offset.is_none()});
+  }
+  return beliefs;
+}
+
+SegmentImage segment_image(const TagObservations& seen, const BodyFilter& filter,
+                           const EstimatorConfig& config) {
   const LearnedSensors learned = filter.learned(seen.camera);
   SegmentImage image{seen.camera, to_seconds(seen.clock_shift), learned.jitter_s, {}};
   for (const TagObservation& tag : seen.tags) {
     SegmentSighting sighting;
     sighting.seen = tag;
     sighting.noise_px =
-        learned.corners != nullptr ? learned.corners->of(tag) : config_.corner_noise_px;
+        learned.corners != nullptr ? learned.corners->of(tag) : config.corner_noise_px;
     sighting.is_even = learned.corners == nullptr || !learned.corners->is_uneven(tag);
     if (!sighting.is_even) sighting.covariance = learned.corners->covariance(tag, 0);
     image.tags.push_back(std::move(sighting));
@@ -181,10 +190,7 @@ void SegmentRecorder::shift_axes(const Pose& X_new_old) {
 
 void SegmentRecorder::integrate_to(Instant to, double imu_variance) {
   if (!sensors_.imu) {
-    InertialInput input;
-    input.has_accelerometer = false;
-    input.accel_noise = config_.motion_accel_m_s2_rtHz;
-    input.gyro_walk = config_.motion_angular_rad_s2_rtHz;
+    const InertialInput input = motion_without_imu(config_);
     return add_step(to, input, from_seconds(filter_rules::kStepWithoutImu_s));
   }
   const double factor = std::sqrt(imu_variance);
@@ -201,11 +207,9 @@ void SegmentRecorder::integrate_to(Instant to, double imu_variance) {
 }
 
 void SegmentRecorder::add_step(Instant to, const InertialInput& input, Duration longest) {
-  while (reached_ < to) {
-    const Instant end = std::min(to, reached_ + longest);
-    steps_.push_back({input, to_seconds(end - reached_)});
-    reached_ = end;
-  }
+  if (reached_ >= to) return;
+  add_steps(to - reached_, input, longest, steps_);
+  reached_ = to;
 }
 
 }  // namespace fiducap

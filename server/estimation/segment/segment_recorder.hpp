@@ -13,6 +13,13 @@
 
 namespace fiducap {
 
+/// An image with noises as the filter has learned them.
+[[nodiscard]] SegmentImage segment_image(const TagObservations& seen, const BodyFilter& filter,
+                                         const EstimatorConfig& config);
+/// Cameras as the filter has learned them.
+[[nodiscard]] std::vector<CameraBelief> camera_beliefs(const BodyFilter& filter,
+                                                       std::span<const CameraMount> mounts);
+
 /// Cuts what one body sees and feels into segments for the map graph.
 ///
 /// A segment ends about a second after it began, at an image with a tag. A chain of them ends when
@@ -20,16 +27,18 @@ namespace fiducap {
 /// back; when it is, those of the start that has won take their place. Images without a tag that
 /// the filter or the map has a place for are left out, their readings are not. Nothing of the
 /// filter's covariance enters: the graph gets every reading and every corner once.
-class SegmentRecorder final {
+class SegmentRecorder final : public FilterWitness {
  public:
-  SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config);
+  /// @param holds_every_image  also those without a tag are instances
+  SegmentRecorder(const BodySensors& sensors, const EstimatorConfig& config,
+                  bool holds_every_image = false);
 
-  void add(const ImuSample& imu);
-  /// After the filter has taken the image.
-  /// @param beliefs  the tags in the filter's state
-  /// @param known    what the map said of the image's tags
+  void add(const ImuSample& imu) override;
   void add(const TagObservations& seen, BodyFilter& filter, const UpdateReport& report,
-           std::span<const TagBelief> beliefs, std::span<const KnownTag> known);
+           std::span<const TagBelief> beliefs, std::span<const KnownTag> known) override;
+  [[nodiscard]] std::unique_ptr<FilterWitness> afresh() const override {
+    return std::make_unique<SegmentRecorder>(sensors_, config_, holds_every_image_);
+  }
   /// The motion was lost, or the estimate is not believed: what comes next hangs on nothing.
   void break_chain();
   /// Nothing more will come: what is open ends at its last image.
@@ -42,13 +51,13 @@ class SegmentRecorder final {
   void begin(const BodyEstimate& body);
   void integrate_to(Instant to, double imu_variance);
   void add_step(Instant to, const InertialInput& input, Duration longest);
-  [[nodiscard]] SegmentImage image_of(const TagObservations& seen, const BodyFilter& filter) const;
   [[nodiscard]] bool has_place(int tag_id) const { return places_.contains(tag_id); }
   void shift_axes(const Pose& X_new_old);
   void end(const BodyFilter& filter);
 
   BodySensors sensors_;
   EstimatorConfig config_;
+  bool holds_every_image_;
   ImuBuffer imu_;
   MotionSegment open_;
   bool is_open_{false};

@@ -47,4 +47,17 @@ struct SegmentFactor {
 /// @return nullopt when the numbers are not finite, or images show no tag of the segment
 [[nodiscard]] std::optional<SegmentFactor> condense(MotionSegment& segment);
 
+/// How well an instance between the ends is known: its error is by_rest times that of the rest (in
+/// the order of segment_layout) and something of its own. About where the segment begins, on the
+/// world's side.
+struct PathPoint {
+  Eigen::Matrix<double, 15, 15> given;  ///< Covariance when ends, cameras and tags are known.
+  Eigen::MatrixXd by_rest;
+};
+
+/// The same for whoever asks where the body was: moves the instances between to where they fit
+/// best.
+/// @return of each of them; empty where condense() gives nothing, or there are none
+[[nodiscard]] std::vector<PathPoint> path_between(MotionSegment& segment);
+
 }  // namespace fiducap

@@ -40,12 +40,8 @@ double work_of(const TagObservations& seen) {
 }
 }  // namespace
 
-StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make,
-                         SegmentRecorder recorder)
-    : prior_(std::move(prior)),
-      is_needed_(is_needed),
-      make_(std::move(make)),
-      recorder_(std::move(recorder)) {
+StartSearch::StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make)
+    : prior_(std::move(prior)), is_needed_(is_needed), make_(std::move(make)) {
   begin();
 }
 
@@ -144,7 +140,8 @@ bool StartSearch::is_of_learned_clocks(const ClockHypothesis& hypothesis) const 
 }
 
 StartSearch::Trial StartSearch::begin_trial(const ClockHypothesis& hypothesis) const {
-  Trial trial{hypothesis, {make_(hypothesis), recorder_}, {}, 0, 0, {}};
+  Trial trial{hypothesis, {make_(hypothesis), witness_ ? witness_->afresh() : nullptr}, {}, 0, 0,
+              {}};
   trial.start.filter->begin_with(
       is_of_learned_clocks(hypothesis) ? lessons_ : StartLessons{{}, lessons_.corners_px, {}});
   trial.order.resize(horizon_);
@@ -180,17 +177,17 @@ void StartSearch::take_image(Trial& trial, const StartLog::Image& image) const {
     is_covered = log_.imu()[trial.readings].sampled_at >= seen.exposed_at;
     take_reading(trial);
   }
-  auto& [filter, recorder] = trial.start;
+  const auto& [filter, witness] = trial.start;
   UpdateReport report = filter->update(seen, {image.known, image.may_define_workspace});
   trial.explanation += filter->explain(seen, report);
   report.start_is_open = true;
-  recorder.add(seen, *filter, report, {}, image.known);
+  if (witness) witness->add(seen, *filter, report, {}, image.known);
   ++trial.images;
 }
 
 void StartSearch::take_reading(Trial& trial) const {
   const ImuSample& imu = log_.imu()[trial.readings++];
-  trial.start.recorder.add(imu);
+  if (trial.start.witness) trial.start.witness->add(imu);
   trial.start.filter->propagate(imu);
 }
 

@@ -3,9 +3,9 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
-#include "estimation/segment/segment_recorder.hpp"
 #include "estimation/start/clock_hypothesis.hpp"
 #include "estimation/start/hypothesis_plan.hpp"
 #include "estimation/start/start_log.hpp"
@@ -27,14 +27,14 @@ class StartSearch final {
   /// A filter that has followed the start, and what it saw.
   struct Start {
     std::unique_ptr<StartingFilter> filter;
-    SegmentRecorder recorder;
+    std::unique_ptr<FilterWitness> witness;  ///< nullptr: nobody wants to know.
   };
 
   /// @param make  a filter that starts with this hypothesis
-  /// @param recorder  an empty one
-  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make,
-              SegmentRecorder recorder);
+  StartSearch(HypothesisPlan::Prior prior, bool is_needed, MakeFilter make);
 
+  /// Each start is noted down by one like this.
+  void witness(std::unique_ptr<FilterWitness> afresh) { witness_ = std::move(afresh); }
   /// Everything starts from nothing: also the log.
   void begin();
   /// The start may still be taken back.
@@ -73,7 +73,7 @@ class StartSearch final {
   HypothesisPlan::Prior prior_;
   bool is_needed_;
   MakeFilter make_;
-  SegmentRecorder recorder_;  ///< Empty.
+  std::unique_ptr<FilterWitness> witness_;
   bool is_open_{true};
   StartLog log_;
   std::size_t due_looks_{0};           ///< Since the log began …

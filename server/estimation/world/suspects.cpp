@@ -17,10 +17,7 @@ constexpr double kTightFocal = 5e-5;  // along a round trip 2e-4 bends the headi
 constexpr double kTightCentre_px = 0.1;
 constexpr double kTightDistortion = 1e-5;  // 5e-5 cost 3 % of accuracy where corners are sharp
 constexpr double kTightReadout_s = 5e-5;
-// Assumed, 1-sigma: how far two good calibrations of one lens are apart, what a ruler tells of a
-// print.
-constexpr double kAssumedFocal = 3e-3;
-constexpr double kAssumedCentre_px = 2.0;
+// Assumed, 1-sigma: what a ruler tells of a print.
 constexpr double kAssumedScale = 3e-3;
 // Held at such a share of it, which moves nothing and tells how much it would.
 constexpr double kHeldShare = 1e-3;

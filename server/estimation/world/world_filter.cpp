@@ -18,10 +18,8 @@ WorldFilter::WorldFilter(BodySensors sensors, WorkspaceGauge gauge, EstimatorCon
     : sensors_(std::move(sensors)),
       gauge_(gauge),
       config_(config),
-      search_(
-          clock_prior(), are_clocks_vague(),
-          [this](const ClockHypothesis& clocks) { return make(clocks); },
-          SegmentRecorder(sensors_, config_)),
+      search_(clock_prior(), are_clocks_vague(),
+              [this](const ClockHypothesis& clocks) { return make(clocks); }),
       present_(make(configured_clocks())),
       generation_(present_->generation()) {
   if (!search_.is_open()) present_->end_start();
@@ -98,7 +96,7 @@ void WorldFilter::take_over(StartSearch::Start start, const StartingFilter::Axes
   better->set_generation(generation_);
   better->set_restart_clocks(configured_clocks());
   present_ = std::move(better);
-  start_ = std::move(start.recorder);
+  start_ = std::move(start.witness);
 }
 
 void WorldFilter::mismatches(std::vector<FoundMismatch>& out) const {

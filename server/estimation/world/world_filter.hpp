@@ -34,9 +34,10 @@ class WorldFilter final : public BodyFilter {
   /// None while the start may be taken back: the map's knowledge may not.
   void tag_beliefs(std::vector<TagBelief>& out) const override;
   void own_tags(std::vector<TagBelief>& out) const override { present_->tag_beliefs(out); }
-  [[nodiscard]] std::optional<SegmentRecorder> take_start() override {
-    return std::exchange(start_, std::nullopt);
+  void witness_starts(std::unique_ptr<FilterWitness> afresh) override {
+    search_.witness(std::move(afresh));
   }
+  [[nodiscard]] std::unique_ptr<FilterWitness> take_start() override { return std::move(start_); }
   [[nodiscard]] std::vector<ExtrinsicsEstimate> extrinsics() const override {
     return present_->extrinsics();
   }
@@ -67,7 +68,7 @@ class WorldFilter final : public BodyFilter {
   std::vector<KnownTag> priors_;
   StartSearch search_;
   std::unique_ptr<StartingFilter> present_;
-  std::optional<SegmentRecorder> start_;  ///< That has won, until it is taken.
+  std::unique_ptr<FilterWitness> start_;  ///< Of the start that has won, until it is taken.
   int generation_;
 };
 

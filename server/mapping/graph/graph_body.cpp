@@ -64,7 +64,7 @@ void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {
     const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
     body.expected[c].shift_s = found[c].shift_s;
     const LensOffset& lens = found[c].lens;
-    if (lens.is_none()) continue;
+    if (!found[c].lens_is_open) continue;
     add_square(body.information, at + 8, kOpenFocal);
     add_square(body.information, at + 9, kOpenCentre_px);
     add_square(body.information, at + 10, kOpenCentre_px);

@@ -127,17 +127,16 @@ int split_component(int component, int next, GraphState& graph) {
   return next;
 }
 
-std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph) {
-  std::set<int> bound;
-  for (const GraphTag& tag : graph.tags) bound.insert(tag.component);
+std::vector<std::optional<std::size_t>> keep_nodes(const std::vector<bool>& kept,
+                                                   GraphState& graph) {
   std::vector<std::optional<std::size_t>> now(graph.nodes.size());
-  std::size_t kept = 0;
+  std::size_t count = 0;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-    if (!bound.contains(graph.nodes[i].component)) continue;
-    now[i] = kept;
-    graph.nodes[kept++] = graph.nodes[i];
+    if (!kept[i]) continue;
+    now[i] = count;
+    graph.nodes[count++] = graph.nodes[i];
   }
-  graph.nodes.resize(kept);
+  graph.nodes.resize(count);
   std::erase_if(graph.segments, [&](const GraphSegment& s) { return !now[s.begin]; });
   for (GraphSegment& segment : graph.segments) {
     segment.begin = *now[segment.begin];
@@ -151,6 +150,14 @@ std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph) 
     start.after = after ? static_cast<int>(*after) : -1;
   }
   return now;
+}
+
+std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph) {
+  std::set<int> bound;
+  for (const GraphTag& tag : graph.tags) bound.insert(tag.component);
+  std::vector<bool> kept;
+  for (const GraphNode& node : graph.nodes) kept.push_back(bound.contains(node.component));
+  return keep_nodes(kept, graph);
 }
 
 }  // namespace fiducap

@@ -28,8 +28,12 @@ void forget_unseen_tags(GraphState& graph);
 /// @return the same, after it
 [[nodiscard]] int split_component(int component, int next, GraphState& graph);
 
-/// Paths in components without a tag say nothing, and are nowhere.
+/// Nodes that are not kept go, with their segments.
 /// @return the new number of each node that is left
+std::vector<std::optional<std::size_t>> keep_nodes(const std::vector<bool>& kept,
+                                                   GraphState& graph);
+
+/// Paths in components without a tag say nothing, and are nowhere. @return as keep_nodes()
 std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph);
 
 }  // namespace fiducap

@@ -73,6 +73,27 @@ std::optional<Matrix6d> GraphCovariance::between(std::size_t first, std::size_t 
                   world::plain_from_world_error(graph_.tags[second].X_WT.p).transpose());
 }
 
+std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) const {
+  const int body = variables_.body(static_cast<std::size_t>(graph_.nodes[segment.begin].body));
+  std::vector<Datum::Rows> rows{{variables_.node(segment.begin), 15, true},
+                                {variables_.node(segment.end), 15, true},
+                                {body, H_.size(body), false}};
+  for (const std::size_t i : segment.tags) rows.push_back({variables_.tag(i), 6, true});
+  Eigen::MatrixXd raw(segment.factor.H.rows(), segment.factor.H.rows());
+  Eigen::Index row = 0;
+  for (const Datum::Rows& a : rows) {
+    Eigen::Index column = 0;
+    for (const Datum::Rows& b : rows) {
+      const auto block = factor_.inverse(a.variable, b.variable);
+      if (!block) return std::nullopt;
+      raw.block(row, column, a.size, b.size) = *block;
+      column += b.size;
+    }
+    row += a.size;
+  }
+  return datum_ ? datum_->of(rows, raw) : raw;
+}
+
 Eigen::MatrixXd GraphCovariance::camera_columns() const {
   Eigen::Index numbers = 0;
   for (std::size_t b = 0; b < graph_.bodies.size(); ++b) numbers += H_.size(variables_.body(b));

@@ -28,6 +28,9 @@ class GraphCovariance final {
   void refer_to(const std::vector<std::size_t>& tags);
   /// Of the plain errors of two tags; nullopt: they are not bound closely.
   [[nodiscard]] std::optional<Matrix6d> between(std::size_t first, std::size_t second) const;
+  /// Of all that a segment's factor is over, in its order; errors on the world's side about W's
+  /// origin. nullopt: not bound closely, which cannot be
+  [[nodiscard]] std::optional<Eigen::MatrixXd> of(const GraphSegment& segment) const;
   /// Of all bodies' cameras with everything: one column per number, against what is held.
   [[nodiscard]] Eigen::MatrixXd camera_columns() const;
   /// Rows of such columns: the plain errors of a tag, the numbers of a body's cameras.

@@ -75,4 +75,17 @@ Matrix6d Datum::between(int first, int second, const Matrix6d& raw) const {
   return raw - NM * Cj.transpose() - Ci * NM.transpose() + NM * T_ * NM.transpose();
 }
 
+Eigen::MatrixXd Datum::of(std::span<const Rows> rows, const Eigen::MatrixXd& raw) const {
+  Eigen::MatrixXd NM = Eigen::MatrixXd::Zero(raw.rows(), 4);
+  Eigen::MatrixXd C(raw.rows(), 4);
+  Eigen::Index at = 0;
+  for (const Rows& one : rows) {
+    if (one.is_in_room) NM.middleRows<6>(at) = common_error() * M_;
+    C.middleRows(at, one.size) =
+        C_.middleRows(first_[static_cast<std::size_t>(one.variable)], one.size);
+    at += one.size;
+  }
+  return raw - NM * C.transpose() - C * NM.transpose() + NM * T_ * NM.transpose();
+}
+
 }  // namespace fiducap

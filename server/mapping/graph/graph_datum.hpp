@@ -34,6 +34,15 @@ class Datum final {
   /// @param raw  by whatever held the axes
   [[nodiscard]] Matrix6d between(int first, int second, const Matrix6d& raw) const;
 
+  /// A variable, or some rows of it from its first on.
+  struct Rows {
+    int variable{};
+    int size{};
+    bool is_in_room{};  ///< Its first six are a pose in W.
+  };
+  /// The same of several at once, one after the other.
+  [[nodiscard]] Eigen::MatrixXd of(std::span<const Rows> rows, const Eigen::MatrixXd& raw) const;
+
  private:
   using Common = Eigen::Matrix<double, 6, 4>;
 

@@ -24,13 +24,33 @@ void MapGraph::follow(const EpochOrder& order) {
     for (const int component : components) unite_tags(component, state_);
   }
   forget_unseen_tags(state_);
-  for (GraphTag& tag : state_.tags) tag.sightings = tag.sightings_before;
-  for (const GraphSegment& entry : state_.segments) count_sightings(entry);
+  count_sightings();
   // The workspace is 0; new ones are counted from 1.
   components_ = split_component(0, components_ + 1, state_) - 1;
-  const auto now = forget_unbound_paths(state_);
+  renumber_chains(forget_unbound_paths(state_));
+}
+
+void MapGraph::count_sightings() {
+  for (GraphTag& tag : state_.tags) tag.sightings = tag.sightings_before;
+  for (const GraphSegment& entry : state_.segments) count_sightings(entry);
+}
+
+void MapGraph::renumber_chains(const std::vector<std::optional<std::size_t>>& now) {
   for (auto& [body_id, chain] : chains_)
     if (chain.node) chain.node = now[*chain.node];
+}
+
+void MapGraph::replace_body(int body_id, std::vector<MotionSegment> segments) {
+  std::vector<bool> kept;
+  for (const GraphNode& node : state_.nodes)
+    kept.push_back(state_.bodies[static_cast<std::size_t>(node.body)].id != body_id);
+  renumber_chains(keep_nodes(kept, state_));
+  chains_.erase(body_id);
+  // What nobody else has seen is where the segments have it.
+  forget_unseen_tags(state_);
+  count_sightings();
+  renumber_chains(forget_unbound_paths(state_));
+  for (MotionSegment& segment : segments) (void)add(std::move(segment));
 }
 
 /// Its sightings are of other places than was thought, or of none.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "base/time.hpp"
@@ -29,6 +30,8 @@ struct GraphSolution {
   double numbers{};                    ///< … of so many.
   int iterations{};
   int condensed{};  ///< Segments linearised anew.
+  /// Of a tag, for the map to have it; nullopt: as the map is configured.
+  std::optional<int> least_sightings{};
 };
 
 }  // namespace fiducap

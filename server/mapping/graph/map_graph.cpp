@@ -8,6 +8,7 @@
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_fold.hpp"
+#include "mapping/graph/graph_path.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
 namespace fiducap {
@@ -261,17 +262,7 @@ int MapGraph::condense_again() {
       look(segment.factor.tags[i].X_WT,
            error.segment<6>(segment_layout::tag(cameras, static_cast<int>(i))));
     if (!is_off) continue;
-    MotionSegment raw = segment.raw;
-    // The path between goes along with where it begins.
-    const BodyMoment& begin = state_.nodes[segment.begin].at;
-    const Pose G = axes_between(raw.begin().X_WB, begin.X_WB, raw.has_imu());
-    for (MotionSegment::Instance& instance : raw.instances)
-      instance.body = in_other_axes(G, instance.body);
-    raw.instances.front().body = begin;
-    raw.instances.back().body = state_.nodes[segment.end].at;
-    raw.cameras = state_.bodies[static_cast<std::size_t>(state_.nodes[segment.begin].body)].cameras;
-    for (std::size_t i = 0; i < segment.tags.size(); ++i)
-      raw.tags[i].X_WT = state_.tags[segment.tags[i]].X_WT;
+    MotionSegment raw = segment_now(state_, segment);
     auto factor = condense(raw);
     if (!factor) continue;
     segment.raw = std::move(raw);
@@ -281,10 +272,7 @@ int MapGraph::condense_again() {
   return count;
 }
 
-std::optional<GraphSolution> MapGraph::tell() {
-  const auto is_current = [&](const GraphTag& tag) {
-    return tag.epoch == epochs_.newest(tag.tag_id);
-  };
+std::optional<GraphCovariance> MapGraph::covariance() const {
   std::vector<std::size_t> defining;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
@@ -296,6 +284,15 @@ std::optional<GraphSolution> MapGraph::tell() {
   auto covariance = GraphCovariance::of(state_);
   if (!covariance) return std::nullopt;
   if (!state_.prior.is_absolute) covariance->refer_to(defining);
+  return covariance;
+}
+
+std::optional<GraphSolution> MapGraph::tell() {
+  const auto is_current = [&](const GraphTag& tag) {
+    return tag.epoch == epochs_.newest(tag.tag_id);
+  };
+  const auto covariance = this->covariance();
+  if (!covariance) return std::nullopt;
   GraphSolution out;
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];

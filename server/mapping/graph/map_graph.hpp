@@ -39,12 +39,17 @@ class MapGraph final {
   /// What all segments of the workspace say becomes a prior, and they go. solve() does so when
   /// there are many. @pre solve() has just come to rest
   void fold();
+  /// All that a body has said until now was not what it meant: this is.
+  void replace_body(int body_id, std::vector<MotionSegment> segments);
   /// Beyond so many segments solve() folds.
   void keep_at_most(std::size_t segments) { most_segments_ = segments; }
   /// The component with most tags becomes the workspace, when nobody stands in it yet.
   /// @return whether one has
   bool found_workspace();
   [[nodiscard]] const GraphState& state() const { return state_; }
+  /// How well it is known, against what defines W. Refers to the graph.
+  /// @return nullopt: nothing stands in W, or something is not bound to anything
+  [[nodiscard]] std::optional<GraphCovariance> covariance() const;
 
  private:
   struct Chain {
@@ -64,6 +69,8 @@ class MapGraph final {
   void count_sightings(const GraphSegment& entry);
   /// @param epochs  of the segment's tags
   void hold_reference(const MotionSegment& segment, const std::vector<int>& epochs, int component);
+  void count_sightings();
+  void renumber_chains(const std::vector<std::optional<std::size_t>>& now);
   void link_components(const GraphSegment& entry, int component);
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,

@@ -12,10 +12,20 @@ namespace {
 constexpr std::size_t kRevisions = 256;
 // Each goes on where the one before was stopped, after forty steps.
 constexpr int kMostRounds = 10;
+
+std::vector<KnownTag> surveyed_by(const std::vector<ReplayedBody>& bodies) {
+  std::vector<KnownTag> all;
+  for (const ReplayedBody& body : bodies)
+    all.insert(all.end(), body.setup.priors.begin(), body.setup.priors.end());
+  return all;
+}
+
 }  // namespace
 
 BodiesReplay::BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start)
-    : map_(map, std::move(start)), refine_period_(from_seconds(map.refine_period_s)) {
+    : map_(map, std::move(start)),
+      refiner_(map_, surveyed_by(bodies)),
+      refine_period_(from_seconds(map.refine_period_s)) {
   for (ReplayedBody& body : bodies) {
     body.setup.records_segments = map.refine_period_s > 0;
     bodies_.push_back({body.id,
@@ -126,11 +136,16 @@ BodiesReplay::LastRefinement BodiesReplay::refine_to_the_end(
       refiner_.take();
     }
   }
+  return solve_to_rest(progress);
+}
+
+BodiesReplay::LastRefinement BodiesReplay::solve_to_rest(
+    const std::function<void(int round)>& progress) {
   LastRefinement last;
   // The given tags are the workspace then; what does not hang on them is no part of it.
   if (map_.snapshot()->tags.empty()) last.has_found_workspace = refiner_.found_workspace();
   for (int round = 1; round <= kMostRounds; ++round) {
-    progress(round);
+    if (progress) progress(round);
     const bool is_solved = refiner_.solve();
     const auto turn = refiner_.adopt(to_ns(newest_));
     last.is_at_rest = is_solved || !turn;

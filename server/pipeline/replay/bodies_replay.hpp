@@ -45,6 +45,7 @@ class BodiesReplay final {
   /// Every raw sample, before its pipeline gets it.
   using Listener = std::function<void(std::size_t body, const SensorSample& sample)>;
 
+  /// Rough surveys (PipelineSetup::priors) are known to the graph as well.
   BodiesReplay(std::vector<ReplayedBody> bodies, const MapConfig& map, TagMap start);
   /// Follows the order of a recorded session instead of the images' times.
   /// @param refinements  nullopt: not recorded; the map is refined by its period
@@ -69,7 +70,11 @@ class BodiesReplay final {
   /// @param progress  called before each round
   LastRefinement refine_to_the_end(const std::function<void(int round)>& progress);
 
+  /// Rounds of solution until nothing moves any more; the map takes over what came of it.
+  LastRefinement solve_to_rest(const std::function<void(int round)>& progress);
+
   [[nodiscard]] MapBuilder& map() { return map_; }
+  [[nodiscard]] MapRefiner& refiner() { return refiner_; }
   /// What has been solved for.
   [[nodiscard]] const MapGraph& graph() const { return refiner_.graph(); }
   [[nodiscard]] const BodyPipeline& pipeline(std::size_t body) const {
@@ -108,7 +113,7 @@ class BodiesReplay final {
   void remember(const MapView& view);
 
   MapBuilder map_;
-  MapRefiner refiner_{map_};
+  MapRefiner refiner_;
   Duration refine_period_;
   double refine_share_{0};
   std::optional<Instant> began_at_;

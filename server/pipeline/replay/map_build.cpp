@@ -8,6 +8,7 @@
 
 #include "base/this_thread.hpp"
 #include "mapping/graph/graph_terms.hpp"
+#include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
 namespace {
@@ -47,6 +48,13 @@ void count(const BodyUpdate& update, BuiltRecording& recording) {
   ++recording.images;
   recording.images_with_tags += update.seen.tags.empty() ? 0 : 1;
   for (const TagObservation& tag : update.seen.tags) ++recording.seen[tag.tag_id];
+}
+
+void note_moved(std::vector<MapEvent> events, MapBuild& build) {
+  for (MapEvent& event : events)
+    if (event.kind == MapEvent::Kind::kTagQuarantined || event.kind == MapEvent::Kind::kTagMoved ||
+        event.kind == MapEvent::Kind::kTagDisputed)
+      build.moved.push_back(std::move(event.text));
 }
 
 /// What the graph says beside the map.
@@ -110,34 +118,46 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
                              const std::function<void(const MapBuildProgress&)>& progress) {
   const auto later = one_after_the_other(bodies);
   std::vector<ReplayedBody> replayed;
+  bool has_imu = false;
   Instant first = Instant::max();
   Instant last = Instant::min();
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const OfflineBody& body = bodies[i].body;
     replayed.push_back({body.id, body.name, body.setup, body.source, later[i]});
+    has_imu |= body.setup.sensors.imu.has_value();
     first = std::min(first, bodies[i].first + later[i]);
     last = std::max(last, bodies[i].last + later[i]);
   }
   const double all_s = std::max(1e-3, to_seconds(last - first));
   TagMap start = map.start;
   for (const MapBuildBody& one : bodies) add_known(one.body.setup, start);
-  BodiesReplay replay(std::move(replayed), map.config, std::move(start));
+  // What a filter without IMU makes of its segments is not listened to in the end (solve_all).
+  MapConfig config = map.config;
+  if (!has_imu) config.refine_period_s = 0;
+  BodiesReplay replay(std::move(replayed), config, std::move(start));
   replay.refine_after_share(kRefineAfterShare);
   MapBuild build;
   build.recordings.resize(bodies.size());
+  std::vector<ImageLog> logs(bodies.size());
   const Duration begin = thread_cpu_time();
   const auto done = replay.run([&](std::size_t body, const BodyUpdate& update) {
     count(update, build.recordings[body]);
-    (void)replay.map().take_events();
+    if (!bodies[body].body.setup.sensors.imu) logs[body].add(update);
+    note_moved(replay.map().take_events(), build);
     const double done_s = to_seconds(update.seen.exposed_at + later[body] - first);
     if (progress)
       progress({std::clamp(done_s / all_s, 0.0, 1.0), 0, replay.view().map->tags.size()});
   });
   if (!done) return tl::unexpected(done.error());
   const Duration ran = thread_cpu_time();
-  build.last = replay.refine_to_the_end([&](int round) {
-    if (progress) progress({1.0, round, replay.view().map->tags.size()});
-  });
+  std::vector<BatchBody> batch;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    batch.push_back({bodies[i].body.id, &bodies[i].body.setup, &logs[i]});
+  replay.refiner().tell_from(map.least_sightings.value_or(1));
+  build.last = solve_all(replay, batch, [&](int round) {
+                 if (progress) progress({1.0, round, replay.view().map->tags.size()});
+               }).last;
+  note_moved(replay.map().take_events(), build);
   build.run_cpu_s = to_seconds(ran - begin);
   build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
   build.map = *replay.map().snapshot();

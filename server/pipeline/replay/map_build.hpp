@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "pipeline/replay/offline_run.hpp"
@@ -45,6 +46,7 @@ struct MapBuild {
   std::vector<BuiltRecording> recordings;
   std::vector<MapPart> apart;
   std::map<int, int> seen_too_seldom;  ///< Sightings of tags that hang on the map all the same.
+  std::vector<std::string> moved;  ///< What the map found out about tags that left their places.
   MapFit fit;
   BodiesReplay::LastRefinement last;
   bool is_level{true};  ///< An IMU has felt gravity; else up is a guess of the filter.

@@ -6,13 +6,15 @@
 
 #include "base/quantile.hpp"
 #include "base/this_thread.hpp"
-#include "pipeline/replay/settled_trajectory.hpp"
+#include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr double kFixedPosition_m = 1e-3;
 constexpr double kFixedRotation_rad = 1e-3;
+// Solving costs as much as there is: with a tenth more each time all of it costs a few last ones.
+constexpr double kRefineAfterShare = 0.1;
 
 KnownTag known_tag(const RecordedTag& tag) {
   KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
@@ -22,11 +24,17 @@ KnownTag known_tag(const RecordedTag& tag) {
   return known;
 }
 
+/// One body after everything was solved for.
+struct ResolvedBody {
+  std::vector<PathPose> path;
+  std::vector<CameraBelief> cameras;
+  std::map<int, Pose> tags;  ///< Of the workspace, also those of which a survey says something.
+};
+
 /// What becomes of one body, image by image.
 class BodyNotes final {
  public:
-  explicit BodyNotes(const OfflineSetup& setup)
-      : setup_(setup), settled_(setup.estimator.corner_noise_px) {}
+  explicit BodyNotes(const OfflineSetup& setup) : setup_(setup) {}
 
   void note_time(Instant at) {
     if (!first_) first_ = at;
@@ -38,24 +46,24 @@ class BodyNotes final {
     count(update);
     for (const BodyEvent& event : update.events) take(event);
     add_pose(update);
-    if (!setup_.sensors.imu) remember_for_settling(update);
+    if (!setup_.sensors.imu) log_.add(update);
   }
 
-  /// @param alone  no other body shares the map, so it may be refined with this one's images
-  Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map, bool alone) {
+  /// @param resolved  nullptr: poses are those of the filter
+  Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map,
+                                 const ResolvedBody* resolved) {
     finish_statistics(pipeline.statistics());
     if (is_anchored_) place();  // shorter than the wait for trust, and nothing has contradicted
     forget_unplaced();          // the rest never learned where the workspace is
     result_.known = setup_.known;
     result_.doubts = pipeline.doubts();
     result_.extrinsics = pipeline.cameras();
-    pipeline.filter().tag_beliefs(result_.tags);
+    if (resolved == nullptr) pipeline.filter().tag_beliefs(result_.tags);
     add_tags_of(map);
-    if (!setup_.sensors.imu && alone) {
-      if (auto settled = settle(); !settled) return tl::unexpected(settled.error());
-    }
+    if (resolved != nullptr) take(*resolved);
     return std::move(result_);
   }
+  [[nodiscard]] const ImageLog& log() const { return log_; }
 
  private:
   void count(const BodyUpdate& update) {
@@ -63,6 +71,7 @@ class BodyNotes final {
     OfflineStatistics& s = result_.statistics;
     ++s.frames;
     s.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
+    images_.emplace_back(update.seen.exposed_at, !update.seen.tags.empty());
     s.tags_rejected += report.tags_rejected;
     s.tags_used += report.tags_used;
     s.nis_sum += report.nis;
@@ -130,13 +139,6 @@ class BodyNotes final {
     placed_poses_ = result_.trajectory.size();
   }
 
-  void remember_for_settling(const BodyUpdate& update) {
-    std::vector<KnownTag> tags = update.known;
-    for (const TagBelief& belief : update.beliefs) tags.push_back(belief.tag);
-    settled_.add(update.seen,
-                 update.is_placed() ? std::optional(update.estimate->X_WB) : std::nullopt, tags);
-  }
-
   void finish_statistics(const PipelineStatistics& pipeline) {
     OfflineStatistics& s = result_.statistics;
     s.data_s = data_seconds();
@@ -168,37 +170,38 @@ class BodyNotes final {
     }
   }
 
-  /// Without IMU map and trajectory are refined together; what was known live is kept beside them.
-  Expected<void> settle() {
-    const Duration begin = thread_cpu_time();
-    SettlingStart start{
-        setup_.sensors.cameras, result_.known, {}, setup_.priors, setup_.gauge.reference_tag};
-    for (std::size_t k = 0; k < result_.extrinsics.size(); ++k) {
-      CameraMount& camera = start.cameras[k];
-      camera.X_BV = result_.extrinsics[k].X_BV;
-      const LensOffset& found = result_.extrinsics[k].lens.offset;
-      if (found.is_none()) continue;
-      camera.model = found.applied_to(camera.model);
-      settled_.see_through(static_cast<int>(k), camera.model);
-    }
-    std::erase_if(result_.tags, [&](const TagBelief& belief) {
-      return std::any_of(setup_.known.begin(), setup_.known.end(),
-                         [&](const KnownTag& known) { return known.tag_id == belief.tag.tag_id; });
-    });
-    for (const TagBelief& belief : result_.tags) start.estimated.push_back(belief.tag);
-    auto settled = settled_.settle(start);
-    if (!settled) return tl::unexpected(settled.error());
-    for (std::size_t i = 0; i < result_.tags.size(); ++i) result_.tags[i].tag = settled->tags[i];
+  /// What was known live is kept beside it.
+  void take(const ResolvedBody& resolved) {
     result_.live = std::move(result_.trajectory);
-    result_.trajectory = std::move(settled->trajectory);
-    result_.statistics.frames_with_pose = settled->images;
-    result_.statistics.frames_with_tags_and_pose = settled->images;
-    result_.statistics.settle_cpu_s = to_seconds(thread_cpu_time() - begin);
-    return {};
+    result_.trajectory.clear();
+    result_.covariances.clear();
+    for (const PathPose& pose : resolved.path) {
+      result_.trajectory.push_back({pose.at, pose.X_WB});
+      result_.covariances.push_back({pose.at, pose.covariance});
+    }
+    for (std::size_t k = 0; k < resolved.cameras.size(); ++k) {
+      result_.extrinsics[k].X_BV = resolved.cameras[k].X_BV;
+      if (resolved.cameras[k].lens_is_open)
+        result_.extrinsics[k].lens.offset = resolved.cameras[k].lens;
+    }
+    // A survey is a measurement like others, as good as it says.
+    for (KnownTag& known : result_.known)
+      if (const auto tag = resolved.tags.find(known.tag_id); tag != resolved.tags.end())
+        known.X_WT = tag->second;
+    OfflineStatistics& s = result_.statistics;
+    s.frames_with_pose = s.frames_with_tags_and_pose = 0;
+    auto pose = result_.trajectory.begin();
+    for (const auto& [at, has_tags] : images_) {
+      while (pose != result_.trajectory.end() && pose->at < at) ++pose;
+      if (pose == result_.trajectory.end() || pose->at != at) continue;
+      ++s.frames_with_pose;
+      s.frames_with_tags_and_pose += has_tags ? 1 : 0;
+    }
   }
 
   const OfflineSetup& setup_;
-  SettledTrajectory settled_;
+  ImageLog log_;
+  std::vector<std::pair<Instant, bool>> images_;  ///< All, and whether tags were in them.
   std::vector<double> reprojections_px_;
   std::optional<Instant> first_;
   std::optional<Instant> last_;
@@ -211,6 +214,33 @@ class BodyNotes final {
   std::size_t generation_begin_{0};
   OfflineResult result_;
 };
+
+Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
+                                            const std::vector<OfflineBody>& bodies,
+                                            const std::vector<BodyNotes>& notes,
+                                            const OfflineMap& map, OfflineSession& session) {
+  std::vector<BatchBody> batch;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    batch.push_back({bodies[i].id, &bodies[i].setup, &notes[i].log()});
+  replay.refiner().tell_from(map.least_sightings.value_or(1));
+  session.is_at_rest = solve_all(replay, batch, {}).last.is_at_rest;
+  const GraphState& graph = replay.graph().state();
+  const auto covariance = replay.graph().covariance();
+  std::vector<ResolvedBody> resolved(bodies.size());
+  // Nothing stands in the workspace: there are no poses.
+  if (!covariance) return resolved;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    auto path = path_of(bodies[i].id, graph, &*covariance);
+    if (!path)
+      return fail(ErrorCode::kInvalid, "what was solved for is not finite", bodies[i].name);
+    resolved[i].path = std::move(*path);
+    for (const GraphBody& body : graph.bodies)
+      if (body.id == bodies[i].id) resolved[i].cameras = body.cameras;
+    for (const GraphTag& tag : graph.tags)
+      if (tag.component == kInWorkspace) resolved[i].tags[tag.tag_id] = tag.X_WT;
+  }
+  return resolved;
+}
 
 }  // namespace
 
@@ -244,16 +274,20 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
 Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, const OfflineMap& map,
                                       const OfflineProgress& progress) {
   const Duration begin = thread_cpu_time();
+  const bool alone_without_imu = bodies.size() == 1 && !bodies.front().setup.sensors.imu;
+  const bool resolves = map.resolve || alone_without_imu;
   std::vector<ReplayedBody> replayed;
   std::vector<BodyNotes> notes;
   for (const OfflineBody& body : bodies) {
     replayed.push_back({body.id, body.name, body.setup, body.source});
+    replayed.back().setup.segments_hold_every_image = resolves;
     notes.emplace_back(body.setup);
   }
   TagMap start = map.start;
   for (const OfflineBody& body : bodies) add_known(body.setup, start);
   BodiesReplay replay(std::move(replayed), map.config, std::move(start));
   replay.follow(map.turns, map.refinements);
+  if (resolves) replay.refine_after_share(kRefineAfterShare);
   replay.listen([&](std::size_t body, const SensorSample& sample) {
     notes[body].note_time(time_of(sample));
   });
@@ -266,11 +300,19 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
   });
   if (!done) return tl::unexpected(done.error());
   const double total_s = to_seconds(thread_cpu_time() - begin);
-  session.map = *replay.map().snapshot();
   session.turns_missed = replay.turns_missed();
   session.agreement = replay.agreement();
+  std::vector<ResolvedBody> resolved;
+  if (resolves) {
+    auto all = resolve(replay, bodies, notes, map, session);
+    if (!all) return tl::unexpected(all.error());
+    resolved = std::move(*all);
+  }
+  const double resolve_s = to_seconds(thread_cpu_time() - begin) - total_s;
+  session.map = *replay.map().snapshot();
   for (std::size_t body = 0; body < notes.size(); ++body) {
-    auto result = notes[body].finish(replay.pipeline(body), session.map, notes.size() == 1);
+    auto result = notes[body].finish(replay.pipeline(body), session.map,
+                                     resolves ? &resolved[body] : nullptr);
     if (!result) return tl::unexpected(result.error());
     session.bodies.push_back(std::move(*result));
   }
@@ -279,9 +321,11 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
     const OfflineStatistics& s = result.statistics;
     worked_s += s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s;
   }
-  for (OfflineResult& result : session.bodies)
-    result.statistics.read_cpu_s =
-        std::max(0.0, total_s - worked_s) / static_cast<double>(session.bodies.size());
+  const auto count = static_cast<double>(session.bodies.size());
+  for (OfflineResult& result : session.bodies) {
+    result.statistics.read_cpu_s = std::max(0.0, total_s - worked_s) / count;
+    result.statistics.resolve_cpu_s = resolve_s / count;
+  }
   return session;
 }
 

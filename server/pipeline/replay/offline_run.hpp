@@ -29,7 +29,7 @@ struct OfflineStatistics {
   double data_s{};  ///< First to last sample.
   /// `read`: everything that is not one of the others.
   double read_cpu_s{}, detect_cpu_s{}, propagate_cpu_s{}, update_cpu_s{};
-  double settle_cpu_s{};  ///< Without IMU: placing and refining after the last image.
+  double resolve_cpu_s{};  ///< Solving for everything after the last image.
   int imu_samples{};
   int tags_rejected{};  ///< Tag by tag, over all frames.
   int tags_used{};
@@ -51,14 +51,15 @@ struct StampedCovariance {
 };
 
 struct OfflineResult {
-  /// One per image instant at which the filter ran and stood in the workspace.
+  /// One per image instant at which the filter ran and stood in the workspace. Resolved
+  /// (OfflineMap::resolve): one per instant that hangs together with the workspace, by everything
+  /// that was seen before and after.
   std::vector<StampedPose> trajectory;
-  std::vector<StampedCovariance> covariances;  ///< Of the live poses, same instants.
-  /// Without IMU `trajectory` and `tags` are refined together (SettledTrajectory), and this is what
-  /// the filter gave out live; with IMU it is empty, because `trajectory` is live.
+  std::vector<StampedCovariance> covariances;  ///< Of the same instants.
+  /// Resolved: what the filter gave out live. Else empty, because `trajectory` is that.
   std::vector<StampedPose> live;
   std::vector<KnownTag> known;  ///< As given.
-  std::vector<TagBelief> tags;  ///< As filter and map saw them at the end; without IMU refined.
+  std::vector<TagBelief> tags;  ///< As filter and map saw them at the end; resolved: as the map.
   std::vector<ExtrinsicsEstimate> extrinsics;
   std::vector<std::string> doubts;  ///< About tags that do not fit together, in words (TagDoubts).
   std::vector<BodyEvent> events;    ///< What happened to the estimate, in order.
@@ -83,6 +84,12 @@ struct OfflineMap {
   /// Of a recorded session; empty: images of all bodies by their time.
   std::vector<MapTurn> turns{};
   std::optional<std::vector<RefinementTurn>> refinements{};  ///< See BodiesReplay::follow.
+  /// After the last image everything is solved for together (solve_all), and poses are those of
+  /// then. A single body without IMU always is: its recording is mapping work, its map keeps
+  /// improving to the last image, and poses given out early belong to a map that no longer exists.
+  bool resolve{false};
+  /// Tags seen so often are in the resolved map. Nullopt: all of which the branch is sure.
+  std::optional<int> least_sightings{};
 };
 
 struct OfflineMapEvent {
@@ -96,14 +103,15 @@ struct OfflineSession {
   std::vector<OfflineMapEvent> map_events;
   std::uint64_t turns_missed{};  ///< See BodiesReplay.
   LiveAgreement agreement;
+  bool is_at_rest{true};  ///< Resolved: the last solution came to an end.
 };
 
 /// The start map with what a body was told to take as known: surveyed.
 void add_known(const OfflineSetup& setup, TagMap& start);
 
 /// Runs all bodies over one live map (BodiesReplay) and notes what became of each.
-/// @return Error when a source is lost or the refinement fails. A source without images gives an
-/// empty trajectory.
+/// @return Error when a source is lost, or what was resolved is not finite. A source without images
+/// gives an empty trajectory.
 [[nodiscard]] Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies,
                                                     const OfflineMap& map,
                                                     const OfflineProgress& progress = {});

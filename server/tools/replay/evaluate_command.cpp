@@ -41,6 +41,23 @@ nlohmann::ordered_json json_of(const std::optional<PoseErrors>& errors) {
           {"orientation_max_deg", kDegrees * errors->rotation_max_rad}};
 }
 
+nlohmann::ordered_json json_of(const ReprojectionSummary& r) {
+  return {{"detections", r.detections},
+          {"scored", r.scored},
+          {"without_pose", r.without_pose},
+          {"without_tag", r.without_tag},
+          {"outside_camera", r.outside_camera},
+          {"median_px", r.median_px},
+          {"p95_px", r.p95_px}};
+}
+
+std::string line(const char* label, const ReprojectionSummary& r) {
+  return label + ("median " + fixed(r.median_px, 3)) + " px, 95 % " + fixed(r.p95_px, 3) + " px (" +
+         std::to_string(r.scored) + " of " + std::to_string(r.detections) + " detections; " +
+         std::to_string(r.without_pose) + " without pose, " + std::to_string(r.without_tag) +
+         " with unmapped tag, " + std::to_string(r.outside_camera) + " outside the camera)\n";
+}
+
 std::string heading(const Evaluation& e) {
   std::string text = e.against == Evaluation::Against::kTruth
                          ? "Errors against the recording's truth"
@@ -68,11 +85,8 @@ std::string evaluation_text(const Evaluation& e) {
   text += line("  tag map        ", e.map, "tags");
   text += line("  map, fitted    ", e.fitted_map, "tags; best rigid fit, shape alone");
   text += line("  extrinsics     ", e.extrinsics, "cameras");
-  text += "  reprojection   median " + fixed(r.median_px, 3) + " px, 95 % " + fixed(r.p95_px, 3) +
-          " px (" + std::to_string(r.scored) + " of " + std::to_string(r.detections) +
-          " detections; " + std::to_string(r.without_pose) + " without pose, " +
-          std::to_string(r.without_tag) + " with unmapped tag, " +
-          std::to_string(r.outside_camera) + " outside the camera)\n";
+  text += line("  reprojection   ", r);
+  if (e.truth_reprojection) text += line("  … of the other ", *e.truth_reprojection);
   text += "  coverage       " + fixed(100 * r.coverage(), 2) + " % (" +
           std::to_string(r.frames_with_tags_and_pose) + " of " +
           std::to_string(r.frames_with_tags) + " frames with tags have a pose)\n";
@@ -91,13 +105,8 @@ std::string evaluation_json(const Evaluation& e) {
                               {"fitted_map", json_of(e.fitted_map)},
                               {"extrinsics", json_of(e.extrinsics)}};
   if (e.reference_tag) json["reference_tag"] = *e.reference_tag;
-  json["reprojection"] = {{"detections", r.detections},
-                          {"scored", r.scored},
-                          {"without_pose", r.without_pose},
-                          {"without_tag", r.without_tag},
-                          {"outside_camera", r.outside_camera},
-                          {"median_px", r.median_px},
-                          {"p95_px", r.p95_px}};
+  json["reprojection"] = json_of(r);
+  if (e.truth_reprojection) json["truth_reprojection"] = json_of(*e.truth_reprojection);
   json["coverage"] = {{"frames", r.frames},
                       {"frames_with_tags", r.frames_with_tags},
                       {"frames_with_tags_and_pose", r.frames_with_tags_and_pose},

@@ -136,6 +136,7 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
   std::vector<CameraMount> true_cameras = info.cameras;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     cameras[k].X_BV = run.X_BV[k];
+    if (k < run.lenses.size()) cameras[k].model = run.lenses[k].applied_to(cameras[k].model);
     if (k < reference.X_BV.size()) true_cameras[k].X_BV = reference.X_BV[k];
     evaluation.image_width_px = std::max(evaluation.image_width_px, cameras[k].model.width);
   }
@@ -176,7 +177,11 @@ Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   if (!extrinsics_text) return tl::unexpected(extrinsics_text.error());
   auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);
   if (!extrinsics) return tl::unexpected(extrinsics.error());
-  RunResults run{std::move(*trajectory), {}, std::move(*extrinsics)};
+  RunResults run{std::move(*trajectory), {}, {}, {}};
+  for (const RunCamera& camera : *extrinsics) {
+    run.X_BV.push_back(camera.X_BV);
+    run.lenses.push_back(camera.lens);
+  }
   for (const MapTag& entry : map->tags)
     run.map.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
   return run;

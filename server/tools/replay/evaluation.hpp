@@ -6,6 +6,7 @@
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
+#include "capture/lens/lens_offset.hpp"
 #include "capture/recording/recording.hpp"
 #include "tools/replay/pose_errors.hpp"
 #include "tools/replay/reprojection.hpp"
@@ -16,7 +17,8 @@ namespace fiducap {
 struct RunResults {
   std::vector<StampedPose> trajectory;
   std::vector<TagPlace> map;
-  std::vector<Pose> X_BV;  ///< One per camera.
+  std::vector<Pose> X_BV;          ///< One per camera …
+  std::vector<LensOffset> lenses;  ///< … likewise; empty: lenses are those of the recording.
 };
 
 /// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it

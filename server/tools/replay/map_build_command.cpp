@@ -16,9 +16,6 @@
 namespace fiducap {
 namespace {
 
-/// Unless map.refine_period_s says otherwise.
-constexpr double kRefinePeriod_s = 2;
-
 struct Input {
   RecordingInfo info;
   OfflineSetup setup;
@@ -120,6 +117,9 @@ Expected<OfflineMap> map_setup(const MapBuildArguments& arguments, const Input& 
   map.config.mode = MapMode::kMapping;
   if (map.config.refine_period_s == 0) map.config.refine_period_s = kRefinePeriod_s;
   map.start.family = first.setup.tags.family;
+  // Offline every tag is told of whose place is beyond doubt, with its sigma.
+  if (is_mentioned(arguments.config, arguments.sets, "map", "publish_sightings"))
+    map.least_sightings = map.config.publish_sightings;
   return map;
 }
 
@@ -178,7 +178,7 @@ int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) 
                      [&](const MapBuildProgress& at) { line.show(progress_text(at)); });
   }();
   if (!build) return report(terminal, build.error());
-  const MapBuildText text{*build, arguments.recordings, map->config.publish_sightings};
+  const MapBuildText text{*build, arguments.recordings, map->least_sightings.value_or(1)};
   for (const std::string& one : text.left_out()) terminal.err << "fiducap: " << one << "\n";
   if (tags_placed(build->map) == 0)
     return report(terminal, {ErrorCode::kNotFound,

@@ -8,6 +8,7 @@
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/system_clock.hpp"
+#include "mapping/store/map_store.hpp"
 #include "tools/replay/run_files.hpp"
 #include "tools/replay/session_folder.hpp"
 #include "tools/tags/map_file.hpp"
@@ -143,7 +144,44 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
   return {};
 }
 
+Expected<TagMap> newest_version(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    return fail(ErrorCode::kNotFound, "is not there", path);
+  const auto store = MapStore::open_to_read(path);
+  if (!store) return tl::unexpected(store.error());
+  auto map = store->newest();
+  if (map && map->version == 0)
+    return fail(ErrorCode::kNotFound, "holds no version of a map yet", path);
+  return map;
+}
+
+/// With a map graph where somebody feels gravity or a stored map has something to say; what a
+/// filter without IMU makes of its segments is not listened to in the end (solve_all).
+void prepare_to_resolve(Inputs& inputs) {
+  inputs.map.resolve = true;
+  // The order in which the live server's threads ran does not matter any more.
+  inputs.map.turns.clear();
+  inputs.map.refinements.reset();
+  const bool has_imu = std::any_of(inputs.bodies.begin(), inputs.bodies.end(),
+                                   [](const Input& i) { return i.setup.sensors.imu.has_value(); });
+  double& period_s = inputs.map.config.refine_period_s;
+  const bool needs_graph = has_imu || inputs.map.start.known != nullptr;
+  period_s = needs_graph ? (period_s > 0 ? period_s : kRefinePeriod_s) : 0;
+}
+
+Expected<void> check_arguments(const ReplayArguments& arguments) {
+  if (arguments.recordings.size() > 1 && !arguments.together)
+    return fail(ErrorCode::kInvalid,
+                "several recordings share a map with --together; without it, replay them one by "
+                "one");
+  if (!arguments.store.empty() && !arguments.map.empty())
+    return fail(ErrorCode::kInvalid, "give --map or --store, not both: a run begins with one map");
+  return {};
+}
+
 Expected<Inputs> read_inputs(const ReplayArguments& arguments) {
+  if (auto sound = check_arguments(arguments); !sound) return tl::unexpected(sound.error());
   Inputs inputs;
   for (const std::string& folder : arguments.recordings) {
     const bool whole = is_session(folder);
@@ -154,26 +192,40 @@ Expected<Inputs> read_inputs(const ReplayArguments& arguments) {
         !added)
       return tl::unexpected(added.error());
   }
+  if (!arguments.store.empty()) {
+    if (inputs.is_session)
+      return fail(ErrorCode::kInvalid, "a session starts from its own map: leave --store out",
+                  arguments.store);
+    auto map = newest_version(arguments.store);
+    if (!map) return tl::unexpected(map.error());
+    if (map->family != inputs.bodies.front().setup.tags.family)
+      return fail(ErrorCode::kInvalid,
+                  "its tags are of " + map->family + ", those of the recording of " +
+                      inputs.bodies.front().setup.tags.family,
+                  arguments.store);
+    inputs.map.start = std::move(*map);
+  }
   // One robot out of a session starts from the map that it had then.
-  if (!inputs.is_session && arguments.recordings.size() == 1) {
+  if (!inputs.is_session && arguments.store.empty() && arguments.recordings.size() == 1) {
     if (const auto session = session_of(arguments.recordings.front())) {
       auto map = read_map_file(*session + "/map.yaml");
       if (!map) return tl::unexpected(map.error());
       inputs.map.start = std::move(*map);
     }
   }
+  if (arguments.resolve) prepare_to_resolve(inputs);
   return inputs;
 }
 
 void print_body(const Terminal& terminal, const std::string& name, const OfflineResult& result) {
   const OfflineStatistics& s = result.statistics;
   const double cpu =
-      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
+      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.resolve_cpu_s;
   terminal.out << name << ": " << fixed(s.data_s, 1) << " s of data in " << fixed(cpu, 2)
                << " s of CPU (read " << fixed(s.read_cpu_s, 2) << ", detect "
                << fixed(s.detect_cpu_s, 2) << ", propagate " << fixed(s.propagate_cpu_s, 2)
-               << ", update " << fixed(s.update_cpu_s, 2) << ", settle " << fixed(s.settle_cpu_s, 2)
-               << ")\n"
+               << ", update " << fixed(s.update_cpu_s, 2) << ", resolve "
+               << fixed(s.resolve_cpu_s, 2) << ")\n"
                << "  " << s.frames << " frames, " << s.frames_with_tags << " with tags, "
                << s.frames_with_tags_and_pose << " of these with a pose; " << result.tags.size()
                << " tags mapped, " << result.known.size() << " known\n"
@@ -201,6 +253,9 @@ void print_summary(const Terminal& terminal, const ReplayArguments& arguments, c
                    << " rad away";
     terminal.out << "\n";
   }
+  if (!session.is_at_rest)
+    terminal.out << "  warning: the last solution did not come to rest: something contradicts "
+                    "itself, and sigmas mean little\n";
   const Input& first = inputs.bodies.front();
   terminal.out << "  written to " << arguments.out << "; next: fiducap evaluate "
                << (std::filesystem::path(arguments.out) / (first.info.name + ".tum")).string()
@@ -269,6 +324,11 @@ int judge(const Terminal& terminal, const Inputs& inputs, const OfflineSession& 
 
 }  // namespace
 
+bool is_mentioned(const std::string& file, const std::vector<std::string>& sets,
+                  const std::string& section, const std::string& key) {
+  return Mentioned(file, sets)(section, key);
+}
+
 Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const RecordingInfo& info) {
   OfflineSetup setup = offline_setup(info);
   if (auto applied = apply_config(arguments, setup); !applied)
@@ -281,11 +341,6 @@ Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const Reco
 }
 
 int run_replay(const ReplayArguments& arguments, const Terminal& terminal) {
-  if (arguments.recordings.size() > 1 && !arguments.together)
-    return report(terminal, {ErrorCode::kInvalid,
-                             "several recordings share a map with --together; without it, replay "
-                             "them one by one",
-                             ""});
   const auto inputs = read_inputs(arguments);
   if (!inputs) return report(terminal, inputs.error());
   if (auto usable = check_inputs(arguments, *inputs, terminal); !usable)

@@ -34,13 +34,13 @@ std::string shortest(double value) {
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
   const double total =
-      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.settle_cpu_s;
+      s.read_cpu_s + s.detect_cpu_s + s.propagate_cpu_s + s.update_cpu_s + s.resolve_cpu_s;
   const double filter = s.propagate_cpu_s + s.update_cpu_s;
   return {{"read", s.read_cpu_s},
           {"detect", s.detect_cpu_s},
           {"propagate", s.propagate_cpu_s},
           {"update", s.update_cpu_s},
-          {"settle", s.settle_cpu_s},
+          {"resolve", s.resolve_cpu_s},
           {"total", total},
           {"filter_per_second_of_data", s.data_s > 0 ? filter / s.data_s : 0.0}};
 }
@@ -145,12 +145,13 @@ using Files = std::vector<std::pair<std::string, std::string>>;
 
 void add_body_files(const RunBody& body, bool alone, Files& files) {
   const OfflineResult& result = *body.result;
-  std::vector<Pose> X_BV;
-  for (const ExtrinsicsEstimate& camera : result.extrinsics) X_BV.push_back(camera.X_BV);
+  std::vector<RunCamera> cameras;
+  for (const ExtrinsicsEstimate& camera : result.extrinsics)
+    cameras.push_back({camera.X_BV, camera.lens.offset});
   files.emplace_back(body.name + ".tum", to_tum(result.trajectory));
   files.emplace_back(body.name + ".covariance.csv", covariance_csv(result));
   files.emplace_back(alone ? "extrinsics.yaml" : body.name + ".extrinsics.yaml",
-                     to_extrinsics_yaml(X_BV));
+                     to_extrinsics_yaml(cameras));
   if (!result.live.empty()) files.emplace_back(body.name + ".live.tum", to_tum(result.live));
   if (std::string truth = truth_tum(body.recording, result); !truth.empty())
     files.emplace_back(body.name + ".truth.tum", std::move(truth));
@@ -327,22 +328,28 @@ Expected<void> write_run_files(const std::string& folder, std::span<const RunBod
   return {};
 }
 
-std::string to_extrinsics_yaml(const std::vector<Pose>& X_BV) {
+std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras) {
   std::string text = "# Sensor to body, as estimated at the end of the run.\n";
-  for (std::size_t k = 0; k < X_BV.size(); ++k) {
-    const Eigen::Matrix3d R = X_BV[k].rotation();
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    const Pose& X_BV = cameras[k].X_BV;
+    const Eigen::Matrix3d R = X_BV.rotation();
     text += "cam" + std::to_string(k) + ":\n  T_BS:\n    cols: 4\n    rows: 4\n    data: [";
     for (int row = 0; row < 3; ++row)
       text += shortest(R(row, 0)) + ", " + shortest(R(row, 1)) + ", " + shortest(R(row, 2)) + ", " +
-              shortest(X_BV[k].p(row)) + ", ";
+              shortest(X_BV.p(row)) + ", ";
     text += "0, 0, 0, 1]\n";
+    const LensOffset& lens = cameras[k].lens;
+    if (lens.is_none()) continue;
+    text += "  # The lens beyond the recording's.\n  lens: {focal: " + shortest(lens.focal) +
+            ", centre_px: [" + shortest(lens.centre_px.x()) + ", " + shortest(lens.centre_px.y()) +
+            "], k1: " + shortest(lens.k1) + "}\n";
   }
   return text;
 }
 
-Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
-                                                 const std::string& context) {
-  std::vector<Pose> X_BV;
+Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
+                                                      const std::string& context) {
+  std::vector<RunCamera> out;
   const auto root = load_yaml(text);
   if (!root) return fail(ErrorCode::kInvalid, root.error().text(), context);
   try {
@@ -355,12 +362,20 @@ Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text, std::s
         return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
       const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
       if (!pose) return tl::unexpected(pose.error());
-      X_BV.push_back(*pose);
+      out.push_back({*pose, {}});
+      const YAML::Node camera = (*root)[name];
+      const YAML::Node lens = camera["lens"];
+      if (!lens.IsDefined()) continue;
+      const auto centre = lens["centre_px"].as<std::vector<double>>();
+      if (centre.size() != 2)
+        return fail(ErrorCode::kInvalid, name + ".lens.centre_px must have 2 numbers", context);
+      out.back().lens = {
+          lens["focal"].as<double>(), {centre[0], centre[1]}, lens["k1"].as<double>()};
     }
   } catch (const YAML::Exception& problem) {
     return fail(ErrorCode::kInvalid, std::string("is no YAML: ") + problem.what(), context);
   }
-  return X_BV;
+  return out;
 }
 
 }  // namespace fiducap

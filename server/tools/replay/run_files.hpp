@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "capture/lens/lens_offset.hpp"
 #include "mapping/tag_map.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "tools/replay/pose_errors.hpp"
@@ -44,11 +45,19 @@ struct RunBody {
 /// Why a run has no pose, with what to do about it.
 [[nodiscard]] std::string no_pose_text(const OfflineResult& result);
 
-/// The recordings' format: `camK: T_BS: data: [16]`, sensor to body, rows first.
-[[nodiscard]] std::string to_extrinsics_yaml(const std::vector<Pose>& X_BV);
-/// @return one X_BV per camera 0 … cameras-1; Error naming what is missing or no rotation.
-[[nodiscard]] Expected<std::vector<Pose>> extrinsics_from_yaml(const std::string& text,
-                                                               std::size_t cameras,
-                                                               const std::string& context);
+/// A camera as a run has it.
+struct RunCamera {
+  Pose X_BV;
+  LensOffset lens;
+};
+
+/// The recordings' format: `camK: T_BS: data: [16]`, sensor to body, rows first. Where the lens is
+/// another one than the recording says, also `lens: {focal: …, centre_px: [u, v], k1: …}`, how much
+/// larger each is (LensOffset).
+[[nodiscard]] std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras);
+/// @return one per camera 0 … cameras-1; Error naming what is missing or no rotation.
+[[nodiscard]] Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text,
+                                                                    std::size_t cameras,
+                                                                    const std::string& context);
 
 }  // namespace fiducap

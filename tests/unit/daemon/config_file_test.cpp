@@ -83,6 +83,25 @@ TEST(ConfigFile, HasADefaultForEverything) {
   EXPECT_THAT(config->bodies, IsEmpty());
 }
 
+TEST(ConfigFile, MeansARefinedMapWithSeveralBodiesUnlessItSaysOtherwise) {
+  const std::string one = "bodies: [{name: a, source: {type: recording, folder: x}}]";
+  const std::string two =
+      "bodies: [{name: a, source: {type: recording, folder: x}},"
+      " {name: b, source: {type: recording, folder: y}}]";
+  const auto period = [](const std::string& text, const std::vector<std::string>& sets = {}) {
+    const auto config = parse_config(text, "test.yaml", sets);
+    return config ? config->map.builder.refine_period_s : -1;
+  };
+  EXPECT_EQ(period(one), 0);
+  EXPECT_EQ(period(two), kRefinePeriod_s);
+  EXPECT_EQ(period(two + "\nmap: {mode: mapping}"), kRefinePeriod_s);
+  EXPECT_EQ(period(two + "\nmap: {refine_period_s: 0}"), 0);
+  EXPECT_EQ(period(one, {"map.refine_period_s=1"}), 1);
+  const auto config = parse_config(two, "test.yaml");
+  ASSERT_TRUE(config);
+  EXPECT_THAT(print_config(*config), HasSubstr("refine_period_s: 2"));
+}
+
 TEST(ConfigFile, TellsAllFaultsAtOnceWithPathValueRuleAndLine) {
   const auto faults = faults_of(R"(tags:
   size_m: -1

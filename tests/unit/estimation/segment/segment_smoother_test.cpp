@@ -104,6 +104,43 @@ TEST(SegmentSmoother, FindsThePathBetweenFromWhereverItWasThought) {
   }
 }
 
+TEST(SegmentSmoother, TellsHowThePathBetweenFollowsTheEnds) {
+  constexpr double kStep = 1e-4;
+  constexpr double kNotLinear = 1e-6;
+  const ExampleSegment example({});
+  MotionSegment segment = example.segment;
+  const auto path = path_between(segment);
+  ASSERT_EQ(path.size() + 2, segment.instances.size());
+  for (const int column : {kBegin, kBegin + 5, kEnd + 1, kEnd + 4}) {
+    MotionSegment other = segment;
+    // Errors are about where the segment begins, which itself may move.
+    const Pose origin{Eigen::Quaterniond::Identity(), segment.begin().X_WB.p};
+    Vector15d off = Vector15d::Zero();
+    off(column % 15) = kStep;
+    BodyMoment& end = column < kEnd ? other.instances.front().body : other.instances.back().body;
+    end = in_other_axes(origin, moved(in_other_axes(origin.inverse(), end), off));
+    ASSERT_FALSE(path_between(other).empty());
+    for (std::size_t k = 0; k < path.size(); ++k) {
+      const Vector15d error =
+          error_between(in_other_axes(origin.inverse(), segment.instances[k + 1].body),
+                        in_other_axes(origin.inverse(), other.instances[k + 1].body));
+      EXPECT_LT((error - kStep * path[k].by_rest.col(column)).head<6>().norm(), kNotLinear)
+          << column << " " << k;
+    }
+  }
+}
+
+TEST(SegmentSmoother, IsSurestOfThePathWhereEndsAreNear) {
+  MotionSegment segment = ExampleSegment({}).segment;
+  const auto path = path_between(segment);
+  ASSERT_GT(path.size(), 4U);
+  const auto place = [](const PathPoint& point) {
+    return point.given.topLeftCorner<3, 3>().trace();
+  };
+  EXPECT_LT(place(path.front()), place(path[path.size() / 2]));
+  EXPECT_LT(place(path.back()), place(path[path.size() / 2]));
+}
+
 TEST(SegmentSmoother, LeavesTheEndsWhereTheyAre) {
   const ExampleSegment example({});
   Vector15d off = Vector15d::Zero();

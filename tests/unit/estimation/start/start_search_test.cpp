@@ -115,12 +115,9 @@ class StartSearchTest : public testing::Test {
 
   World world_;
   Instant now_{std::chrono::seconds(100)};
-  StartSearch search_{{{0.0}, {0.02}},
-                      true,
-                      [this](const ClockHypothesis& clocks) {
+  StartSearch search_{{{0.0}, {0.02}}, true, [this](const ClockHypothesis& clocks) {
                         return std::make_unique<FakeFilter>(world_, clocks);
-                      },
-                      SegmentRecorder(BodySensors{}, EstimatorConfig{})};
+                      }};
   std::unique_ptr<FakeFilter> present_{
       std::make_unique<FakeFilter>(world_, ClockHypothesis{{0.0}, 1.0})};
   int taken_over_{0};

@@ -1,0 +1,134 @@
+#include "estimation/segment/segment_cutting.hpp"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "base/so3.hpp"
+#include "estimation/filter/filter_rules.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// Neighbours further away in time say nothing of the speed at an instant.
+constexpr Duration kSameSpeed = std::chrono::seconds(1);
+// A segment has two ends.
+constexpr Duration kShortest = std::chrono::milliseconds(1);
+
+/// Instants of one chain, with speeds.
+std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain) {
+  std::vector<BodyMoment> out;
+  for (std::size_t i = 0; i < chain.size(); ++i) {
+    BodyMoment body{.at = chain[i].at, .X_WB = chain[i].X_WB};
+    const PlacedInstant& from = chain[i > 0 ? i - 1 : i];
+    const PlacedInstant& to = chain[i + 1 < chain.size() ? i + 1 : i];
+    const Duration time = to.at - from.at;
+    if (time > Duration{0} && time <= kSameSpeed) {
+      body.v_WB = (to.X_WB.p - from.X_WB.p) / to_seconds(time);
+      // The rate stands in the gyro bias's place.
+      body.bias_w = -log_so3(from.X_WB.q.conjugate() * to.X_WB.q) / to_seconds(time);
+    }
+    out.push_back(body);
+  }
+  return out;
+}
+
+class Cutter final {
+ public:
+  explicit Cutter(const PlacedPath& path) : path_(path), chain_(path.chain) {}
+
+  void cut(std::span<const PlacedInstant> chain) {
+    const std::vector<BodyMoment> bodies = moments_of(chain);
+    begin(bodies.front());
+    open_.instances.back().images = seen_at(chain.front());
+    for (std::size_t i = 1; i < chain.size(); ++i) {
+      add(bodies[i], seen_at(chain[i]));
+      if (bodies[i].at - open_.begin().at < kSegmentLength && i + 1 < chain.size()) continue;
+      end();
+      if (i + 1 < chain.size()) begin(bodies[i]);
+    }
+    if (chain.size() == 1) {
+      BodyMoment after = bodies.front();
+      after.at += kShortest;
+      add(after, {});
+      end();
+    }
+    ++chain_;
+  }
+  std::vector<MotionSegment> take() { return std::move(done_); }
+
+ private:
+  void begin(const BodyMoment& body) {
+    open_ = {};
+    open_.body_id = path_.body_id;
+    open_.chain = chain_;
+    open_.anchored = path_.anchored;
+    open_.sensors = path_.sensors;
+    open_.cameras = path_.cameras;
+    open_.instances.push_back({body, {}, {}});
+  }
+
+  void add(const BodyMoment& body, std::vector<SegmentImage> images) {
+    std::vector<SegmentStep> steps;
+    add_steps(body.at - open_.end().at, path_.motion, from_seconds(filter_rules::kStepWithoutImu_s),
+              steps);
+    open_.instances.push_back({body, std::move(steps), std::move(images)});
+  }
+
+  void end() {
+    std::set<int> seen;
+    for (const MotionSegment::Instance& instance : open_.instances)
+      for (const SegmentImage& image : instance.images)
+        for (const SegmentSighting& sighting : image.tags) seen.insert(sighting.seen.tag_id);
+    for (const int tag_id : seen) open_.tags.push_back(path_.tags.at(tag_id));
+    done_.push_back(std::move(open_));
+  }
+
+  [[nodiscard]] std::vector<SegmentImage> seen_at(const PlacedInstant& instant) const {
+    std::vector<SegmentImage> images = instant.images;
+    for (SegmentImage& image : images)
+      std::erase_if(image.tags, [&](const auto& s) { return !path_.tags.contains(s.seen.tag_id); });
+    std::erase_if(images, [](const SegmentImage& image) { return image.tags.empty(); });
+    return images;
+  }
+
+  const PlacedPath& path_;
+  int chain_;
+  MotionSegment open_;
+  std::vector<MotionSegment> done_;
+};
+
+}  // namespace
+
+InertialInput motion_without_imu(const EstimatorConfig& config) {
+  InertialInput input;
+  input.has_accelerometer = false;
+  input.accel_noise = config.motion_accel_m_s2_rtHz;
+  input.gyro_walk = config.motion_angular_rad_s2_rtHz;
+  return input;
+}
+
+void add_steps(Duration time, const InertialInput& input, Duration longest,
+               std::vector<SegmentStep>& steps) {
+  while (time > Duration{0}) {
+    const Duration step = std::min(time, longest);
+    steps.push_back({input, to_seconds(step)});
+    time -= step;
+  }
+}
+
+std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
+  Cutter cutter(path);
+  const auto& instants = path.instants;
+  for (std::size_t first = 0; first < instants.size();) {
+    std::size_t after = first + 1;
+    while (after < instants.size() && instants[after].at - instants[after - 1].at <= kLongestBlind)
+      ++after;
+    cutter.cut(std::span(instants).subspan(first, after - first));
+    first = after;
+  }
+  return cutter.take();
+}
+
+}  // namespace fiducap

@@ -1,0 +1,264 @@
+#include "estimation/segment/segment_elimination.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimation/world/propagation.hpp"
+
+namespace fiducap {
+
+namespace {
+
+// Cauchy loss: at this squared distance (8 degrees of freedom) a sighting pulls hardest.
+constexpr double kLossBend = 8 * 5.0 * 5.0;
+// No motion is known better than this between two images, m, rad and m/s: in a single step place
+// and velocity are one number, and what is infinitely sure rounds all else away.
+constexpr double kSurestMotion = 1e-6;
+// A body without accelerometer has no bias of it; its column must not be empty.
+constexpr double kUnusedBias = 1e-9;
+
+}  // namespace
+
+SegmentElimination::SegmentElimination(MotionSegment& segment)
+    : segment_(segment),
+      cameras_(static_cast<int>(segment.cameras.size())),
+      rest_(segment_layout::tag(cameras_, static_cast<int>(segment.tags.size()))),
+      noise_(EstimatorConfig{}, false) {
+  prepare_bench();
+}
+
+void SegmentElimination::prepare_bench() {
+  std::vector<Pose> X_BV;
+  for (const CameraBelief& camera : segment_.cameras) X_BV.push_back(camera.X_BV);
+  bench_.reset(std::move(X_BV));
+  for (int c = 0; c < cameras_; ++c) {
+    const CameraBelief& camera = segment_.cameras[static_cast<std::size_t>(c)];
+    bench_.clocks[static_cast<std::size_t>(c)] = {
+        .shift_s = camera.shift_s, .readout_s = camera.readout_s, .rows_apart = camera.rows_apart};
+    bench_.lenses[static_cast<std::size_t>(c)] = camera.lens;
+  }
+  bench_.suspicions.resize(1);  // what may be wrong about cameras is asked for
+  for (const KnownTag& known : segment_.tags) {
+    world::WorldTag tag;
+    tag.tag_id = known.tag_id;
+    tag.edge_m = known.edge_m;
+    tag.X_WT = known.X_WT;
+    bench_.add_tag(tag, Matrix6d::Zero());
+  }
+}
+
+void SegmentElimination::stand_at(const MotionSegment::Instance& instance) {
+  const BodyMoment& body = instance.body;
+  bench_.time = body.at;
+  bench_.X_WB = body.X_WB;
+  bench_.v_WB = body.v_WB;
+  bench_.bias_f = body.bias_f;
+  bench_.bias_w = body.bias_w;
+}
+
+SegmentElimination::Information SegmentElimination::run() {
+  Information info(rest_);
+  eliminated_.clear();
+  sightings_ = numbers_ = outliers_ = 0;
+  const auto& instances = segment_.instances;
+  stand_at(instances.front());
+  remember_rate(instances[1].steps.empty() ? nullptr : &instances[1].steps.front());
+  look(instances.front(), info);
+  // So far the body is where it begins.
+  info.all.block<15, 15>(0, 0) = info.own;
+  info.all.middleRows<15>(0) += info.beside;
+  info.all.middleCols<15>(0) += info.beside.transpose();
+  info.pull.head<15>() += info.own_pull;
+  for (std::size_t k = 1; k < instances.size(); ++k) {
+    const Motion motion = move(instances[k - 1], instances[k]);
+    k == 1 ? leave_begin(motion, info) : leave(motion, info);
+    stand_at(instances[k]);
+    remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
+    look(instances[k], info);
+  }
+  arrive(info);
+  return info;
+}
+
+/// The body as it moves at an image: what its clock's shift leads along.
+void SegmentElimination::remember_rate(const SegmentStep* step) {
+  bench_.a_WB.setZero();
+  bench_.gyro_B.setZero();
+  if (step == nullptr) return;
+  const InertialInput& input = step->input;
+  bench_.gyro_B = input.w_B;
+  if (input.has_accelerometer) {
+    bench_.a_WB = bench_.X_WB.q * (input.f_B - bench_.bias_f) +
+                  Eigen::Vector3d(0, 0, -segment_.sensors->gravity_m_s2);
+  }
+}
+
+SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instance& from,
+                                                    const MotionSegment::Instance& to) {
+  stand_at(from);
+  world::MotionSinceImage motion;
+  const Eigen::Vector3d gravity(0, 0, -segment_.sensors->gravity_m_s2);
+  for (const SegmentStep& step : to.steps)
+    world::propagate(bench_, motion, step.input, gravity, step.dt_s);
+  Motion out;
+  out.Phi = motion.Phi;
+  Matrix15d Q = motion.Q;
+  Q.diagonal().head<9>().array() += kSurestMotion * kSurestMotion;
+  Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
+  out.W = Q.llt().solve(Matrix15d::Identity());
+  out.W = (0.5 * (out.W + out.W.transpose())).eval();
+  const BodyMoment predicted{to.body.at, bench_.X_WB, bench_.v_WB, bench_.bias_f, bench_.bias_w};
+  out.r = error_between(to.body, predicted);
+  return out;
+}
+
+void SegmentElimination::leave_begin(const Motion& m, Information& info) const {
+  const Matrix15d WPhi = m.W * m.Phi;
+  info.all.block<15, 15>(0, 0) += m.Phi.transpose() * WPhi;
+  info.pull.head<15>() -= WPhi.transpose() * m.r;
+  start_body(m, info);
+  info.beside.leftCols<15>() = -WPhi;
+  info.beside.rightCols(rest_ - 15).setZero();
+}
+
+void SegmentElimination::start_body(const Motion& m, Information& info) {
+  info.own = m.W;
+  info.own_pull = m.W * m.r;
+  info.cost += 0.5 * m.r.dot(m.W * m.r);
+}
+
+void SegmentElimination::leave(const Motion& m, Information& info) {
+  const Matrix15d WPhi = m.W * m.Phi;
+  Eliminated e;
+  e.own.compute(info.own + m.Phi.transpose() * WPhi);
+  e.on_next = -WPhi.transpose();
+  e.on_rest = info.beside;
+  e.pull = info.own_pull - WPhi.transpose() * m.r;
+  const Eigen::MatrixXd by_rest = e.own.matrixL().solve(e.on_rest);
+  const Matrix15d by_next = e.own.matrixL().solve(e.on_next);
+  const Vector15d by_pull = e.own.matrixL().solve(e.pull);
+  start_body(m, info);
+  info.cost -= 0.5 * by_pull.squaredNorm();
+  info.own.noalias() -= by_next.transpose() * by_next;
+  info.own_pull.noalias() -= by_next.transpose() * by_pull;
+  info.beside.noalias() = -(by_next.transpose() * by_rest);
+  info.all.noalias() -= by_rest.transpose() * by_rest;
+  info.pull.noalias() -= by_rest.transpose() * by_pull;
+  eliminated_.push_back(std::move(e));
+}
+
+/// The body now is the end.
+void SegmentElimination::arrive(Information& info) const {
+  if (segment_.instances.size() < 2) return;
+  info.all.block<15, 15>(15, 15) += info.own;
+  info.all.middleRows<15>(15) += info.beside;
+  info.all.middleCols<15>(15) += info.beside.transpose();
+  info.pull.segment<15>(15) += info.own_pull;
+}
+
+void SegmentElimination::look(const MotionSegment::Instance& instance, Information& info) {
+  for (const SegmentImage& image : instance.images) {
+    ImageSum sum(rest_ + 15);
+    for (const SegmentSighting& sighting : image.tags) add(image, sighting, sum);
+    take_jitter(image, sum);
+    info.own += sum.H.topLeftCorner<15, 15>();
+    info.beside += sum.H.topRightCorner(15, rest_);
+    info.all += sum.H.bottomRightCorner(rest_, rest_);
+    info.own_pull += sum.pull.head<15>();
+    info.pull += sum.pull.tail(rest_);
+    info.cost += sum.cost;
+  }
+}
+
+void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& sighting,
+                             ImageSum& sum) {
+  const int tag = bench_.find(sighting.seen.tag_id);
+  if (tag < 0) return;
+  auto& clock = bench_.clocks[static_cast<std::size_t>(image.camera)];
+  clock.applied_s = image.applied_s;
+  const TagMeasurement m = world::measure(
+      bench_, image.camera, segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
+      {&sighting.seen, tag, nullptr}, noise_);
+  if (!m.in_front || !m.y.allFinite()) return;
+  Matrix8d weight = sighting.is_even
+                        ? Matrix8d(Matrix8d::Identity() / (sighting.noise_px * sighting.noise_px))
+                        : Matrix8d(sighting.covariance.llt().solve(Matrix8d::Identity()));
+  const double distance = m.y.dot(weight * m.y);
+  const double trust = 1.0 / (1.0 + distance / kLossBend);
+  weight *= trust;
+  ++sightings_;
+  numbers_ += 8;
+  if (trust < 0.5) ++outliers_;
+
+  Parts found;
+  for (std::size_t b = 0; b < m.block_count; ++b) place(m.blocks[b], found);
+  const auto& [parts, count] = found;
+  Eigen::Matrix<double, 8, 1> on_time = Eigen::Matrix<double, 8, 1>::Zero();
+  for (std::size_t b = 0; b < m.block_count; ++b) {
+    if (m.blocks[b].at == world::layout::clock(image.camera)) on_time = m.blocks[b].H.col(0);
+  }
+  const Vector8d wy = weight * m.y;
+  for (std::size_t a = 0; a < count; ++a) {
+    const Matrix83d wH = weight * parts[a].H;
+    sum.pull.segment<3>(parts[a].at) += parts[a].H.transpose() * wy;
+    sum.by_time.segment<3>(parts[a].at) += wH.transpose() * on_time;
+    for (std::size_t b = 0; b < count; ++b)
+      sum.H.block<3, 3>(parts[b].at, parts[a].at) += parts[b].H.transpose() * wH;
+  }
+  sum.time += on_time.dot(weight * on_time);
+  sum.time_pull += on_time.dot(wy);
+  // Of Cauchy's loss, not of the weighted square: else what pulls less would look cheaper.
+  sum.cost += 0.5 * kLossBend * std::log1p(distance / kLossBend);
+}
+
+/// From the columns of the filter's state to those here. Print sizes are taken as they are.
+void SegmentElimination::place(const TagMeasurement::Block& block, Parts& out) const {
+  auto& [parts, count] = out;
+  namespace from = world::layout;
+  if (block.at < from::kBodySize) {
+    parts[count++] = {block.at, block.H};
+    return;
+  }
+  if (block.at >= from::tag(cameras_, 0)) {
+    const int at = block.at - from::tag(cameras_, 0);
+    parts[count++] = {15 + segment_layout::tag(cameras_, 0) + at, block.H};
+    return;
+  }
+  if (block.at >= from::sizes(cameras_)) return;
+  const int c = (block.at - from::kBodySize) / from::kCameraSize;
+  const int within = block.at - from::camera(c);
+  const int to = 15 + segment_layout::camera(c);
+  if (within >= from::kPoseSize) {
+    parts[count++] = {to + within, block.H};
+    return;
+  }
+  // The error of X_WV is the body's and that of X_BV on its far side.
+  const Matrix6d Ad = world::adjoint(bench_.X_WB);
+  parts[count++] = {within, block.H};
+  parts[count++] = {to, block.H * Ad.middleRows<3>(within).leftCols<3>()};
+  parts[count++] = {to + 3, block.H * Ad.middleRows<3>(within).rightCols<3>()};
+}
+
+/// Its stamp is off on its own: that number is taken out at once.
+void SegmentElimination::take_jitter(const SegmentImage& image, ImageSum& sum) {
+  if (image.jitter_s <= 0) return;
+  const double own = sum.time + 1.0 / (image.jitter_s * image.jitter_s);
+  sum.H.noalias() -= sum.by_time * sum.by_time.transpose() / own;
+  sum.pull -= sum.by_time * (sum.time_pull / own);
+  sum.cost -= 0.5 * sum.time_pull * sum.time_pull / own;
+}
+
+double SegmentElimination::move_inner() {
+  double largest = 0;
+  Vector15d next = Vector15d::Zero();
+  for (std::size_t k = eliminated_.size(); k-- > 0;) {
+    next = eliminated_[k].error(next);
+    if (!next.allFinite()) return 0;
+    BodyMoment& body = segment_.instances[k + 1].body;
+    largest = std::max(largest, next.head<6>().cwiseAbs().maxCoeff());
+    body = moved(body, next);
+  }
+  return largest;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "mapping/graph/graph_path.hpp"
+#include "pipeline/replay/bodies_replay.hpp"
+#include "pipeline/replay/image_log.hpp"
+
+namespace fiducap {
+
+/// One body of a replay that is over.
+struct BatchBody {
+  int id{};
+  const PipelineSetup* setup{};
+  const ImageLog* log{};  ///< Of a body without IMU; else not looked at.
+};
+
+struct BatchResult {
+  BodiesReplay::LastRefinement last;
+  int rounds{};  ///< Of placement, where a body has no IMU.
+};
+
+/// Solves for everything that was seen, after the last image. What a body with an IMU has seen is
+/// in the graph as its filter followed it. Without one every image is placed again in what is known
+/// by now (ImagePlacement), and that goes into the graph in its place; again, while a better map
+/// takes images or tags to other places.
+[[nodiscard]] BatchResult solve_all(BodiesReplay& replay, std::span<const BatchBody> bodies,
+                                    const std::function<void(int round)>& progress);
+
+}  // namespace fiducap

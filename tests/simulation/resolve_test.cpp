@@ -1,0 +1,160 @@
+// Recordings that are solved for as a whole: poses with their covariance against the truth.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iostream>
+#include <random>
+#include <stdexcept>
+
+#include "base/so3.hpp"
+#include "mapping/graph/graph_datum.hpp"
+#include "pipeline/replay/offline_run.hpp"
+#include "simulation/simulation.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kSeconds = 25;
+
+struct Robot {
+  std::unique_ptr<simulation::SimulatedSource> source;
+  OfflineSetup setup;
+  std::vector<RecordedTag> tags;
+  Instant start{};
+};
+
+/// @param day  its clock begins there
+Robot robot(const std::string& preset, std::uint64_t seed, int day, bool has_imu) {
+  simulation::RoomConfig room;
+  room.preset = preset;
+  simulation::SimulatedBodyConfig body;
+  CameraMount camera;
+  camera.model = {752, 480, 460, 460, 376, 240, Distortion::kNone, {}};
+  camera.X_BV = simulation::forward_camera();
+  camera.time_shift_sigma_s = 0;
+  body.cameras = {camera};
+  body.has_imu = has_imu;
+  body.camera.corner_noise_px = 0.4;
+  body.trajectory.kind = preset == "hall" ? "survey" : preset;
+  body.trajectory.duration_s = kSeconds;
+  body.trajectory.seed = seed;
+  body.seed = seed;
+  Robot out;
+  out.tags = simulation::tags_of(room);
+  out.start = instant_from_ns(1'600'000'000'000'000'000 + day * 86'400'000'000'000LL);
+  auto source = simulation::make_simulated_source(room, body, out.start, nullptr);
+  if (!source) throw std::runtime_error(source.error().text());
+  out.source = std::move(*source);
+  // Extrinsics are off as far as they say.
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](double sigma) -> Eigen::Vector3d {
+    return {sigma * normal(random), sigma * normal(random), sigma * normal(random)};
+  };
+  camera.X_BV.p += draw(camera.position_sigma_m);
+  camera.X_BV.q = (camera.X_BV.q * exp_so3(draw(camera.rotation_sigma_rad))).normalized();
+  out.setup.sensors.cameras = {camera};
+  if (has_imu) out.setup.sensors.imu = body.imu.noise;
+  out.setup.tags.size_m = out.tags.front().edge_m;
+  for (const RecordedTag& tag : out.tags)
+    if (tag.edge_m != out.setup.tags.size_m) out.setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
+  return out;
+}
+
+/// Place and heading of all tags, as W is defined: what brings the truth over the map.
+Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
+  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
+  for (const RecordedTag& tag : tags)
+    if (const MapTag* entry = map.find(tag.tag_id))
+      points.emplace_back(tag.X_WT.p, entry->tag.X_WT.p);
+  return lay_over(points);
+}
+
+Vector6d error_of(const Pose& X, const Pose& truth) {
+  Vector6d e;
+  e << X.p - truth.p, log_so3(X.q * truth.q.conjugate());
+  return e;
+}
+
+struct Score {
+  double nees{};  ///< Per degree of freedom.
+  double rms_m{};
+  double live_m{};  ///< Of the filter, at the same instants.
+  double covered{};
+};
+
+Score score(const OfflineSession& session, const Robot& robot) {
+  const OfflineResult& result = session.bodies.front();
+  const Pose over = map_over_truth(session.map, robot.tags);
+  Score score;
+  double squares = 0;
+  double live = 0;
+  std::size_t both = 0;
+  for (std::size_t i = 0; i < result.trajectory.size(); ++i) {
+    const StampedPose& pose = result.trajectory[i];
+    const Pose truth = over * robot.source->truth(pose.at).X_WB;
+    const Vector6d e = error_of(pose.X_WB, truth);
+    score.nees += e.dot(result.covariances[i].covariance.ldlt().solve(e)) / 6;
+    for (const StampedPose& then : result.live) {
+      if (then.at != pose.at) continue;
+      live += (then.X_WB.p - truth.p).squaredNorm();
+      squares += e.head<3>().squaredNorm();
+      ++both;
+    }
+  }
+  const auto n = static_cast<double>(result.trajectory.size());
+  score.nees /= n;
+  score.rms_m = std::sqrt(squares / static_cast<double>(both));
+  score.live_m = std::sqrt(live / static_cast<double>(both));
+  score.covered = n / result.statistics.frames;
+  return score;
+}
+
+struct Case {
+  const char* name;
+  const char* room;
+  bool has_imu;
+};
+
+class ResolveSimulation : public testing::TestWithParam<Case> {};
+
+// Errors of all poses of a run hang together (camera on the body, tilt of the map): a run's mean is
+// that of some three numbers, and the mean of ten runs scatters by a quarter of it, 1-sigma.
+constexpr double kScatter = 0.26;
+constexpr double kSigmas = 2;
+
+TEST_P(ResolveSimulation, PosesAreAsFarOffAsTheySayAndNearerThanTheFilters) {
+  constexpr int kSeeds = 10;
+  double nees = 0;
+  double squares = 0;
+  double live = 0;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    Robot one = robot(GetParam().room, static_cast<std::uint64_t>(seed), 0, GetParam().has_imu);
+    OfflineMap map;
+    map.resolve = true;
+    map.config.refine_period_s = GetParam().has_imu ? 2 : 0;
+    const auto session = run_together({{1, "robot", one.setup, one.source.get()}}, map);
+    ASSERT_TRUE(session) << session.error().text();
+    EXPECT_TRUE(session->is_at_rest);
+    const Score of_run = score(*session, one);
+    std::cout << GetParam().name << " seed " << seed << ": NEES " << of_run.nees << ", RMS "
+              << 1e3 * of_run.rms_m << " mm, live " << 1e3 * of_run.live_m << " mm, covered "
+              << of_run.covered << "\n";
+    nees += of_run.nees / kSeeds;
+    squares += of_run.rms_m * of_run.rms_m / kSeeds;
+    live += of_run.live_m * of_run.live_m / kSeeds;
+  }
+  std::cout << GetParam().name << ": NEES " << nees << ", RMS " << 1e3 * std::sqrt(squares)
+            << " mm, live " << 1e3 * std::sqrt(live) << " mm\n";
+  EXPECT_GT(nees, 1 - kSigmas * kScatter);
+  EXPECT_LT(nees, 1 + kSigmas * kScatter);
+  EXPECT_LT(squares, live);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
+                         testing::Values(Case{"table", "table", true}, Case{"loop", "loop", true},
+                                         Case{"no_imu", "table", false}),
+                         [](const auto& info) { return std::string(info.param.name); });
+
+}  // namespace
+}  // namespace fiducap

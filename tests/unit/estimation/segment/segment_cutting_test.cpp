@@ -1,0 +1,85 @@
+#include "estimation/segment/segment_cutting.hpp"
+
+#include <gtest/gtest.h>
+
+#include "base/so3.hpp"
+
+namespace fiducap {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A body that walks along x, 10 images a second, each with tag 1 and a tag that has no place.
+class SegmentCuttingTest : public testing::Test {
+ protected:
+  SegmentCuttingTest() {
+    path_.body_id = 3;
+    path_.chain = 5;
+    path_.sensors = std::make_shared<const SegmentSensors>();
+    path_.motion = motion_without_imu({});
+    path_.cameras.resize(1);
+    path_.tags[1] = {1, 0.2, {}, Matrix6d::Zero()};
+  }
+  void walk(int from_ms, int images) {
+    for (int i = 0; i < images; ++i) {
+      const Instant at = Instant{} + milliseconds(from_ms + 100 * i);
+      const double s = to_seconds(at - Instant{});
+      SegmentImage image;
+      image.tags.resize(2);
+      image.tags[0].seen.tag_id = 1;
+      image.tags[1].seen.tag_id = 2;
+      path_.instants.push_back({at, {exp_so3({0, 0, 0.2 * s}), {s, 0, 0}}, {image}});
+    }
+  }
+  PlacedPath path_;
+};
+
+TEST_F(SegmentCuttingTest, OneMeetsTheNextAfterASecondAndEveryImageIsInOne) {
+  walk(0, 26);
+  const auto segments = cut_segments(path_);
+  ASSERT_EQ(segments.size(), 3U);
+  std::size_t images = 0;
+  for (const MotionSegment& segment : segments) {
+    EXPECT_EQ(segment.body_id, 3);
+    EXPECT_EQ(segment.chain, 5);
+    ASSERT_EQ(segment.tags.size(), 1U) << "the other one has no place";
+    for (const MotionSegment::Instance& instance : segment.instances) {
+      images += instance.images.size();
+      double steps_s = 0;
+      for (const SegmentStep& step : instance.steps) steps_s += step.dt_s;
+      EXPECT_NEAR(steps_s, &instance == &segment.instances.front() ? 0 : 0.1, 1e-9);
+    }
+  }
+  EXPECT_EQ(images, 26U);
+  EXPECT_EQ(segments[0].end().at, segments[1].begin().at);
+  EXPECT_EQ(segments[0].end().at - segments[0].begin().at, std::chrono::seconds(1));
+}
+
+TEST_F(SegmentCuttingTest, SpeedsAreThoseBetweenNeighbours) {
+  walk(0, 12);
+  const BodyMoment body = cut_segments(path_).front().instances[4].body;
+  EXPECT_LT((body.v_WB - Eigen::Vector3d(1, 0, 0)).norm(), 1e-9);
+  EXPECT_LT((body.bias_w - Eigen::Vector3d(0, 0, -0.2)).norm(), 1e-9);
+}
+
+TEST_F(SegmentCuttingTest, AChainEndsWhereNoTagWasSeenForLong) {
+  walk(0, 5);
+  walk(20'000, 5);
+  const auto segments = cut_segments(path_);
+  ASSERT_EQ(segments.size(), 2U);
+  EXPECT_NE(segments[0].chain, segments[1].chain);
+}
+
+TEST_F(SegmentCuttingTest, AnInstantOnItsOwnIsASegmentWithAnEmptyEnd) {
+  walk(0, 1);
+  const auto segments = cut_segments(path_);
+  ASSERT_EQ(segments.size(), 1U);
+  ASSERT_EQ(segments[0].instances.size(), 2U);
+  EXPECT_EQ(segments[0].instances[0].images.size(), 1U);
+  EXPECT_TRUE(segments[0].instances[1].images.empty());
+}
+
+TEST_F(SegmentCuttingTest, NothingGivesNothing) { EXPECT_TRUE(cut_segments(path_).empty()); }
+
+}  // namespace
+}  // namespace fiducap
