@@ -154,7 +154,7 @@ TEST_P(ResolveSimulation, PosesAreAsFarOffAsTheySayAndNearerThanTheFilters) {
 INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
                          testing::Values(Case{"table", "table", true}, Case{"loop", "loop", true},
                                          Case{"no_imu", "table", false}),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& one) { return std::string(one.param.name); });
 
 }  // namespace
 }  // namespace fiducap
