@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "base/config_check.hpp"
@@ -13,6 +14,12 @@ enum class MapMode {
 
 inline constexpr double kRefinePeriod_s = 2;
 
+/// For so many bodies that share a map. One alone finds out better what is wrong with its lens and
+/// its prints without (docs/design/map-graph.md).
+[[nodiscard]] constexpr double refine_period_for(std::size_t bodies) {
+  return bodies > 1 ? kRefinePeriod_s : 0;
+}
+
 struct MapConfig {
   MapMode mode{MapMode::kMapping};
   /// A belief joins the map when its tag is known better than this …
@@ -21,9 +28,8 @@ struct MapConfig {
   int publish_sightings{10};                ///< … and was seen at least this often.
   /// What all bodies saw is solved together this often, in seconds of their data, and the map is
   /// what comes out (MapRefiner): every tag seen often enough, with its sigma, whatever that is.
-  /// 0: never, each tag is the business of the body that knows it best. A configuration that does
-  /// not say means kRefinePeriod_s with several bodies, and never with one: alone it finds out
-  /// better what is wrong with its lens and its prints (docs/design/map-graph.md).
+  /// 0: never, each tag is the business of the body that knows it best. Who does not say means
+  /// refine_period_for().
   double refine_period_s{0.0};
   double commit_period_s{10.0};  ///< A changed map is written to the store this often.
 

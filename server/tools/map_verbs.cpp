@@ -14,19 +14,25 @@ struct MapLine {
   ChosenVerb& chosen;
 };
 
-using MapVerb = int (*)(const MapArguments&, const Terminal&);
-
-CLI::App* add_map_verb(CLI::App& map, const MapLine& line, const char* name, const char* what,
-                       const char* example, MapVerb run) {
+/// @param arguments  of all verbs that are like it
+template <class Arguments>
+CLI::App* add_store_verb(CLI::App& map, const MapLine& line, Arguments& arguments, const char* name,
+                         const char* what, const char* store, const std::string& footer,
+                         int (*run)(const Arguments&, const Terminal&)) {
   auto* verb = map.add_subcommand(name, what);
-  verb->add_option("--store", line.verbs.store.store,
-                   "The map store, as map.store of the server's configuration says")
-      ->required();
-  verb->footer(std::string("Example:\n  fiducap map ") + example);
-  verb->callback([line, run] {
-    line.chosen = [&a = line.verbs.store, run](const Terminal& t) { return run(a, t); };
+  verb->add_option("--store", arguments.store, store)->required();
+  verb->footer(footer);
+  verb->callback([line, &arguments, run] {
+    line.chosen = [&arguments, run](const Terminal& t) { return run(arguments, t); };
   });
   return verb;
+}
+
+CLI::App* add_map_verb(CLI::App& map, const MapLine& line, const char* name, const char* what,
+                       const char* example, int (*run)(const MapArguments&, const Terminal&)) {
+  return add_store_verb(map, line, line.verbs.store, name, what,
+                        "The map store, as map.store of the server's configuration says",
+                        std::string("Example:\n  fiducap map ") + example, run);
 }
 
 void add_map_format(CLI::App& verb, MapArguments& a, const std::string& what) {
@@ -93,20 +99,13 @@ void add_map_build(CLI::App& map, const MapLine& line) {
   });
 }
 
-using MapEditVerb = int (*)(const MapEditArguments&, const Terminal&);
-
 CLI::App* add_edit_verb(CLI::App& map, const MapLine& line, const char* name, const char* what,
-                        const char* example, MapEditVerb run) {
-  auto* verb = map.add_subcommand(name, what);
-  verb->add_option("--store", line.verbs.edit.store,
-                   "The map store; no server may have it open (fiducap control does it there)")
-      ->required();
-  verb->footer(std::string("The map of before stays in the store.\nExample:\n  fiducap map ") +
-               example);
-  verb->callback([line, run] {
-    line.chosen = [&a = line.verbs.edit, run](const Terminal& t) { return run(a, t); };
-  });
-  return verb;
+                        const char* example, int (*run)(const MapEditArguments&, const Terminal&)) {
+  return add_store_verb(
+      map, line, line.verbs.edit, name, what,
+      "The map store; no server may have it open (fiducap control does it there)",
+      std::string("The map of before stays in the store.\nExample:\n") + "  fiducap map " + example,
+      run);
 }
 
 void add_map_align(CLI::App& map, const MapLine& line) {

@@ -31,11 +31,10 @@ void number_the_bodies(std::vector<BodyConfig>& bodies) {
   }
 }
 
-/// Robots that share a map need what all of them saw solved together (MapConfig).
 void choose_refinement(const YAML::Node& document, ServerConfig& config) {
   const YAML::Node map = document["map"];
   const bool is_said = map && map.IsMap() && map["refine_period_s"];
-  if (!is_said && config.bodies.size() > 1) config.map.builder.refine_period_s = kRefinePeriod_s;
+  if (!is_said) config.map.builder.refine_period_s = refine_period_for(config.bodies.size());
 }
 
 }  // namespace

@@ -49,7 +49,8 @@ ImagePlacement::ImagePlacement(std::vector<BodyToPlace> bodies) : bodies_(std::m
     const auto& instants = bodies_[b].log->instants();
     seen_.emplace_back(instants.size());
     placed_.emplace_back();
-    for (const LoggedInstant& instant : instants) placed_.back().push_back({.at = instant.at});
+    for (const LoggedInstant& instant : instants)
+      placed_.back().push_back({.at = instant.at, .X_WB = {}});
     waits_.emplace_back(instants.size(), true);
     cameras_.emplace_back();
     look_through(b);

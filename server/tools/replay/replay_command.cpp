@@ -144,6 +144,17 @@ Expected<void> add_session(const ReplayArguments& arguments, const std::string& 
   return {};
 }
 
+/// As a live server with so many robots would have it.
+Expected<void> apply_refinement(const ReplayArguments& arguments, Inputs& inputs) {
+  double& period_s = inputs.map.config.refine_period_s;
+  period_s = refine_period_for(inputs.bodies.size());
+  if (!is_mentioned(arguments.config, arguments.sets, "map", "refine_period_s")) return {};
+  const auto config = load_config(arguments.config, arguments.sets);
+  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), "configuration");
+  period_s = config->map.builder.refine_period_s;
+  return {};
+}
+
 Expected<TagMap> newest_version(const std::string& path) {
   std::error_code error;
   if (!std::filesystem::exists(path, error))
@@ -192,6 +203,9 @@ Expected<Inputs> read_inputs(const ReplayArguments& arguments) {
         !added)
       return tl::unexpected(added.error());
   }
+  if (!inputs.is_session)
+    if (auto applied = apply_refinement(arguments, inputs); !applied)
+      return tl::unexpected(applied.error());
   if (!arguments.store.empty()) {
     if (inputs.is_session)
       return fail(ErrorCode::kInvalid, "a session starts from its own map: leave --store out",

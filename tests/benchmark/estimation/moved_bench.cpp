@@ -9,7 +9,6 @@
 #include "base/so3.hpp"
 #include "estimation/options.hpp"
 #include "estimation/parallel.hpp"
-#include "mapping/graph/graph_datum.hpp"
 #include "simulation/mismatch_changes.hpp"
 
 namespace fiducap::bench {
@@ -91,25 +90,14 @@ MovedCase make_case(const EstimationOptions& options, const std::string& name, s
   return out;
 }
 
-/// The truth's axes in those of the map, by all tags but the one in question.
-std::optional<Pose> truth_in(const TagMap& map, const MovedCase& one) {
-  std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
-  for (const MapTag& tag : map.tags) {
-    if (tag.tag.tag_id != one.tag_id)
-      points.emplace_back(one.data.front().tag(tag.tag.tag_id)->X_WT.p, tag.tag.X_WT.p);
-  }
-  return points.size() > 2 ? std::optional(lay_over(points)) : std::nullopt;
-}
-
 void score_tags(const TagMap& map, const MovedCase& one, MovedRun& out) {
-  const auto axes = truth_in(map, one);
-  if (!axes) return;
+  const Pose X_WR = workspace_of(one.data.front());
   double square = 0;
   for (const MapTag& tag : map.tags) {
     Pose truth = one.data.front().tag(tag.tag.tag_id)->X_WT;
     const bool is_it = tag.tag.tag_id == one.tag_id;
     if (is_it) truth.p += one.by_m;
-    truth = *axes * truth;
+    truth = X_WR * truth;
     Vector6d e;
     e << tag.tag.X_WT.p - truth.p, log_so3(tag.tag.X_WT.q * truth.q.conjugate());
     if (is_it && tag.state != TagState::kQuarantined) {
@@ -127,18 +115,17 @@ MovedRun run_one(const EstimationOptions& options, const std::string& name, std:
   choice.live = true;
   choice.refine_period_s = kRefine_s;
   MovedRun out;
+  const Pose X_WR = workspace_of(one.data.front());
   const Instant first = time_of(one.data.front().samples.front());
-  choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap& map) {
+  choice.listen = [&](std::size_t body, const BodyUpdate& update, const TagMap&) {
     const double t_s = to_seconds(update.seen.exposed_at - first);
     const bool sees = std::any_of(update.seen.tags.begin(), update.seen.tags.end(),
                                   [&](const auto& t) { return t.tag_id == one.tag_id; });
     if (sees && t_s >= one.at_s && std::isnan(out.sighted_s) && update.is_placed())
       out.sighted_s = t_s;
     if (!update.is_placed() || t_s < kSettled_s) return;
-    const auto axes = truth_in(map, one);
-    if (!axes) return;
-    const Eigen::Vector3d e =
-        update.estimate->X_WB.p - (*axes * one.data[body].truth_near(update.estimate->at).X_WB).p;
+    const Pose truth = X_WR * one.data[body].truth_near(update.estimate->at).X_WB;
+    const Eigen::Vector3d e = update.estimate->X_WB.p - truth.p;
     const double sigma_m = std::sqrt(update.estimate->covariance.topLeftCorner<3, 3>().trace());
     const double ratio = e.norm() / sigma_m;
     if (std::isnan(out.sighted_s)) {

@@ -30,7 +30,7 @@ class PublisherTest : public testing::Test {
   }
 
   FakeClock clock_{ms(1000)};
-  Scene scene_{{{{1, "robot"}, Pose{}, BodyLimits{}, BodySensors{}, EstimatorConfig{}}}};
+  Scene scene_{{{{1, "robot"}, Pose{}, BodyLimits{}, BodySensors{}, EstimatorConfig{}, {}}}};
   MapBuilder map_{MapConfig{}, TagMap{}};
   std::stop_source stop_;
   std::vector<Instant> at_;
