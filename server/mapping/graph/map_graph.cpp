@@ -23,15 +23,38 @@ constexpr double kMostDamping = 1.0;
 constexpr double kConverged = 0.05;
 constexpr double kBetweenLinearisations = 1.0;
 // A segment is linearised anew when something in it has moved, against where the body began, by
-// more than this: turned, or by this share of its distance. Where segments see a tag that has
-// turned meanwhile, they seem to say more of its heading than they do: with ten times as much of it
-// a map that hangs on one tag told 10 mm instead of 29.
+// more than this: turned, or by this share of its distance; or a camera on its body, or its clock.
+// Segments that were linearised elsewhere seem to say more of a tag's heading than they do.
 constexpr double kTurned_rad = 0.001;
 constexpr double kMoved = 0.002;
+constexpr double kCameraMoved_m = 0.0005;
+constexpr double kClockShifted_s = 1e-4;
 // A tag joins two components when it, seen from both, differs by no more than this in what gravity
 // says.
 constexpr double kSameTilt_rad = 0.06;
 constexpr double kSamePlace_m = 0.15;
+
+bool has_moved(const Pose& was, const Vector6d& by) {
+  const double shifted = (world::moved(was, by).p - was.p).norm();
+  return by.tail<3>().norm() > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
+}
+
+/// @param error  against where it was linearised
+bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const SegmentFactor& f = segment.factor;
+  const int cameras = static_cast<int>(f.cameras.size());
+  for (int c = 0; c < cameras; ++c) {
+    const auto by = error.segment<kCameraSize>(camera(c));  // place, turn, clock, …
+    if (by.head<3>().norm() > kCameraMoved_m || by.segment<3>(3).norm() > kTurned_rad ||
+        std::abs(by(6)) > kClockShifted_s)
+      return true;
+  }
+  if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;
+  for (std::size_t i = 0; i < segment.tags.size(); ++i)
+    if (has_moved(f.tags[i].X_WT, error.segment<6>(tag(cameras, static_cast<int>(i))))) return true;
+  return false;
+}
 
 }  // namespace
 
@@ -249,19 +272,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
 int MapGraph::condense_again() {
   int count = 0;
   for (GraphSegment& segment : state_.segments) {
-    const Eigen::VectorXd error = error_of(state_, segment);
-    const int cameras = static_cast<int>(segment.factor.cameras.size());
-    bool is_off = false;
-    const auto look = [&](const Pose& was, const Vector6d& by) {
-      const double turned = by.tail<3>().norm();
-      const double shifted = (world::moved(was, by).p - was.p).norm();
-      is_off = is_off || turned > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
-    };
-    look(segment.factor.end.X_WB, error.segment<6>(segment_layout::kEnd));
-    for (std::size_t i = 0; i < segment.tags.size(); ++i)
-      look(segment.factor.tags[i].X_WT,
-           error.segment<6>(segment_layout::tag(cameras, static_cast<int>(i))));
-    if (!is_off) continue;
+    if (!is_elsewhere(segment, error_of(state_, segment))) continue;
     MotionSegment raw = segment_now(state_, segment);
     auto factor = condense(raw);
     if (!factor) continue;
