@@ -32,6 +32,7 @@ struct SegmentSensors {
   double gravity_m_s2{9.81};
   bool estimates_extrinsics{true};
   bool estimates_clocks{true};
+  bool doubts{false};  ///< Lenses, readouts and prints may be other ones than configured.
 };
 
 /// A camera on a body as it is thought to be. What is learned of it holds for a whole segment.
@@ -87,6 +88,8 @@ struct MotionSegment {
                                       ///< images there), last: where it ends.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   std::vector<KnownTag> tags;         ///< Where the filter, or the map, has the tags seen.
+  std::vector<double> scales;  ///< Of each: its print is so much larger than told, relative;
+                               ///< empty: all are as told.
 
   [[nodiscard]] bool has_imu() const { return sensors->has_imu; }
   [[nodiscard]] const BodyMoment& begin() const { return instances.front().body; }

@@ -24,6 +24,7 @@ SegmentElimination::SegmentElimination(MotionSegment& segment)
       cameras_(static_cast<int>(segment.cameras.size())),
       rest_(segment_layout::tag(cameras_, static_cast<int>(segment.tags.size()))),
       noise_(EstimatorConfig{}, false) {
+  segment_.scales.resize(segment_.tags.size());
   prepare_bench();
 }
 
@@ -176,6 +177,7 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
   if (tag < 0) return;
   auto& clock = bench_.clocks[static_cast<std::size_t>(image.camera)];
   clock.applied_s = image.applied_s;
+  bench_.sizes.common = segment_.scales[static_cast<std::size_t>(tag)];
   const TagMeasurement m = world::measure(
       bench_, image.camera, segment_.sensors->cameras[static_cast<std::size_t>(image.camera)].model,
       {&sighting.seen, tag, nullptr}, noise_);
@@ -193,10 +195,14 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
   Parts found;
   for (std::size_t b = 0; b < m.block_count; ++b) place(m.blocks[b], found);
   const auto& [parts, count] = found;
-  Eigen::Matrix<double, 8, 1> on_time = Eigen::Matrix<double, 8, 1>::Zero();
+  Vector8d on_time = Vector8d::Zero();
+  Vector8d on_scale = Vector8d::Zero();
   for (std::size_t b = 0; b < m.block_count; ++b) {
-    if (m.blocks[b].at == world::layout::clock(image.camera)) on_time = m.blocks[b].H.col(0);
+    const auto first = m.blocks[b].H.col(0);
+    if (m.blocks[b].at == world::layout::clock(image.camera)) on_time = first;
+    if (m.blocks[b].at == world::layout::sizes(cameras_)) on_scale = first;
   }
+  const int scale_at = 15 + segment_layout::scale(cameras_, tag);
   const Vector8d wy = weight * m.y;
   for (std::size_t a = 0; a < count; ++a) {
     const Matrix83d wH = weight * parts[a].H;
@@ -204,14 +210,21 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
     sum.by_time.segment<3>(parts[a].at) += wH.transpose() * on_time;
     for (std::size_t b = 0; b < count; ++b)
       sum.H.block<3, 3>(parts[b].at, parts[a].at) += parts[b].H.transpose() * wH;
+    const Eigen::Vector3d with_scale = wH.transpose() * on_scale;
+    sum.H.block<3, 1>(parts[a].at, scale_at) += with_scale;
+    sum.H.block<1, 3>(scale_at, parts[a].at) += with_scale.transpose();
   }
+  const Vector8d w_scale = weight * on_scale;
+  sum.H(scale_at, scale_at) += on_scale.dot(w_scale);
+  sum.pull(scale_at) += on_scale.dot(wy);
+  sum.by_time(scale_at) += w_scale.dot(on_time);
   sum.time += on_time.dot(weight * on_time);
   sum.time_pull += on_time.dot(wy);
   // Of Cauchy's loss, not of the weighted square: else what pulls less would look cheaper.
   sum.cost += 0.5 * kLossBend * std::log1p(distance / kLossBend);
 }
 
-/// From the columns of the filter's state to those here. Print sizes are taken as they are.
+/// From the columns of the filter's state to those here. Not of print sizes.
 void SegmentElimination::place(const TagMeasurement::Block& block, Parts& out) const {
   auto& [parts, count] = out;
   namespace from = world::layout;
@@ -221,7 +234,9 @@ void SegmentElimination::place(const TagMeasurement::Block& block, Parts& out) c
   }
   if (block.at >= from::tag(cameras_, 0)) {
     const int at = block.at - from::tag(cameras_, 0);
-    parts[count++] = {15 + segment_layout::tag(cameras_, 0) + at, block.H};
+    const int tag = at / from::kPoseSize;
+    const int within = at % from::kPoseSize;
+    parts[count++] = {15 + segment_layout::tag(cameras_, tag) + within, block.H};
     return;
   }
   if (block.at >= from::sizes(cameras_)) return;

@@ -28,9 +28,9 @@ SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConf
       config_(config),
       holds_every_image_(holds_every_image),
       imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
-  open_.sensors = std::make_shared<const SegmentSensors>(
-      SegmentSensors{sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2,
-                     config.estimate_extrinsics, config.estimate_clocks});
+  open_.sensors = std::make_shared<const SegmentSensors>(SegmentSensors{
+      sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2, config.estimate_extrinsics,
+      config.estimate_clocks, config.doubt_configuration && sensors.imu.has_value()});
 }
 
 void SegmentRecorder::add(const ImuSample& imu) {

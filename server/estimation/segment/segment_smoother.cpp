@@ -40,6 +40,7 @@ SegmentFactor factor_of(const MotionSegment& segment, const SegmentElimination& 
   out.end = segment.end();
   out.cameras = segment.cameras;
   out.tags = segment.tags;
+  out.scales = segment.scales;
   out.H = 0.5 * (info.all + info.all.transpose());
   out.g = -info.pull;
   out.cost = info.cost;

@@ -17,7 +17,10 @@ inline constexpr int kCameraSize = 12;
 /// Camera c: e of X_BV = Exp(e) X̂_BV, then clock, readout, focal length, centre, distortion as in
 /// world::layout.
 [[nodiscard]] constexpr int camera(int c) { return 30 + kCameraSize * c; }
-[[nodiscard]] constexpr int tag(int cameras, int i) { return camera(cameras) + 6 * i; }
+/// Tag i: as in world::layout, then the scale of its print, relative.
+inline constexpr int kTagSize = 7;
+[[nodiscard]] constexpr int tag(int cameras, int i) { return camera(cameras) + kTagSize * i; }
+[[nodiscard]] constexpr int scale(int cameras, int i) { return tag(cameras, i) + 6; }
 }  // namespace segment_layout
 
 /// What a whole segment says of where the body was at its two ends, of its cameras and of the tags
@@ -33,6 +36,7 @@ struct SegmentFactor {
   BodyMoment end;
   std::vector<CameraBelief> cameras;
   std::vector<KnownTag> tags;
+  std::vector<double> scales;
   Eigen::MatrixXd H;
   Eigen::VectorXd g;
   double cost{};

@@ -48,11 +48,18 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
     const bool clocks = sensors.estimates_clocks && sensors.has_imu;
     add_square(body.information, at + 6,
                clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
-    add_square(body.information, at + 7, clocks ? std::max(kExact, mount.readout_sigma_s) : kExact);
-    add_square(body.information, at + 8, std::max(kExact, mount.focal_sigma));
-    add_square(body.information, at + 9, std::max(kExactCentre_px, mount.centre_sigma_px));
-    add_square(body.information, at + 10, std::max(kExactCentre_px, mount.centre_sigma_px));
-    add_square(body.information, at + 11, std::max(kExact, mount.k1_sigma));
+    const auto add_told = [&](int row, double told, double exact, bool may_be_doubted) {
+      if (told == 0 && sensors.doubts && may_be_doubted) {
+        body.doubts[static_cast<int>(at) + row] = {};
+      } else {
+        add_square(body.information, at + row, std::max(exact, told));
+      }
+    };
+    add_told(7, clocks ? mount.readout_sigma_s : 0, kExact, !body.expected.back().rows_apart);
+    add_told(8, mount.focal_sigma, kExact, true);
+    add_told(9, mount.centre_sigma_px, kExactCentre_px, true);
+    add_told(10, mount.centre_sigma_px, kExactCentre_px, true);
+    add_told(11, mount.k1_sigma, kExact, true);
   }
   body.cameras = body.expected;
   return body;
@@ -65,6 +72,9 @@ void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {
     body.expected[c].shift_s = found[c].shift_s;
     const LensOffset& lens = found[c].lens;
     if (!found[c].lens_is_open) continue;
+    for (auto& [row, doubt] : body.doubts)
+      if (row >= at + 8 && row < at + segment_layout::kCameraSize) doubt.is_open = true;
+    if (body.doubts.contains(static_cast<int>(at) + 8)) continue;
     add_square(body.information, at + 8, kOpenFocal);
     add_square(body.information, at + 9, kOpenCentre_px);
     add_square(body.information, at + 10, kOpenCentre_px);

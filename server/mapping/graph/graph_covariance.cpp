@@ -68,7 +68,8 @@ std::optional<Matrix6d> GraphCovariance::between(std::size_t first, std::size_t 
   const int b = variables_.tag(second);
   const auto raw = factor_.inverse(a, b);
   if (!raw) return std::nullopt;
-  const Matrix6d covariance = datum_ ? datum_->between(a, b, *raw) : Matrix6d(*raw);
+  const Matrix6d of_poses = raw->topLeftCorner<6, 6>();
+  const Matrix6d covariance = datum_ ? datum_->between(a, b, of_poses) : of_poses;
   return Matrix6d(world::plain_from_world_error(graph_.tags[first].X_WT.p) * covariance *
                   world::plain_from_world_error(graph_.tags[second].X_WT.p).transpose());
 }
@@ -78,8 +79,11 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
   std::vector<Datum::Rows> rows{{variables_.node(segment.begin), 15, true},
                                 {variables_.node(segment.end), 15, true},
                                 {body, H_.size(body), false}};
-  for (const std::size_t i : segment.tags) rows.push_back({variables_.tag(i), 6, true});
-  Eigen::MatrixXd raw(segment.factor.H.rows(), segment.factor.H.rows());
+  for (const std::size_t i : segment.tags)
+    rows.push_back({variables_.tag(i), segment_layout::kTagSize, true});
+  rows.push_back({variables_.prints(), 1, false});
+  const Eigen::Index numbers = segment.factor.H.rows();
+  Eigen::MatrixXd raw(numbers + 1, numbers + 1);
   Eigen::Index row = 0;
   for (const Datum::Rows& a : rows) {
     Eigen::Index column = 0;
@@ -91,7 +95,19 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
     }
     row += a.size;
   }
-  return datum_ ? datum_->of(rows, raw) : raw;
+  if (datum_) raw = datum_->of(rows, raw);
+  // A tag's print is larger by what all are, and by what it is beyond.
+  const int cameras = static_cast<int>(segment.factor.cameras.size());
+  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
+    const int at = segment_layout::scale(cameras, static_cast<int>(i));
+    raw.row(at) += raw.row(numbers);
+    raw.col(at) += raw.col(numbers);
+  }
+  return Eigen::MatrixXd(raw.topLeftCorner(numbers, numbers));
+}
+
+double GraphCovariance::variance(int variable, int row) const {
+  return (*factor_.inverse(variable, variable))(row, row);
 }
 
 Eigen::MatrixXd GraphCovariance::camera_columns() const {

@@ -31,6 +31,9 @@ class GraphCovariance final {
   /// Of all that a segment's factor is over, in its order; errors on the world's side about W's
   /// origin. nullopt: not bound closely, which cannot be
   [[nodiscard]] std::optional<Eigen::MatrixXd> of(const GraphSegment& segment) const;
+  /// Of one number, against what is held: one that has nothing to do with where W is.
+  [[nodiscard]] double variance(int variable, int row) const;
+  [[nodiscard]] const GraphVariables& variables() const { return variables_; }
   /// Of all bodies' cameras with everything: one column per number, against what is held.
   [[nodiscard]] Eigen::MatrixXd camera_columns() const;
   /// Rows of such columns: the plain errors of a tag, the numbers of a body's cameras.

@@ -15,6 +15,9 @@ FoldedGraph part_of(const GraphState& graph, bool of_workspace) {
   out.state.bodies = graph.bodies;
   out.state.tags = graph.tags;
   out.state.level = graph.level;
+  out.state.prints_scale = graph.prints_scale;
+  out.state.prints = graph.prints;
+  out.state.doubts = graph.doubts;
   out.nodes.resize(graph.nodes.size());
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     if ((graph.nodes[i].component == kInWorkspace) != of_workspace) continue;

@@ -69,8 +69,12 @@ MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) 
   now.instances.front().body = begin;
   now.instances.back().body = graph.nodes[segment.end].at;
   now.cameras = graph.bodies[static_cast<std::size_t>(graph.nodes[segment.begin].body)].cameras;
-  for (std::size_t i = 0; i < segment.tags.size(); ++i)
-    now.tags[i].X_WT = graph.tags[segment.tags[i]].X_WT;
+  now.scales.resize(segment.tags.size());
+  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
+    const GraphTag& tag = graph.tags[segment.tags[i]];
+    now.tags[i].X_WT = tag.X_WT;
+    now.scales[i] = graph.prints_scale + tag.scale;
+  }
   return now;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "estimation/found_mismatch.hpp"
 #include "estimation/known_map.hpp"
 
 namespace fiducap {
@@ -23,11 +24,18 @@ struct GraphTagEstimate {
   bool is_current{true};  ///< … and has not been since: this is where it is now.
 };
 
+/// What is not as the configuration says.
+struct GraphFinding {
+  int body_id{-1};  ///< Whose camera; -1: of prints.
+  FoundMismatch what;
+};
+
 struct GraphSolution {
   std::vector<GraphTagEstimate> tags;  ///< By id; an id may be there once per component and epoch.
   std::vector<KnownPair> pairs;        ///< Tags seen together, where they are now; sorted.
-  double cost{};                       ///< Twice: chi-square …
-  double numbers{};                    ///< … of so many.
+  std::vector<GraphFinding> findings;
+  double cost{};     ///< Twice: chi-square …
+  double numbers{};  ///< … of so many.
   int iterations{};
   int condensed{};  ///< Segments linearised anew.
   /// Of a tag, for the map to have it; nullopt: as the map is configured.

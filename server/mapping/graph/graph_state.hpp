@@ -31,7 +31,9 @@ struct GraphTag {
   int sightings_before{};  ///< Of those: in no segment, but in the prior.
   Instant first_seen{};
   Instant last_seen{};
-  int epoch{};  ///< How often it was moved before (TagEpochs).
+  int epoch{};     ///< How often it was moved before (TagEpochs).
+  double scale{};  ///< So much larger is its print than told, beyond what all are, relative …
+  Doubt print{};   ///< … and whether that is so.
 };
 
 struct GraphSegment {
@@ -59,6 +61,9 @@ struct GraphState {
   std::vector<GraphTag> tags;
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
+  double prints_scale{};  ///< So much larger are all prints than told, relative …
+  Doubt prints;           ///< … and whether that is so.
+  bool doubts{false};     ///< Prints may be other ones than told.
   GraphPrior prior;
   std::map<int, bool> level;  ///< Per component: gravity is felt in it.
 };

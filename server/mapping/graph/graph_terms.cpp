@@ -5,12 +5,14 @@
 #include "base/so3.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
+#include "mapping/graph/graph_doubts.hpp"
 
 namespace fiducap {
 
 namespace {
 
 using Matrix15d = Eigen::Matrix<double, 15, 15>;
+using segment_layout::kTagSize;
 
 // What is known of a body before any image: m/s, m/s², rad/s.
 constexpr double kStartVelocity = 5.0;
@@ -65,11 +67,16 @@ std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variab
   const auto body = static_cast<std::size_t>(graph.nodes[segment.begin].body);
   parts.push_back({variables.body(body), camera(0), std::move(J)});
   const Matrix6d Ad = world::adjoint(G_inverse);
-  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
-    const int at = tag(cameras, static_cast<int>(i));
-    parts.push_back({variables.tag(segment.tags[i]), at,
-                     inverse_left_jacobian(Vector6d(error.segment<6>(at))) * Ad});
+  const auto tags = static_cast<int>(segment.tags.size());
+  Eigen::MatrixXd by_prints = Eigen::MatrixXd::Zero(kTagSize * tags, 1);
+  for (int i = 0; i < tags; ++i) {
+    const int at = tag(cameras, i);
+    J = Eigen::MatrixXd::Identity(kTagSize, kTagSize);
+    J.topLeftCorner<6, 6>() = inverse_left_jacobian(Vector6d(error.segment<6>(at))) * Ad;
+    parts.push_back({variables.tag(segment.tags[static_cast<std::size_t>(i)]), at, J});
+    by_prints(scale(cameras, i) - tag(cameras, 0)) = 1;
   }
+  if (tags > 0) parts.push_back({variables.prints(), tag(cameras, 0), std::move(by_prints)});
   return parts;
 }
 
@@ -82,7 +89,7 @@ void add_segment(const GraphState& graph, const GraphVariables& variables,
   const auto parts = parts_of(graph, variables, segment, axes_of(graph, segment).inverse(), error);
   for (const Part& a : parts) {
     const Eigen::Index rows = a.J.rows();
-    out.pull.segment(out.H.first(a.variable), rows) -=
+    out.pull.segment(out.H.first(a.variable), a.J.cols()) -=
         a.J.transpose() * gradient.segment(a.at, rows);
     const Eigen::MatrixXd left = a.J.transpose() * f.H.middleRows(a.at, rows);
     for (const Part& b : parts) {
@@ -199,8 +206,9 @@ void add_hanging(const GraphState& graph, const GraphVariables& variables,
   std::vector<Term> terms;
   const auto add_tag = [&](std::size_t i, const Eigen::MatrixXd& A) {
     const std::size_t tag = prior.tags[i];
-    terms.push_back(
-        {variables.tag(tag), A * world::plain_from_world_error(graph.tags[tag].X_WT.p)});
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, kTagSize);
+    J.leftCols<6>() = A * world::plain_from_world_error(graph.tags[tag].X_WT.p);
+    terms.push_back({variables.tag(tag), std::move(J)});
   };
   add_tag(hanging.tag, Matrix6d::Identity());
   for (std::size_t k = 0; k < hanging.on.size(); ++k)
@@ -244,6 +252,18 @@ void add_prior(const GraphState& graph, const GraphVariables& variables, NormalE
   out.cost += prior_cost_of(graph);
 }
 
+void add_doubts(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
+  for (const DoubtedNumber& number : doubted_numbers(graph, variables)) {
+    const double information = prior_information(number);
+    const int size = out.H.size(number.variable);
+    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(size, size);
+    own(number.row, number.row) = information;
+    out.H.add(number.variable, number.variable, own);
+    out.pull(out.H.first(number.variable) + number.row) -= information * number.value;
+    out.cost += 0.5 * information * number.value * number.value;
+  }
+}
+
 /// Holds the tag seen most often of each component whose place nothing says.
 void add_gauges(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
   std::map<int, std::size_t> held;
@@ -254,7 +274,7 @@ void add_gauges(const GraphState& graph, const GraphVariables& variables, Normal
   for (const auto& [component, i] : held) {
     if (component == kInWorkspace && graph.prior.is_absolute) continue;
     const int tag = variables.tag(i);
-    Matrix6d gauge = Matrix6d::Zero();
+    Eigen::MatrixXd gauge = Eigen::MatrixXd::Zero(kTagSize, kTagSize);
     gauge.diagonal().head<3>().setConstant(kGauge);
     gauge(5, 5) = kGauge;
     if (!graph.level.at(component)) gauge.diagonal().segment<2>(3).setConstant(kGauge);
@@ -269,7 +289,8 @@ GraphVariables::GraphVariables(const GraphState& graph)
   sizes_.assign(nodes_, 15);
   for (const GraphBody& body : graph.bodies)
     sizes_.push_back(segment_layout::kCameraSize * static_cast<int>(body.cameras.size()));
-  sizes_.insert(sizes_.end(), graph.tags.size(), 6);
+  sizes_.push_back(1);
+  sizes_.insert(sizes_.end(), graph.tags.size(), segment_layout::kTagSize);
 }
 
 Eigen::VectorXd error_between(const std::vector<CameraBelief>& from,
@@ -300,8 +321,11 @@ Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment) {
   error.segment(camera(0), kCameraSize * cameras) =
       error_between(f.cameras, graph.bodies[static_cast<std::size_t>(begin.body)].cameras);
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
-    error.segment<6>(tag(cameras, static_cast<int>(i))) =
-        world::world_error_between(f.tags[i].X_WT, G_inverse * graph.tags[segment.tags[i]].X_WT);
+    const GraphTag& now = graph.tags[segment.tags[i]];
+    const auto number = static_cast<int>(i);
+    error.segment<6>(tag(cameras, number)) =
+        world::world_error_between(f.tags[i].X_WT, G_inverse * now.X_WT);
+    error(scale(cameras, number)) = graph.prints_scale + now.scale - f.scales[i];
   }
   return error;
 }
@@ -317,6 +341,7 @@ NormalEquations normal_equations(const GraphState& graph, const GraphVariables& 
   for (std::size_t i = graph.prior.cameras.size(); i < graph.bodies.size(); ++i)
     add_body(graph.bodies[i], variables.body(i), out);
   add_prior(graph, variables, out);
+  add_doubts(graph, variables, out);
   add_gauges(graph, variables, out);
   return out;
 }
@@ -334,6 +359,8 @@ double cost_of(const GraphState& graph) {
     const Eigen::VectorXd error = error_between(body.expected, body.cameras);
     cost += 0.5 * error.dot(body.information * error);
   }
+  for (const DoubtedNumber& number : doubted_numbers(graph, GraphVariables(graph)))
+    cost += 0.5 * prior_information(number) * number.value * number.value;
   return cost + prior_cost_of(graph);
 }
 
@@ -355,9 +382,12 @@ void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, cons
       at += segment_layout::kCameraSize;
     }
   }
+  graph.prints_scale += delta(H.first(variables.prints()));
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
-    Pose& X = graph.tags[i].X_WT;
-    X = world::moved(X, delta.segment<6>(H.first(variables.tag(i))));
+    GraphTag& tag = graph.tags[i];
+    const int at = H.first(variables.tag(i));
+    tag.X_WT = world::moved(tag.X_WT, delta.segment<6>(at));
+    tag.scale += delta(at + 6);
   }
 }
 

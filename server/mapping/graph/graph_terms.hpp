@@ -5,15 +5,16 @@
 
 namespace fiducap {
 
-/// Where the variables of a graph stand in its normal equations: nodes, then bodies' cameras, then
-/// tags.
+/// Where the variables of a graph stand in its normal equations: nodes, then bodies' cameras, the
+/// scale of all prints, tags with that of their own.
 class GraphVariables final {
  public:
   explicit GraphVariables(const GraphState& graph);
 
   [[nodiscard]] int node(std::size_t i) const { return static_cast<int>(i); }
   [[nodiscard]] int body(std::size_t i) const { return static_cast<int>(nodes_ + i); }
-  [[nodiscard]] int tag(std::size_t i) const { return static_cast<int>(nodes_ + bodies_ + i); }
+  [[nodiscard]] int prints() const { return static_cast<int>(nodes_ + bodies_); }
+  [[nodiscard]] int tag(std::size_t i) const { return static_cast<int>(nodes_ + bodies_ + 1 + i); }
   [[nodiscard]] std::vector<int> sizes() const { return sizes_; }
 
  private:

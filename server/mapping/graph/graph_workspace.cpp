@@ -38,7 +38,8 @@ MapGraph::MapGraph(const TagMap& start) {
                            .X_WT = tag.X_WT,
                            .component = kInWorkspace,
                            .sightings = entry.sightings,
-                           .sightings_before = entry.sightings});
+                           .sightings_before = entry.sightings,
+                           .print = {}});
   }
   is_defined_ = !definition_.empty();
   if (!is_defined_) reference_tag_ = start.reference_tag;

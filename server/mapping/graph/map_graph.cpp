@@ -7,6 +7,7 @@
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
+#include "mapping/graph/graph_doubts.hpp"
 #include "mapping/graph/graph_fold.hpp"
 #include "mapping/graph/graph_path.hpp"
 #include "mapping/graph/graph_terms.hpp"
@@ -22,6 +23,8 @@ constexpr double kMostDamping = 1.0;
 // sigma, and most of all much less.
 constexpr double kConverged = 0.05;
 constexpr double kBetweenLinearisations = 1.0;
+// What is found to be wrong in one solution; the rest comes with the next one.
+constexpr int kMostVerdicts = 8;
 // A segment is linearised anew when something in it has moved, against where the body began, by
 // more than this: turned, or by this share of its distance; or a camera on its body, or its clock.
 // Segments that were linearised elsewhere seem to say more of a tag's heading than they do.
@@ -29,6 +32,10 @@ constexpr double kTurned_rad = 0.001;
 constexpr double kMoved = 0.002;
 constexpr double kCameraMoved_m = 0.0005;
 constexpr double kClockShifted_s = 1e-4;
+// … or a lens, or a print.
+constexpr double kScaled = 0.002;
+constexpr double kCentreMoved_px = 2.0;
+constexpr double kBent = 0.01;
 // A tag joins two components when it, seen from both, differs by no more than this in what gravity
 // says.
 constexpr double kSameTilt_rad = 0.06;
@@ -47,12 +54,17 @@ bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
   for (int c = 0; c < cameras; ++c) {
     const auto by = error.segment<kCameraSize>(camera(c));  // place, turn, clock, …
     if (by.head<3>().norm() > kCameraMoved_m || by.segment<3>(3).norm() > kTurned_rad ||
-        std::abs(by(6)) > kClockShifted_s)
+        std::abs(by(6)) > kClockShifted_s || std::abs(by(8)) > kScaled ||
+        by.segment<2>(9).norm() > kCentreMoved_px || std::abs(by(11)) > kBent)
       return true;
   }
   if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;
-  for (std::size_t i = 0; i < segment.tags.size(); ++i)
-    if (has_moved(f.tags[i].X_WT, error.segment<6>(tag(cameras, static_cast<int>(i))))) return true;
+  for (std::size_t i = 0; i < segment.tags.size(); ++i) {
+    const auto number = static_cast<int>(i);
+    if (has_moved(f.tags[i].X_WT, error.segment<6>(tag(cameras, number))) ||
+        std::abs(error(scale(cameras, number))) > kScaled)
+      return true;
+  }
   return false;
 }
 
@@ -64,6 +76,7 @@ std::size_t MapGraph::body_of(const MotionSegment& segment) {
                    [&](const GraphBody& body) { return body.id == segment.body_id; });
   if (found != state_.bodies.end()) return static_cast<std::size_t>(found - state_.bodies.begin());
   state_.bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
+  state_.doubts |= segment.sensors->doubts;
   return state_.bodies.size() - 1;
 }
 
@@ -116,7 +129,8 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, cons
                          .X_WT = X_WT,
                          .component = component,
                          .first_seen = now,
-                         .epoch = epoch});
+                         .epoch = epoch,
+                         .print = {}});
   return state_.tags.size() - 1;
 }
 
@@ -214,22 +228,30 @@ void MapGraph::link_components(const GraphSegment& entry, int component) {
 std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   if (state_.segments.empty() || state_.tags.empty()) return std::nullopt;
   GraphSolution done;
-  if (!iterate(stop, done)) return std::nullopt;
-  lay_over_definition();
-  auto out = tell();
-  if (!out) return out;
+  for (const GraphSegment& segment : state_.segments) done.numbers += segment.factor.numbers;
+  const auto covariance = settle(stop, done);
+  if (!covariance) return std::nullopt;
+  tell(*covariance, done);
   reference_tag_.reset();  // W has been told: it stays there
-  out->cost = done.cost;
-  out->iterations = done.iterations;
-  out->condensed = done.condensed;
-  for (const GraphSegment& segment : state_.segments) out->numbers += segment.factor.numbers;
   if (state_.segments.size() > most_segments_) fold();
-  return out;
+  return done;
 }
 
 /// Levenberg–Marquardt until nothing moves. Segments are linearised anew on the way, where they
 /// have moved: steps by old ones would lead past the truth, or towards it slowly.
 /// @return whether it has come to rest
+/// To where everything fits best, once what does not fit is known to be wrong.
+std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, GraphSolution& done) {
+  for (int verdicts = 0;; ++verdicts) {
+    if (!iterate(stop, done)) return std::nullopt;
+    lay_over_definition();
+    auto covariance = this->covariance();
+    if (!covariance || verdicts == kMostVerdicts) return covariance;
+    const double dispersion = done.cost / std::max(1.0, done.numbers);
+    if (!judge_doubts(*covariance, dispersion, state_)) return covariance;
+  }
+}
+
 bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
   const GraphVariables variables(state_);
   double damping = kLeastDamping;
@@ -250,6 +272,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
     const auto nodes = state_.nodes;
     const auto tags = state_.tags;
     const auto bodies = state_.bodies;
+    const double prints_scale = state_.prints_scale;
     move_by(delta, variables, equations.H, state_);
     const int again = condense_again();
     done.condensed += again;
@@ -262,6 +285,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
     state_.nodes = nodes;
     state_.tags = tags;
     state_.bodies = bodies;
+    state_.prints_scale = prints_scale;
     // No step is small enough to gain what little is promised: that is between linearisations.
     damping *= 100;
     if (damping > kMostDamping) return gain < kBetweenLinearisations;
@@ -298,17 +322,15 @@ std::optional<GraphCovariance> MapGraph::covariance() const {
   return covariance;
 }
 
-std::optional<GraphSolution> MapGraph::tell() {
+void MapGraph::tell(const GraphCovariance& covariance, GraphSolution& out) const {
   const auto is_current = [&](const GraphTag& tag) {
     return tag.epoch == epochs_.newest(tag.tag_id);
   };
-  const auto covariance = this->covariance();
-  if (!covariance) return std::nullopt;
-  GraphSolution out;
+  out.findings = findings_of(covariance, state_);
   for (std::size_t i = 0; i < state_.tags.size(); ++i) {
     const GraphTag& tag = state_.tags[i];
     out.tags.push_back({tag.tag_id, tag.edge_m, tag.component, tag.sightings, tag.first_seen,
-                        tag.last_seen, tag.X_WT, *covariance->between(i, i), tag.epoch,
+                        tag.last_seen, tag.X_WT, *covariance.between(i, i), tag.epoch,
                         is_current(tag)});
   }
   std::sort(out.tags.begin(), out.tags.end(), [](const auto& a, const auto& b) {
@@ -322,13 +344,12 @@ std::optional<GraphSolution> MapGraph::tell() {
     const bool turned = state_.tags[i].tag_id > state_.tags[j].tag_id;
     const std::size_t first = turned ? j : i;
     const std::size_t second = turned ? i : j;
-    if (const auto of_both = covariance->between(first, second))
+    if (const auto of_both = covariance.between(first, second))
       out.pairs.push_back({state_.tags[first].tag_id, state_.tags[second].tag_id, *of_both});
   }
   std::sort(out.pairs.begin(), out.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
     return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
   });
-  return out;
 }
 
 void MapGraph::fold() {
@@ -336,6 +357,7 @@ void MapGraph::fold() {
   if (!prior) return;
   auto folded = without_workspace_segments(std::move(state_), std::move(*prior));
   state_ = std::move(folded.state);
+  fold_doubts(state_);
   for (auto& [body_id, chain] : chains_)
     if (chain.node) chain.node = folded.nodes[*chain.node];
 }

@@ -75,11 +75,13 @@ class MapGraph final {
   /// Index of a tag, added when the component does not have it.
   [[nodiscard]] std::size_t tag_of(int component, const KnownTag& tag, int epoch, const Pose& X_WT,
                                    Instant now);
+  [[nodiscard]] std::optional<GraphCovariance> settle(const std::stop_token& stop,
+                                                      GraphSolution& done);
   bool iterate(const std::stop_token& stop, GraphSolution& done);
   int condense_again();
   void lay_over_definition();
   void lay_over_places();
-  [[nodiscard]] std::optional<GraphSolution> tell();
+  void tell(const GraphCovariance& covariance, GraphSolution& out) const;
 
   GraphState state_;
   std::map<int, Chain> chains_;  ///< Per body id.

@@ -141,6 +141,7 @@ void add_options(CLI::App& app, const Verb& verb, EstimationOptions& options) {
   app.add_flag("--without-imu", options.without_imu, "mismatch: bodies with a camera alone");
   app.add_flag("!--believe", options.estimator.doubt_configuration,
                "all that is configured is believed");
+  app.add_flag("--graph", options.graph, "mismatch: one body as well has its map refined");
   app.add_flag("--refine", options.estimator.refine_intrinsics, "lenses are refined");
   app.add_option("--only", options.only,
                  "rows of mismatch or first-day that begin like this: \"prints;door\"")

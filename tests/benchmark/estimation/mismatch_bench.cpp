@@ -180,6 +180,7 @@ class Rows {
     std::vector<Score> scores(static_cast<std::size_t>(options_.seeds));
     FilterChoice choice = choice_of(options_, filter_, options_.cases.front());
     choice.live = true;
+    choice.refine_period_s = options_.graph ? kRefinePeriod_s : 0;
     in_parallel(options_.seeds, options_.threads, [&](int i) {
       const std::uint64_t seed = options_.first_seed + static_cast<std::uint64_t>(i);
       const EstimationData data = data_of(

@@ -25,7 +25,8 @@ struct EstimationOptions {
   int threads{2};
   bool quick{false};
   bool each{false};               ///< A line for every seed.
-  bool without_imu{false};        ///< Of mismatch.
+  bool without_imu{false};        ///< Of mismatch …
+  bool graph{false};              ///< … also this: the map is refined.
   std::vector<std::string> only;  ///< Rows whose names begin like that; empty: all.
   EstimatorConfig estimator{};
 };

@@ -106,6 +106,7 @@ void ExampleSegment::hang_tag(int tag_id) {
   const Pose X_VT{exp_so3({2.8 + 0.05 * k, 0.3 - 0.05 * k, 0.3}),
                   {0.3 * std::sin(2.0 * k), 0.2 * std::cos(2.0 * k), 1.6 + 0.05 * k}};
   segment.tags.push_back({tag_id, 0.2, state_.X_WB * segment.cameras[0].X_BV * X_VT, {}});
+  segment.scales.push_back(setup_.scale);
 }
 
 std::array<Pose, 3> ExampleSegment::rows(std::size_t instance, int camera) const {
@@ -139,11 +140,12 @@ std::optional<SegmentSighting> ExampleSegment::sight(const KnownTag& tag,
   out.covariance(0, 2) = out.covariance(2, 0) = 0.1;
   out.seen.tag_id = tag.tag_id;
   out.seen.edge_m = tag.edge_m;
+  const double edge_m = (1 + setup_.scale) * tag.edge_m;
   for (int i = 0; i < 4; ++i) {
     const auto k = static_cast<std::size_t>(i);
     // Each corner is in one of the three rows, wherever it appears: it is the same to the sums.
     const std::size_t row = k % 3;
-    const Eigen::Vector3d p_VP = X_WV[row].inverse() * (tag.X_WT * tag_corner(i, tag.edge_m));
+    const Eigen::Vector3d p_VP = X_WV[row].inverse() * (tag.X_WT * tag_corner(i, edge_m));
     const auto px = p_VP.z() > kClosest_m ? lens.project(p_VP) : std::nullopt;
     const bool is_inside =
         px && px->x() > 0 && px->x() < lens.width && px->y() > 0 && px->y() < lens.height;
@@ -176,7 +178,9 @@ MotionSegment moved(MotionSegment segment, const Eigen::VectorXd& error) {
   }
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     Pose& X = segment.tags[i].X_WT;
-    X = world::moved(X, error.segment<6>(tag(cameras, static_cast<int>(i))));
+    const auto number = static_cast<int>(i);
+    X = world::moved(X, error.segment<6>(tag(cameras, number)));
+    segment.scales[i] += error(scale(cameras, number));
   }
   return segment;
 }

@@ -25,6 +25,7 @@ class ExampleSegment {
     double readout_s{0};
     double jitter_s{0};
     LensOffset lens{};
+    double scale{0};  ///< Of all prints, against what is told.
     bool is_even{true};
   };
 

@@ -22,7 +22,11 @@ void PrintTo(const Case& value, std::ostream* out) { *out << value.name; }
 const Case kCases[] = {
     {"imu", {}},
     {"off_in_everything",
-     {.shift_s = 0.004, .readout_s = 0.016, .lens = {0.01, {2.0, -1.0}, -0.06}, .is_even = false}},
+     {.shift_s = 0.004,
+      .readout_s = 0.016,
+      .lens = {0.01, {2.0, -1.0}, -0.06},
+      .scale = 0.05,
+      .is_even = false}},
     {"jitter", {.jitter_s = 0.002}, 0.03},  // … how a stamp's error is divided, neither
     {"two_cameras", {.cameras = 2}},
     {"no_imu", {.has_imu = false, .step_s = 0.025}},
