@@ -25,6 +25,9 @@ struct KnownMap {
   std::uint64_t revision{};      ///< Another number: something may have changed.
   std::vector<KnownTag> tags;    ///< Sorted by id.
   std::vector<KnownPair> pairs;  ///< Sorted by both ids.
+  /// Found to be of another size than told; kAllPrints: all of them. Places are right all the same.
+  std::vector<int> wrong_prints;
+  static constexpr int kAllPrints = -1;
 
   [[nodiscard]] const KnownTag* find(int tag_id) const {
     const auto at = std::lower_bound(tags.begin(), tags.end(), tag_id,

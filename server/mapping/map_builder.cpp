@@ -287,6 +287,12 @@ MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_b
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
   KnownMap known;
   known.pairs = std::move(solution.pairs);
+  for (const GraphFinding& found : solution.findings) {
+    if (found.what.kind == FoundMismatch::Kind::kAllPrints)
+      known.wrong_prints.push_back(KnownMap::kAllPrints);
+    if (found.what.kind == FoundMismatch::Kind::kOnePrint)
+      known.wrong_prints.push_back(found.what.tag_id);
+  }
   Instant newest = Instant::min();  // of the solution: about now
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "estimation/found_mismatch.hpp"
+#include "estimation/known_map.hpp"
 #include "estimation/lens_estimate.hpp"
 #include "estimation/start/start_lessons.hpp"
 #include "estimation/world/filter_state.hpp"
@@ -62,6 +63,8 @@ class Suspects final {
   /// After the map was taken over: it was made with the same numbers taken for right, so it is no
   /// witness. What is closed is neither known better than before nor accused more.
   void keep_evidence(FilterState& state, std::span<const Evidence> before) const;
+  /// The map was made with this print open (KnownMap::wrong_prints): the state has it open, too.
+  void open_print(FilterState& state, int tag_id) const;
   /// What is closed begins anew: images said of it what was something else.
   void acquit(FilterState& state) const;
   /// What was opened and is settled well enough to be told.

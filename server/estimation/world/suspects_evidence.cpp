@@ -34,6 +34,22 @@ void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> befor
   state.add_error(error);
 }
 
+void Suspects::open_print(FilterState& state, int tag_id) const {
+  const bool all = tag_id == KnownMap::kAllPrints;
+  if (!all && state.find(tag_id) >= 0 && state.sizes.find(tag_id) < 0) watch_print(state, tag_id);
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& one = all_[i];
+    const bool is_it =
+        all ? one.kind == FoundMismatch::Kind::kAllPrints
+            : one.print >= 0 &&
+                  state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id == tag_id;
+    if (!is_it || one.assumed_sigma > 0 || state.suspicions[i].is_open) continue;
+    // What images said of it was said against other places of the tags.
+    state.suspicions[i] = {.is_open = true};
+    state.clear_column(one.column, one.open_sigma);
+  }
+}
+
 void Suspects::acquit(FilterState& state) const {
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {

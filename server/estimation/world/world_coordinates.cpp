@@ -251,6 +251,7 @@ std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
   suspects_.keep_evidence(state_, evidence);
+  for (const int tag_id : map.wrong_prints) suspects_.open_print(state_, tag_id);
   unrest_.note(*moved, state_.X_WB, state_.time);
   memory_.forget_all();
   state_.forget_clones();
