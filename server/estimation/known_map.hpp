@@ -28,6 +28,12 @@ struct KnownMap {
   /// Found to be of another size than told; kAllPrints: all of them. Places are right all the same.
   std::vector<int> wrong_prints;
   static constexpr int kAllPrints = -1;
+  /// Lenses that are other ones than configured.
+  struct WrongLens {
+    int body_id{};
+    int camera{};
+  };
+  std::vector<WrongLens> wrong_lenses;
 
   [[nodiscard]] const KnownTag* find(int tag_id) const {
     const auto at = std::lower_bound(tags.begin(), tags.end(), tag_id,

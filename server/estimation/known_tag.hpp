@@ -36,6 +36,8 @@ struct MapKnowledge {
   bool may_define_workspace{true};
   /// The whole of it, when its tags hang together; nullptr: each tag of `tags` stands alone.
   const KnownMap* whole{};
+  /// Who the body is in it.
+  int body_id{-1};
 };
 
 }  // namespace fiducap

@@ -58,6 +58,17 @@ TagBelief without_rounding(TagBelief belief) {
   return belief;
 }
 
+/// What filters are to have open as well.
+void note_wrong(std::span<const GraphFinding> findings, KnownMap& known) {
+  using Kind = FoundMismatch::Kind;
+  for (const auto& [body_id, what] : findings) {
+    if (what.kind == Kind::kAllPrints) known.wrong_prints.push_back(KnownMap::kAllPrints);
+    if (what.kind == Kind::kOnePrint) known.wrong_prints.push_back(what.tag_id);
+    if (what.camera >= 0 && what.kind != Kind::kReadout)
+      known.wrong_lenses.push_back({body_id, what.camera});
+  }
+}
+
 }  // namespace
 
 std::vector<ConfigError> MapConfig::check() const {
@@ -110,6 +121,7 @@ MapView MapBuilder::view(int body_id) {
   const bool may_define = may_define_locked(body_id);
   if (may_define && !working_.reference_tag) defining_ = body_id;
   MapView view{snapshot(), may_define, revision_};
+  view.body_id = body_id;
   news_.tell(body_id, view);
   return view;
 }
@@ -287,12 +299,7 @@ MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_b
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
   KnownMap known;
   known.pairs = std::move(solution.pairs);
-  for (const GraphFinding& found : solution.findings) {
-    if (found.what.kind == FoundMismatch::Kind::kAllPrints)
-      known.wrong_prints.push_back(KnownMap::kAllPrints);
-    if (found.what.kind == FoundMismatch::Kind::kOnePrint)
-      known.wrong_prints.push_back(found.what.tag_id);
-  }
+  note_wrong(solution.findings, known);
   Instant newest = Instant::min();  // of the solution: about now
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);
   const std::lock_guard lock(mutex_);

@@ -18,6 +18,7 @@ struct MapView {
   bool may_define_workspace{true};  ///< See MapKnowledge.
   std::uint64_t revision{};         ///< How often the map was published before; counts from 0.
   std::vector<int> forget{};        ///< Tags that the body is to learn anew; mostly none.
+  int body_id{-1};                  ///< Whose.
 };
 
 /// What one body tells the map after an image.

@@ -168,8 +168,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
   lose_motion_if_lost();
   for (const int tag_id : view.forget) filter_->release_tag(tag_id);
   view.map->known_among(update_.seen, update_.known);
-  update_.report = filter_->update(
-      update_.seen, {update_.known, view.may_define_workspace, view.map->known.get()});
+  update_.report = filter_->update(update_.seen, {update_.known, view.may_define_workspace,
+                                                  view.map->known.get(), view.body_id});
   const ClockEstimate clock = filter_->clock(corners.camera);
   merger_.set_clock_shift(corners.camera, shift_to_apply(clock, corners.clock_shift));
   agreement_.set_used_shift(corners.camera, clock.shift_s);

@@ -130,6 +130,7 @@ class FilterConversation final : public StartingFilter {
   bool is_start_over_{false};
   bool may_define_workspace_{true};  ///< See MapKnowledge.
   const KnownMap* map_{};            ///< Of the present image.
+  int body_id_{-1};                  ///< Who this is in it.
   int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
   std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.

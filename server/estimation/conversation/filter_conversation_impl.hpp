@@ -85,6 +85,7 @@ template <class C>
 UpdateReport FilterConversation<C>::update(const TagObservations& seen, const MapKnowledge& map) {
   may_define_workspace_ = map.may_define_workspace;
   map_ = map.whole;
+  body_id_ = map.body_id;
   const int generation = generation_;
   UpdateReport report = process(seen, map.tags);
   report.generation = generation_;
@@ -175,7 +176,7 @@ template <class C>
 void FilterConversation<C>::follow_map(UpdateReport& report) {
   // Less does not look like a clock that jumped.
   constexpr double kNoticeable_m = 0.005;
-  const auto moved = coordinates().follow_map(*map_);
+  const auto moved = coordinates().follow_map(*map_, body_id_);
   if (!moved) return;
   anchor_.give_to_map();
   report.map_shift = moved;

@@ -74,7 +74,7 @@ class RobocentricCoordinates final {
   void hold_map_tags(const TagObservations&, std::span<const KnownTag>, const KnownMap*, bool) {}
   void hold_one(const KnownTag&, const KnownMap*, Instant) {}
   /// The paper's filter keeps its tags.
-  std::optional<Pose> follow_map(const KnownMap&) { return std::nullopt; }
+  std::optional<Pose> follow_map(const KnownMap&, int) { return std::nullopt; }
   void give_to_map(std::size_t tag, const KnownTag& map);
   [[nodiscard]] bool is_own(std::size_t) const { return true; }
   [[nodiscard]] std::vector<SightedTag> sighted(int camera, std::span<const TagToUse> tags) const;

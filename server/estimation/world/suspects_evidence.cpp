@@ -34,20 +34,35 @@ void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> befor
   state.add_error(error);
 }
 
-void Suspects::open_print(FilterState& state, int tag_id) const {
-  const bool all = tag_id == KnownMap::kAllPrints;
-  if (!all && state.find(tag_id) >= 0 && state.sizes.find(tag_id) < 0) watch_print(state, tag_id);
+void Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
+  for (const int tag_id : map.wrong_prints) {
+    if (state.find(tag_id) >= 0 && state.sizes.find(tag_id) < 0) watch_print(state, tag_id);
+  }
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& one = all_[i];
-    const bool is_it =
-        all ? one.kind == FoundMismatch::Kind::kAllPrints
-            : one.print >= 0 &&
-                  state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id == tag_id;
-    if (!is_it || one.assumed_sigma > 0 || state.suspicions[i].is_open) continue;
-    // What images said of it was said against other places of the tags.
-    state.suspicions[i] = {.is_open = true};
-    state.clear_column(one.column, one.open_sigma);
+    const int print =
+        one.print >= 0 ? state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id : -1;
+    const bool is_free = one.print >= 0 && print < 0;
+    const bool is_wrong =
+        one.camera >= 0
+            ? std::any_of(map.wrong_lenses.begin(), map.wrong_lenses.end(),
+                          [&](const auto& lens) {
+                            return lens.body_id == body_id && lens.camera == one.camera &&
+                                   one.kind != FoundMismatch::Kind::kReadout;
+                          })
+            : !is_free && std::find(map.wrong_prints.begin(), map.wrong_prints.end(),
+                                    one.print >= 0 ? print : KnownMap::kAllPrints) !=
+                              map.wrong_prints.end();
+    if (is_wrong) open_anew(state, i);
   }
+}
+
+/// What images said of it was said against other places of the tags.
+void Suspects::open_anew(FilterState& state, std::size_t suspect) const {
+  const Suspect& one = all_[suspect];
+  if (one.is_parameter || one.assumed_sigma > 0 || state.suspicions[suspect].is_open) return;
+  state.suspicions[suspect] = {.is_open = true};
+  state.clear_column(one.column, one.open_sigma);
 }
 
 void Suspects::acquit(FilterState& state) const {

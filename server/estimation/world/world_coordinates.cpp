@@ -245,13 +245,13 @@ void WorldCoordinates::hold_one(const KnownTag& tag, const KnownMap* whole, Inst
   world::hold_one(state_, tag, whole, at);
 }
 
-std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map) {
+std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map, int body_id) {
   if (!held_tags_.has_news(map)) return std::nullopt;  // most images: nothing to do
   const auto evidence = suspects_.evidence(state_);
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
   suspects_.keep_evidence(state_, evidence);
-  for (const int tag_id : map.wrong_prints) suspects_.open_print(state_, tag_id);
+  suspects_.open_by_map(state_, map, body_id);
   unrest_.note(*moved, state_.X_WB, state_.time);
   memory_.forget_all();
   state_.forget_clones();

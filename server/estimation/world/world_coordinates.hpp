@@ -81,7 +81,7 @@ class WorldCoordinates final {
                      bool is_anchored);
   void hold_one(const KnownTag& tag, const KnownMap* whole, Instant at);
   /// The map has learned: see exchange().
-  std::optional<Pose> follow_map(const KnownMap& map);
+  std::optional<Pose> follow_map(const KnownMap& map, int body_id);
   /// The tag's own copy becomes the map's, and what both say is fused.
   void give_to_map(std::size_t tag, const KnownTag& map);
   /// A tag of the map is not a belief of this body.

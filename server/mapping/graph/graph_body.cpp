@@ -1,6 +1,7 @@
 #include "mapping/graph/graph_body.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "estimation/world/filter_state.hpp"
 
@@ -15,6 +16,10 @@ constexpr double kExactCentre_px = 1e-4;
 constexpr double kOpenFocal = 0.1;
 constexpr double kOpenCentre_px = 30.0;
 constexpr double kOpenDistortion = 0.1;
+
+// A clock that goes so much otherwise, when a body is found again, has jumped.
+constexpr double kJumped_s = 0.01;
+constexpr int kClockRow = 6;
 
 void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
   information(at, at) = 1.0 / (sigma * sigma);
@@ -63,6 +68,37 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
   }
   body.cameras = body.expected;
   return body;
+}
+
+bool has_other_clocks(const GraphBody& body, const MotionSegment& segment) {
+  for (std::size_t c = 0; c < body.cameras.size(); ++c)
+    if (std::abs(segment.cameras[c].shift_s - body.cameras[c].shift_s) > kJumped_s) return true;
+  return false;
+}
+
+GraphBody with_other_clocks(const GraphBody& before, int index, const MotionSegment& since) {
+  GraphBody body = before;
+  body.doubts.clear();
+  body.same_as = index;
+  body.information.setZero();
+  for (std::size_t c = 0; c < body.cameras.size(); ++c) {
+    body.cameras[c].shift_s = body.expected[c].shift_s = since.cameras[c].shift_s;
+    const double sigma = since.sensors->cameras[c].time_shift_sigma_s;
+    add_square(body.information,
+               static_cast<Eigen::Index>(c) * segment_layout::kCameraSize + kClockRow,
+               std::max(kExact, sigma));
+  }
+  return body;
+}
+
+SameNumbers information_of_same() {
+  SameNumbers sigma;
+  sigma << 1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5,  // m and rad
+      1, 1e-6,                                  // s
+      1e-6, 1e-3, 1e-3, 1e-6;
+  SameNumbers out = sigma.cwiseAbs2().cwiseInverse();
+  out(kClockRow) = 0;
+  return out;
 }
 
 void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {

@@ -25,6 +25,9 @@ struct GraphBody {
   Eigen::MatrixXd information;         ///< … this information about all cameras' numbers.
   /// By their rows there: of numbers that are doubted.
   std::map<int, Doubt> doubts;
+  /// Before a clock has jumped it was the body with this index in GraphState::bodies: all numbers
+  /// but clocks are the same. -1: none.
+  int same_as{-1};
 };
 
 /// As the configuration says.
@@ -32,5 +35,15 @@ struct GraphBody {
 
 /// What a start has found of clocks and lenses may be far from what was expected: it begins there.
 void begin_with(const std::vector<CameraBelief>& found, GraphBody& body);
+
+/// The body since its cameras' clocks go otherwise.
+/// @param before  with this index
+[[nodiscard]] GraphBody with_other_clocks(const GraphBody& before, int index,
+                                          const MotionSegment& since);
+[[nodiscard]] bool has_other_clocks(const GraphBody& body, const MotionSegment& segment);
+/// How surely the numbers of a camera are the same ones then, in the order of segment_layout: as
+/// information; of the clock 0.
+using SameNumbers = Eigen::Matrix<double, segment_layout::kCameraSize, 1>;
+[[nodiscard]] SameNumbers information_of_same();
 
 }  // namespace fiducap

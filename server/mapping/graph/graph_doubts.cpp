@@ -11,8 +11,7 @@ using Kind = FoundMismatch::Kind;
 
 /// How well a number is known before any data, 1-sigma.
 struct Priors {
-  double tight{};    ///< While it is taken for right. In a graph, with all its data, that must be
-                     ///< less than in a filter.
+  double tight{};    ///< While it is taken for right: exact, for all that the rest can tell.
   double open{};     ///< Once it is not.
   double settled{};  ///< It is as configured after all when it is known like this.
 };
@@ -20,18 +19,18 @@ struct Priors {
 Priors priors_of(Kind kind) {
   switch (kind) {
     case Kind::kReadout:
-      return {2e-5, 0.02, 3e-4};
+      return {5e-6, 0.02, 3e-4};
     case Kind::kFocalLength:
-      return {2e-5, 0.05, 1e-3};
+      return {5e-6, 0.05, 1e-3};
     case Kind::kCentreU:
     case Kind::kCentreV:
-      return {0.03, 20.0, 0.5};
+      return {0.005, 20.0, 0.5};
     case Kind::kDistortion:
-      return {5e-6, 0.1, 2e-3};
+      return {2e-6, 0.1, 2e-3};
     case Kind::kAllPrints:
-      return {1e-4, 0.05, 5e-4};
+      return {1e-5, 0.05, 5e-4};
     default:
-      return {1e-4, 0.1, 5e-4};
+      return {1e-5, 0.1, 5e-4};
   }
 }
 
@@ -50,7 +49,7 @@ double information_of(const DoubtedNumber& number) {
 double score(const DoubtedNumber& number, double variance) {
   const double prior = information_of(number);
   const double of_data = 1 / variance - prior;
-  constexpr double kRounding = 1e-6;
+  constexpr double kRounding = 1e-8;
   if (!(of_data > kRounding * prior)) return 0;
   return number.value / (variance * std::sqrt(of_data));
 }

@@ -5,7 +5,6 @@
 #include "base/so3.hpp"
 #include "estimation/filter/heading_rule.hpp"
 #include "estimation/world/filter_state.hpp"
-#include "mapping/graph/graph_doubts.hpp"
 
 namespace fiducap {
 
@@ -146,14 +145,6 @@ void add_start(const GraphState& graph, const GraphVariables& variables, const C
   out.pull.segment<6>(out.H.first(before) + 9) += pull.tail<6>();
 }
 
-void add_body(const GraphBody& body, int variable, NormalEquations& out) {
-  const Eigen::VectorXd error = error_between(body.expected, body.cameras);
-  const Eigen::VectorXd pull = body.information * error;
-  out.cost += 0.5 * error.dot(pull);
-  out.H.add(variable, variable, body.information);
-  out.pull.segment(out.H.first(variable), error.size()) -= pull;
-}
-
 Vector6d plain_error(const Pose& expected, const Pose& now) {
   Vector6d out;
   out << now.p - expected.p, log_so3(now.q * expected.q.conjugate());
@@ -252,18 +243,6 @@ void add_prior(const GraphState& graph, const GraphVariables& variables, NormalE
   out.cost += prior_cost_of(graph);
 }
 
-void add_doubts(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
-  for (const DoubtedNumber& number : doubted_numbers(graph, variables)) {
-    const double information = prior_information(number);
-    const int size = out.H.size(number.variable);
-    Eigen::MatrixXd own = Eigen::MatrixXd::Zero(size, size);
-    own(number.row, number.row) = information;
-    out.H.add(number.variable, number.variable, own);
-    out.pull(out.H.first(number.variable) + number.row) -= information * number.value;
-    out.cost += 0.5 * information * number.value * number.value;
-  }
-}
-
 /// Holds the tag seen most often of each component whose place nothing says.
 void add_gauges(const GraphState& graph, const GraphVariables& variables, NormalEquations& out) {
   std::map<int, std::size_t> held;
@@ -338,10 +317,8 @@ NormalEquations normal_equations(const GraphState& graph, const GraphVariables& 
   NormalEquations out(variables);
   for (const GraphSegment& segment : graph.segments) add_segment(graph, variables, segment, out);
   for (const ChainStart& start : graph.starts) add_start(graph, variables, start, out);
-  for (std::size_t i = graph.prior.cameras.size(); i < graph.bodies.size(); ++i)
-    add_body(graph.bodies[i], variables.body(i), out);
+  out.cost += sensor_terms(graph, variables, &out);
   add_prior(graph, variables, out);
-  add_doubts(graph, variables, out);
   add_gauges(graph, variables, out);
   return out;
 }
@@ -354,14 +331,7 @@ double cost_of(const GraphState& graph) {
     const StartError s = start_error(graph, start);
     cost += 0.5 * s.error.dot(s.information.cwiseProduct(s.error));
   }
-  for (std::size_t i = graph.prior.cameras.size(); i < graph.bodies.size(); ++i) {
-    const GraphBody& body = graph.bodies[i];
-    const Eigen::VectorXd error = error_between(body.expected, body.cameras);
-    cost += 0.5 * error.dot(body.information * error);
-  }
-  for (const DoubtedNumber& number : doubted_numbers(graph, GraphVariables(graph)))
-    cost += 0.5 * prior_information(number) * number.value * number.value;
-  return cost + prior_cost_of(graph);
+  return cost + sensor_terms(graph, GraphVariables(graph), nullptr) + prior_cost_of(graph);
 }
 
 void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, const BlockMatrix& H,

@@ -38,6 +38,9 @@ struct NormalEquations {
 
 [[nodiscard]] NormalEquations normal_equations(const GraphState& graph,
                                                const GraphVariables& variables);
+/// What is known of cameras and prints beside the segments and the GraphPrior.
+/// @param out  gets it; nullptr: nobody does   @return its cost
+double sensor_terms(const GraphState& graph, const GraphVariables& variables, NormalEquations* out);
 /// Without the equations.
 [[nodiscard]] double cost_of(const GraphState& graph);
 /// Every variable moves by its rows of δ.

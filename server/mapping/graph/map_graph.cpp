@@ -70,14 +70,21 @@ bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
 
 }  // namespace
 
+/// As it is now: with the clocks that it has since they have jumped last.
 std::size_t MapGraph::body_of(const MotionSegment& segment) {
-  const auto found =
-      std::find_if(state_.bodies.begin(), state_.bodies.end(),
-                   [&](const GraphBody& body) { return body.id == segment.body_id; });
-  if (found != state_.bodies.end()) return static_cast<std::size_t>(found - state_.bodies.begin());
-  state_.bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
-  state_.doubts |= segment.sensors->doubts;
-  return state_.bodies.size() - 1;
+  auto& bodies = state_.bodies;
+  const auto found = std::find_if(bodies.rbegin(), bodies.rend(), [&](const GraphBody& body) {
+    return body.id == segment.body_id;
+  });
+  if (found == bodies.rend()) {
+    bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
+    state_.doubts |= segment.sensors->doubts;
+    return bodies.size() - 1;
+  }
+  const std::size_t index = bodies.size() - 1 - static_cast<std::size_t>(found - bodies.rbegin());
+  if (goes_on(segment) || !has_other_clocks(bodies[index], segment)) return index;
+  bodies.push_back(with_other_clocks(bodies[index], static_cast<int>(index), segment));
+  return bodies.size() - 1;
 }
 
 bool MapGraph::add(MotionSegment segment) {

@@ -217,7 +217,8 @@ Expected<void> BodiesReplay::run_by_turns(const Watch& watch) {
     remember(now);
     const auto seen = published(turn.revision);
     if (!seen) ++turns_missed_;
-    const MapView view{seen ? seen : now.map, turn.may_define_workspace, now.revision};
+    const MapView view{
+        seen ? seen : now.map, turn.may_define_workspace, now.revision, {}, now.body_id};
     last_.reset();
     if (const auto done = take_next(turn.body, view, watch); !done) return done;
     compare(turn);
