@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { openPage, runSteps, shoot, startServer, step, world } from './harness.mjs';
+import { nextDrawing, openPage, runSteps, shoot, startServer, step, world } from './harness.mjs';
 
 const TOKEN = 'correct horse battery';
 const folder = mkdtempSync(join(tmpdir(), 'fiducap-page-'));
@@ -170,7 +170,7 @@ step('shows in the room what has changed, and rolls back', async () => {
 step('a tag is chosen by a click in the room', async () => {
   const { page } = world;
   await page.click('[data-list=log]');
-  await page.click('#view-top');
+  await nextDrawing(page, () => page.click('#view-top'));
   const canvas = await page.locator('.stage canvas').boundingBox();
   // Tags lie about the middle of the floor: one of a row of points is on one.
   for (let i = 0; i < 60; ++i) {
