@@ -82,7 +82,11 @@ export const world = {};
 /** A picture for people, where they asked for some; no test depends on it. */
 export async function shoot(page, name) {
   if (!shotFolder) return;
-  await page.screenshot({ path: join(shotFolder, `${name}.png`) }).catch((error) => console.log(`no picture ${name}: ${error.message}`));
+  const picture = async () => {
+    await page.waitForFunction(() => window.drawn);
+    await page.screenshot({ path: join(shotFolder, `${name}.png`) });
+  };
+  await picture().catch((error) => console.log(`no picture ${name}: ${error.message}`));
 }
 
 export async function runSteps() {

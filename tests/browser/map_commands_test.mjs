@@ -16,6 +16,10 @@ const rowOf = (page, tag) => page.locator(`#versions tr[data-tag="${tag}"]`);
 
 async function showMap(page) {
   await page.click('[data-list=versions]');
+  await page.waitForFunction(() => {
+    const bodies = document.getElementById('bodies');
+    return bodies.scrollHeight <= bodies.clientHeight; // none is cut
+  });
   await page.waitForFunction(() => document.querySelectorAll('#versions table.tags tbody tr[data-tag]').length > 20);
 }
 

@@ -1,4 +1,4 @@
-import { ArrowHelper, Group, Mesh, MeshBasicMaterial, OctahedronGeometry, Vector3 } from 'three';
+import { ArrowHelper, Group, Mesh, MeshBasicMaterial, SphereGeometry, Vector3 } from 'three';
 import type { TagChange, Vector3 as Place } from './protocol';
 import { disposeChildren } from './text_sprite';
 import { ROOM, TAG_COLOUR } from './theme';
@@ -41,7 +41,8 @@ function arrow(from: Place, to: Place, factor: number): ArrowHelper {
 }
 
 function mark(place: Place, colour: string): Mesh {
-  const made = new Mesh(new OctahedronGeometry(0.22), new MeshBasicMaterial({ color: colour, wireframe: true }));
+  // So coarse a ball is an octahedron, and bodies use it anyway.
+  const made = new Mesh(new SphereGeometry(0.22, 4, 2), new MeshBasicMaterial({ color: colour, wireframe: true }));
   made.position.set(...place);
   return made;
 }

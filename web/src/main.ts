@@ -167,8 +167,9 @@ class Page {
   }
 }
 
-/** Log, events and map share a place. */
+/** Log, events and map share a place; bodies give the map some of theirs. */
 function showList(chosen: string): void {
+  byId('bodies').classList.toggle('brief', chosen === 'versions');
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
     const shown = button.dataset.list === chosen;
     button.setAttribute('aria-pressed', String(shown));

@@ -6,7 +6,10 @@ import { command, type Outcome } from './operator';
 import type { MapVersion, ServerEvent } from './protocol';
 
 const NO_COMMANDS = 'This server takes no commands: set operator.token or operator.token_file in its configuration.';
-const LOCKED = 'Locked. Who knows the operator’s token may change the map; the token stays in this tab.';
+const LOCKED = 'Locked. Changes need the operator’s token.';
+const TOKEN =
+  'The token stays in this tab; what travels is a proof that you know it. But whoever can alter a page that comes by plain http ' +
+  'can take it: behind a network you do not trust, use https or a tunnel.';
 const OPEN = 'Unlocked in this tab.';
 
 type Tone = '' | 'busy' | 'good' | 'bad';
@@ -35,6 +38,7 @@ export class MapCommands {
     this.token.type = 'password';
     this.token.autocomplete = 'off';
     this.token.placeholder = 'Operator’s token';
+    this.token.title = TOKEN;
     this.token.setAttribute('aria-label', 'Operator’s token');
     this.form.append(this.token, element('button', '', 'Unlock'));
     this.form.addEventListener('submit', (event) => {

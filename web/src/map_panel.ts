@@ -11,6 +11,7 @@ const LOOK_MS = 1000;
 const NOW_MS = 2500; // the server says once a second what was seen
 const DAY_MS = 86_400_000;
 const CHOOSE = 'Choose a version to see what has changed since.';
+const ARROWS = 'How far it moved. Its arrow in the room is at least 10 cm long, however little that is.';
 const FIT =
   'How far the tag’s corners were from where the bodies’ filters have them after the image, RMS over about 50 sightings, pixels. ' +
   'Rejected sightings count, too. Much more than the others: look at this tag.';
@@ -25,7 +26,7 @@ export interface Listener {
 /** Stored versions of the map, how two of them differ, and every tag of the one that is served. */
 export class MapPanel {
   private readonly versions = table('versions', [['Version'], ['Stored'], ['Tags'], ['Name']]);
-  private readonly changes = table('changes', [['Tag'], ['Change'], ['mm'], ['°']]);
+  private readonly changes = table('changes', [['Tag'], ['Change'], ['mm', ARROWS], ['°']]);
   private readonly tags = table('tags', [
     ['Tag'],
     ['State'],
@@ -207,12 +208,12 @@ export class MapPanel {
   }
 }
 
-/** `Version 11 → 12: 2 tags differ. Arrows are 100 times as long.` */
+/** `Version 11 → 12: 2 tags differ. Arrows in the room are 100 times as long, at least 10 cm.` */
 export function diffWords(diff: MapDiff): string {
   const number = diff.changes.length;
   const what = number === 0 ? 'no tag differs' : number === 1 ? '1 tag differs' : `${number} tags differ`;
   const factor = exaggeration(diff.changes);
-  const drawn = factor > 1 ? `. Arrows in the room are ${factor} times as long.` : '';
+  const drawn = factor > 1 ? `. Arrows in the room are ${factor} times as long, at least 10 cm.` : '';
   return `Version ${diff.before} → ${diff.after}: ${what}${drawn}`;
 }
 

@@ -22,7 +22,7 @@ describe('exaggeration', () => {
 
   it('is said', () => {
     expect(diffWords({ before: 3, after: 4, changes: [moved(5)] })).toBe(
-      'Version 3 → 4: 1 tag differs. Arrows in the room are 100 times as long.',
+      'Version 3 → 4: 1 tag differs. Arrows in the room are 100 times as long, at least 10 cm.',
     );
   });
 });
