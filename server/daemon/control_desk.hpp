@@ -40,6 +40,7 @@ class ControlDesk final : public OperatorDesk {
   [[nodiscard]] std::vector<MapVersionInfo> map_versions() const override;
   [[nodiscard]] Expected<std::shared_ptr<const TagMap>> map_version(
       std::int64_t version) const override;
+  [[nodiscard]] std::vector<TagFit> tag_fits() const override { return scene_.tag_fits().list(); }
   [[nodiscard]] std::shared_ptr<const TagMap> map() const override { return map_.snapshot(); }
   Expected<void> start_recording(const std::string& name) override;
   Expected<void> stop_recording() override { return recorder_.stop(); }

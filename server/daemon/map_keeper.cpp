@@ -96,8 +96,12 @@ void MapKeeper::store_map() {
     if (!stored) return events_.begin(not_stored(kNotStored, "the map", stored.error().text()));
     learned_waits_ = true;
   }
-  asked_for_.reset();
+  const bool is_asked_for = std::exchange(asked_for_, std::nullopt).has_value();
   events_.end(kSubject, kNotStored, "is stored again");
+  if (is_asked_for)
+    tell("version_stored",
+         (is_wanted ? "is stored as version " : "is stored already, as version ") +
+             std::to_string(map_.snapshot()->version));
   if (!is_wanted) return;
   is_log_old_ = true;
   thin();

@@ -29,8 +29,8 @@ struct LearnedBody {
 /// when it has changed, on request and at the end; takes away what has grown old. A store that
 /// cannot be written is a standing event
 /// (`not_stored`), and tried again each period; what is stored stays as it was. What is thrown
-/// costs a round. What an operator asked for, and how it went, is told (`rolled_back`,
-/// `version_named`, `refused`).
+/// costs a round. What an operator asked for, and how it went, is told (`version_stored`,
+/// `rolled_back`, `version_named`, `refused`).
 class MapKeeper final {
  public:
   using Learned = std::function<std::vector<LearnedBody>()>;

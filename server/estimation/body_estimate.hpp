@@ -66,6 +66,13 @@ struct UpdateReport {
   std::array<int, kMostNamed> dropped_tags{};    ///< The ids of the first of them.
   int tags_fitting{};                            ///< Used where the map has them …
   std::array<int, kMostFitting> fitting_tags{};  ///< … the first of them.
+  /// How far the corners of a tag were from where the estimate has them after the update.
+  struct CornerFit {
+    int tag_id{};
+    double rms_px{};  ///< Raw pixels.
+  };
+  int tags_measured{};  ///< Before the camera and with a place, used or not; 0 when none was used …
+  std::array<CornerFit, kMostFitting> corner_fits{};  ///< … the first of them.
   int landmarks_used{};  ///< Followed image points whose track ended with this image.
   int landmarks_rejected{};
   double landmark_nis{};  ///< Normalised innovation squared of the used ones together.
@@ -110,6 +117,15 @@ struct UpdateReport {
   [[nodiscard]] std::span<const int> named_fitting() const {
     return std::span(fitting_tags)
         .first(std::min(kMostFitting, static_cast<std::size_t>(tags_fitting)));
+  }
+  [[nodiscard]] std::span<const CornerFit> named_fits() const {
+    return std::span(corner_fits)
+        .first(std::min(kMostFitting, static_cast<std::size_t>(tags_measured)));
+  }
+  void name_fit(const CornerFit& fit) {
+    if (static_cast<std::size_t>(tags_measured) < kMostFitting)
+      corner_fits[static_cast<std::size_t>(tags_measured)] = fit;
+    ++tags_measured;
   }
   void name_fitting(int tag_id) {
     if (static_cast<std::size_t>(tags_fitting) < kMostFitting)

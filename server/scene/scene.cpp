@@ -78,6 +78,7 @@ void Scene::add_imu(std::size_t body, const ImuSample& imu) {
 
 void Scene::ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
                    const UpdateReport& report, Duration processing, std::uint64_t images_dropped) {
+  if (estimate && estimate->anchored) tag_fits_.note(report);
   Guarded& one = guarded(body);
   const std::lock_guard lock(one.mutex);
   one.tracker.ingest(estimate, report, processing, images_dropped);

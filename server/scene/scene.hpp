@@ -8,6 +8,7 @@
 #include "base/object_pool.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "scene/scene_frame.hpp"
+#include "scene/tag_fits.hpp"
 
 namespace fiducap {
 
@@ -31,6 +32,8 @@ class Scene final {
   void ingest(std::size_t body, const std::optional<BodyEstimate>& estimate,
               const UpdateReport& report, Duration processing, std::uint64_t images_dropped);
   void source_lost(std::size_t body);
+  /// How well the sightings of tags fit. From any thread.
+  [[nodiscard]] const TagFits& tag_fits() const { return tag_fits_; }
 
   /// Every body brought to `at`. One caller (the publisher). Allocates nothing after warm-up.
   [[nodiscard]] std::shared_ptr<const SceneFrame> sample(Instant at, Instant published_at,
@@ -68,6 +71,7 @@ class Scene final {
   void renew_roster();
 
   std::vector<std::unique_ptr<Guarded>> bodies_;
+  TagFits tag_fits_;
   mutable std::mutex
       list_mutex_;  ///< For the two below; held to read or change them, never while computing.
   std::vector<Listed> list_;

@@ -14,6 +14,7 @@
 #include "mapping/map_builder.hpp"
 #include "mapping/map_change.hpp"
 #include "mapping/store/map_rows.hpp"
+#include "scene/tag_fits.hpp"
 
 namespace fiducap {
 
@@ -42,9 +43,9 @@ struct RecordingStatus {
 
 /// What clients may change, whatever protocol they speak. Implemented in `app`.
 ///
-/// Called on the I/O thread; every call returns at once. A change of the bodies shows in the next
-/// frame's `model` with a new generation. Who calls has judged the caller: by `admits`, or by
-/// RemoteControl where the wire has no password.
+/// Called on the threads of protocols; every call returns at once. A change of the bodies shows in
+/// the next frame's `model` with a new generation. Who calls has judged the caller: by `admits`, or
+/// by RemoteControl where the wire has no password.
 class OperatorDesk {
  public:
   struct Body {
@@ -84,6 +85,8 @@ class OperatorDesk {
       std::int64_t version) const {
     return fail(ErrorCode::kNotFound, "there is no version " + std::to_string(version));
   }
+  /// How well the sightings of its tags fit.
+  [[nodiscard]] virtual std::vector<TagFit> tag_fits() const { return {}; }
   /// The map that is served.
   [[nodiscard]] virtual std::shared_ptr<const TagMap> map() const { return nullptr; }
 

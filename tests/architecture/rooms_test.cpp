@@ -54,7 +54,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"streaming/qualisys", {"conventions", "net"}},
     {"streaming/vicon", {"conventions", "net"}},
     {"streaming/vrpn", {"conventions", "net"}},
-    {"streaming/web", {"conventions", "net"}},
+    {"streaming/web", {"conventions", "native", "net"}},  // its control channel
     {"daemon/recording", {}},
     {"daemon/config", {"recording"}},
     {"daemon/bodies", {"config", "recording"}},

@@ -1,6 +1,8 @@
 // The web room with three fake robots in a fake hall of 24 tags, for the browser test and for
 // working on the page:
 //   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
+//                    [--store FOLDER [--token TOKEN]]
+// With a folder for the store the map is a real one, and who knows the token may change it.
 // Prints the port, serves until its input ends. Lines of the input change what it tells:
 //   begin SUBJECT KIND TEXT…  begins a condition, with a remedy; `end SUBJECT KIND` ends it.
 #include <unistd.h>
@@ -23,6 +25,7 @@
 #include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/so3.hpp"
+#include "served_map.hpp"
 #include "streaming/web/web_server.hpp"
 
 namespace {
@@ -143,9 +146,10 @@ void trouble(std::vector<BodyPose>& bodies) {
 
 class Hall final {
  public:
+  /// @param map  nullptr: one that never changes
   Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model,
-       bool troubled)
-      : timer_(io), server_(server), model_(std::move(model)), troubled_(troubled) {}
+       bool troubled, const ServedMap* map)
+      : timer_(io), server_(server), model_(std::move(model)), served_(map), troubled_(troubled) {}
 
   void run() {
     timer_.expires_after(kPeriod);
@@ -170,7 +174,7 @@ class Hall final {
         std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
     frame->rate_hz = 100;
     frame->model = model_;
-    frame->map = map_;
+    frame->map = served_ != nullptr ? served_->snapshot() : map_;
     const double t = static_cast<double>(number_) * to_seconds(kPeriod);
     for (std::size_t i = 0; i < model_->bodies.size(); ++i) {
       frame->bodies.push_back(body(static_cast<int>(i), t));
@@ -187,6 +191,7 @@ class Hall final {
   boost::asio::steady_timer timer_;
   web::WebServer& server_;
   std::shared_ptr<const SceneModel> model_;
+  const ServedMap* served_;
   std::shared_ptr<const TagMap> map_{hall()};
   std::uint64_t number_{0};
   bool troubled_;
@@ -202,8 +207,12 @@ std::shared_ptr<const SceneModel> robots(int count) {
   return model;
 }
 
-std::int64_t utc_now_ns() {
-  return std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
+// Tag 9 was seen badly, tag 23 long ago.
+std::vector<TagFit> fits(Instant now) {
+  std::vector<TagFit> all;
+  for (int id = 0; id < 24; ++id)
+    all.push_back({id, id == 9 ? 2.75 : 0.2 + 0.01 * id, 40, now - (id == 23 ? 2h : 0s)});
+  return all;
 }
 
 void obey(std::istream& line, EventBoard& events) {
@@ -227,9 +236,12 @@ int main(int argc, char** argv) {
   config.port = 0;
   int bodies = 3;
   bool troubled = false;
+  std::string store, token;
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string_view option = argv[i];
     if (option == "--port") config.port = static_cast<std::uint16_t>(std::atoi(argv[i + 1]));
+    if (option == "--store") store = argv[i + 1];
+    if (option == "--token") token = argv[i + 1];
     if (option == "--root") config.root = argv[i + 1];
     if (option == "--trouble") troubled = std::string_view(argv[i + 1]) == "1";
     if (option == "--bodies") bodies = std::atoi(argv[i + 1]);
@@ -257,6 +269,9 @@ int main(int argc, char** argv) {
     map->tags[9].tag.X_WT.p += Eigen::Vector3d(0.3, 0, 0.4);
     return map;
   };
+  sources.tag_fits = [&clock] { return fits(clock.now()); };
+  std::optional<ServedMap> served;
+  if (!store.empty()) served.emplace(*hall(), store, token, events).serve(sources);
   sources.clients = [&] {
     const double up = std::fmod(to_seconds(clock.now().time_since_epoch()), 5000);
     const auto sent = static_cast<std::uint64_t>(up * 100);
@@ -276,7 +291,7 @@ int main(int argc, char** argv) {
   std::printf("%d\n", server->port());
   std::fflush(stdout);
 
-  Hall hall(io, *server, model, troubled);
+  Hall hall(io, *server, model, troubled, served ? &*served : nullptr);
   hall.run();
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
   boost::asio::streambuf heard;

@@ -7,7 +7,9 @@ import { EventsPanel } from './events_panel';
 import { duration, fixed, timeOfDay } from './format';
 import { LogPanel } from './log_panel';
 import { mapLine } from './map_line';
+import { MapCommands } from './map_commands';
 import { MapPanel } from './map_panel';
+import { controlUrl } from './operator';
 import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
 import { TAG_COLOUR } from './theme';
@@ -17,13 +19,17 @@ const CHART_TITLE: Record<ChartQuantity, string> = { sigma: 'Position uncertaint
 
 /** Wires the panels to the messages. */
 class Page {
-  private readonly scene = makeScene();
+  private readonly scene = makeScene((tag) => this.pointAt(tag));
   private readonly bodies = new BodiesTable(byId('bodies'), (id) => this.choose(id));
   private readonly clients = new ClientsPanel(byId('clients'), byId('clients-summary'));
   private readonly log = new LogPanel(byId('log'));
   private readonly events = new EventsPanel(byId('alarms-banner'), byId('alarms'), byId('events'), byId('alarms-summary'));
   private readonly chart = new StripChart(byId('chart'));
-  private readonly versions = new MapPanel(byId('versions'), (diff) => this.scene?.setChanges(diff?.changes ?? []));
+  private readonly commands = new MapCommands(controlUrl(document.baseURI));
+  private readonly versions = new MapPanel(byId('versions'), this.commands, {
+    compared: (diff) => this.scene?.setChanges(diff?.changes ?? []),
+    chosen: (tag) => this.scene?.chooseTag(tag),
+  });
   private hello: Hello | null = null;
   private map: TagMap | null = null;
   private chosen: number | null = null;
@@ -34,6 +40,7 @@ class Page {
 
   opened(): void {
     this.log.restart();
+    this.versions.restart();
   }
 
   receive(message: Message): void {
@@ -41,9 +48,12 @@ class Page {
       case 'hello':
         return this.onHello(message);
       case 'events':
+        this.commands.heard(message.events);
         return this.events.update(message);
       case 'map':
         return this.onMap(message);
+      case 'fits':
+        return this.versions.updateFits(message.tags);
       case 'frame':
         return this.onFrame(message);
       case 'clients':
@@ -63,6 +73,7 @@ class Page {
     if (this.hello && this.hello.version !== hello.version) return location.reload();
     const sameBodies = JSON.stringify(this.hello?.bodies) === JSON.stringify(hello.bodies);
     this.hello = hello;
+    this.commands.setServer(hello.takesCommands, hello.mapMode);
     setText(byId('server-name'), `${hello.server} ${hello.version}`.trim());
     document.title = `${hello.server} – Fiducap`;
     if (!sameBodies) {
@@ -85,11 +96,18 @@ class Page {
   }
 
   private onFrame(frame: Frame): void {
+    this.versions.tellTime(frame.utcMs);
     this.bodies.update(frame.bodies);
     this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
     this.chart.add(frame.utcMs, frame.bodies);
     setText(byId('server-rate'), fixed(frame.rateHz, 0));
     setText(byId('clock'), timeOfDay(frame.utcMs));
+  }
+
+  /** At a tag, in the room. */
+  private pointAt(tag: number): void {
+    this.showList('versions');
+    this.versions.choose(tag);
   }
 
   private choose(id: number): void {
@@ -118,6 +136,7 @@ class Page {
     for (const [id, act] of Object.entries(tools)) byId(id).addEventListener('click', act);
     const keys: Record<string, string> = { r: 'view-fit', t: 'view-top', f: 'view-follow', e: 'view-sigma' };
     document.addEventListener('keydown', (event) => {
+      if (event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement) return;
       const id = keys[event.key.toLowerCase()];
       if (id && !event.ctrlKey && !event.metaKey && !event.altKey) tools[id]?.();
     });
@@ -148,12 +167,14 @@ class Page {
   }
 }
 
-/** Log, events and map share a place. */
+/** Log, events and map share a place; bodies give the map some of theirs. */
 function showList(chosen: string): void {
+  byId('bodies').classList.toggle('brief', chosen === 'versions');
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
     const shown = button.dataset.list === chosen;
     button.setAttribute('aria-pressed', String(shown));
     byId(button.dataset.list ?? 'log').hidden = !shown;
+    if (shown) document.body.dataset.list = button.dataset.list;
     if (shown) setText(byId('log-title'), button.textContent ?? '');
   }
 }
@@ -171,9 +192,9 @@ function showLegend(map: TagMap): void {
 }
 
 /** Without WebGL everything but the picture still works. */
-function makeScene(): Scene3D | null {
+function makeScene(pointed: (tag: number) => void): Scene3D | null {
   try {
-    return new Scene3D(byId('stage'), window.matchMedia('(prefers-reduced-motion: reduce)').matches);
+    return new Scene3D(byId('stage'), window.matchMedia('(prefers-reduced-motion: reduce)').matches, pointed);
   } catch (error) {
     console.warn('no 3D view:', error);
     const notice = byId('stage-notice');

@@ -20,6 +20,8 @@ export interface Hello {
   version: string;
   mapMode: string;
   pageRateHz: number;
+  /** Of who knows the operator's token. */
+  takesCommands: boolean;
   bodies: BodyName[];
 }
 
@@ -43,6 +45,19 @@ export interface TagMap {
   family: string;
   referenceTag: number | null;
   tags: MapTag[];
+}
+
+/** How well a tag's sightings of late fit (server/scene/tag_fits.hpp). */
+export interface TagFit {
+  id: number;
+  px: number | null;
+  sightings: number;
+  lastSeenUtcMs: number;
+}
+
+export interface TagFits {
+  type: 'fits';
+  tags: TagFit[];
 }
 
 /** One stored version of the map. */
@@ -155,7 +170,7 @@ export interface Events {
   events: ServerEvent[];
 }
 
-export type Message = Hello | Events | TagMap | Frame | Clients | Log;
+export type Message = Hello | Events | TagMap | TagFits | Frame | Clients | Log;
 
 type Fields = Record<string, unknown>;
 
@@ -301,6 +316,7 @@ export function parseMessage(json: string): Message | null {
         version: text(message.version, 'hello.version'),
         mapMode: text(message.map_mode, 'hello.map_mode'),
         pageRateHz: number(message.page_rate_hz, 'hello.page_rate_hz'),
+        takesCommands: message.takes_commands === true,
         bodies: list(message.bodies, 'hello.bodies', (item) => {
           const body = fields(item, 'body');
           return { id: number(body.id, 'body.id'), name: text(body.name, 'body.name') };
@@ -319,6 +335,19 @@ export function parseMessage(json: string): Message | null {
         family: text(message.family, 'map.family'),
         referenceTag: numberOrNull(message.reference_tag),
         tags: list(message.tags, 'map.tags', parseTag).filter((tag): tag is MapTag => tag !== null),
+      };
+    case 'fits':
+      return {
+        type: 'fits',
+        tags: list(message.tags, 'fits.tags', (item) => {
+          const fit = fields(item, 'fit');
+          return {
+            id: number(fit.id, 'fit.id'),
+            px: numberOrNull(fit.px),
+            sightings: number(fit.sightings, 'fit.sightings'),
+            lastSeenUtcMs: number(fit.last_seen_utc_ms, 'fit.last_seen_utc_ms'),
+          };
+        }),
       };
     case 'frame':
       return {

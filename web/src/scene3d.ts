@@ -1,4 +1,4 @@
-import { Color, DirectionalLight, HemisphereLight, Scene, SRGBColorSpace, Vector3, WebGLRenderer } from 'three';
+import { Color, DirectionalLight, HemisphereLight, Scene, SRGBColorSpace, Vector2, Vector3, WebGLRenderer } from 'three';
 import { BodyView, type Box } from './body_view';
 import { CameraRig } from './camera_rig';
 import { element } from './dom';
@@ -14,6 +14,7 @@ const SIGMA_SCALES = [0, 1, 10, 100] as const;
 const SHARPEST = 2;
 const KEY_TURN = 0.12;
 const NARROW_PX = 600;
+const CLICK_PX = 5; // a finger is not steady
 
 /** The room in three dimensions. Draws only while something moves. */
 export class Scene3D {
@@ -36,10 +37,11 @@ export class Scene3D {
   private drawnAt = 0;
   private wanted = false;
 
-  /** Throws when the browser has no WebGL. */
+  /** Throws when the browser has no WebGL. @param pointed  told the tag that was clicked at */
   constructor(
     private readonly host: HTMLElement,
     private readonly calm: boolean,
+    pointed: (tag: number) => void,
   ) {
     this.renderer = new WebGLRenderer({ antialias: true, powerPreference: 'low-power' });
     this.renderer.outputColorSpace = SRGBColorSpace;
@@ -57,6 +59,7 @@ export class Scene3D {
     this.scene.add(this.room.group, this.tags.group, this.changes.group);
     this.tags.setSigmaScale(this.sigma);
     canvas.addEventListener('keydown', (event) => this.key(event));
+    this.wirePointing(canvas, pointed);
     new ResizeObserver(() => this.resize()).observe(host);
     this.resize();
     this.rig.show(this.landmarks(), 'oblique', null);
@@ -82,6 +85,13 @@ export class Scene3D {
   /** Arrows from where tags were to where they are. */
   setChanges(changes: TagChange[]): void {
     this.changes.set(changes);
+    this.draw();
+  }
+
+  /** A frame around this tag; null: around none. */
+  chooseTag(id: number | null): void {
+    this.tags.choose(id);
+    this.draw();
   }
 
   setMap(tags: MapTag[]): void {
@@ -129,6 +139,19 @@ export class Scene3D {
     for (const body of this.bodies.values()) body.setSigmaScale(this.sigma);
     this.draw();
     return this.sigma;
+  }
+
+  /** A click that turned nothing is at what lies below it. */
+  private wirePointing(canvas: HTMLCanvasElement, pointed: (tag: number) => void): void {
+    let pressed: PointerEvent | null = null;
+    canvas.addEventListener('pointerdown', (event) => (pressed = event));
+    canvas.addEventListener('pointerup', (event) => {
+      if (!pressed || Math.hypot(event.clientX - pressed.clientX, event.clientY - pressed.clientY) > CLICK_PX) return;
+      const box = canvas.getBoundingClientRect();
+      const at = new Vector2((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
+      const tag = this.tags.at(at, this.rig.camera);
+      if (tag !== null) pointed(tag);
+    });
   }
 
   private isOutside([x, y, z]: readonly [number, number, number]): boolean {

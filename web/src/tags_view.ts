@@ -7,14 +7,19 @@ import {
   FrontSide,
   Group,
   InstancedMesh,
+  LineBasicMaterial,
+  LineLoop,
   LinearFilter,
   LinearMipmapLinearFilter,
   Matrix4,
   Mesh,
   MeshBasicMaterial,
+  type PerspectiveCamera,
   Quaternion,
+  Raycaster,
   SphereGeometry,
   SRGBColorSpace,
+  type Vector2,
   Vector3,
 } from 'three';
 import { ellipsoid } from './covariance';
@@ -31,6 +36,9 @@ export class TagsView {
   readonly group = new Group();
   private ellipsoids: InstancedMesh | null = null;
   private tags: MapTag[] = [];
+  private faces: Mesh[] = [];
+  private chosen: number | null = null;
+  private frame: LineLoop | null = null;
   private readonly labels = new Group();
   private sigmaScale = 0;
 
@@ -38,16 +46,49 @@ export class TagsView {
     disposeChildren(this.labels);
     disposeChildren(this.group);
     this.ellipsoids = null;
+    this.frame = null;
+    this.faces = [];
     this.tags = tags;
     if (tags.length === 0) return;
     const perRow = Math.ceil(Math.sqrt(tags.length));
     const geometry = squares(tags, perRow);
     const front = new MeshBasicMaterial({ map: atlas(tags, perRow), side: FrontSide });
     const back = new MeshBasicMaterial({ vertexColors: true, side: BackSide });
-    this.group.add(new Mesh(geometry, front), new Mesh(geometry, back));
+    this.faces = [new Mesh(geometry, front), new Mesh(geometry, back)];
+    this.group.add(...this.faces);
     this.group.add(this.labels);
     if (tags.length <= MOST_LABELS) this.addLabels();
     this.setSigmaScale(this.sigmaScale);
+    this.choose(this.chosen);
+  }
+
+  /** @param point  of the picture, −1 … 1 both ways. @returns the tag that is seen there */
+  at(point: Vector2, camera: PerspectiveCamera): number | null {
+    const ray = new Raycaster();
+    ray.setFromCamera(point, camera);
+    const hit = ray.intersectObjects(this.faces, false)[0];
+    return this.tags[Math.floor((hit?.faceIndex ?? NaN) / 2)]?.id ?? null;
+  }
+
+  /** A frame around this one; null: around none. */
+  choose(id: number | null): void {
+    this.chosen = id;
+    if (this.frame) {
+      this.group.remove(this.frame);
+      this.frame.geometry.dispose();
+    }
+    this.frame = null;
+    const tag = this.tags.find((one) => one.id === id);
+    if (!tag) return;
+    const half = tag.edgeM * SHEET * 0.62;
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([x = 0, y = 0]) => new Vector3(x * half, y * half, 0.01));
+    this.frame = new LineLoop(
+      new BufferGeometry().setFromPoints(corners),
+      new LineBasicMaterial({ color: ROOM.chosen, depthTest: false }),
+    );
+    this.frame.quaternion.copy(rotation(tag));
+    this.frame.position.set(...tag.p);
+    this.group.add(this.frame);
   }
 
   /** On a small screen the ids are read on the tags themselves. */

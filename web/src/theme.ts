@@ -29,5 +29,7 @@ export const ROOM = {
   lineStrong: '#34485a',
   mark: '#8da1b3',
   tagLabel: '#b9c6d2',
+  chosen: '#8cc8ff',
+  change: '#ffd27a',
   invalid: '#75838f',
 };

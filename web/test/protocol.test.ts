@@ -32,7 +32,7 @@ describe('parseMessage', () => {
   it('reads hello with its bodies', () => {
     const hello = { type: 'hello', server: 'hall', version: '0.1.0', map_mode: 'frozen', page_rate_hz: 20, bodies: [{ id: 4, name: 'cart' }] };
     expect(parseMessage(JSON.stringify(hello))).toEqual({
-      type: 'hello', server: 'hall', version: '0.1.0', mapMode: 'frozen', pageRateHz: 20, bodies: [{ id: 4, name: 'cart' }],
+      type: 'hello', server: 'hall', version: '0.1.0', mapMode: 'frozen', pageRateHz: 20, takesCommands: false, bodies: [{ id: 4, name: 'cart' }],
     });
   });
 

@@ -223,6 +223,8 @@ void FilterConversation<C>::correct(const TagObservations& seen, int iterations,
   report.nis = done.nis;
   report.nis_dof = done.nis_dof;
   report.reprojection_px = done.reprojection_px;
+  report.tags_measured = done.tags_measured;
+  report.corner_fits = done.corner_fits;
   for (std::size_t i = 0; i < tags_.usable.size(); ++i) {
     // Tags of the body's own only say that it agrees with itself.
     const int local = tags_.usable[i].local;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -78,6 +79,8 @@ class CornerUpdate final {
     report.nis_dof = update_.degrees_of_freedom();
     measure_image(state, camera, model, tags, noise, image_);
     report.reprojection_px = update_.rms_px(image_);
+    for (const TagMeasurement& tag : image_.tags)
+      if (tag.in_front) report.name_fit({tag.tag_id, std::sqrt(tag.y.squaredNorm() / 4.0)});
     return report;
   }
 

@@ -5,6 +5,7 @@
 
 #include "base/byte_reader.hpp"
 #include "proof/control_proof.hpp"
+#include "streaming/net/peer.hpp"
 
 namespace fiducap::native {
 
@@ -26,6 +27,15 @@ template <typename... Cases>
 Overloaded(Cases...) -> Overloaded<Cases...>;
 
 }  // namespace
+
+std::string random_challenge() {
+  std::string challenge;
+  while (challenge.size() < kChallengeSize) {
+    const std::uint64_t word = net::random_word();
+    for (int i = 0; i < 4; ++i) challenge.push_back(static_cast<char>(word >> (8 * i)));
+  }
+  return challenge;
+}
 
 ControlConversation::ControlConversation(std::string challenge, OperatorDesk& desk,
                                          WrongProofs& wrong, std::uint64_t address_hash,

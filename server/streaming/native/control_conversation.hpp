@@ -13,7 +13,11 @@ namespace fiducap::native {
 
 using net::WrongProofs;
 
-/// One client's commands: bytes in → bytes out, time passed in, no socket.
+/// kChallengeSize random bytes.
+[[nodiscard]] std::string random_challenge();
+
+/// One client's commands: bytes in → bytes out, time passed in, no socket. They come by TCP
+/// (ControlServer), or in the messages of a WebSocket (`web`).
 ///
 /// Every request carries a proof of knowing the operator's token, made for this connection and for
 /// this place in it: what somebody recorded is worth nothing later. At most one message (64 KiB) is

@@ -7,19 +7,6 @@
 
 namespace fiducap::native {
 
-namespace {
-
-std::string random_challenge() {
-  std::string challenge;
-  while (challenge.size() < kChallengeSize) {
-    const std::uint64_t word = net::random_word();
-    for (int i = 0; i < 4; ++i) challenge.push_back(static_cast<char>(word >> (8 * i)));
-  }
-  return challenge;
-}
-
-}  // namespace
-
 class ControlServer::Session final : public net::TcpSession {
  public:
   Session(net::Socket socket, const Clock& clock, OperatorDesk& desk, WrongProofs& wrong,

@@ -152,6 +152,7 @@ std::string encode_hello(const Hello& hello, const SceneModel& model) {
     out.member("version", hello.version);
     out.member("map_mode", hello.map_mode);
     out.member("page_rate_hz", hello.rate_hz);
+    out.member("takes_commands", hello.takes_commands);
     out.name("bodies");
     out.array([&] {
       for (const auto& body : model.bodies) {
@@ -176,6 +177,22 @@ std::string encode_map(const TagMap& map) {
     out.name("tags");
     out.array([&] {
       for (const auto& entry : map.tags) add_tag(out, entry);
+    });
+  });
+}
+
+std::string encode_fits(std::span<const TagFit> fits, Duration utc_offset) {
+  return message("fits", [&](JsonWriter& out) {
+    out.name("tags");
+    out.array([&] {
+      for (const auto& fit : fits) {
+        out.object([&] {
+          out.member("id", fit.tag_id);
+          out.member("px", milli(fit.rms_px));
+          out.member("sightings", fit.sightings);
+          out.member("last_seen_utc_ms", (to_ns(fit.seen_at) + utc_offset.count()) / 1'000'000);
+        });
+      }
     });
   });
 }
@@ -277,6 +294,7 @@ std::string encode_state(const StateParts& parts) {
   };
   add("hello", parts.hello);
   add("map", parts.map);
+  add("fits", parts.fits);
   add("frame", parts.frame);
   add("clients", parts.clients);
   add("log", parts.log);

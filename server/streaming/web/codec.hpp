@@ -8,6 +8,7 @@
 #include "base/log.hpp"
 #include "mapping/store/map_rows.hpp"
 #include "scene/scene_frame.hpp"
+#include "scene/tag_fits.hpp"
 #include "streaming/streamer.hpp"
 
 // The page's JSON messages, each an object with `type`. Positions in m, workspace axes, z up;
@@ -20,16 +21,21 @@ struct Hello {
   std::string server_name;
   std::string version;
   std::string map_mode;
-  double rate_hz{};  ///< Frames the page will get, per second.
+  double rate_hz{};       ///< Frames the page will get, per second.
+  bool takes_commands{};  ///< Of who knows the operator's token; false: there is none.
 };
 
-/// `hello`: server, version, map_mode, page_rate_hz, bodies [{id, name}]
+/// `hello`: server, version, map_mode, page_rate_hz, takes_commands, bodies [{id, name}]
 [[nodiscard]] std::string encode_hello(const Hello& hello, const SceneModel& model);
 
 /// `map`: version, parent, hash, family, reference_tag (or null), comment, tags [{id, edge_m,
 /// state, component, sightings, last_seen_utc_ms, p, q, sigma_mm, cov}]; cov is the position
 /// covariance xx xy xz yy yz zz in m².
 [[nodiscard]] std::string encode_map(const TagMap& map);
+
+/// `fits`: tags [{id, px, sightings, last_seen_utc_ms}], as TagFit says; sightings of this run.
+/// @param utc_offset  of the newest frame
+[[nodiscard]] std::string encode_fits(std::span<const TagFit> fits, Duration utc_offset);
 
 /// `frame`: number, utc_ms, rate_hz, map_version, bodies [{id, state, valid, p, q, v, speed,
 /// turn_rate_deg_s, sigma_mm, sigma_deg, cov, age_ms, latency_ms, tags, image_rate_hz,
@@ -59,7 +65,7 @@ struct Hello {
 
 /// The answer of `/api/v1/state`: every message above under its type's name.
 struct StateParts {
-  std::string_view hello, map, frame, clients, log, events;  ///< JSON texts; empty: null.
+  std::string_view hello, map, fits, frame, clients, log, events;  ///< JSON texts; empty: null.
 };
 [[nodiscard]] std::string encode_state(const StateParts& parts);
 

@@ -148,7 +148,8 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
   if (path == "/api/v1/map/versions") return json_response(200, sources.versions(), request);
   if (path.starts_with(kDiffPath))
     return diff_response(path.substr(kDiffPath.size()), sources, request);
-  if (path == kLivePath) return plain_response(426, "expected a WebSocket upgrade\n");
+  if (path == kLivePath || path == kControlPath)
+    return plain_response(426, "expected a WebSocket upgrade\n");
   if (const PageFile* file = page.find(path)) return file_response(*file, request);
   if (page.empty() && (path == "/" || path == "/index.html")) {
     HttpResponse response = plain_response(503, std::string(kNoPage));

@@ -18,6 +18,9 @@
 namespace fiducap::web {
 
 inline constexpr std::string_view kLivePath = "/api/v1/live";
+/// The control channel of the native protocol (`proto/fiducap/v1/control.proto`), its bytes in
+/// binary messages.
+inline constexpr std::string_view kControlPath = "/api/v1/control";
 
 /// What a route looks at. Views live as long as the request.
 struct HttpRequest {
@@ -72,7 +75,7 @@ struct RouteSources {
 /// The path of a target without its query: `/x?y` → `/x`.
 [[nodiscard]] std::string_view path_of(std::string_view target);
 
-/// May a page of `origin` open the live socket of `host`? Programs that are no browser send no
+/// May a page of `origin` open a socket of `host`? Programs that are no browser send no
 /// origin and may.
 /// @param origin  e.g. `http://hall:8080`   @param host  e.g. `hall:8080`
 [[nodiscard]] bool same_origin(std::string_view origin, std::string_view host);

@@ -17,12 +17,12 @@ namespace fiducap::web {
 using Message = std::shared_ptr<const std::string>;
 
 /// The kinds of messages, in the order in which waiting ones leave.
-enum class Topic : std::size_t { kHello, kEvents, kMap, kFrame, kClients, kLog };
-inline constexpr std::size_t kTopics = 6;
+enum class Topic : std::size_t { kHello, kEvents, kMap, kFits, kFrame, kClients, kLog };
+inline constexpr std::size_t kTopics = 7;
 
 /// One live page's conversation, without its socket: one waiting message per topic, the newest
-/// wins, so a page that reads slowly costs six messages and no more. Only frames count as dropped;
-/// log lines wait until there is room.
+/// wins, so a page that reads slowly costs seven messages and no more. Only frames count as
+/// dropped; log lines wait until there is room.
 class LiveConnection final {
  public:
   LiveConnection(const net::Peer& peer, Instant connected_at)

@@ -17,6 +17,8 @@ constexpr Duration kTickPeriod = 1s;
 // While mapping, a map may change with every image; a page is served well by two a second.
 constexpr Duration kMapPeriod = 500ms;
 constexpr Duration kEventsPeriod = 500ms;
+// Longer than a tick: a page that was sent none for once misses nothing.
+constexpr Duration kFitsOf = 3s;
 constexpr std::size_t kNewestEvents = 64;  // of those that the board keeps
 // A frame this much early is taken: waiting for the next one would halve the rate of a jittering
 // publisher.
@@ -41,6 +43,7 @@ std::shared_ptr<LiveConnection> LiveFeed::join(const net::Peer& peer, Instant no
   if (sources_.events != nullptr) connection->offer(Topic::kEvents, events());
   if (sent_map_) connection->offer(Topic::kMap, map(sent_map_));
   if (newest_) connection->offer(Topic::kFrame, shared(encode_frame(*newest_)));
+  if (const Message told = fits(Duration::max())) connection->offer(Topic::kFits, told);
   connection->offer(Topic::kClients, clients());
   offer_log(*connection);
   return connection;
@@ -107,6 +110,7 @@ void LiveFeed::tick(Instant now) {
   if (connections_.empty()) return;
   if (is_news) offer_all(Topic::kHello, hello());
   offer_all(Topic::kClients, shared(encode_clients(all)));
+  if (const Message told = fits(kFitsOf)) offer_all(Topic::kFits, told);
   for (const auto& connection : connections_) offer_log(*connection);
 }
 
@@ -123,11 +127,19 @@ void LiveFeed::offer_log(LiveConnection& connection) const {
 
 Message LiveFeed::hello() const {
   return shared(encode_hello(
-      {sources_.server_name, sources_.version, told_mode_, 1.0 / to_seconds(frame_period_)},
+      {sources_.server_name, sources_.version, told_mode_, 1.0 / to_seconds(frame_period_),
+       sources_.desk != nullptr && !sources_.desk->token().empty()},
       *model_));
 }
 
 Message LiveFeed::clients() const { return shared(encode_clients(all_clients())); }
+
+Message LiveFeed::fits(Duration within) const {
+  if (!sources_.tag_fits || !newest_) return nullptr;
+  auto all = sources_.tag_fits();
+  std::erase_if(all, [&](const TagFit& fit) { return newest_->at - fit.seen_at > within; });
+  return all.empty() ? nullptr : shared(encode_fits(all, newest_->utc_offset));
+}
 
 std::vector<ClientStatus> LiveFeed::all_clients() const {
   return sources_.clients ? sources_.clients() : std::vector<ClientStatus>{};
@@ -173,9 +185,10 @@ Expected<std::optional<Content>> LiveFeed::diff(std::int64_t before, std::int64_
 std::string LiveFeed::encode_state_now() {
   const Message frame = newest_ ? shared(encode_frame(*newest_)) : shared({});
   const Message at_map = newest_ && newest_->map ? map(newest_->map) : shared({});
+  const Message seen = fits(Duration::max());
   const Message told = sources_.events != nullptr ? events() : shared({});
-  return encode_state(
-      {*hello(), *at_map, *frame, *clients(), encode_log(log::lines_after(0)), *told});
+  return encode_state({*hello(), *at_map, seen ? std::string_view(*seen) : std::string_view(),
+                       *frame, *clients(), encode_log(log::lines_after(0)), *told});
 }
 
 const Content& LiveFeed::metrics(MetricsFormat format, Instant now) {

@@ -16,8 +16,8 @@
 namespace fiducap::web {
 
 /// What the live pages get, and when: frames at the page's rate, the map and the events when they
-/// change, clients and log once a second. Encodes once for all pages, and not at all while nobody
-/// looks. No socket, no thread; time comes in.
+/// change, clients, log and how well tags are seen once a second. Encodes once for all pages, and
+/// not at all while nobody looks. No socket, no thread; time comes in.
 class LiveFeed final {
  public:
   LiveFeed(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model);
@@ -52,6 +52,8 @@ class LiveFeed final {
   [[nodiscard]] Message hello() const;
   [[nodiscard]] Message map(const std::shared_ptr<const TagMap>& wanted);
   [[nodiscard]] Message clients() const;
+  /// @return nullptr: no tag was seen within this time
+  [[nodiscard]] Message fits(Duration within) const;
   [[nodiscard]] Message events() const;
   [[nodiscard]] std::vector<ClientStatus> all_clients() const;
   [[nodiscard]] std::string encode_state_now();

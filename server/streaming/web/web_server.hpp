@@ -26,6 +26,9 @@ struct WebSources {
   std::string version;
   std::function<std::string()> map_mode;  ///< `mapping` or `frozen`, as it is now.
   const EventBoard* events{};             ///< nullptr: nothing is told.
+  OperatorDesk* desk{};                   ///< Takes commands; nullptr: nobody does.
+  /// How well the map's tags are seen; called once a second.
+  std::function<std::vector<TagFit>()> tag_fits{};
   /// Of the stored map, as OperatorDesk::map_versions and map_version say; empty: there are none.
   std::function<std::vector<MapVersionInfo>()> map_versions{};
   std::function<Expected<std::shared_ptr<const TagMap>>(std::int64_t)> map_version{};
@@ -33,8 +36,8 @@ struct WebSources {
 
 using WebServer = Streamer;
 
-/// HTTP (page, `/api/v1/state` JSON, `/healthz`, `/metrics`) and WebSocket (`/api/v1/live`), same
-/// origin.
+/// HTTP (page, `/api/v1/state` JSON, `/healthz`, `/metrics`) and WebSockets (`/api/v1/live` speaks,
+/// `/api/v1/control` takes commands of who knows the operator's token), same origin.
 /// @return Error with a remedy when the address cannot be bound.
 [[nodiscard]] Expected<std::unique_ptr<WebServer>> start_web_server(
     boost::asio::io_context& io, const WebConfig& config, WebSources sources,
@@ -47,9 +50,11 @@ using WebServer = Streamer;
   sources.clients = context.clients;
   sources.version = context.version;
   sources.events = &context.events;
+  sources.desk = &context.desk;
   sources.map_mode = [&desk = context.desk] {
     return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
   };
+  sources.tag_fits = [&desk = context.desk] { return desk.tag_fits(); };
   sources.map_versions = [&desk = context.desk] { return desk.map_versions(); };
   sources.map_version = [&desk = context.desk](std::int64_t version) {
     return desk.map_version(version);

@@ -1,5 +1,6 @@
 #include "streaming/web/web_session.hpp"
 
+#include <algorithm>
 #include <boost/asio/buffer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
@@ -42,6 +43,7 @@ constexpr double kUpgradeCost = 4;  // a new page is sent everything at once
 // the kernel.
 constexpr int kSendBuffer = 256 * 1024;
 constexpr std::size_t kLongestClientMessage = 1024;
+constexpr std::size_t kLongestCommand = 8192;  // an alignment by 200 tags
 
 std::string_view view(beast::string_view text) { return {text.data(), text.size()}; }
 
@@ -51,6 +53,7 @@ class BeastSession final : public WebSession {
       : WebSession(peer), stream_(std::move(socket->asio)), desk_(std::move(desk)) {}
   ~BeastSession() override {
     if (live_) desk_->feed().leave(*live_);
+    desk_->end_control(*this);
   }
 
   void start() override { desk_->may_ask(peer()) ? read_request() : pause(); }
@@ -74,6 +77,7 @@ class BeastSession final : public WebSession {
 
   void read_request();
   void pause() { paused_until_ = desk_->now() + kPause; }
+  void end_of(ErrorCodeOf) { end(); }
   void end() { close("left", log::Level::kDebug); }
 
   void on_request(ErrorCodeOf error, std::size_t bytes);
@@ -82,10 +86,14 @@ class BeastSession final : public WebSession {
   void on_sent(ErrorCodeOf error, std::size_t bytes);
   void linger();
   void on_lingered(ErrorCodeOf error, std::size_t bytes);
-  void upgrade();
+  void upgrade(bool to_control);
   void on_upgraded(ErrorCodeOf error);
   void on_live_read(ErrorCodeOf error, std::size_t bytes);
   void on_live_written(ErrorCodeOf error, std::size_t bytes);
+  void on_control_upgraded(ErrorCodeOf error);
+  void on_command(ErrorCodeOf error, std::size_t bytes);
+  void say_replies();
+  void on_replied(ErrorCodeOf error, std::size_t bytes);
 
   websocket::stream<beast::tcp_stream> stream_;
   std::shared_ptr<WebDesk> desk_;
@@ -95,6 +103,9 @@ class BeastSession final : public WebSession {
   std::shared_ptr<const std::string> body_;
   std::shared_ptr<LiveConnection> live_;
   Message writing_;
+  std::unique_ptr<native::ControlConversation> control_;
+  std::vector<std::byte> replies_;
+  bool hangs_up_{false};
   std::size_t lingered_{0};
   std::optional<Instant> paused_until_;
 };
@@ -104,6 +115,7 @@ void BeastSession::tick(Instant now) {
     paused_until_.reset();
     read_request();
   }
+  if (control_ && !control_->patient(now)) return end();
   pump();
 }
 
@@ -117,8 +129,9 @@ void BeastSession::read_request() {
 void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   if (error) return refuse(error);
   const auto& request = parser_->get();
-  const bool wants_live =
-      websocket::is_upgrade(request) && path_of(view(request.target())) == kLivePath;
+  const bool upgrades = websocket::is_upgrade(request);
+  const bool wants_live = upgrades && path_of(view(request.target())) == kLivePath;
+  const bool wants_control = upgrades && path_of(view(request.target())) == kControlPath;
   if (!desk_->take_request(peer(), wants_live ? kUpgradeCost : 1)) {
     return send(later_response(429, "too many requests of this address; come again later\n"),
                 request.keep_alive());
@@ -129,7 +142,7 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
                                "streaming.web.hosts\n"),
                 false);
   }
-  if (wants_live) return upgrade();
+  if (wants_live || wants_control) return upgrade(wants_control);
   send(desk_->answer({view(request.method_string()), view(request.target()),
                       view(request[http::field::if_none_match]),
                       view(request[http::field::accept_encoding]),
@@ -200,23 +213,26 @@ void BeastSession::on_lingered(ErrorCodeOf error, std::size_t bytes) {
   linger();
 }
 
-void BeastSession::upgrade() {
+void BeastSession::upgrade(bool to_control) {
   const auto& request = parser_->get();
   if (!same_origin(view(request[http::field::origin]), view(request[http::field::host]))) {
-    return send(plain_response(403, "the live socket serves its own page only\n"), false);
+    return send(plain_response(403, "the sockets serve their own page only\n"), false);
   }
-  if (!desk_->has_room(peer()))
+  if (to_control && !desk_->takes_commands())
+    return send(plain_response(404, "nobody takes commands here\n"), false);
+  if (!to_control && !desk_->has_room(peer()))
     return send(later_response(503, "too many live pages; try again later\n"), false);
   if (buffer_.size() != 0)
     return send(plain_response(400, "expected nothing before the upgrade's answer\n"), false);
   tcp().expires_never();
   websocket::stream_base::timeout timeout{};
-  timeout.handshake_timeout = 10s;
+  timeout.handshake_timeout = 10s;  // and for a close
   timeout.idle_timeout = 30s;
   timeout.keep_alive_pings = true;
   stream_.set_option(timeout);
-  stream_.read_message_max(kLongestClientMessage);
-  stream_.async_accept(request, on(&BeastSession::on_upgraded));
+  stream_.read_message_max(to_control ? kLongestCommand : kLongestClientMessage);
+  stream_.async_accept(
+      request, on(to_control ? &BeastSession::on_control_upgraded : &BeastSession::on_upgraded));
 }
 
 void BeastSession::on_upgraded(ErrorCodeOf error) {
@@ -255,12 +271,44 @@ void BeastSession::on_live_written(ErrorCodeOf error, std::size_t) {
   pump();
 }
 
+void BeastSession::on_control_upgraded(ErrorCodeOf error) {
+  if (!error) control_ = desk_->begin_control(*this);
+  if (!control_) return end();
+  stream_.binary(true);
+  control_->greet(replies_, desk_->now());
+  say_replies();
+}
+
+// The next one is read when the answer to this one has left: nothing waits here.
+void BeastSession::on_command(ErrorCodeOf error, std::size_t) {
+  if (error || !desk_->take_request(peer(), 1)) return end();
+  const auto heard = buffer_.cdata();
+  hangs_up_ = !control_->receive({static_cast<const std::byte*>(heard.data()), heard.size()},
+                                 replies_, desk_->now());
+  buffer_.clear();
+  if (replies_.empty() && !hangs_up_) return on_replied({}, 0);  // half a request
+  say_replies();
+}
+
+void BeastSession::say_replies() {
+  stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_replied));
+}
+
+void BeastSession::on_replied(ErrorCodeOf error, std::size_t) {
+  replies_.clear();
+  if (error) return end();
+  if (hangs_up_)
+    return stream_.async_close(websocket::close_code::normal, on(&BeastSession::end_of));
+  stream_.async_read(buffer_, on(&BeastSession::on_command));
+}
+
 void BeastSession::close(std::string_view why, log::Level level) {
   if (!close_once()) return;
   // A browser opens and leaves connections all the time.
   if (level >= log::Level::kWarning)
     log::write(level, "web", net::text_of(peer()) + " tcp " + std::string(why));
   if (live_) desk_->feed().leave(*std::exchange(live_, nullptr));
+  desk_->end_control(*this);
   tcp().close();
 }
 
@@ -270,6 +318,23 @@ std::vector<std::string> own_names(const WebConfig& config) {
   std::vector<std::string> names = config.hosts;
   names.push_back(net::host_name());
   return names;
+}
+
+std::unique_ptr<native::ControlConversation> WebDesk::begin_control(WebSession& session) {
+  if (operators_ == nullptr) return nullptr;
+  std::vector<net::Peer> holders;
+  for (const WebSession* one : controls_) holders.push_back(one->peer());
+  const net::Place place = net::place_for(session.peer(), holders, kMostControls);
+  if (!place.is_there) return nullptr;
+  if (place.instead_of) {
+    const auto other = std::find_if(
+        controls_.rbegin(), controls_.rend(),
+        [&](const WebSession* one) { return one->peer().same_address(*place.instead_of); });
+    (*other)->close("gives its place to another operator", log::Level::kInfo);
+  }
+  controls_.push_back(&session);
+  return std::make_unique<native::ControlConversation>(native::random_challenge(), *operators_,
+                                                       wrong_, hash(session.peer()));
 }
 
 std::shared_ptr<WebSession> make_session(net::Socket socket, const net::Peer& peer,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/clock.hpp"
+#include "streaming/native/control_conversation.hpp"
 #include "streaming/net/limits.hpp"
 #include "streaming/net/places.hpp"
 #include "streaming/net/tcp_session.hpp"
@@ -16,6 +17,8 @@
 #include "streaming/web/page_files.hpp"
 
 namespace fiducap::web {
+
+class WebSession;
 
 /// This machine's name and those of the configuration.
 [[nodiscard]] std::vector<std::string> own_names(const WebConfig& config);
@@ -27,6 +30,7 @@ class WebDesk final {
   WebDesk(const WebConfig& config, WebSources sources, std::shared_ptr<const SceneModel> model,
           const Clock& clock)
       : page_(PageFiles::load(page_root(config.root))),
+        operators_(sources.desk),
         feed_(config, std::move(sources), std::move(model)),
         most_pages_(static_cast<std::size_t>(config.max_clients)),
         names_(own_names(config)),
@@ -55,6 +59,11 @@ class WebDesk final {
     if (place.instead_of) feed_.dismiss_newest_of(*place.instead_of);
     return feed_.join(peer, now());
   }
+  /// A command channel for this address, and a place for it, also from the address with the most.
+  /// @return nullptr: nobody takes commands, or there is no place
+  [[nodiscard]] std::unique_ptr<native::ControlConversation> begin_control(WebSession& session);
+  void end_control(const WebSession& session) { std::erase(controls_, &session); }
+  [[nodiscard]] bool takes_commands() const { return operators_ != nullptr; }
   [[nodiscard]] bool has_page() const { return !page_.empty(); }
   [[nodiscard]] LiveFeed& feed() { return feed_; }
   [[nodiscard]] const LiveFeed& feed() const { return feed_; }
@@ -70,16 +79,22 @@ class WebDesk final {
     return net::address_hash(hash_key_, peer);
   }
 
+  static constexpr std::size_t kMostControls = 16;
+
   PageFiles page_;
+  OperatorDesk* operators_;
   LiveFeed feed_;
   std::size_t most_pages_;
   std::vector<std::string> names_;
   const Clock& clock_;
   std::array<std::uint64_t, 2> hash_key_{net::random_key()};
   net::RequestLimiter requests_;
+  net::WrongProofs wrong_;
+  std::vector<WebSession*> controls_;  ///< Of those that have a command channel, oldest first.
 };
 
-/// One TCP connection: HTTP requests until it ends or becomes a live socket. Beast stays in the
+/// One TCP connection: HTTP requests until it ends or becomes a socket that speaks, or one that
+/// takes commands. Beast stays in the
 /// one source file.
 class WebSession : public net::Session {
  public:

@@ -94,6 +94,21 @@ TEST_F(MapKeeperTest, StoresOnceMoreAtTheEnd) {
   EXPECT_EQ(stored().size(), 1u);
 }
 
+TEST_F(MapKeeperTest, SaysHowACommitWentThatAPersonHasAskedFor) {
+  build(MapMode::kMapping);
+  see(4, 1.0);
+  keeper_->commit();
+  EXPECT_TRUE(events_.after(0).empty()) << "nobody has asked";
+  ASSERT_TRUE(keeper_->request(CommitVersion{"before the fair"}));
+  keeper_->commit();
+  ASSERT_FALSE(events_.after(0).empty());
+  EXPECT_EQ(events_.after(0).back().kind, "version_stored");
+  EXPECT_EQ(events_.after(0).back().text, "is stored as version 2");
+  ASSERT_TRUE(keeper_->request(CommitVersion{}));
+  keeper_->commit();
+  EXPECT_EQ(events_.after(0).back().text, "is stored already, as version 2");
+}
+
 TEST_F(MapKeeperTest, ARollBackIsTheNewestVersionAndIsServed) {
   build(MapMode::kMapping);
   see(4, 1.0);

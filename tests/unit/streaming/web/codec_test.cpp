@@ -128,6 +128,14 @@ TEST(WebCodec, MapCarriesEveryTagWithItsState) {
   EXPECT_EQ(sent["tags"][0]["sightings"], 77);
 }
 
+TEST(WebCodec, FitsSayHowWellTagsAreSeenAndWhen) {
+  const std::vector<TagFit> fits{{7, 0.31249, 12, instant_from_ns(2'000'000'000)}};
+  const auto sent = Json::parse(encode_fits(fits, std::chrono::seconds(100)));
+  EXPECT_EQ(sent["type"], "fits");
+  EXPECT_EQ(sent["tags"][0], Json::parse(R"({"id": 7, "px": 0.312, "sightings": 12,
+                                             "last_seen_utc_ms": 102000})"));
+}
+
 TEST(WebCodec, VersionsAreListedWithTheirComments) {
   const MapVersionInfo one{7, 3, 1'700'000'000'123'456'789, "hash", "before the \"move\"", 24};
   const auto sent = Json::parse(encode_versions(std::span(&one, 1)))["versions"][0];
@@ -186,7 +194,7 @@ TEST(WebCodec, LongLogTextIsCut) {
 
 TEST(WebCodec, StateJoinsTheMessagesAndSaysNullForWhatIsMissing) {
   const auto state =
-      Json::parse(encode_state({R"({"type":"hello"})", "", "", R"({"clients":[]})", "", ""}));
+      Json::parse(encode_state({R"({"type":"hello"})", "", "", "", R"({"clients":[]})", "", ""}));
   EXPECT_EQ(state["hello"]["type"], "hello");
   EXPECT_TRUE(state["map"].is_null());
   EXPECT_TRUE(state["frame"].is_null());

@@ -77,6 +77,38 @@ TEST_F(LiveFeedTest, NewPageGetsEverythingAtOnce) {
             (std::vector<std::string>{"hello", "events", "map", "frame", "clients", "log"}));
 }
 
+TEST_F(LiveFeedTest, HowWellTagsAreSeenComesOnceASecondOfThoseJustSeen) {
+  std::vector<TagFit> fits{{4, 0.3, 9, start_}, {7, 0.3, 9, start_}};
+  auto sources_of_tags = sources();
+  sources_of_tags.tag_fits = [&] { return fits; };
+  LiveFeed feed(config(), sources_of_tags, model_);
+  const auto publish = [&](Duration since_start) {
+    auto frame = frame_at(since_start);
+    frame->at = start_ + since_start;
+    feed.publish(frame);
+    feed.tick(start_ + since_start);
+  };
+  publish(0ms);
+  const auto page = feed.join(kPeer, start_);
+  const auto tags_told = [&] {
+    std::vector<int> ids;
+    while (const auto message = page->next(start_)) {
+      page->written();
+      const auto told = Json::parse(*message);
+      if (told["type"] == "fits")
+        for (const auto& tag : told["tags"]) ids.push_back(tag["id"]);
+    }
+    return ids;
+  };
+  EXPECT_EQ(tags_told(), (std::vector{4, 7})) << "all, at first";
+  fits[1].seen_at = start_ + 8s;
+  publish(9s);
+  EXPECT_EQ(tags_told(), (std::vector{7}));
+  publish(9500ms);
+  publish(20s);
+  EXPECT_TRUE(tags_told().empty());
+}
+
 TEST_F(LiveFeedTest, PageOfAFreshServerGetsHelloBeforeAnyFrame) {
   const auto page = feed_.join(kPeer, start_);
   EXPECT_EQ(types(*page).front(), "hello");

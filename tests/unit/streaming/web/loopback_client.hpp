@@ -50,11 +50,24 @@ class LoopbackClient final {
   void get(const std::string& target, const std::string& headers = "") {
     send("GET " + target + " HTTP/1.1\r\nHost: hall:8080\r\n" + headers + "\r\n");
   }
-  void upgrade(const std::string& headers = "") {
-    get("/api/v1/live",
+  void upgrade(const std::string& headers = "", const std::string& target = "/api/v1/live") {
+    get(target,
         "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
         "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n" +
             headers);
+  }
+
+  /// A binary WebSocket message. The mask is zero.
+  void say(const std::string& message) {
+    const std::size_t size = message.size();
+    std::string frame = "\x82";
+    if (size < 126) {
+      frame += static_cast<char>(0x80 | size);
+    } else {
+      for (const std::size_t part : {std::size_t{0xfe}, size >> 8, size & 0xff})
+        frame += static_cast<char>(part);
+    }
+    send(frame + std::string(4, '\0') + message);
   }
 
   /// Reads what is there; @return everything read and not yet taken.
