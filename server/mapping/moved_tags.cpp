@@ -60,12 +60,16 @@ double distance(const GraphTagEstimate& a, const KnownTag& b) {
   return e.dot(Matrix6d(a.covariance + b.covariance).ldlt().solve(e));
 }
 
+/// It has been at this place before.
+bool was_at(const Pose& place, std::span<const Pose> places) {
+  return std::any_of(places.begin(), places.end(),
+                     [&](const Pose& other) { return (place.p - other.p).norm() < kSamePlace_m; });
+}
+
 /// It was found at a place that it had left.
-bool has_come_back(const std::vector<Pose>& places) {
-  for (std::size_t i = 2; i < places.size(); ++i) {
-    for (std::size_t k = 0; k + 1 < i; ++k)
-      if ((places[i].p - places[k].p).norm() < kSamePlace_m) return true;
-  }
+bool has_come_back(std::span<const Pose> places) {
+  for (std::size_t i = 2; i < places.size(); ++i)
+    if (was_at(places[i], places.first(i - 1))) return true;
   return false;
 }
 
@@ -103,7 +107,9 @@ std::optional<MapEvent> MovedTags::suspect(const TagSuspicion& suspicion, const 
   one.moves = suspicion.at - one.last_moved < kMoveCounts ? one.moves + 1 : 1;
   one.last_moved = suspicion.at;
   if (!one.is_away) {
-    one.gone = suspicion.fitted_at.value_or(suspicion.first_word_at - kBeforeFirstWord);
+    const Instant gone = suspicion.fitted_at.value_or(suspicion.first_word_at - kBeforeFirstWord);
+    // What it was found by is of the place where it was found.
+    one.gone = std::max(gone, one.found_until);
     one.before = entry.state;
     one.places.push_back(entry.tag.X_WT);
   }
@@ -153,6 +159,7 @@ std::optional<MovedTags::Found> MovedTags::judge(const GraphTagEstimate& found,
     if (is_older) before = {tag.tag_id, tag.edge_m, tag.X_WT, tag.covariance};
   }
   one.is_away = false;
+  one.found_until = found.last_seen;
   const double moved_m = (found.X_WT.p - before.X_WT.p).norm();
   if (moved_m < kSamePlace_m && distance(found, before) < kOtherPlace) {
     --one.epoch;
@@ -161,14 +168,17 @@ std::optional<MovedTags::Found> MovedTags::judge(const GraphTagEstimate& found,
     one.places.pop_back();
     return Found{{MapEvent::Kind::kTagDisputed, found.tag_id,
                   name(found.tag_id) + " is where it was, within " + fixed(1e3 * moved_m, 0) +
-                      " mm: it had not moved " + one.told + ", and stays"},
+                      " mm, and is used again: it was not away, or not for long, " + one.told},
                  one.before};
   }
+  const bool is_back = was_at(found.X_WT, std::span(one.places).first(one.places.size() - 1));
   const double turned = kDegrees * angle_between(found.X_WT.q, before.X_WT.q);
-  return Found{{MapEvent::Kind::kTagMoved, found.tag_id,
-                name(found.tag_id) + " was moved by " + fixed(1e3 * moved_m, 0) + " mm and " +
-                    fixed(turned, 1) + "° " + one.told + ": it is used where it is now"},
-               TagState::kLocal};
+  return Found{
+      {MapEvent::Kind::kTagMoved, found.tag_id,
+       name(found.tag_id) + " was moved by " + fixed(1e3 * moved_m, 0) + " mm and " +
+           fixed(turned, 1) + "° " + one.told + (is_back ? ", back to a place it had left" : "") +
+           ": it is used where it is now"},
+      TagState::kLocal};
 }
 
 void MovedTags::set_aside(int tag_id, Instant at) {

@@ -52,6 +52,7 @@ class MovedTags final {
     bool is_away{false};
     bool is_given_up{false};
     Instant gone{};                        ///< Since then it is away.
+    Instant found_until{Instant::min()};   ///< Seen in its newest place until then.
     Instant last_moved{};                  ///< Each suspicion counts as a move …
     int moves{0};                          ///< … of so many not long after each other.
     TagState before{};                     ///< What it was.

@@ -321,7 +321,7 @@ TogetherRun run_together(std::span<const EstimationData> data, const FilterChoic
     bodies.push_back(
         {static_cast<int>(i) + 1, data[i].name, pipeline_of(data[i], choice), &sources[i]});
   MapConfig map;
-  map.mode = choice.live ? MapMode::kMapping : MapMode::kFrozen;
+  map.mode = choice.live && !choice.frozen ? MapMode::kMapping : MapMode::kFrozen;
   map.refine_period_s = choice.refine_period_s;
   BodiesReplay replay(std::move(bodies), map, start_map(data.front(), choice));
   TogetherRun out;

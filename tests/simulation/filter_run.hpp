@@ -33,6 +33,7 @@ struct FilterChoice {
   /// The map grows with what the bodies see and is handed back to them, as in the server. False: it
   /// is what the knowledge case says, and stays so.
   bool live{false};
+  bool frozen{false};             ///< A live map that does not change.
   std::optional<TagMap> start{};  ///< What the map knows beforehand; nullopt: what the case says.
   double refine_period_s{MapConfig{}.refine_period_s};  ///< Of a live map.
   /// Called at every image with an anchored pose.

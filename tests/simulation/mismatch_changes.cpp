@@ -77,14 +77,6 @@ void insert(CornerFrame& image, const TagSighting& tag) {
             [](const TagSighting& a, const TagSighting& b) { return a.tag_id < b.tag_id; });
 }
 
-/// The door is closed at the beginning and after each period.
-Pose swung(const Pose& X_WT, double since_s) {
-  const double share = 0.5 * (1 - std::cos(2 * std::numbers::pi * since_s / kDoorPeriod_s));
-  const Pose X_TH{Eigen::Quaterniond::Identity(), {kHinge_m, 0, 0}};
-  const Pose turn{exp_so3({0, kDoorOpens_rad * share, 0}), Eigen::Vector3d::Zero()};
-  return X_WT * X_TH * turn * X_TH.inverse();
-}
-
 /// A place somewhere ahead of the camera at some time, turned to it.
 Pose place_ahead(const EstimationData& data, Random& random) {
   const double t_s = random.uniform(0, length_s(data));
@@ -261,25 +253,43 @@ void swap_ids(EstimationData& data, int a, int b, double from_s) {
   });
 }
 
-void hang_on_door(EstimationData& data, int tag_id, double from_s, std::uint64_t seed) {
-  const RecordedTag closed = *data.tag(tag_id);
+void carry(EstimationData& data, int tag_id, double from_s,
+           const std::function<Pose(double t_s)>& X_WT, std::uint64_t key) {
+  RecordedTag tag = *data.tag(tag_id);
   for_images(data, [&](CornerFrame& image, std::size_t k, double t_s) {
     if (t_s < from_s) return;
-    RecordedTag tag = closed;
-    tag.X_WT = swung(closed.X_WT, t_s - from_s);
+    tag.X_WT = X_WT(t_s);
     forget(image, tag_id);
-    if (const auto seen = sight(data, image, tag, {seed + kDoor, 0, k})) insert(image, *seen);
+    if (const auto seen = sight(data, image, tag, {key, 0, k})) insert(image, *seen);
   });
 }
 
+Pose opened(const Pose& X_WT, double share) {
+  const Pose X_TH{Eigen::Quaterniond::Identity(), {kHinge_m, 0, 0}};
+  const Pose turn{exp_so3({0, kDoorOpens_rad * share, 0}), Eigen::Vector3d::Zero()};
+  return X_WT * X_TH * turn * X_TH.inverse();
+}
+
+void hang_on_door(EstimationData& data, int tag_id, double from_s, std::uint64_t seed) {
+  const Pose closed = data.tag(tag_id)->X_WT;
+  const auto swung = [&](double t_s) {
+    const double turns = (t_s - from_s) / kDoorPeriod_s;
+    return opened(closed, 0.5 * (1 - std::cos(2 * std::numbers::pi * turns)));
+  };
+  carry(data, tag_id, from_s, swung, seed + kDoor);
+}
+
 void print_again(EstimationData& data, int tag_id, std::uint64_t seed) {
-  const RecordedTag tag = second_print(data, *data.tag(tag_id), seed);
+  show_beside(data, second_print(data, *data.tag(tag_id), seed), seed);
+}
+
+void show_beside(EstimationData& data, const RecordedTag& print, std::uint64_t seed) {
   for_images(data, [&](CornerFrame& image, std::size_t k, double) {
-    const auto seen = sight(data, image, tag, {seed + kSecondPrint, 0, k});
+    const auto seen = sight(data, image, print, {seed + kSecondPrint, 0, k});
     if (!seen) return;
     // As a detector does it: an id that appears twice is left out.
-    if (shows(image, tag_id)) {
-      forget(image, tag_id);
+    if (shows(image, print.tag_id)) {
+      forget(image, print.tag_id);
     } else {
       insert(image, *seen);
     }

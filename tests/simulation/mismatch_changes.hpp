@@ -39,10 +39,17 @@ void swap_imu_axes(EstimationData& data);
 void turn_told_camera(EstimationData& data, double angle_rad);
 /// From a time on each of the two tags is reported with the other one's id.
 void swap_ids(EstimationData& data, int a, int b, double from_s);
+/// From a time on the tag hangs where it is said to. @param key  of its noise
+void carry(EstimationData& data, int tag_id, double from_s,
+           const std::function<Pose(double t_s)>& X_WT, std::uint64_t key);
+/// Where a tag on a door hangs. @param share  0: closed, in its place … 1: open by 60°
+[[nodiscard]] Pose opened(const Pose& X_WT, double share);
 /// A tag on a hinge beside it, that opens and closes from a time on.
 void hang_on_door(EstimationData& data, int tag_id, double from_s, std::uint64_t seed);
 /// A second print of an id hangs elsewhere, where it is often seen.
 void print_again(EstimationData& data, int tag_id, std::uint64_t seed);
+/// A second print of an id of the room.
+void show_beside(EstimationData& data, const RecordedTag& print, std::uint64_t seed);
 /// Moving corners smear: they scatter along their way, and tags that smear too much are not read.
 void blur(EstimationData& data, double exposure_s, std::uint64_t seed);
 

@@ -3,6 +3,7 @@
 #include <sqlite3.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 namespace fiducap {
@@ -42,6 +43,20 @@ Error error_of(int code, const std::string& detail, const std::string& path) {
     default:
       return {ErrorCode::kInvalid, "SQLite says: " + detail, path};
   }
+}
+
+/// @return the first error of a disk that does not give all bytes of the file
+int read_whole(sqlite3_file* file) {
+  constexpr sqlite3_int64 kAtOnce = 4096;
+  sqlite3_int64 bytes = 0;
+  if (file == nullptr || file->pMethods == nullptr) return SQLITE_OK;
+  int code = file->pMethods->xFileSize(file, &bytes);
+  std::array<char, kAtOnce> part{};
+  for (sqlite3_int64 at = 0; at < bytes && code == SQLITE_OK; at += kAtOnce) {
+    code = file->pMethods->xRead(file, part.data(), static_cast<int>(kAtOnce), at);
+    if (code == SQLITE_IOERR_SHORT_READ) code = SQLITE_OK;
+  }
+  return code;
 }
 
 }  // namespace
@@ -178,12 +193,21 @@ Expected<std::string> SqliteFile::text(std::string_view sql) const {
   return query.step().map([&query](bool row) { return row ? query.text(0) : std::string{}; });
 }
 
+/// SQLite's check takes what the disk does not give for a fault of the file.
 Expected<std::string> SqliteFile::structural_fault() const {
-  return text("PRAGMA quick_check(1)").map([](std::string verdict) {
-    if (verdict == "ok") verdict.clear();
-    std::replace(verdict.begin(), verdict.end(), '\n', ' ');
-    return verdict;
-  });
+  auto verdict = text("PRAGMA quick_check(1)");
+  if (!verdict || *verdict == "ok") return verdict.map([](const auto&) { return std::string{}; });
+  for (const int which : {SQLITE_FCNTL_FILE_POINTER, SQLITE_FCNTL_JOURNAL_POINTER}) {
+    sqlite3_file* disk = nullptr;
+    sqlite3_file_control(file_.get(), "main", which, static_cast<void*>(&disk));
+    if (const int code = read_whole(disk); code != SQLITE_OK)
+      return tl::unexpected<Error>(error_of(code, sqlite3_errstr(code), path_));
+  }
+  // The disk gives everything, now at least.
+  verdict = text("PRAGMA quick_check(1)");
+  if (!verdict || *verdict == "ok") return verdict.map([](const auto&) { return std::string{}; });
+  std::replace(verdict->begin(), verdict->end(), '\n', ' ');
+  return verdict;
 }
 
 void SqliteFile::write_back_on_close(bool allowed) {

@@ -110,9 +110,10 @@ const std::vector<Verb>& verbs() {
        60,
        bench_restart},
       {"moved",
-       "tags that are moved (by metres), twice, on a door or of another size: verdicts, and false "
-       "ones",
-       {"0.14", "0.3", "twice", "door", "size", "clean"},
+       "tags that are moved (by metres), twice, on a door or of another size, also when the map is "
+       "frozen: verdicts, and false ones (--class: WHAT[-WORLD][-frozen])",
+       {"0.14", "0.3", "duplicate", "duplicate-near", "door", "size", "clean", "0.14-frozen",
+        "0.3-frozen", "duplicate-frozen", "duplicate-near-frozen", "door-frozen", "size-frozen"},
        "A",
        5,
        bench_moved},

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "base/so3.hpp"
@@ -30,6 +32,22 @@ inline TagMap make_map(const std::vector<int>& ids) {
     entry.sightings = 100 + id;
     map.tags.push_back(entry);
   }
+  return map;
+}
+
+/// The errors of each tag and the next one hang together somehow.
+inline TagMap with_ties(TagMap map) {
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> gauss;
+  auto known = std::make_shared<KnownMap>();
+  known->revision = 7;
+  for (const MapTag& entry : map.tags) known->tags.push_back(entry.tag);
+  for (std::size_t i = 0; i + 1 < map.tags.size(); ++i) {
+    KnownPair pair{map.tags[i].tag.tag_id, map.tags[i + 1].tag.tag_id, {}};
+    for (double& x : pair.covariance.reshaped()) x = 1e-6 * gauss(random);
+    known->pairs.push_back(pair);
+  }
+  map.known = std::move(known);
   return map;
 }
 

@@ -159,6 +159,18 @@ TEST_F(MapMovesTest, ATagThatIsFoundAtTwoPlacesInTurnIsGivenUp) {
   EXPECT_TRUE(builder_.take_events().empty());
 }
 
+TEST_F(MapMovesTest, ATagThatComesBackIsSaidToAndKeepsTheSightingsOfItsOtherPlace) {
+  notice(22);
+  auto open = estimate(kMoved, 1.5, 1);
+  open.last_seen = at(31);
+  adopt({estimate(kMoved, 1), open});
+  (void)builder_.take_segments();
+  notice(32);  // nobody has found it there since
+  EXPECT_EQ(builder_.take_segments().moves.at(0).opens->gone, at(31));
+  adopt({estimate(kMoved, 1), open, estimate(kMoved, 1, 2)});
+  EXPECT_THAT(builder_.take_events().back().text, HasSubstr(", back to a place it had left"));
+}
+
 TEST_F(MapMovesTest, ATagThatIsNeverStillIsGivenUp) {
   for (int second = 22; second < 30; ++second) notice(second);
   EXPECT_THAT(builder_.take_events().back().text, HasSubstr("something that moves"));

@@ -11,6 +11,7 @@
 #include "mapping/store/map_store.hpp"
 #include "support/fault_disk.hpp"
 #include "unit/mapping/map_fixture.hpp"
+#include "unit/mapping/store/old_stores.hpp"
 
 namespace fiducap {
 namespace {
@@ -30,7 +31,8 @@ std::string state_of(const MapStore& store) {
   for (const auto& one : *log) {
     const auto map = store.load(one.version);
     text << one.version << " of " << one.parent << " " << one.comment << " "
-         << (map ? map->hash : map.error().text()) << "\n";
+         << (map ? map->hash : map.error().text()) << " with "
+         << (map && map->known ? map->known->pairs.size() : 0) << " ties\n";
   }
   const auto learned = store.extrinsics();
   if (!learned) return "no extrinsics: " + learned.error().text();
@@ -47,7 +49,7 @@ Deed commits(int number, const std::string& comment) {
   return [=](std::optional<MapStore>& store) -> Expected<void> {
     auto before = store->newest();
     if (!before) return tl::unexpected(before.error());
-    TagMap map = make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12});
+    TagMap map = with_ties(make_map({1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
     map.version = before->version;
     map.tags[0].tag.X_WT.p.x() = number;
     map.created_utc_ns = 1'700'000'000'000'000'000 + number / 2 * 4 * kMinute + number % 2;
@@ -78,7 +80,12 @@ Deed learns(double shift_s) {
   };
 }
 
-std::vector<Deed> a_life() {
+struct Life {
+  std::string file{};  ///< What lies there before.
+  std::vector<Deed> deeds{};
+};
+
+Life a_life() {
   std::vector<Deed> deeds{opens, commits(0, "survey")};
   for (int i = 1; i <= 9; ++i) {
     deeds.push_back(commits(i, kAutomaticComment));
@@ -86,56 +93,104 @@ std::vector<Deed> a_life() {
     if (i % 4 == 0) deeds.push_back(learns(0.1 * i));
     if (i == 5) deeds.push_back(opens);  // closed and opened again
   }
-  return deeds;
+  return {.deeds = std::move(deeds)};
 }
 
-/// What the store says after each deed when nothing fails; before the first: nothing.
+/// A store that an older server has left is brought up to date and goes on.
+Life a_life_after(const OldSchema& schema) {
+  FaultDisk disk;
+  std::optional<MapStore> store;
+  EXPECT_TRUE(opens(store));
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(commits(i, i < 2 ? "kept" : kAutomaticComment)(store));
+  EXPECT_TRUE(learns(0.2)(store));
+  store.reset();
+  EXPECT_TRUE(make_old(kPath, schema.number));
+  return {disk.content(kPath),
+          {opens, commits(4, kAutomaticComment), thins, opens, commits(5, kAutomaticComment)}};
+}
+
+/// What the store says after each deed when nothing fails, and before the first one.
 struct Reference {
+  Life life;
   std::vector<std::string> states{""};
   std::uint64_t steps{};
   std::uint64_t reads{};
 };
 
-Reference run_without_fault() {
-  FaultDisk disk;
+void begin(FaultDisk& disk, const Life& life) {
+  if (!life.file.empty()) disk.set_content(kPath, life.file);
+}
+
+Reference run_without_fault(Life life) {
   Reference reference;
+  if (!life.file.empty()) {
+    FaultDisk disk;
+    disk.set_content(kPath, life.file);
+    const auto before = MapStore::open_to_read(kPath);
+    EXPECT_TRUE(before);
+    reference.states.front() = state_of(*before);
+  }
+  FaultDisk disk;
+  begin(disk, life);
   std::optional<MapStore> store;
-  for (const Deed& deed : a_life()) {
+  for (const Deed& deed : life.deeds) {
     EXPECT_TRUE(deed(store));
     reference.states.push_back(state_of(*store));
   }
   store.reset();
   reference.steps = disk.steps();
   reference.reads = disk.reads();
+  reference.life = std::move(life);
   return reference;
 }
 
-class MapStoreFaults : public testing::Test {
+/// @param which  0: a new store; else one of kOldSchemas
+const Reference& reference_of(std::size_t which) {
+  static const std::vector<Reference> all = [] {
+    std::vector<Reference> made{run_without_fault(a_life())};
+    for (const OldSchema& schema : kOldSchemas)
+      made.push_back(run_without_fault(a_life_after(schema)));
+    return made;
+  }();
+  return all[which];
+}
+
+class MapStoreFaults : public testing::TestWithParam<std::size_t> {
  protected:
-  static const Reference& reference() {
-    static const Reference once = run_without_fault();
-    return once;
-  }
+  [[nodiscard]] const Reference& reference() const { return reference_of(GetParam()); }
   static void expect_words(const Error& error) {
     EXPECT_EQ(error.code, ErrorCode::kUnavailable) << error.text();
     EXPECT_GT(error.what.size(), 20u);
   }
 };
+INSTANTIATE_TEST_SUITE_P(Life, MapStoreFaults,
+                         testing::Range(std::size_t{0}, 1 + kOldSchemas.size()));
 
-TEST_F(MapStoreFaults, TheLifeOfTheTestThinsOutAndWritesBack) {
-  EXPECT_GT(reference().steps, 100u);
-  EXPECT_THAT(reference().states.back(), testing::HasSubstr("survey"));
-  EXPECT_THAT(reference().states.back(), testing::HasSubstr("\n4 of 2 "));
-  EXPECT_THAT(reference().states.back(), testing::Not(testing::HasSubstr("\n3 of"))) << "thinned";
+TEST(MapStoreLives, ThinOutAndWriteBack) {
+  const Reference& reference = reference_of(0);
+  EXPECT_GT(reference.steps, 100u);
+  EXPECT_THAT(reference.states.back(), testing::HasSubstr("survey"));
+  EXPECT_THAT(reference.states.back(), testing::HasSubstr("\n4 of 2 "));
+  EXPECT_THAT(reference.states.back(), testing::Not(testing::HasSubstr("\n3 of"))) << "thinned";
+  EXPECT_THAT(reference.states.back(), testing::HasSubstr(" with 11 ties\n"));
 }
 
-TEST_F(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
+TEST(MapStoreLives, BringAnOldStoreUpToDate) {
+  const Reference& reference = reference_of(kOldSchemas.size());
+  EXPECT_GT(reference.steps, 20u);
+  EXPECT_THAT(reference.states.front(), testing::Not(testing::HasSubstr(" with 11 ties\n")));
+  EXPECT_EQ(reference.states[1], reference.states.front());
+  EXPECT_THAT(reference.states.back(), testing::HasSubstr(" with 11 ties\n"));
+}
+
+TEST_P(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
   for (std::uint64_t step = 0; step < reference().steps; ++step) {
     FaultDisk disk;
+    begin(disk, reference().life);
     disk.fail_at(step, Fault::kPowerCut);
     std::optional<MapStore> store;
     std::size_t done = 0;
-    for (const Deed& deed : a_life()) {
+    for (const Deed& deed : reference().life.deeds) {
       if (const auto result = deed(store); !result) {
         expect_words(result.error());
         break;
@@ -164,11 +219,12 @@ TEST_F(MapStoreFaults, APowerCutAtAnyStepLosesAtMostWhatWasBeingWritten) {
 /// Runs a life in which a fault comes at `step`; what failed is done again after `mend`.
 void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
   FaultDisk disk;
+  begin(disk, reference.life);
   disk.fail_at(step, fault);
   std::optional<MapStore> store;
   std::size_t done = 0;
   bool said = false;
-  for (const Deed& deed : a_life()) {
+  for (const Deed& deed : reference.life.deeds) {
     auto result = deed(store);
     if (!result) {
       EXPECT_EQ(result.error().code, ErrorCode::kUnavailable) << result.error().text();
@@ -195,28 +251,28 @@ void live_with(std::uint64_t step, Fault fault, const Reference& reference) {
   EXPECT_EQ(state_of(*store), reference.states.back()) << (said ? "said" : "not said");
 }
 
-TEST_F(MapStoreFaults, AFullDiskAtAnyStepIsSaidAndChangesNothing) {
+TEST_P(MapStoreFaults, AFullDiskAtAnyStepIsSaidAndChangesNothing) {
   for (std::uint64_t step = 0; step < reference().steps; ++step) {
     SCOPED_TRACE(step);
     ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kFull, reference()));
   }
 }
 
-TEST_F(MapStoreFaults, ASyncThatFailsIsSaidAndNothingIsBelievedToBeOnTheDisk) {
+TEST_P(MapStoreFaults, ASyncThatFailsIsSaidAndNothingIsBelievedToBeOnTheDisk) {
   for (std::uint64_t step = 0; step < reference().steps; ++step) {
     SCOPED_TRACE(step);
     ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kSyncFails, reference()));
   }
 }
 
-TEST_F(MapStoreFaults, AWriteThatStopsHalfWayIsSaidAndChangesNothing) {
+TEST_P(MapStoreFaults, AWriteThatStopsHalfWayIsSaidAndChangesNothing) {
   for (std::uint64_t step = 0; step < reference().steps; ++step) {
     SCOPED_TRACE(step);
     ASSERT_NO_FATAL_FAILURE(live_with(step, Fault::kWriteFails, reference()));
   }
 }
 
-TEST_F(MapStoreFaults, ReadsThatFailAreSaidAndChangeNothing) {
+TEST_P(MapStoreFaults, ReadsThatFailAreSaidAndChangeNothing) {
   for (std::uint64_t read = 0; read < reference().reads; ++read) {
     SCOPED_TRACE(read);
     ASSERT_NO_FATAL_FAILURE(live_with(read, Fault::kReadFails, reference()));

@@ -1,4 +1,5 @@
-// kill -9 at random instants: every version that was reported as stored is there, whole.
+// kill -9 at random instants of commit, refinement and migration: every version that was reported
+// as stored is there, whole. FIDUCAP_KILLS: how many instead of sixty.
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <signal.h>
@@ -7,32 +8,48 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 #include <map>
 #include <random>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
+#include "unit/mapping/map_fixture.hpp"
+#include "unit/mapping/store/old_stores.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr int kKills = 36;
+constexpr int kKills = 60;
+constexpr double kOfCommits = 0.5;
+constexpr double kOfRefinements = 0.25;
+constexpr double kOfMigrations = 0.25;
 // Short enough to hit the opening of the store as well.
-constexpr int kLongestLife_ms = 60;
+constexpr int kLongestLife_us = 60'000;
 // Every other writer is let go on until it has said this many versions, however slow the machine
 // is.
 constexpr int kMostVersions = 8;
 
+int kills(double share) {
+  const char* wanted = std::getenv("FIDUCAP_KILLS");
+  return static_cast<int>(share * (wanted == nullptr ? kKills : std::max(4, std::atoi(wanted))));
+}
+
 /// When a writer is killed: so long after it has said so many lines.
 struct Life {
   int lines{};
-  int then_ms{};
+  int then_us{};
 };
 
-/// Starts the writer, lets it live, kills it. @return what it reported as stored.
-std::map<std::int64_t, std::string> run_and_kill(const std::string& store, const Life& life) {
+/// What it reported as stored; the hash is "-" where it did not say.
+using Reported = std::map<std::int64_t, std::string>;
+
+/// Starts the writer, lets it live, kills it.
+Reported run_and_kill(std::vector<std::string> words, const Life& life) {
   int pipe_ends[2];
   EXPECT_EQ(pipe(pipe_ends), 0);
   posix_spawn_file_actions_t actions;
@@ -40,10 +57,11 @@ std::map<std::int64_t, std::string> run_and_kill(const std::string& store, const
   posix_spawn_file_actions_adddup2(&actions, pipe_ends[1], STDOUT_FILENO);
   posix_spawn_file_actions_addclose(&actions, pipe_ends[0]);
   std::string program = FIDUCAP_BINARY_DIR "/bin/map_store_writer";
-  std::string path = store;
-  char* arguments[] = {program.data(), path.data(), nullptr};
+  std::vector<char*> arguments{program.data()};
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
   pid_t pid = 0;
-  EXPECT_EQ(posix_spawn(&pid, program.c_str(), &actions, nullptr, arguments, environ), 0);
+  EXPECT_EQ(posix_spawn(&pid, program.c_str(), &actions, nullptr, arguments.data(), environ), 0);
   posix_spawn_file_actions_destroy(&actions);
   close(pipe_ends[1]);
 
@@ -54,8 +72,8 @@ std::map<std::int64_t, std::string> run_and_kill(const std::string& store, const
     if (n <= 0) break;  // ended by itself: judged below
     said.append(buffer, static_cast<std::size_t>(n));
   }
-  pollfd nothing{-1, 0, 0};
-  poll(&nothing, 1, life.then_ms);
+  const timespec rest{0, 1000L * life.then_us};
+  ppoll(nullptr, 0, &rest, nullptr);
   kill(pid, SIGKILL);
   int status = 0;
   waitpid(pid, &status, 0);
@@ -64,50 +82,137 @@ std::map<std::int64_t, std::string> run_and_kill(const std::string& store, const
   for (ssize_t n = 0; (n = read(pipe_ends[0], buffer, sizeof buffer)) > 0;)
     said.append(buffer, static_cast<std::size_t>(n));
   close(pipe_ends[0]);
-  std::map<std::int64_t, std::string> stored;
+  Reported stored;
   std::istringstream lines(said.substr(0, said.rfind('\n') + 1));
   std::int64_t version = 0;
   for (std::string hash; lines >> version >> hash;) stored[version] = hash;
   return stored;
 }
 
-void expect_all(const std::string& path, const std::map<std::int64_t, std::string>& reported) {
-  const auto store = MapStore::open(path);
-  ASSERT_TRUE(store) << store.error().text();
-  const auto log = store->log();
+/// Everything that is there is whole, and what was reported is there.
+void expect_all(const MapStore& store, const Reported& reported) {
+  const auto log = store.log();
   ASSERT_TRUE(log) << log.error().text();
-  // At most the version being written may be beyond what was reported.
-  const std::int64_t newest = reported.empty() ? 0 : reported.rbegin()->first;
-  EXPECT_GE(static_cast<std::int64_t>(log->size()), newest);
+  const std::int64_t newest = log->empty() ? 0 : log->front().version;
+  EXPECT_GE(newest, reported.empty() ? 0 : reported.rbegin()->first);
   for (const auto& info : *log) {
-    const auto map = store->load(info.version);
+    const auto map = store.load(info.version);
     ASSERT_TRUE(map) << map.error().text();
     EXPECT_EQ(content_hash(*map), info.hash);
     const auto told = reported.find(info.version);
-    EXPECT_TRUE(told == reported.end() || told->second == info.hash) << "version " << info.version;
+    EXPECT_TRUE(told == reported.end() || told->second == "-" || told->second == info.hash)
+        << "version " << info.version;
   }
 }
 
-TEST(MapStoreKill, EveryReportedVersionSurvives) {
-  TemporaryFolder folder;
-  std::mt19937 random(42);
-  std::map<std::int64_t, std::string> reported;
-  std::string path;
-  std::size_t kills_with_versions = 0;
-  for (int i = 0; i < kKills; ++i) {
-    if (i % 6 == 0) {  // a fresh store, so that its creation is hit too
-      path = folder.file("store" + std::to_string(i));
-      reported.clear();
-    }
-    const auto draw = [&](int most) { return std::uniform_int_distribution<int>(0, most)(random); };
-    const Life life =
-        i % 2 == 0 ? Life{0, draw(kLongestLife_ms)} : Life{1 + draw(kMostVersions - 1), draw(5)};
-    const auto stored = run_and_kill(path, life);
-    kills_with_versions += stored.empty() ? 0 : 1;
-    reported.insert(stored.begin(), stored.end());
-    expect_all(path, reported);
+class MapStoreKill : public testing::Test {
+ protected:
+  int draw(int most) { return std::uniform_int_distribution<int>(0, most)(random_); }
+  /// Every other one at any instant, the others when they have stored something.
+  Life draw_life(int turn, int longest_us) {
+    if (turn % 2 == 0) return {0, draw(longest_us)};
+    const int lines = 1 + draw(kMostVersions - 1);
+    return {lines, draw(5000)};
   }
-  EXPECT_GE(kills_with_versions, static_cast<std::size_t>(kKills / 2));
+  /// One store after the other, each for some kills, so that its creation is hit too.
+  void kill_again_and_again(const std::string& verb, int count, int longest_us) {
+    Reported reported;
+    std::string path;
+    int with_versions = 0;
+    for (int i = 0; i < count; ++i) {
+      if (i % 6 == 0) {
+        path = folder_.file(verb + std::to_string(i));
+        reported.clear();
+      }
+      const Reported stored = run_and_kill({verb, path}, draw_life(i, longest_us));
+      with_versions += stored.empty() ? 0 : 1;
+      reported.insert(stored.begin(), stored.end());
+      const auto store = MapStore::open(path);
+      ASSERT_TRUE(store) << store.error().text();
+      ASSERT_NO_FATAL_FAILURE(expect_all(*store, reported));
+      const auto map = store->newest();
+      // How the errors hang together is stored with a version or the version is not.
+      EXPECT_TRUE(map->version == 0 || (map->known && !map->known->pairs.empty()));
+    }
+    EXPECT_GE(with_versions, count / 2);
+  }
+
+  TemporaryFolder folder_;
+  std::mt19937 random_{42};
+};
+
+TEST_F(MapStoreKill, EveryReportedVersionSurvives) {
+  kill_again_and_again("commits", kills(kOfCommits), kLongestLife_us);
+}
+
+TEST_F(MapStoreKill, ASessionThatRefinesItsMapLeavesWholeVersionsWithTies) {
+  // The first half second goes into the robots' motion.
+  kill_again_and_again("refines", kills(kOfRefinements), 999'999);
+}
+
+/// What an old server left after weeks. @return its versions
+Reported write_old_store(const std::string& path, int schema) {
+  constexpr int kVersions = 40;
+  std::vector<int> ids;
+  for (int id = 0; id < 100; ++id) ids.push_back(id);
+  Reported written;
+  {
+    auto store = MapStore::open(path);
+    EXPECT_TRUE(store);
+    TagMap map = make_map(ids);
+    for (int i = 0; i < kVersions; ++i) {
+      map.tags.front().tag.X_WT.p.x() = i;
+      map = store->commit(map, "of an old server").value();
+      written[map.version] = map.hash;
+    }
+    EXPECT_TRUE(store->save_extrinsics({"robot", 0, Pose{}, StoredClock{0.02, 0.01}}));
+  }
+  EXPECT_TRUE(make_old(path, schema));
+  return written;
+}
+
+/// Old or new schema, and what was there.
+void expect_old_or_new(const std::string& path, int old_schema, const Reported& written) {
+  {
+    const auto file = SqliteFile::open(path, SqliteFile::Access::kSalvage);
+    ASSERT_TRUE(file);
+    const auto schema = file->integer("PRAGMA user_version");
+    ASSERT_TRUE(schema);
+    EXPECT_TRUE(*schema == old_schema || *schema == kMapStoreSchema) << *schema;
+    const auto reader = MapStore::open_to_read(path);
+    ASSERT_TRUE(reader) << reader.error().text();
+    ASSERT_NO_FATAL_FAILURE(expect_all(*reader, written));
+  }
+  auto store = MapStore::open(path);
+  ASSERT_TRUE(store) << store.error().text();
+  ASSERT_NO_FATAL_FAILURE(expect_all(*store, written));
+  EXPECT_EQ(store->log()->size(), written.size());
+  EXPECT_EQ(store->extrinsics()->front().clock->shift_s, 0.02);
+  EXPECT_TRUE(store->commit(with_ties(*store->newest()), "life goes on"));
+  EXPECT_NE(store->newest()->known, nullptr);
+}
+
+TEST_F(MapStoreKill, AStoreThatIsBroughtUpToDateIsOldOrNewAndWhole) {
+  constexpr int kStores = 4;
+  for (const OldSchema& old : kOldSchemas) {
+    const std::string original = folder_.file("old" + std::to_string(old.number));
+    const Reported written = write_old_store(original, old.number);
+    const auto per_schema = static_cast<int>(kOldSchemas.size());
+    for (int i = 0; i < kills(kOfMigrations) / per_schema; ++i) {
+      std::vector<std::string> words{"migrates"};
+      for (int k = 0; k < kStores; ++k) {
+        words.push_back(folder_.file("migrates" + std::to_string(k)));
+        for (const char* log : {"-wal", "-shm"}) std::filesystem::remove(words.back() + log);
+        std::filesystem::copy_file(original, words.back(),
+                                   std::filesystem::copy_options::overwrite_existing);
+      }
+      // Before the last one is open: one of them is being brought up to date.
+      const Life life{draw(kStores - 1), draw(8'000)};
+      (void)run_and_kill(words, life);
+      for (std::size_t k = 1; k < words.size(); ++k)
+        ASSERT_NO_FATAL_FAILURE(expect_old_or_new(words[k], old.number, written)) << i;
+    }
+  }
 }
 
 }  // namespace

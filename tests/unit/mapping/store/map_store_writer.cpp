@@ -1,38 +1,124 @@
-// Commits versions, every third one a roll-back, until it is killed and says after each one that it
-// is stored: the victim of map_store_kill_test.
+// The victim of map_store_kill_test. Works on a store until it is killed, and says, a line each,
+// which version is stored, with its hash as far as it is known:
+//   map_store_writer commits STORE      versions with ties, every third one a roll-back
+//   map_store_writer refines STORE      a server's own loops: the map of robots that come one after
+//                                       the other is refined, committed, thinned out
+//   map_store_writer migrates STORE...  opens one after the other, and says which is open
 #include <unistd.h>
 
 #include <cstdio>
+#include <span>
 #include <string>
+#include <thread>
 
+#include "base/log.hpp"
+#include "daemon/map_keeper.hpp"
+#include "daemon/refinement_loop.hpp"
+#include "daemon/system_clock.hpp"
 #include "mapping/store/map_store.hpp"
+#include "simulation/graph_robot.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
-int main(int argc, char** argv) {
-  using namespace fiducap;
-  if (argc != 2) return 2;
-  auto store = MapStore::open(argv[1]);
-  if (!store) {
-    std::fprintf(stderr, "%s\n", store.error().text().c_str());
-    return 1;
-  }
+namespace fiducap {
+namespace {
+
+bool say(std::int64_t version, const std::string& hash) {
+  const std::string line = std::to_string(version) + " " + (hash.empty() ? "-" : hash) + "\n";
+  return write(STDOUT_FILENO, line.data(), line.size()) >= 0;
+}
+
+int fails(const Error& error) {
+  std::fprintf(stderr, "%s\n", error.text().c_str());
+  return 1;
+}
+
+int commits(const std::string& path) {
+  auto store = MapStore::open(path);
+  if (!store) return fails(store.error());
   auto map = store->newest();
-  if (!map) return 1;
+  if (!map) return fails(map.error());
   std::vector<int> ids;
   for (int id = 0; id < 40; ++id) ids.push_back(id);
-  if (map->tags.empty()) *map = make_map(ids);
+  if (map->tags.empty()) *map = with_ties(make_map(ids));
   for (;;) {
     const bool goes_back = map->version > 2 && map->version % 3 == 0;
     if (goes_back) {
       map = store->load(map->version - 2);
-      if (!map) return 1;
+      if (!map) return fails(map.error());
     } else {
       for (MapTag& entry : map->tags) entry.tag.X_WT.p.x() += 0.001;
     }
     map = store->commit(*map, goes_back ? "rolled back" : "while being killed");
-    if (!map || !store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}}))
-      return 1;
-    const std::string line = std::to_string(map->version) + " " + map->hash + "\n";
-    if (write(STDOUT_FILENO, line.data(), line.size()) < 0) return 1;
+    if (!map) return fails(map.error());
+    const auto saved =
+        store->save_extrinsics({"robot", static_cast<int>(map->version % 4), Pose{}});
+    if (!saved) return fails(saved.error());
+    if (!say(map->version, map->hash)) return 1;
   }
+}
+
+/// Often enough that a kill mostly finds one of the loops at work.
+constexpr double kPeriod_s = 0.002;
+constexpr double kSeconds = 8;  // of motion
+constexpr int kReference = 1;
+constexpr auto kPause = std::chrono::milliseconds(1);
+constexpr int kPatience = 100;
+
+int refines(const std::string& path) {
+  auto store = MapStore::open(path);
+  if (!store) return fails(store.error());
+  auto start = store->newest();
+  if (!start) return fails(start.error());
+  const Robot robot({.seconds = kSeconds, .reference_tag = kReference});
+  if (robot.segments.empty()) return 3;
+  start->reference_tag = kReference;
+  MapConfig config;
+  config.refine_period_s = kPeriod_s;
+  MapBuilder map(config, std::move(*start));
+  const SystemClock clock;
+  EventBoard events(utc_now_ns);
+  const auto learned = [] {
+    ExtrinsicsEstimate camera;
+    camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4};
+    return std::vector<LearnedBody>{{"robot", {camera}}};
+  };
+  MapKeeper keeper(std::move(*store), map, kPeriod_s, clock, events, learned);
+  RefinementLoop refinement(map, kPeriod_s, clock, [](const RefinementTurn&) {});
+  const std::jthread refining([&](const std::stop_token& stop) { refinement.run(stop); });
+  const std::jthread keeping([&](const std::stop_token& stop) { keeper.run(stop); });
+  std::int64_t told = map.snapshot()->version;
+  // All of them saw the same second: the graph stays small, and has something new all the time.
+  const auto second = std::make_shared<const MotionSegment>(robot.segments.front());
+  for (int body_id = 1;; ++body_id) {
+    map.absorb({.body_id = body_id, .at = second->end().at, .anchored = true, .segment = second},
+               utc_now_ns());
+    auto now = map.snapshot();
+    for (int i = 0; i < kPatience && now->version == told; ++i) {
+      std::this_thread::sleep_for(kPause);
+      now = map.snapshot();
+    }
+    if (now->version != told && !say(now->version, now->hash)) return 1;
+    told = now->version;
+  }
+}
+
+int migrates(std::span<char* const> paths) {
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    const auto store = MapStore::open(paths[i]);
+    if (!store) return fails(store.error());
+    if (!say(static_cast<std::int64_t>(i) + 1, {})) return 1;
+  }
+  for (;;) pause();
+}
+
+}  // namespace
+}  // namespace fiducap
+
+int main(int argc, char** argv) {
+  if (argc < 3) return 2;
+  fiducap::log::set_level(fiducap::log::Level::kError);
+  const std::string verb = argv[1];
+  if (verb == "commits") return fiducap::commits(argv[2]);
+  if (verb == "refines") return fiducap::refines(argv[2]);
+  return fiducap::migrates({argv + 2, argv + argc});
 }

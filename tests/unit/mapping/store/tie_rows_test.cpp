@@ -2,32 +2,15 @@
 // date.
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <random>
-
 #include "mapping/store/map_repair.hpp"
 #include "mapping/store/map_store.hpp"
 #include "mapping/store/sqlite_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/mapping/map_fixture.hpp"
+#include "unit/mapping/store/old_stores.hpp"
 
 namespace fiducap {
 namespace {
-
-TagMap with_ties(TagMap map) {
-  std::mt19937_64 random(3);
-  std::normal_distribution<double> gauss;
-  auto known = std::make_shared<KnownMap>();
-  known->revision = 7;
-  for (const MapTag& entry : map.tags) known->tags.push_back(entry.tag);
-  for (std::size_t i = 0; i + 1 < map.tags.size(); ++i) {
-    KnownPair pair{map.tags[i].tag.tag_id, map.tags[i + 1].tag.tag_id, {}};
-    for (double& x : pair.covariance.reshaped()) x = 1e-6 * gauss(random);
-    known->pairs.push_back(pair);
-  }
-  map.known = std::move(known);
-  return map;
-}
 
 class TieRowsTest : public testing::Test {
  protected:
@@ -127,7 +110,7 @@ TEST_F(TieRowsTest, BytesThatSayTooMuchAreRefused) {
 
 TEST_F(TieRowsTest, AStoreOfTheFirstSchemaIsBroughtUpToDate) {
   ASSERT_TRUE(open().commit(make_map({3, 5, 9}), "of an old server"));
-  ASSERT_TRUE(SqliteFile::open(path_)->execute("DROP TABLE tie; PRAGMA user_version = 1"));
+  ASSERT_TRUE(make_old(path_, 1));
   {
     // Who only looks changes nothing.
     const auto reader = MapStore::open_to_read(path_);
