@@ -34,6 +34,8 @@ struct RobotSetup {
   bool has_imu{true};
   std::optional<int> reference_tag{};
   simulation::FaultConfig faults{};
+  std::map<int, double> larger{};  ///< Prints, by id, than they are told to be, relative.
+  double told_focal{1};            ///< So many times the lens's.
 };
 
 /// What a body's pipeline tells the graph of a motion over three tags on a table.
@@ -56,9 +58,14 @@ struct Robot {
     PipelineSetup pipeline_setup;
     pipeline_setup.sensors.cameras = {mount};
     pipeline_setup.sensors.cameras[0].X_BV = drawn_extrinsics(mount, setup.seed);
+    CameraModel& told = pipeline_setup.sensors.cameras[0].model;
+    told.fu *= setup.told_focal;
+    told.fv *= setup.told_focal;
     if (setup.has_imu) pipeline_setup.sensors.imu = body.imu.noise;
     for (const RecordedTag& tag : simulation::tags_of(setup.room)) {
-      pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m;
+      const auto larger = setup.larger.find(tag.tag_id);
+      const double by = larger == setup.larger.end() ? 0 : larger->second;
+      pipeline_setup.tags.sizes_m[tag.tag_id] = tag.edge_m / (1 + by);
       truth[tag.tag_id] = tag.X_WT;
     }
     pipeline_setup.gauge.reference_tag = setup.reference_tag;
