@@ -27,7 +27,12 @@ std::string upgrade_to(const std::string& path) {
 // One binary message, masked with nothing.
 std::string message_of(std::span<const std::byte> bytes) {
   const auto length = static_cast<std::uint16_t>(bytes.size());
-  std::string frame{'\x82', '\xfe', static_cast<char>(length >> 8), static_cast<char>(length)};
+  std::string frame{'\x82'};
+  if (length < 126) {
+    frame += static_cast<char>(0x80 | length);
+  } else {
+    frame += {'\xfe', static_cast<char>(length >> 8), static_cast<char>(length)};
+  }
   frame.append(4, '\0');
   return frame.append(reinterpret_cast<const char*>(bytes.data()), length);
 }
@@ -123,8 +128,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   stranger.tick();
   say(input.bytes.subspan(cut));
   const auto answer = stranger.hear();
-  if (!is_live && !is_operator)
-    fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  if (!is_live && !is_operator) fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
   fuzz::require(page.operators.changes.empty() && !page.operators.under_way);  // none by luck
   return 0;
 }
