@@ -1,5 +1,6 @@
 // Bytes of a stranger to the page's port, through the session that serves it. The first byte
-// chooses: requests in one piece, in two, or frames of a live socket behind a sound upgrade.
+// chooses: requests in one piece, in two, frames of a live socket behind a sound upgrade, or what
+// two messages of an operator's socket hold.
 #include <sys/socket.h>
 
 #include <boost/asio/io_context.hpp>
@@ -8,6 +9,7 @@
 #include "streaming/net/bind.hpp"
 #include "streaming/web/web_session.hpp"
 #include "support/fake_clock.hpp"
+#include "support/fake_desk.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/streaming/web/temporary_page.hpp"
 
@@ -16,14 +18,30 @@ namespace {
 using namespace fiducap;
 using namespace fiducap::web;
 
-constexpr std::string_view kUpgrade =
-    "GET /api/v1/live HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-    "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+std::string upgrade_to(const std::string& path) {
+  return "GET " + path +
+         " HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+         "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+}
+
+// One binary message, masked with nothing.
+std::string message_of(std::span<const std::byte> bytes) {
+  const auto length = static_cast<std::uint16_t>(bytes.size());
+  std::string frame{'\x82'};
+  if (length < 126) {
+    frame += static_cast<char>(0x80 | length);
+  } else {
+    frame += {'\xfe', static_cast<char>(length >> 8), static_cast<char>(length)};
+  }
+  frame.append(4, '\0');
+  return frame.append(reinterpret_cast<const char*>(bytes.data()), length);
+}
 
 struct Page {
   boost::asio::io_context io;
   FakeClock clock{instant_from_ns(1'000'000'000)};
   TemporaryPage files;
+  FakeDesk operators;
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone"});
   std::shared_ptr<WebDesk> desk =
       std::make_shared<WebDesk>(config(), sources(), frame->model, clock);
@@ -33,8 +51,9 @@ struct Page {
     config.root = files.root().string();
     return config;
   }
-  [[nodiscard]] static WebSources sources() {
+  [[nodiscard]] WebSources sources() {
     WebSources sources;
+    sources.desk = &operators;
     sources.clients = [] { return std::vector<ClientStatus>(); };
     sources.map_mode = [] { return std::string("frozen"); };
     return sources;
@@ -89,18 +108,27 @@ class Stranger final {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static Page page;
-  const fuzz::Chosen input(data, size, 3);
+  const fuzz::Chosen input(data, size, 4);
   Stranger stranger(page);
-  if (input.which == 2) {
-    stranger.say(std::as_bytes(std::span(kUpgrade)));
+  const bool is_live = input.which == 2, is_operator = input.which == 3;
+  if (is_live || is_operator) {
+    const auto upgrade = upgrade_to(is_live ? "/api/v1/live" : "/api/v1/control");
+    stranger.say(std::as_bytes(std::span(upgrade)));
     fuzz::require(stranger.hear().starts_with("HTTP/1.1 101 "));
   }
-  const std::size_t cut = input.which == 1 ? input.bytes.size() / 2 : input.bytes.size();
-  stranger.say(input.bytes.first(cut));
+  const std::size_t cut =
+      input.which == 1 || is_operator ? input.bytes.size() / 2 : input.bytes.size();
+  const auto say = [&](std::span<const std::byte> bytes) {
+    if (!is_operator) return stranger.say(bytes);
+    const std::string frame = message_of(bytes);
+    stranger.say(std::as_bytes(std::span(frame)));
+  };
+  say(input.bytes.first(cut));
   page.desk->feed().publish(page.frame);
   stranger.tick();
-  stranger.say(input.bytes.subspan(cut));
+  say(input.bytes.subspan(cut));
   const auto answer = stranger.hear();
-  if (input.which != 2) fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  if (!is_live && !is_operator) fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  fuzz::require(page.operators.changes.empty() && !page.operators.under_way);  // none by luck
   return 0;
 }

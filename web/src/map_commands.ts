@@ -6,7 +6,7 @@ import { command, type Outcome } from './operator';
 import type { MapVersion, ServerEvent } from './protocol';
 
 const NO_COMMANDS = 'This server takes no commands: set operator.token or operator.token_file in its configuration.';
-const LOCKED = 'Locked. Changes need the operator’s token.';
+const LOCKED = 'Locked. Changes need the token.';
 const TOKEN =
   'The token stays in this tab; what travels is a proof that you know it. But whoever can alter a page that comes by plain http ' +
   'can take it: behind a network you do not trust, use https or a tunnel.';
