@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "estimation/found_mismatch.hpp"
 #include "estimation/known_tag.hpp"
 
 namespace fiducap {
@@ -28,10 +29,11 @@ struct KnownMap {
   /// Found to be of another size than told; kAllPrints: all of them. Places are right all the same.
   std::vector<int> wrong_prints;
   static constexpr int kAllPrints = -1;
-  /// Lenses that are other ones than configured.
+  /// Lenses that are other ones than configured: what about them.
   struct WrongLens {
     int body_id{};
     int camera{};
+    FoundMismatch::Kind kind{};
   };
   std::vector<WrongLens> wrong_lenses;
 

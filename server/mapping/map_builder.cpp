@@ -65,7 +65,7 @@ void note_wrong(std::span<const GraphFinding> findings, KnownMap& known) {
     if (what.kind == Kind::kAllPrints) known.wrong_prints.push_back(KnownMap::kAllPrints);
     if (what.kind == Kind::kOnePrint) known.wrong_prints.push_back(what.tag_id);
     if (what.camera >= 0 && what.kind != Kind::kReadout)
-      known.wrong_lenses.push_back({body_id, what.camera});
+      known.wrong_lenses.push_back({body_id, what.camera, what.kind});
   }
 }
 

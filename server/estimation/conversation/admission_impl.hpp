@@ -179,7 +179,7 @@ bool FilterConversation<C>::admit(const TagObservations& seen, const TagToUse& t
   ++report.tags_added;
   const auto prior = priors_.find(tag.seen->tag_id);
   // Who may not say where the workspace is waits for a tag of the map, whatever it was told before.
-  if (prior != priors_.end() && (anchor_.is_anchored() || may_define_workspace_)) {
+  if (prior != priors_.end() && (anchor_.is_anchored() || map_.may_define_workspace)) {
     const Pose& X_WT = prior->second.X_WT;
     if (!anchor_.is_anchored()) coordinates().forget_past();
     shift_axes(anchor_.by_sighting(coordinates(), seen.camera, X_VT, X_WT), report);
@@ -208,7 +208,7 @@ void FilterConversation<C>::admit_known(const TagObservations& seen, const TagTo
                                         const Pose& X_VT, UpdateReport& report) {
   if (!anchor_.is_anchored()) coordinates().forget_past();  // it does not know where the room is
   shift_axes(anchor_.by_sighting(coordinates(), seen.camera, X_VT, tag.known->X_WT), report);
-  coordinates().hold_one(*tag.known, map_, seen.exposed_at);
+  coordinates().hold_one(*tag.known, map_.whole, seen.exposed_at);
   tags_.usable.assign(1, tag);
   tags_.usable.front().local = state().find(tag.known->tag_id);
   coordinates().forget_aim();

@@ -128,10 +128,8 @@ class FilterConversation final : public StartingFilter {
   ClockHypothesis restart_clocks_;
   double gate_;
   bool is_start_over_{false};
-  bool may_define_workspace_{true};  ///< See MapKnowledge.
-  const KnownMap* map_{};            ///< Of the present image.
-  int body_id_{-1};                  ///< Who this is in it.
-  int return_attempts_{0};           ///< Images since adrift that showed a usable tag.
+  MapKnowledge map_;        ///< For the present image.
+  int return_attempts_{0};  ///< Images since adrift that showed a usable tag.
   RestlessTags restless_;
   std::vector<GivenUpTag> unwitnessed_;  ///< By what the body alone knew.
   /// Where proven tags that contradict want the body, from where it is thought to be, W axes; until

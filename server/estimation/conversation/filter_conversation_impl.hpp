@@ -83,21 +83,19 @@ void FilterConversation<C>::propagate(const ImuSample& imu) {
 
 template <class C>
 UpdateReport FilterConversation<C>::update(const TagObservations& seen, const MapKnowledge& map) {
-  may_define_workspace_ = map.may_define_workspace;
-  map_ = map.whole;
-  body_id_ = map.body_id;
+  map_ = map;
   const int generation = generation_;
   UpdateReport report = process(seen, map.tags);
   report.generation = generation_;
   report.running = running();
-  map_ = nullptr;
+  map_ = {};
   if (generation_ != generation) report.gauge_shift.reset();  // nothing was given out since
   return report;
 }
 
 template <class C>
 void FilterConversation<C>::sort(const TagObservations& seen, std::span<const KnownTag> known) {
-  coordinates().hold_map_tags(seen, known, map_, anchor_.is_anchored());
+  coordinates().hold_map_tags(seen, known, map_.whole, anchor_.is_anchored());
   tags_.sort(seen, known, state(), anchor_.is_anchored());
   const auto is_barred = [&](const TagToUse& tag) {
     return restless_.is_barred(tag.seen->tag_id, seen.exposed_at);
@@ -140,7 +138,7 @@ UpdateReport FilterConversation<C>::process(const TagObservations& seen,
   look_for_jump(seen, report);
   answer_contradictions(seen, report);
   if (is_following())
-    shift_axes(anchor_.by_definition(coordinates(), may_define_workspace_), report);
+    shift_axes(anchor_.by_definition(coordinates(), map_.may_define_workspace), report);
   if (elsewhere_W_)
     report.elsewhere = UpdateReport::Elsewhere{elsewhere_tag_, elsewhere_W_->norm()};
   if (!has_imu() && report.tags_used > 0) note_exact_tags();
@@ -153,11 +151,11 @@ void FilterConversation<C>::meet(const TagObservations& seen, std::span<const Kn
   using namespace filter_rules;  // NOLINT: short names for what filters go by
   coordinates().look_at(seen);
   if (is_following()) {
-    if (const auto shift = anchor_.by_own_tags(coordinates(), known, map_ == nullptr)) {
+    if (const auto shift = anchor_.by_own_tags(coordinates(), known, map_.whole == nullptr)) {
       coordinates().forget_past();  // it does not know where the room is
       shift_axes(shift, report);
     }
-    if (map_ != nullptr && anchor_.is_anchored()) follow_map(report);
+    if (map_.whole != nullptr && anchor_.is_anchored()) follow_map(report);
   }
   sort(seen, known);
   gap_before_s_ = contradictions_.seconds_without_fit(seen.exposed_at);
@@ -176,7 +174,7 @@ template <class C>
 void FilterConversation<C>::follow_map(UpdateReport& report) {
   // Less does not look like a clock that jumped.
   constexpr double kNoticeable_m = 0.005;
-  const auto moved = coordinates().follow_map(*map_, body_id_);
+  const auto moved = coordinates().follow_map(*map_.whole, map_.body_id);
   if (!moved) return;
   anchor_.give_to_map();
   report.map_shift = moved;

@@ -88,8 +88,8 @@ struct MotionSegment {
                                       ///< images there), last: where it ends.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
   std::vector<KnownTag> tags;         ///< Where the filter, or the map, has the tags seen.
-  std::vector<double> scales;  ///< Of each: its print is so much larger than told, relative;
-                               ///< empty: all are as told.
+  std::vector<double> scales;         ///< Of each: its print is so much larger than told, relative;
+                                      ///< empty: all are as told.
 
   [[nodiscard]] bool has_imu() const { return sensors->has_imu; }
   [[nodiscard]] const BodyMoment& begin() const { return instances.front().body; }

@@ -64,7 +64,8 @@ class Suspects final {
   /// witness. What is closed is neither known better than before nor accused more.
   void keep_evidence(FilterState& state, std::span<const Evidence> before) const;
   /// What the map was made with open (KnownMap::wrong_prints, …) is open in the state, too.
-  void open_by_map(FilterState& state, const KnownMap& map, int body_id) const;
+  /// @return whether one was opened: what it did to images has been taken for noise until now
+  bool open_by_map(FilterState& state, const KnownMap& map, int body_id) const;
   /// What is closed begins anew: images said of it what was something else.
   void acquit(FilterState& state) const;
   /// What was opened and is settled well enough to be told.
@@ -105,7 +106,7 @@ class Suspects final {
   void add_sizes(int cameras);
   void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;
   void open(FilterState& state, int camera, std::size_t suspect) const;
-  void open_anew(FilterState& state, std::size_t suspect) const;
+  bool open_anew(FilterState& state, std::size_t suspect) const;
   void close(FilterState& state, int camera, std::size_t suspect) const;
   void release_cleared_prints(FilterState& state) const;
 

@@ -34,7 +34,8 @@ void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> befor
   state.add_error(error);
 }
 
-void Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
+bool Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
+  bool is_new = false;
   for (const int tag_id : map.wrong_prints) {
     if (state.find(tag_id) >= 0 && state.sizes.find(tag_id) < 0) watch_print(state, tag_id);
   }
@@ -44,25 +45,26 @@ void Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id)
         one.print >= 0 ? state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id : -1;
     const bool is_free = one.print >= 0 && print < 0;
     const bool is_wrong =
-        one.camera >= 0
-            ? std::any_of(map.wrong_lenses.begin(), map.wrong_lenses.end(),
-                          [&](const auto& lens) {
-                            return lens.body_id == body_id && lens.camera == one.camera &&
-                                   one.kind != FoundMismatch::Kind::kReadout;
-                          })
-            : !is_free && std::find(map.wrong_prints.begin(), map.wrong_prints.end(),
-                                    one.print >= 0 ? print : KnownMap::kAllPrints) !=
-                              map.wrong_prints.end();
-    if (is_wrong) open_anew(state, i);
+        one.camera >= 0 ? std::any_of(map.wrong_lenses.begin(), map.wrong_lenses.end(),
+                                      [&](const auto& lens) {
+                                        return lens.body_id == body_id &&
+                                               lens.camera == one.camera && lens.kind == one.kind;
+                                      })
+                        : !is_free && std::find(map.wrong_prints.begin(), map.wrong_prints.end(),
+                                                one.print >= 0 ? print : KnownMap::kAllPrints) !=
+                                          map.wrong_prints.end();
+    is_new |= is_wrong && open_anew(state, i);
   }
+  return is_new;
 }
 
 /// What images said of it was said against other places of the tags.
-void Suspects::open_anew(FilterState& state, std::size_t suspect) const {
+bool Suspects::open_anew(FilterState& state, std::size_t suspect) const {
   const Suspect& one = all_[suspect];
-  if (one.is_parameter || one.assumed_sigma > 0 || state.suspicions[suspect].is_open) return;
+  if (one.is_parameter || one.assumed_sigma > 0 || state.suspicions[suspect].is_open) return false;
   state.suspicions[suspect] = {.is_open = true};
   state.clear_column(one.column, one.open_sigma);
+  return true;
 }
 
 void Suspects::acquit(FilterState& state) const {

@@ -19,6 +19,8 @@ constexpr double kOpenDistortion = 0.1;
 
 // A clock that goes so much otherwise, when a body is found again, has jumped.
 constexpr double kJumped_s = 0.01;
+// Where it has jumped to is known this well when a chain begins.
+constexpr double kJumpFound_s = 0.03;
 constexpr int kClockRow = 6;
 
 void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
@@ -86,7 +88,7 @@ GraphBody with_other_clocks(const GraphBody& before, int index, const MotionSegm
     const double sigma = since.sensors->cameras[c].time_shift_sigma_s;
     add_square(body.information,
                static_cast<Eigen::Index>(c) * segment_layout::kCameraSize + kClockRow,
-               std::max(kExact, sigma));
+               std::max(kJumpFound_s, sigma));
   }
   return body;
 }

@@ -71,6 +71,10 @@ void unite_tags(int component, GraphState& graph) {
       continue;
     }
     GraphTag& one = kept[now[i]];
+    if (tag.print.is_open && !one.print.is_open) {
+      one.print = tag.print;
+      one.scale = tag.scale;
+    }
     one.sightings += tag.sightings;
     one.sightings_before += tag.sightings_before;
     one.first_seen = std::min(one.first_seen, tag.first_seen);

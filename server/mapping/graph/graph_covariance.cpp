@@ -81,9 +81,13 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
                                 {body, H_.size(body), false}};
   for (const std::size_t i : segment.tags)
     rows.push_back({variables_.tag(i), segment_layout::kTagSize, true});
-  rows.push_back({variables_.prints(), 1, false});
   const Eigen::Index numbers = segment.factor.H.rows();
-  Eigen::MatrixXd raw(numbers + 1, numbers + 1);
+  Eigen::Index prints = 0;  // a segment without tags is not bound to them
+  if (!segment.tags.empty()) {
+    rows.push_back({variables_.prints(), 1, false});
+    prints = 1;
+  }
+  Eigen::MatrixXd raw(numbers + prints, numbers + prints);
   Eigen::Index row = 0;
   for (const Datum::Rows& a : rows) {
     Eigen::Index column = 0;

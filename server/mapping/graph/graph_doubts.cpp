@@ -98,6 +98,13 @@ void add_camera(const GraphBody& body, std::size_t number, int row, int variable
   out.push_back(one);
 }
 
+/// It has been moved since, or is another print by now.
+bool is_of_before(const GraphState& graph, const GraphTag& tag) {
+  return std::any_of(graph.tags.begin(), graph.tags.end(), [&](const GraphTag& other) {
+    return other.tag_id == tag.tag_id && other.epoch > tag.epoch;
+  });
+}
+
 }  // namespace
 
 std::vector<DoubtedNumber> doubted_numbers(const GraphState& graph,
@@ -136,7 +143,9 @@ bool judge_doubts(const GraphCovariance& covariance, double dispersion, GraphSta
     const double variance = covariance.variance(number.variable, number.row);
     if (number.doubt.is_open) {
       const double sigma = std::sqrt(variance);
-      if (sigma > priors_of(number.kind).settled || std::abs(number.value) > kClosed_sigma * sigma)
+      // One at a time: what each alone may be, all together may not.
+      if (is_changed || sigma > priors_of(number.kind).settled ||
+          std::abs(number.value) > kClosed_sigma * sigma)
         continue;
       doubt_of(number, graph).is_open = false;
       is_changed = true;
@@ -162,6 +171,7 @@ std::vector<GraphFinding> findings_of(const GraphCovariance& covariance, const G
     const double sigma = std::sqrt(covariance.variance(number.variable, number.row));
     if (!number.doubt.is_open || !(std::abs(number.value) > kTold_sigma * sigma)) continue;
     const bool is_print = number.kind == Kind::kOnePrint;
+    if (is_print && is_of_before(graph, graph.tags[number.tag])) continue;
     out.push_back({number.camera < 0 ? -1 : graph.bodies[number.body].id,
                    {.kind = number.kind,
                     .camera = number.camera,

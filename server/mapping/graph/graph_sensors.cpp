@@ -58,7 +58,8 @@ double sensor_terms(const GraphState& graph, const GraphVariables& variables,
   double cost = 0;
   for (std::size_t i = 0; i < graph.bodies.size(); ++i) {
     const bool is_in_prior = i < graph.prior.cameras.size();
-    if (!is_in_prior) cost += add_body(graph.bodies[i], variables.body(i), out);
+    if (is_in_prior) continue;
+    cost += add_body(graph.bodies[i], variables.body(i), out);
     if (graph.bodies[i].same_as >= 0) cost += add_same(graph, variables, i, out);
   }
   for (const DoubtedNumber& number : doubted_numbers(graph, variables))

@@ -54,8 +54,9 @@ bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
   for (int c = 0; c < cameras; ++c) {
     const auto by = error.segment<kCameraSize>(camera(c));  // place, turn, clock, …
     if (by.head<3>().norm() > kCameraMoved_m || by.segment<3>(3).norm() > kTurned_rad ||
-        std::abs(by(6)) > kClockShifted_s || std::abs(by(8)) > kScaled ||
-        by.segment<2>(9).norm() > kCentreMoved_px || std::abs(by(11)) > kBent)
+        std::abs(by(6)) > kClockShifted_s || std::abs(by(7)) > 2 * kClockShifted_s ||
+        std::abs(by(8)) > kScaled || by.segment<2>(9).norm() > kCentreMoved_px ||
+        std::abs(by(11)) > kBent)
       return true;
   }
   if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;
@@ -131,13 +132,21 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, cons
     return t.tag_id == tag.tag_id && t.component == component && t.epoch == epoch;
   });
   if (found != state_.tags.end()) return static_cast<std::size_t>(found - state_.tags.begin());
-  state_.tags.push_back({.tag_id = tag.tag_id,
-                         .edge_m = tag.edge_m,
-                         .X_WT = X_WT,
-                         .component = component,
-                         .first_seen = now,
-                         .epoch = epoch,
-                         .print = {}});
+  GraphTag added{.tag_id = tag.tag_id,
+                 .edge_m = tag.edge_m,
+                 .X_WT = X_WT,
+                 .component = component,
+                 .first_seen = now,
+                 .epoch = epoch,
+                 .print = {}};
+  // The same print as elsewhere, or as before it was moved.
+  const auto same = std::find_if(state_.tags.rbegin(), state_.tags.rend(),
+                                 [&](const GraphTag& t) { return t.tag_id == tag.tag_id; });
+  if (same != state_.tags.rend()) {
+    added.scale = same->scale;
+    added.print = same->print;
+  }
+  state_.tags.push_back(added);
   return state_.tags.size() - 1;
 }
 
@@ -244,9 +253,6 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   return done;
 }
 
-/// Levenberg–Marquardt until nothing moves. Segments are linearised anew on the way, where they
-/// have moved: steps by old ones would lead past the truth, or towards it slowly.
-/// @return whether it has come to rest
 /// To where everything fits best, once what does not fit is known to be wrong.
 std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, GraphSolution& done) {
   for (int verdicts = 0;; ++verdicts) {
@@ -259,6 +265,9 @@ std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, Gra
   }
 }
 
+/// Levenberg–Marquardt until nothing moves. Segments are linearised anew on the way, where they
+/// have moved: steps by old ones would lead past the truth, or towards it slowly.
+/// @return whether it has come to rest
 bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
   const GraphVariables variables(state_);
   double damping = kLeastDamping;
@@ -275,7 +284,11 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
       continue;
     }
     const double gain = 0.5 * delta.dot(equations.pull);
-    if (gain < kConverged) return true;
+    if (gain < kConverged) {
+      // That is little for the whole; for a number that is held tightly it may not be.
+      move_by(delta, variables, equations.H, state_);
+      return true;
+    }
     const auto nodes = state_.nodes;
     const auto tags = state_.tags;
     const auto bodies = state_.bodies;

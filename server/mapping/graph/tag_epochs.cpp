@@ -106,12 +106,16 @@ std::vector<int> TagEpochs::sort(MotionSegment& segment) const {
     std::erase_if(instance.images, [](const SegmentImage& image) { return image.tags.empty(); });
   }
   std::vector<int> kept_epochs;
+  std::vector<double> kept_scales;
+  segment.scales.resize(segment.tags.size());
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     if (!seen.contains(segment.tags[i].tag_id)) continue;
     kept.push_back(segment.tags[i]);
+    kept_scales.push_back(segment.scales[i]);
     kept_epochs.push_back(epochs[i]);
   }
   segment.tags = std::move(kept);
+  segment.scales = std::move(kept_scales);
   return kept_epochs;
 }
 

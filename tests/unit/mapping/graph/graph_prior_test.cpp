@@ -45,7 +45,7 @@ struct World {
     cameras.covariance = joint.bottomRightCorner<kCamera, kCamera>();
     for (int i = 0; i < kTags; ++i) {
       const Pose X{exp_so3(draw(3, random)), Eigen::Vector3d(2.0 * i, 1, 0.3 * i)};
-      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X});
+      graph.tags.push_back({.tag_id = i, .edge_m = 0.1, .X_WT = X, .print = {}});
       tags.push_back({static_cast<std::size_t>(i), X, joint.block<6, 6>(6 * i, 6 * i), false});
       cameras.of_tags.push_back(joint.block<6, kCamera>(6 * i, kNumbers));
     }
@@ -59,11 +59,14 @@ struct World {
 
   /// The world-side errors of H as plain ones.
   [[nodiscard]] Eigen::MatrixXd plain() const {
-    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(kNumbers + kCamera, kNumbers + kCamera);
+    // A tag has the scale of its print beside them, and all prints have one.
+    const GraphVariables variables(graph);
+    const BlockMatrix layout(variables.sizes());
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(kNumbers + kCamera, layout.rows());
     J.bottomLeftCorner<kCamera, kCamera>().setIdentity();  // the body's number comes first
-    for (int i = 0; i < kTags; ++i)
-      J.block<6, 6>(6 * i, kCamera + 6 * i) =
-          world::plain_from_world_error(graph.tags[static_cast<std::size_t>(i)].X_WT.p);
+    for (std::size_t i = 0; i < kTags; ++i)
+      J.block<6, 6>(static_cast<Eigen::Index>(6 * i), layout.first(variables.tag(i))) =
+          world::plain_from_world_error(graph.tags[i].X_WT.p);
     return J;
   }
 };
