@@ -20,12 +20,12 @@ constexpr double kLiveRefine_s = 10;  // of the map that the robots have: it cos
 constexpr double kSolve_s = 2;
 constexpr double kRow_s = 30;
 constexpr double kMetresPerTag = 0.92;
-constexpr int kThreeRobotsTags = 100;
 constexpr double kMiB = 1024.0 * 1024.0;
 
+/// A family has 587.
 int tags_of(int robots) {
-  if (robots <= 3) return kThreeRobotsTags;
-  return robots <= 8 ? 300 : 1000;
+  if (robots <= 3) return 100;
+  return robots <= 8 ? 300 : 580;
 }
 
 double resident_mib() {

@@ -99,7 +99,7 @@ const std::vector<Verb>& verbs() {
        bench_ring},
       {"growth",
        "what a map graph costs that grows by tags and hours",
-       {"3", "8", "28"},
+       {"3", "8", "16"},
        "A",
        1,
        bench_growth},
