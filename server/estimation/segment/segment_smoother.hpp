@@ -17,6 +17,12 @@ inline constexpr int kCameraSize = 12;
 /// Camera c: e of X_BV = Exp(e) X̂_BV, then clock, readout, focal length, centre, distortion as in
 /// world::layout.
 [[nodiscard]] constexpr int camera(int c) { return 30 + kCameraSize * c; }
+/// Where these stand in it.
+inline constexpr int kClock = 6;
+inline constexpr int kReadout = 7;
+inline constexpr int kFocal = 8;
+inline constexpr int kCentre = 9;
+inline constexpr int kDistortion = 11;
 /// Tag i: as in world::layout, then the scale of its print, relative.
 inline constexpr int kTagSize = 7;
 [[nodiscard]] constexpr int tag(int cameras, int i) { return camera(cameras) + kTagSize * i; }

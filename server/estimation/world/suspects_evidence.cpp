@@ -35,24 +35,30 @@ void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> befor
 }
 
 bool Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
-  bool is_new = false;
+  const auto is_wrong_lens = [&](const Suspect& one) {
+    return std::any_of(map.wrong_lenses.begin(), map.wrong_lenses.end(), [&](const auto& lens) {
+      return lens.body_id == body_id && lens.camera == one.camera && lens.kind == one.kind;
+    });
+  };
+  const auto is_wrong_print = [&](int tag_id) {
+    return std::find(map.wrong_prints.begin(), map.wrong_prints.end(), tag_id) !=
+           map.wrong_prints.end();
+  };
   for (const int tag_id : map.wrong_prints) {
     if (state.find(tag_id) >= 0 && state.sizes.find(tag_id) < 0) watch_print(state, tag_id);
   }
+  bool is_new = false;
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& one = all_[i];
-    const int print =
-        one.print >= 0 ? state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id : -1;
-    const bool is_free = one.print >= 0 && print < 0;
-    const bool is_wrong =
-        one.camera >= 0 ? std::any_of(map.wrong_lenses.begin(), map.wrong_lenses.end(),
-                                      [&](const auto& lens) {
-                                        return lens.body_id == body_id &&
-                                               lens.camera == one.camera && lens.kind == one.kind;
-                                      })
-                        : !is_free && std::find(map.wrong_prints.begin(), map.wrong_prints.end(),
-                                                one.print >= 0 ? print : KnownMap::kAllPrints) !=
-                                          map.wrong_prints.end();
+    bool is_wrong = false;
+    if (one.camera >= 0) {
+      is_wrong = is_wrong_lens(one);
+    } else if (one.print < 0) {
+      is_wrong = is_wrong_print(KnownMap::kAllPrints);
+    } else {
+      const int tag_id = state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id;
+      is_wrong = tag_id >= 0 && is_wrong_print(tag_id);
+    }
     is_new |= is_wrong && open_anew(state, i);
   }
   return is_new;

@@ -7,6 +7,8 @@
 
 namespace fiducap {
 
+using namespace segment_layout;  // NOLINT: the block names are the subject of this file
+
 namespace {
 
 // What is exact by the configuration is known this well, and not better: m, rad, s and relative.
@@ -21,7 +23,6 @@ constexpr double kOpenDistortion = 0.1;
 constexpr double kJumped_s = 0.01;
 // Where it has jumped to is known this well when a chain begins.
 constexpr double kJumpFound_s = 0.03;
-constexpr int kClockRow = 6;
 
 void add_square(Eigen::MatrixXd& information, Eigen::Index at, double sigma) {
   information(at, at) = 1.0 / (sigma * sigma);
@@ -33,8 +34,7 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
   GraphBody body;
   body.id = id;
   const auto count = static_cast<Eigen::Index>(sensors.cameras.size());
-  body.information = Eigen::MatrixXd::Zero(segment_layout::kCameraSize * count,
-                                           segment_layout::kCameraSize * count);
+  body.information = Eigen::MatrixXd::Zero(kCameraSize * count, kCameraSize * count);
   for (std::size_t c = 0; c < sensors.cameras.size(); ++c) {
     const CameraMount& mount = sensors.cameras[c];
     body.expected.push_back({.X_BV = mount.X_BV,
@@ -42,7 +42,7 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
                              .readout_s = mount.readout_s,
                              .rows_apart = mount.readout_s != 0 || mount.readout_sigma_s != 0,
                              .lens = {}});
-    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+    const auto at = static_cast<Eigen::Index>(c) * kCameraSize;
     const bool open = sensors.estimates_extrinsics;
     Matrix6d plain = Matrix6d::Zero();
     const auto inverse_square = [](double sigma) { return 1.0 / (sigma * sigma); };
@@ -53,7 +53,7 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
     const Matrix6d J = world::plain_from_world_error(mount.X_BV.p);
     body.information.block<6, 6>(at, at) = J.transpose() * plain * J;
     const bool clocks = sensors.estimates_clocks && sensors.has_imu;
-    add_square(body.information, at + 6,
+    add_square(body.information, at + kClock,
                clocks ? std::max(kExact, mount.time_shift_sigma_s) : kExact);
     const auto add_told = [&](int row, double told, double exact, bool may_be_doubted) {
       if (told == 0 && sensors.doubts && may_be_doubted) {
@@ -62,11 +62,12 @@ GraphBody body_by_configuration(int id, const SegmentSensors& sensors) {
         add_square(body.information, at + row, std::max(exact, told));
       }
     };
-    add_told(7, clocks ? mount.readout_sigma_s : 0, kExact, !body.expected.back().rows_apart);
-    add_told(8, mount.focal_sigma, kExact, true);
-    add_told(9, mount.centre_sigma_px, kExactCentre_px, true);
-    add_told(10, mount.centre_sigma_px, kExactCentre_px, true);
-    add_told(11, mount.k1_sigma, kExact, true);
+    add_told(kReadout, clocks ? mount.readout_sigma_s : 0, kExact,
+             !body.expected.back().rows_apart);
+    add_told(kFocal, mount.focal_sigma, kExact, true);
+    add_told(kCentre, mount.centre_sigma_px, kExactCentre_px, true);
+    add_told(kCentre + 1, mount.centre_sigma_px, kExactCentre_px, true);
+    add_told(kDistortion, mount.k1_sigma, kExact, true);
   }
   body.cameras = body.expected;
   return body;
@@ -86,8 +87,7 @@ GraphBody with_other_clocks(const GraphBody& before, int index, const MotionSegm
   for (std::size_t c = 0; c < body.cameras.size(); ++c) {
     body.cameras[c].shift_s = body.expected[c].shift_s = since.cameras[c].shift_s;
     const double sigma = since.sensors->cameras[c].time_shift_sigma_s;
-    add_square(body.information,
-               static_cast<Eigen::Index>(c) * segment_layout::kCameraSize + kClockRow,
+    add_square(body.information, static_cast<Eigen::Index>(c) * kCameraSize + kClock,
                std::max(kJumpFound_s, sigma));
   }
   return body;
@@ -99,24 +99,24 @@ SameNumbers information_of_same() {
       1, 1e-6,                                  // s
       1e-6, 1e-3, 1e-3, 1e-6;
   SameNumbers out = sigma.cwiseAbs2().cwiseInverse();
-  out(kClockRow) = 0;
+  out(kClock) = 0;
   return out;
 }
 
 void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {
   body.cameras = found;
   for (std::size_t c = 0; c < found.size(); ++c) {
-    const auto at = static_cast<Eigen::Index>(c) * segment_layout::kCameraSize;
+    const auto at = static_cast<Eigen::Index>(c) * kCameraSize;
     body.expected[c].shift_s = found[c].shift_s;
     const LensOffset& lens = found[c].lens;
     if (!found[c].lens_is_open) continue;
     for (auto& [row, doubt] : body.doubts)
-      if (row >= at + 8 && row < at + segment_layout::kCameraSize) doubt.is_open = true;
-    if (body.doubts.contains(static_cast<int>(at) + 8)) continue;
-    add_square(body.information, at + 8, kOpenFocal);
-    add_square(body.information, at + 9, kOpenCentre_px);
-    add_square(body.information, at + 10, kOpenCentre_px);
-    if (lens.k1 != 0) add_square(body.information, at + 11, kOpenDistortion);
+      if (row >= at + kFocal && row < at + kCameraSize) doubt.is_open = true;
+    if (body.doubts.contains(static_cast<int>(at) + kFocal)) continue;
+    add_square(body.information, at + kFocal, kOpenFocal);
+    add_square(body.information, at + kCentre, kOpenCentre_px);
+    add_square(body.information, at + kCentre + 1, kOpenCentre_px);
+    if (lens.k1 != 0) add_square(body.information, at + kDistortion, kOpenDistortion);
   }
 }
 

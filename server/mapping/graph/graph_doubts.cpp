@@ -69,25 +69,25 @@ bool opens_with(const DoubtedNumber& one, const DoubtedNumber& other) {
 
 void add_camera(const GraphBody& body, std::size_t number, int row, int variable,
                 std::vector<DoubtedNumber>& out) {
-  constexpr int kSize = segment_layout::kCameraSize;
-  const int camera = row / kSize;
+  using namespace segment_layout;  // NOLINT: the block names are the subject
+  const int camera = row / kCameraSize;
   const CameraBelief& now = body.cameras[static_cast<std::size_t>(camera)];
   DoubtedNumber one{.body = number, .camera = camera, .variable = variable, .row = row};
   one.doubt = body.doubts.at(row);
-  switch (row % kSize) {
-    case 7:
+  switch (row % kCameraSize) {
+    case kReadout:
       one.kind = Kind::kReadout;
       one.value = now.readout_s - body.expected[static_cast<std::size_t>(camera)].readout_s;
       break;
-    case 8:
+    case kFocal:
       one.kind = Kind::kFocalLength;
       one.value = now.lens.focal;
       break;
-    case 9:
+    case kCentre:
       one.kind = Kind::kCentreU;
       one.value = now.lens.centre_px.x();
       break;
-    case 10:
+    case kCentre + 1:
       one.kind = Kind::kCentreV;
       one.value = now.lens.centre_px.y();
       break;

@@ -54,9 +54,9 @@ bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
   for (int c = 0; c < cameras; ++c) {
     const auto by = error.segment<kCameraSize>(camera(c));  // place, turn, clock, …
     if (by.head<3>().norm() > kCameraMoved_m || by.segment<3>(3).norm() > kTurned_rad ||
-        std::abs(by(6)) > kClockShifted_s || std::abs(by(7)) > 2 * kClockShifted_s ||
-        std::abs(by(8)) > kScaled || by.segment<2>(9).norm() > kCentreMoved_px ||
-        std::abs(by(11)) > kBent)
+        std::abs(by(kClock)) > kClockShifted_s || std::abs(by(kReadout)) > 2 * kClockShifted_s ||
+        std::abs(by(kFocal)) > kScaled || by.segment<2>(kCentre).norm() > kCentreMoved_px ||
+        std::abs(by(kDistortion)) > kBent)
       return true;
   }
   if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;

@@ -94,8 +94,7 @@ class WebDesk final {
 };
 
 /// One TCP connection: HTTP requests until it ends or becomes a socket that speaks, or one that
-/// takes commands. Beast stays in the
-/// one source file.
+/// takes commands. Beast stays in the one source file.
 class WebSession : public net::Session {
  public:
   using Session::Session;
