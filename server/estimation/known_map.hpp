@@ -36,6 +36,9 @@ struct KnownMap {
     FoundMismatch::Kind kind{};
   };
   std::vector<WrongLens> wrong_lenses;
+  /// Lenses, readouts and prints were doubted by what all bodies saw, and what is not named here
+  /// was found to be as configured. False: nobody has asked.
+  bool is_judged{false};
 
   [[nodiscard]] const KnownTag* find(int tag_id) const {
     const auto at = std::lower_bound(tags.begin(), tags.end(), tag_id,

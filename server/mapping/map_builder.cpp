@@ -299,6 +299,7 @@ MapTag& MapBuilder::insert_locked(const KnownTag& tag, const std::string& seen_b
 std::uint64_t MapBuilder::adopt(GraphSolution solution, std::int64_t utc_now_ns) {
   KnownMap known;
   known.pairs = std::move(solution.pairs);
+  known.is_judged = true;
   note_wrong(solution.findings, known);
   Instant newest = Instant::min();  // of the solution: about now
   for (const GraphTagEstimate& tag : solution.tags) newest = std::max(newest, tag.last_seen);

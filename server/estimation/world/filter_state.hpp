@@ -44,7 +44,8 @@ struct FilterState {
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
-  std::vector<Suspicion> suspicions;  ///< Per suspect; empty: nothing is doubted.
+  std::vector<Suspicion> suspicions;     ///< Per suspect; empty: nothing is doubted.
+  Instant judged_until{Instant::min()};  ///< Whoever makes the map opens suspects, nobody else.
   /// A fixed number of them (none: points are not followed), in no order.
   std::vector<Clone> clones;
   std::vector<WorldTag> tags;  ///< Order of entry.

@@ -35,8 +35,6 @@ constexpr double kSettledCentre_px = 0.5;
 constexpr double kSettledDistortion = 2e-3;
 constexpr double kSettledReadout_s = 3e-4;
 
-// Worth considering: what nine of ten numbers that are right never reach.
-constexpr double kSuspected_sigma = 2.0;
 constexpr double kOpen_sigma = 5.0;
 constexpr int kOpenImages = 20;
 // What a number is, once it is known to be wrong, is known to such a share of it at best: until
@@ -216,7 +214,8 @@ bool Suspects::look(FilterState& state, int camera, double dispersion) const {
     }
   }
   // Of what the most suspicious one did, others are accused, too, and sometimes sooner.
-  const bool opens = worst < all_.size() && state.suspicions[worst].images_beyond >= kOpenImages;
+  const bool opens = worst < all_.size() && state.suspicions[worst].images_beyond >= kOpenImages &&
+                     state.time >= state.judged_until;
   if (opens) open(state, camera, worst);
   release_cleared_prints(state);
   return opens;

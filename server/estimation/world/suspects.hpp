@@ -63,11 +63,13 @@ class Suspects final {
   /// After the map was taken over: it was made with the same numbers taken for right, so it is no
   /// witness. What is closed is neither known better than before nor accused more.
   void keep_evidence(FilterState& state, std::span<const Evidence> before) const;
-  /// What the map was made with open (KnownMap::wrong_prints, …) is open in the state, too.
+  /// What the map was made with open (KnownMap::wrong_prints, …) is open in the state, too. A map
+  /// that was judged acquits the rest, and nothing is opened without it for ten seconds: its maker
+  /// has seen the same images, and against tags that are where they are.
   /// @return whether one was opened: what it did to images has been taken for noise until now
-  bool open_by_map(FilterState& state, const KnownMap& map, int body_id) const;
-  /// What is closed begins anew: images said of it what was something else.
-  void acquit(FilterState& state) const;
+  bool follow_map(FilterState& state, const KnownMap& map, int body_id) const;
+  /// What is closed, and accused so far, begins anew: images said of it what was something else.
+  void acquit(FilterState& state, double from_sigma = 0) const;
   /// What was opened and is settled well enough to be told.
   void list(const FilterState& state, std::vector<FoundMismatch>& out) const;
   /// What the body's covariance (world-side error) lacks: that of what is assumed, and how far it
@@ -106,9 +108,14 @@ class Suspects final {
   void add_sizes(int cameras);
   void list_lens(const FilterState& state, int camera, std::vector<FoundMismatch>& out) const;
   void open(FilterState& state, int camera, std::size_t suspect) const;
+  bool open_by_map(FilterState& state, const KnownMap& map, int body_id) const;
   bool open_anew(FilterState& state, std::size_t suspect) const;
+  [[nodiscard]] bool is_closed(const FilterState& state, std::size_t suspect) const;
   void close(FilterState& state, int camera, std::size_t suspect) const;
   void release_cleared_prints(FilterState& state) const;
+
+  /// Worth considering: what nine of ten numbers that are right never reach.
+  static constexpr double kSuspected_sigma = 2.0;
 
   const std::vector<CameraMount>& cameras_;
   Rules rules_;

@@ -1,5 +1,6 @@
 // What data have said of suspects when something else than an image has changed the state.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "estimation/world/prior_exchange.hpp"
@@ -32,6 +33,21 @@ void Suspects::keep_evidence(FilterState& state, std::span<const Evidence> befor
     error(one.column) = kept * variance * std::sqrt(left) - value(state, one);
   }
   state.add_error(error);
+}
+
+namespace {
+
+// A graph of some thousand segments is so far behind at most.
+constexpr Duration kJudgementHolds = std::chrono::seconds(10);
+
+}  // namespace
+
+bool Suspects::follow_map(FilterState& state, const KnownMap& map, int body_id) const {
+  if (!map.is_judged) return false;
+  state.judged_until = state.time + kJudgementHolds;
+  const bool is_new = open_by_map(state, map, body_id);
+  acquit(state, kSuspected_sigma);
+  return is_new;
 }
 
 bool Suspects::open_by_map(FilterState& state, const KnownMap& map, int body_id) const {
@@ -73,14 +89,19 @@ bool Suspects::open_anew(FilterState& state, std::size_t suspect) const {
   return true;
 }
 
-void Suspects::acquit(FilterState& state) const {
+bool Suspects::is_closed(const FilterState& state, std::size_t suspect) const {
+  const Suspect& one = all_[suspect];
+  const bool is_free =
+      one.print >= 0 && state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id < 0;
+  const bool is_assumed = one.assumed_sigma > 0;  // that is no suspicion
+  return !one.is_parameter && !is_assumed && !is_free && !state.suspicions[suspect].is_open;
+}
+
+void Suspects::acquit(FilterState& state, double from_sigma) const {
   Eigen::VectorXd error = Eigen::VectorXd::Zero(state.size());
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& one = all_[i];
-    const bool is_free =
-        one.print >= 0 && state.sizes.watched[static_cast<std::size_t>(one.print)].tag_id < 0;
-    const bool is_assumed = one.assumed_sigma > 0;  // that is no suspicion
-    if (one.is_parameter || is_assumed || state.suspicions[i].is_open || is_free) continue;
+    if (!is_closed(state, i) || std::abs(score(state, one)) < from_sigma) continue;
     error(one.column) = -value(state, one);
     state.clear_column(one.column, one.tight_sigma);
     state.suspicions[i] = {};

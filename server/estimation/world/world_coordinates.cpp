@@ -251,7 +251,7 @@ std::optional<Pose> WorldCoordinates::follow_map(const KnownMap& map, int body_i
   const auto moved = held_tags_.take_over(state_, map, sensors_.imu.has_value());
   if (!moved) return moved;
   suspects_.keep_evidence(state_, evidence);
-  if (suspects_.open_by_map(state_, map, body_id)) noise_watch_.unlearn();
+  if (suspects_.follow_map(state_, map, body_id)) noise_watch_.unlearn();
   apply_jitter();
   unrest_.note(*moved, state_.X_WB, state_.time);
   memory_.forget_all();

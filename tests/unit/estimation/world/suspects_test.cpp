@@ -1,55 +1,15 @@
 // What the configuration says is doubted, opened when the data contradict it, closed when they do
 // not.
-#include "estimation/world/suspects.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
 
 #include "estimation/world/teaching_image.hpp"
-#include "world/example_state.hpp"
+#include "world/suspects_fixture.hpp"
 
 namespace fiducap::world {
 namespace {
-
-constexpr int kLongEnough = 25;        // images that a suspicion has to last for
-constexpr std::size_t kSizeOfAll = 5;  // behind four numbers of the lens and the readout
-
-/// A body with one camera and one tag, all doubted, correlated with the size of all prints as a
-/// linear measurement of both makes them.
-class SuspectsTest : public testing::Test {
- protected:
-  SuspectsTest() : suspects_(mounts_, {}) {
-    mounts_.resize(1);
-    state_.reset({Pose{exp_so3({0.1, -1.5, 0.2}), {0.05, -0.02, 0.03}}});
-    state_.P().diagonal().head<layout::kBodySize>().setConstant(1e-12);
-    suspects_.begin(state_);
-    size_ = layout::sizes(1);
-  }
-
-  /// Kalman update by `h` x, known to `sigma`, that says `y`; the mean is that of the size and of
-  /// the body's place alone.
-  void measure(double on_size, double y, double sigma, double on_focal = 0) {
-    auto P = state_.P();
-    Eigen::VectorXd h = Eigen::VectorXd::Zero(state_.size());
-    h(size_) = on_size;
-    h(layout::focal(0)) = on_focal;
-    h(layout::kPosition) = 1;
-    const double predicted = on_size * state_.sizes.common + place_;
-    const double S = h.dot(P * h) + sigma * sigma;
-    const Eigen::VectorXd K = P * h / S;
-    P -= (K * K.transpose() * S).eval();
-    state_.sizes.common += K(size_) * (y - predicted);
-    place_ += K(layout::kPosition) * (y - predicted);
-  }
-
-  std::vector<CameraMount> mounts_;
-  Suspects suspects_;
-  FilterState state_;
-  int size_{};
-  double place_{0};
-};
 
 TEST_F(SuspectsTest, WhatAnotherFilterFoundWrongIsOpenFromTheFirst) {
   EXPECT_TRUE(suspects_.found_wrong(state_).empty());
@@ -98,45 +58,6 @@ TEST_F(SuspectsTest, OneThatIsSurelyWrongIsOpenedAsIfItHadBeenFromTheBeginningBu
   ASSERT_EQ(found.size(), 1u);
   EXPECT_EQ(found[0].kind, FoundMismatch::Kind::kAllPrints);
   EXPECT_NEAR(found[0].value, 0.02, 0.003);
-}
-
-TEST_F(SuspectsTest, AMapThatWasTakenOverDoesNotAccuse) {
-  measure(1e-3, 3e-7, 1e-6);
-  const auto before = suspects_.evidence(state_);
-  const double size = state_.sizes.common;
-  // What taking over a map does: the value goes elsewhere, and what was known of it is lost.
-  state_.sizes.common += 4e-4;
-  state_.clear_column(size_, 4e-4);
-  suspects_.keep_evidence(state_, before);
-  EXPECT_NEAR(state_.sizes.common, 0, 1e-6) << "evidence that is lost says nothing";
-  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
-  EXPECT_LT(std::abs(state_.sizes.common), 1e-5 + std::abs(size)) << "it is not opened";
-}
-
-TEST_F(SuspectsTest, AMapThatWasTakenOverDoesNotAcquitEither) {
-  measure(1e-3, 2e-5, 1e-6);
-  const auto before = suspects_.evidence(state_);
-  const double size = state_.sizes.common;
-  // The map says that all is well, and that it knows.
-  state_.sizes.common = 0;
-  state_.clear_column(size_, 1e-6);
-  suspects_.keep_evidence(state_, before);
-  EXPECT_NEAR(state_.sizes.common, size, 1e-3 * size);
-  EXPECT_NEAR(state_.P()(size_, size_), before[kSizeOfAll].variance,
-              1e-3 * before[kSizeOfAll].variance);
-}
-
-TEST_F(SuspectsTest, WhatIsAcquittedBeginsAnewAndWhatIsOpenStays) {
-  measure(1e-3, 2e-5, 1e-6);
-  FilterState closed = state_;
-  suspects_.acquit(closed);
-  EXPECT_NEAR(closed.sizes.common, 0, 1e-15);
-  EXPECT_NEAR(std::sqrt(closed.P()(size_, size_)), 4e-4, 1e-12);
-  for (int i = 0; i < kLongEnough; ++i) suspects_.look(state_, 0, 1.0);
-  const double opened = state_.sizes.common;
-  ASSERT_GT(opened, 0.01);
-  suspects_.acquit(state_);
-  EXPECT_EQ(state_.sizes.common, opened);
 }
 
 TEST_F(SuspectsTest, AreClearedOnceTheDataKnowEveryNumberOfTheCameraAsConfigured) {
