@@ -48,12 +48,14 @@ nlohmann::ordered_json json_of(const ReprojectionSummary& r) {
           {"without_tag", r.without_tag},
           {"outside_camera", r.outside_camera},
           {"median_px", r.median_px},
-          {"p95_px", r.p95_px}};
+          {"p95_px", r.p95_px},
+          {"p95_of_all_px", r.p95_of_all_px ? nlohmann::ordered_json(*r.p95_of_all_px) : nullptr}};
 }
 
 std::string line(const char* label, const ReprojectionSummary& r) {
-  return label + ("median " + fixed(r.median_px, 3)) + " px, 95 % " + fixed(r.p95_px, 3) + " px (" +
-         std::to_string(r.scored) + " of " + std::to_string(r.detections) + " detections; " +
+  return label + ("median " + fixed(r.median_px, 3)) + " px, 95 % " + fixed(r.p95_px, 3) +
+         " px, of all " + (r.p95_of_all_px ? fixed(*r.p95_of_all_px, 3) + " px" : "not known") +
+         " (" + std::to_string(r.scored) + " of " + std::to_string(r.detections) + " detections; " +
          std::to_string(r.without_pose) + " without pose, " + std::to_string(r.without_tag) +
          " with unmapped tag, " + std::to_string(r.outside_camera) + " outside the camera)\n";
 }

@@ -10,6 +10,14 @@ namespace fiducap {
 
 namespace {
 
+/// @return nullopt when it is one of those without a value
+std::optional<double> quantile_of_all(std::vector<double> values, std::size_t count, double share) {
+  const double place = share * static_cast<double>(count) - share;
+  if (!(place <= static_cast<double>(values.size()) - 1)) return std::nullopt;
+  values.resize(count, *std::max_element(values.begin(), values.end()));
+  return quantile(std::move(values), share);
+}
+
 /// Half the time between two images of one camera; the cameras take turns.
 Duration half_median_step(std::span<const StampedPose> poses, std::size_t cameras) {
   std::vector<Duration> steps;
@@ -85,6 +93,8 @@ ReprojectionSummary ReprojectionMeter::summary() const {
   summary.scored = static_cast<int>(errors_px_.size());
   summary.median_px = quantile(errors_px_, 0.5);
   summary.p95_px = quantile(errors_px_, 0.95);
+  summary.p95_of_all_px =
+      quantile_of_all(errors_px_, static_cast<std::size_t>(summary.detections), 0.95);
   return summary;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,9 @@ struct ReprojectionSummary {
   double median_px{};  ///< Of the root mean square distance of the four corners per detection, raw
                        ///< pixels.
   double p95_px{};
+  /// Of all detections, with those that are not scored as worse than any. Nullopt: there are so
+  /// many of them that it is one of them.
+  std::optional<double> p95_of_all_px{};
   /// Share of the frames with tags that have a pose; 1 when there is no such frame.
   [[nodiscard]] double coverage() const {
     return frames_with_tags == 0

@@ -91,6 +91,17 @@ TEST_F(ReprojectionTest, GivesAnImageThePoseNearestToItsStampWithinHalfAFramePer
   }
 }
 
+TEST_F(ReprojectionTest, WhatIsNotScoredIsWorseThanAnyInTheWhole) {
+  ReprojectionMeter meter({camera_}, poses_, map_);
+  for (int i = 1; i <= 99; ++i) meter.add({0, at(0), {sighting({0.01 * i, 0})}});
+  meter.add({0, at(0), {sighting({0, 0}, 6)}});  // nobody knows where that is
+  ASSERT_EQ(meter.summary().scored, 99);
+  EXPECT_NEAR(meter.summary().p95_px, 0.941, 1e-3);
+  EXPECT_NEAR(meter.summary().p95_of_all_px.value(), 0.9505, 1e-3);
+  for (int i = 0; i < 6; ++i) meter.add({0, at(0), {sighting({0, 0}, 6)}});
+  EXPECT_FALSE(meter.summary().p95_of_all_px) << "7 of 106 are not scored";
+}
+
 TEST_F(ReprojectionTest, AnImageFartherThanHalfAPeriodFromEveryPoseHasNone) {
   const TagSighting seen = sighting({0, 0});
   for (int frame = 1; frame < 9; ++frame) poses_.push_back({at(frame), poses_[0].X_WB});
