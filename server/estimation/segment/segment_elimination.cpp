@@ -59,8 +59,7 @@ void SegmentElimination::stand_at(const MotionSegment::Instance& instance) {
 
 SegmentElimination::Information SegmentElimination::run() {
   Information info(rest_);
-  eliminated_.clear();
-  sightings_ = numbers_ = outliers_ = 0;
+  begin_run();
   const auto& instances = segment_.instances;
   stand_at(instances.front());
   remember_rate(instances[1].steps.empty() ? nullptr : &instances[1].steps.front());
@@ -79,6 +78,26 @@ SegmentElimination::Information SegmentElimination::run() {
   }
   arrive(info);
   return info;
+}
+
+/// What is seen from the two ends says nothing of the path while they are held.
+void SegmentElimination::run_path() {
+  Information info(0);
+  begin_run();
+  const auto& instances = segment_.instances;
+  for (std::size_t k = 1; k < instances.size(); ++k) {
+    const Motion motion = move(instances[k - 1], instances[k]);
+    k == 1 ? start_body(motion, info) : leave(motion, info);
+    if (k + 1 == instances.size()) return;
+    stand_at(instances[k]);
+    remember_rate(instances[k].steps.empty() ? nullptr : &instances[k].steps.back());
+    look(instances[k], info);
+  }
+}
+
+void SegmentElimination::begin_run() {
+  eliminated_.clear();
+  sightings_ = numbers_ = outliers_ = 0;
 }
 
 /// The body as it moves at an image: what its clock's shift leads along.
@@ -135,16 +154,18 @@ void SegmentElimination::leave(const Motion& m, Information& info) {
   e.on_next = -WPhi.transpose();
   e.on_rest = info.beside;
   e.pull = info.own_pull - WPhi.transpose() * m.r;
-  const Eigen::MatrixXd by_rest = e.own.matrixL().solve(e.on_rest);
   const Matrix15d by_next = e.own.matrixL().solve(e.on_next);
   const Vector15d by_pull = e.own.matrixL().solve(e.pull);
   start_body(m, info);
   info.cost -= 0.5 * by_pull.squaredNorm();
   info.own.noalias() -= by_next.transpose() * by_next;
   info.own_pull.noalias() -= by_next.transpose() * by_pull;
-  info.beside.noalias() = -(by_next.transpose() * by_rest);
-  info.all.noalias() -= by_rest.transpose() * by_rest;
-  info.pull.noalias() -= by_rest.transpose() * by_pull;
+  if (info.all.size() > 0) {
+    const Eigen::MatrixXd by_rest = e.own.matrixL().solve(e.on_rest);
+    info.beside.noalias() = -(by_next.transpose() * by_rest);
+    info.all.selfadjointView<Eigen::Lower>().rankUpdate(by_rest.transpose(), -1.0);
+    info.pull.noalias() -= by_rest.transpose() * by_pull;
+  }
   eliminated_.push_back(std::move(e));
 }
 
@@ -159,14 +180,15 @@ void SegmentElimination::arrive(Information& info) const {
 
 void SegmentElimination::look(const MotionSegment::Instance& instance, Information& info) {
   for (const SegmentImage& image : instance.images) {
-    ImageSum sum(rest_ + 15);
+    const Eigen::Index rest = info.all.rows();
+    ImageSum sum(static_cast<int>(rest) + 15);
     for (const SegmentSighting& sighting : image.tags) add(image, sighting, sum);
     take_jitter(image, sum);
     info.own += sum.H.topLeftCorner<15, 15>();
-    info.beside += sum.H.topRightCorner(15, rest_);
-    info.all += sum.H.bottomRightCorner(rest_, rest_);
+    info.beside += sum.H.topRightCorner(15, rest);
+    info.all += sum.H.bottomRightCorner(rest, rest);
     info.own_pull += sum.pull.head<15>();
-    info.pull += sum.pull.tail(rest_);
+    info.pull += sum.pull.tail(rest);
     info.cost += sum.cost;
   }
 }
@@ -194,7 +216,6 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
 
   Parts found;
   for (std::size_t b = 0; b < m.block_count; ++b) place(m.blocks[b], found);
-  const auto& [parts, count] = found;
   Vector8d on_time = Vector8d::Zero();
   Vector8d on_scale = Vector8d::Zero();
   for (std::size_t b = 0; b < m.block_count; ++b) {
@@ -202,26 +223,47 @@ void SegmentElimination::add(const SegmentImage& image, const SegmentSighting& s
     if (m.blocks[b].at == world::layout::clock(image.camera)) on_time = first;
     if (m.blocks[b].at == world::layout::sizes(cameras_)) on_scale = first;
   }
+  add_products(found, weight, m.y, on_time, sum);
   const int scale_at = 15 + segment_layout::scale(cameras_, tag);
-  const Vector8d wy = weight * m.y;
+  if (scale_at < sum.H.rows()) add_scale(found, weight, m.y, {scale_at, on_scale, on_time}, sum);
+  // Of Cauchy's loss, not of the weighted square: else what pulls less would look cheaper.
+  sum.cost += 0.5 * kLossBend * std::log1p(distance / kLossBend);
+}
+
+/// What is not asked for has no place in the sum.
+void SegmentElimination::add_products(const Parts& found, const Matrix8d& weight, const Vector8d& y,
+                                      const Vector8d& on_time, ImageSum& sum) {
+  const auto& [parts, count] = found;
+  const Vector8d wy = weight * y;
   for (std::size_t a = 0; a < count; ++a) {
+    if (parts[a].at >= sum.H.rows()) continue;
     const Matrix83d wH = weight * parts[a].H;
     sum.pull.segment<3>(parts[a].at) += parts[a].H.transpose() * wy;
     sum.by_time.segment<3>(parts[a].at) += wH.transpose() * on_time;
-    for (std::size_t b = 0; b < count; ++b)
-      sum.H.block<3, 3>(parts[b].at, parts[a].at) += parts[b].H.transpose() * wH;
-    const Eigen::Vector3d with_scale = wH.transpose() * on_scale;
-    sum.H.block<3, 1>(parts[a].at, scale_at) += with_scale;
-    sum.H.block<1, 3>(scale_at, parts[a].at) += with_scale.transpose();
+    sum.H.block<3, 3>(parts[a].at, parts[a].at) += parts[a].H.transpose() * wH;
+    for (std::size_t b = 0; b < a; ++b) {
+      if (parts[b].at >= sum.H.rows()) continue;
+      const Eigen::Matrix3d product = parts[b].H.transpose() * wH;
+      sum.H.block<3, 3>(parts[b].at, parts[a].at) += product;
+      sum.H.block<3, 3>(parts[a].at, parts[b].at) += product.transpose();
+    }
   }
-  const Vector8d w_scale = weight * on_scale;
-  sum.H(scale_at, scale_at) += on_scale.dot(w_scale);
-  sum.pull(scale_at) += on_scale.dot(wy);
-  sum.by_time(scale_at) += w_scale.dot(on_time);
   sum.time += on_time.dot(weight * on_time);
   sum.time_pull += on_time.dot(wy);
-  // Of Cauchy's loss, not of the weighted square: else what pulls less would look cheaper.
-  sum.cost += 0.5 * kLossBend * std::log1p(distance / kLossBend);
+}
+
+void SegmentElimination::add_scale(const Parts& found, const Matrix8d& weight, const Vector8d& y,
+                                   const OfScale& scale, ImageSum& sum) {
+  const Vector8d w_scale = weight * scale.H;
+  for (std::size_t a = 0; a < found.count; ++a) {
+    const Part& part = found.all[a];
+    const Eigen::Vector3d with_scale = part.H.transpose() * w_scale;
+    sum.H.block<3, 1>(part.at, scale.at) += with_scale;
+    sum.H.block<1, 3>(scale.at, part.at) += with_scale.transpose();
+  }
+  sum.H(scale.at, scale.at) += scale.H.dot(w_scale);
+  sum.pull(scale.at) += w_scale.dot(y);
+  sum.by_time(scale.at) += w_scale.dot(scale.on_time);
 }
 
 /// From the columns of the filter's state to those here. Not of print sizes.

@@ -53,6 +53,8 @@ class SegmentElimination final {
   explicit SegmentElimination(MotionSegment& segment);
   /// @return over the rest alone
   [[nodiscard]] Information run();
+  /// The same with the rest held, for move_inner() alone: at a third of the price.
+  void run_path();
   /// After run(): the instances between go where they fit best.
   /// @return the largest step of a pose
   double move_inner();
@@ -92,7 +94,15 @@ class SegmentElimination final {
     std::size_t count{0};
   };
 
+  /// The print of the tag: where it stands, how corners hang on it, and on the moment.
+  struct OfScale {
+    int at{};
+    Vector8d H;
+    Vector8d on_time;
+  };
+
   void prepare_bench();
+  void begin_run();
   void stand_at(const MotionSegment::Instance& instance);
   void remember_rate(const SegmentStep* step);
   [[nodiscard]] Motion move(const MotionSegment::Instance& from, const MotionSegment::Instance& to);
@@ -102,6 +112,10 @@ class SegmentElimination final {
   void arrive(Information& info) const;
   void look(const MotionSegment::Instance& instance, Information& info);
   void add(const SegmentImage& image, const SegmentSighting& sighting, ImageSum& sum);
+  static void add_products(const Parts& found, const Matrix8d& weight, const Vector8d& y,
+                           const Vector8d& on_time, ImageSum& sum);
+  static void add_scale(const Parts& found, const Matrix8d& weight, const Vector8d& y,
+                        const OfScale& scale, ImageSum& sum);
   void place(const TagMeasurement::Block& block, Parts& parts) const;
   static void take_jitter(const SegmentImage& image, ImageSum& sum);
 

@@ -11,7 +11,8 @@ namespace fiducap {
 namespace {
 
 constexpr int kMostPasses = 5;
-constexpr double kSettled = 1e-6;  // m and rad
+constexpr double kNearly = 1e-3;  // m and rad
+constexpr double kSettled = 1e-6;
 
 /// Nothing of what the body saw is in it.
 bool is_blind(const MotionSegment& segment) {
@@ -24,6 +25,11 @@ bool is_blind(const MotionSegment& segment) {
 /// no tag is seen
 std::optional<SegmentElimination::Information> smooth(const MotionSegment& segment,
                                                       SegmentElimination& elimination) {
+  // Each pass leaves the square of what the one before has moved.
+  for (int pass = 1; pass < kMostPasses; ++pass) {
+    elimination.run_path();
+    if (elimination.move_inner() < kNearly) break;
+  }
   for (int pass = 1;; ++pass) {
     auto info = elimination.run();
     if (!info.all.allFinite() || !std::isfinite(info.cost)) return std::nullopt;
@@ -41,7 +47,7 @@ SegmentFactor factor_of(const MotionSegment& segment, const SegmentElimination& 
   out.cameras = segment.cameras;
   out.tags = segment.tags;
   out.scales = segment.scales;
-  out.H = 0.5 * (info.all + info.all.transpose());
+  out.H = info.all.selfadjointView<Eigen::Lower>();
   out.g = -info.pull;
   out.cost = info.cost;
   out.numbers = elimination.numbers();
