@@ -87,8 +87,10 @@ MapBuilder::MapBuilder(const MapConfig& config, TagMap start)
       working_(std::move(start)),
       starts_with_places_(has_places(working_)),
       has_workspace_(starts_with_places_) {
-  if (config.refine_period_s == 0 && working_.known) {
-    working_.known.reset();
+  if (working_.known) {
+    KnownMap known = *working_.known;
+    known.is_judged = false;  // that was of the session before
+    working_.known = config.refine_period_s > 0 ? std::make_shared<const KnownMap>(known) : nullptr;
     snapshot_ = std::make_shared<const TagMap>(working_);
   }
   ownership_ = owners_of(working_);

@@ -1,8 +1,37 @@
 #include "estimation/world/prior_exchange.hpp"
 
-#include <algorithm>
+#include <Eigen/Cholesky>
 
 namespace fiducap::world {
+
+namespace {
+
+// What held tags share may be all that is unsure about them.
+constexpr double kRelativeRounding = 1e-9;
+
+/// A column of the covariance in two parts.
+struct Column {
+  Eigen::VectorXd given_held;  ///< While held tags are where the state has them; theirs: zero.
+  Eigen::VectorXd by_held;     ///< … and what comes from not knowing where they are.
+};
+
+Column column_of(const FilterState& state, int column) {
+  const auto P = state.P();
+  Column out{P.col(column), Eigen::VectorXd::Zero(P.rows())};
+  std::vector<int> held;
+  for (const int at : state.held_tags())
+    for (int i = 0; i < layout::kPoseSize; ++i) held.push_back(at + i);
+  if (held.empty()) return out;
+  Eigen::MatrixXd of_held = P(held, held);
+  of_held.diagonal() *= 1 + kRelativeRounding;
+  const Eigen::VectorXd share = of_held.ldlt().solve(out.given_held(held));
+  out.by_held = P(Eigen::all, held) * share;
+  out.by_held(held) = out.given_held(held);
+  out.given_held -= out.by_held;
+  return out;
+}
+
+}  // namespace
 
 double information_of(const FilterState& state, int column, double prior_sigma) {
   const double variance = state.P()(column, column);
@@ -12,27 +41,17 @@ double information_of(const FilterState& state, int column, double prior_sigma) 
 void exchange_prior(FilterState& state, int camera, int column, double value, double from_sigma,
                     double to_sigma) {
   const double gained = 1 / (to_sigma * to_sigma) - 1 / (from_sigma * from_sigma);
-  auto P = state.P();
-  const double S = 1 + gained * P(column, column);
+  const Column of = column_of(state, column);
+  const double S = 1 + gained * of.given_held(column);
   if (!(S > 1e-9)) return;
-  Eigen::VectorXd p = P.col(column);
-  if (gained < 0) {
-    // What held tags know of each other stays, so what grows must not reach them: else the whole
-    // would be no covariance.
-    for (const int at : state.held_tags()) p.segment<6>(at).setZero();
-  }
-  std::vector<bool> is_held(static_cast<std::size_t>(P.rows()), false);
-  for (const int at : state.held_tags()) std::fill_n(is_held.begin() + at, 6, true);
   const double factor = gained / S;
+  const double by_held = of.by_held(column);
+  auto P = state.P();
   for (Eigen::Index k = 0; k < P.cols(); ++k) {
-    for (Eigen::Index i = 0; i < P.rows(); ++i) {
-      const bool both =
-          is_held[static_cast<std::size_t>(i)] && is_held[static_cast<std::size_t>(k)];
-      if (!both) P(i, k) -= factor * p(i) * p(k);
-    }
+    const double own = factor * (1 - factor * by_held) * of.given_held(k) + factor * of.by_held(k);
+    P.col(k) -= own * of.given_held + factor * of.given_held(k) * of.by_held;
   }
-  Eigen::VectorXd correction = -factor * value * p;
-  for (const int at : state.held_tags()) correction.segment<6>(at).setZero();
+  const Eigen::VectorXd correction = -factor * value * of.given_held;
   state.add_error(correction);
   transport_covariance(state, correction, camera);
 }
@@ -41,8 +60,9 @@ void widen(FilterState& state, int column, double sigma, const std::vector<int>&
   auto P = state.P();
   const double variance = P(column, column);
   if (!(variance > 0) || sigma * sigma <= variance) return;
-  Eigen::VectorXd along = P.col(column) / variance;
-  for (const int at : state.held_tags()) along.segment<6>(at).setZero();
+  const Column of = column_of(state, column);
+  if (!(of.given_held(column) > 0)) return;
+  Eigen::VectorXd along = of.given_held / of.given_held(column);
   for (const int other : closed) along(other) = 0;
   P += (sigma * sigma - variance) * along * along.transpose();
 }

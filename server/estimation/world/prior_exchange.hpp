@@ -10,7 +10,10 @@ namespace fiducap::world {
 [[nodiscard]] double information_of(const FilterState& state, int column, double prior_sigma);
 
 /// Exchanges the prior of one column, whose mean is zero: a measurement of zero whose information
-/// is the difference of both. Held tags keep what they know.
+/// is the difference of both. What is known of held tags stays, p(tags); what changes is what
+/// follows when they are known, p(rest | tags). So the body goes where it then stands among them:
+/// of a map that is off as a whole, the column and the body share that error, and a body that moved
+/// along with it would leave its tags behind.
 ///
 /// @param camera  whose image corrected the state last
 /// @param value   of the column, as estimated

@@ -27,11 +27,12 @@ constexpr double kBetweenLinearisations = 1.0;
 constexpr int kMostVerdicts = 8;
 // A segment is linearised anew when something in it has moved, against where the body began, by
 // more than this: turned, or by this share of its distance; or a camera on its body, or its clock.
-// Segments that were linearised elsewhere seem to say more of a tag's heading than they do.
-constexpr double kTurned_rad = 0.001;
-constexpr double kMoved = 0.002;
-constexpr double kCameraMoved_m = 0.0005;
-constexpr double kClockShifted_s = 1e-4;
+// Segments that were linearised elsewhere seem to say more of a tag's heading than they do, and the
+// more of them there are, the surer the graph is of that.
+constexpr double kTurned_rad = 0.0003;
+constexpr double kMoved = 0.0006;
+constexpr double kCameraMoved_m = 0.0002;
+constexpr double kClockShifted_s = 4e-5;
 // … or a lens, or a print.
 constexpr double kScaled = 0.002;
 constexpr double kCentreMoved_px = 2.0;
