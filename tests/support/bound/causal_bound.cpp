@@ -220,14 +220,28 @@ void CausalBound::join(const Newcomer& one) {
   size_ += 6;
 }
 
-Eigen::Matrix<double, 12, 12> CausalBound::body_and_tag(int tag_id) const {
-  const Place& place = places_[index_of(tag_id)];
+void CausalBound::keep_pose() {
+  FIDUCAP_ASSERT(truth_.has_value());
+  apply_motion();
+  P_.conservativeResize(P_.rows() + 6, P_.cols() + 6);  // tags to come need the rest
+  int row = size_;
+  for (const int block : {kRotation, kPosition}) {
+    P_.block(row, 0, 3, row) = P_.block(block, 0, 3, row);
+    P_.block(0, row, row, 3) = P_.block(0, block, row, 3);
+    P_.block<3, 3>(row, row) = P_.block<3, 3>(block, block);
+    row += 3;
+  }
+  kept_.push_back({truth_->at, truth_->X_WB, size_});
+  size_ = row;
+}
+
+Matrix12 CausalBound::pose_and_tag(int rotation, int position, const Place& place) const {
   FIDUCAP_ASSERT(!moved_ && (place.at >= 0 || problem_.map_known));
   std::vector<int> index;
-  for (const int at : {kRotation, kPosition}) {
+  for (const int at : {rotation, position}) {
     for (int i = 0; i < 3; ++i) index.push_back(at + i);
   }
-  Eigen::Matrix<double, 12, 12> out = Eigen::Matrix<double, 12, 12>::Zero();
+  Matrix12 out = Matrix12::Zero();
   if (problem_.map_known) {
     out.topLeftCorner<6, 6>() = P_(index, index);
     return out;
@@ -237,23 +251,46 @@ Eigen::Matrix<double, 12, 12> CausalBound::body_and_tag(int tag_id) const {
   return out;
 }
 
-std::optional<BoundAt> CausalBound::now() const {
-  const Place& reference = places_[index_of(problem_.reference_tag)];
-  if (!truth_ || moved_ || (reference.at < 0 && !problem_.map_known)) return std::nullopt;
-  const Pose& X_WB = truth_->X_WB;
-  const Pose& X_WT = reference.tag->X_WT;
-  const Eigen::Matrix<double, 12, 12> joint = body_and_tag(problem_.reference_tag);
+Matrix12 CausalBound::body_and_tag(int tag_id) const {
+  return pose_and_tag(kRotation, kPosition, places_[index_of(tag_id)]);
+}
+
+Matrix12 CausalBound::kept_and_tag(std::size_t kept, int tag_id) const {
+  const int at = kept_.at(kept).at;
+  return pose_and_tag(at, at + 3, places_[index_of(tag_id)]);
+}
+
+PoseBound CausalBound::seen_from_reference(const Pose& X_WB, const Matrix12& joint) const {
+  const Pose& X_WT = places_[index_of(problem_.reference_tag)].tag->X_WT;
   const auto covariance = [&](const RelativeRows& J) -> Eigen::Matrix<double, 6, 6> {
     return J * joint * J.transpose();
   };
   const auto near = covariance(relative_to_tag(X_WB, X_WT));
   const auto level = covariance(relative_to_level(X_WB, X_WT, heading_axis(X_WT.q)));
-  BoundAt out;
-  out.at = truth_->at;
+  PoseBound out;
   out.position_m = root_trace(near.topLeftCorner<3, 3>());
   out.rotation_rad = root_trace(near.bottomRightCorner<3, 3>());
   out.level_position_m = root_trace(level.topLeftCorner<3, 3>());
   out.level_rotation_rad = root_trace(level.bottomRightCorner<3, 3>());
+  return out;
+}
+
+std::vector<PoseBound> CausalBound::kept() const {
+  std::vector<PoseBound> out;
+  const Place& reference = places_[index_of(problem_.reference_tag)];
+  if (reference.at < 0 && !problem_.map_known) return out;
+  for (const KeptPose& one : kept_) {
+    out.push_back(seen_from_reference(one.X_WB, pose_and_tag(one.at, one.at + 3, reference)));
+    out.back().at = one.when;
+  }
+  return out;
+}
+
+std::optional<BoundAt> CausalBound::now() const {
+  const Place& reference = places_[index_of(problem_.reference_tag)];
+  if (!truth_ || moved_ || (reference.at < 0 && !problem_.map_known)) return std::nullopt;
+  BoundAt out{seen_from_reference(truth_->X_WB, body_and_tag(problem_.reference_tag))};
+  out.at = truth_->at;
   Eigen::Matrix<double, 3, 6> by_motion;  // rotation, velocity → v_WB_B
   by_motion << skew(truth_->v_WB), Eigen::Matrix3d::Identity();
   out.velocity_m_s = root_trace(by_motion * P_.topLeftCorner<6, 6>() * by_motion.transpose());
@@ -302,6 +339,19 @@ MapBound CausalBound::map() const {
   if (out.tags == 0) return out;
   out.position_m = std::sqrt(position2 / out.tags);
   out.rotation_rad = std::sqrt(rotation2 / out.tags);
+  return out;
+}
+
+TagsCovariance CausalBound::tags() const {
+  FIDUCAP_ASSERT(!problem_.map_known);
+  TagsCovariance out;
+  std::vector<int> index;
+  for (const Place& place : places_) {
+    if (place.at < 0) continue;
+    out.ids.push_back(place.tag->tag_id);
+    for (int i = 0; i < 6; ++i) index.push_back(place.at + i);
+  }
+  out.P = P_(index, index);
   return out;
 }
 
