@@ -95,6 +95,7 @@ struct FilterRun {
   double gap_m{};  ///< position_m just before the reference tag is seen again after kAway_s; 0:
                    ///< never was.
   double gap_rotation_rad{};
+  double gap_after_m{};      ///< By the image that shows it.
   double gap_path_m{};       ///< Travelled until then.
   double gap_t_s{};          ///< When it is seen again, since the first sample.
   ClockEstimate clock;       ///< At the end.
