@@ -59,7 +59,10 @@ void compare_poses(const RefinedRun& refined, const BoundRun& bound, Instant fir
   for (const bound::PoseBound& one : bound.smoothed) {
     const FilterRun::At* at = at_instant(refined.poses, to_seconds(one.at - first));
     if (at == nullptr) continue;
-    if (closure && one.at == closure->before) out.gap_refined = {at->position_m, one.position_m};
+    if (closure && one.at == closure->before) {
+      out.gap_refined = {at->position_m, one.position_m};
+      continue;  // that of the loop is not one of those spread evenly
+    }
     error.add(at->position_m);
     limit.add(one.position_m);
   }

@@ -220,6 +220,39 @@ void add_bound(const RingRun& run, double bound::MapFigures::*limit, double erro
   row.push_back(Figure{error_m / bound_m, 2});
 }
 
+std::vector<Cell> row_of(const std::string& name, std::uint64_t seed, const RingRun& run) {
+  std::vector<Cell> row{name,
+                        std::to_string(seed),
+                        Figure{kMm * run.live.raw_m, 1},
+                        Figure{kMm * run.live.level_m, 2},
+                        Figure{kDegrees * run.live.level_rad, 3},
+                        Figure{kMm * run.live.sigma_m, 2},
+                        Figure{run.live.nees, 2},
+                        std::to_string(run.live.tags),
+                        list(run.position_m, kMm, 0),
+                        list(run.level_m, kMm, 1),
+                        list(run.nees, 1, 1),
+                        list(run.tracks_after_s, 1, 1),
+                        pair_of(run.ramped.position, run.at_once.position, 2),
+                        pair_of(run.ramped.attitude, run.at_once.attitude, 2),
+                        pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
+                                kMm * run.at_once.sigma_m / run.at_once.valid, 2),
+                        pair_of(kPercent * run.ramped.valid / run.ramped.frames,
+                                kPercent * run.at_once.valid / run.at_once.frames, 2),
+                        Figure{kMm * run.graph.level_m, 2},
+                        Figure{run.graph.nees, 2},
+                        Figure{kMm * run.folded.level_m, 2},
+                        Figure{run.folded.nees, 2},
+                        Figure{run.chi_square, 3},
+                        std::to_string(run.nodes),
+                        Figure{run.solve_s, 2},
+                        std::to_string(run.iterations),
+                        std::to_string(run.condensed)};
+  add_bound(run, &bound::MapFigures::level_m, run.live.level_m, row);
+  add_bound(run, &bound::MapFigures::raw_m, run.live.raw_m, row);
+  return row;
+}
+
 std::string ratio_over_seeds(const std::string& robots, const std::vector<RingRun>& runs) {
   MeanSquare level, raw, level_bound, raw_bound;
   for (const RingRun& run : runs) {
@@ -256,38 +289,8 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
       runs[static_cast<std::size_t>(i)] =
           run_one(options, robots, options.first_seed + static_cast<std::uint64_t>(i));
     });
-    for (std::size_t i = 0; i < runs.size(); ++i) {
-      const RingRun& run = runs[i];
-      table.rows.push_back({name,
-                            std::to_string(options.first_seed + i),
-                            Figure{kMm * run.live.raw_m, 1},
-                            Figure{kMm * run.live.level_m, 2},
-                            Figure{kDegrees * run.live.level_rad, 3},
-                            Figure{kMm * run.live.sigma_m, 2},
-                            Figure{run.live.nees, 2},
-                            std::to_string(run.live.tags),
-                            list(run.position_m, kMm, 0),
-                            list(run.level_m, kMm, 1),
-                            list(run.nees, 1, 1),
-                            list(run.tracks_after_s, 1, 1),
-                            pair_of(run.ramped.position, run.at_once.position, 2),
-                            pair_of(run.ramped.attitude, run.at_once.attitude, 2),
-                            pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
-                                    kMm * run.at_once.sigma_m / run.at_once.valid, 2),
-                            pair_of(kPercent * run.ramped.valid / run.ramped.frames,
-                                    kPercent * run.at_once.valid / run.at_once.frames, 2),
-                            Figure{kMm * run.graph.level_m, 2},
-                            Figure{run.graph.nees, 2},
-                            Figure{kMm * run.folded.level_m, 2},
-                            Figure{run.folded.nees, 2},
-                            Figure{run.chi_square, 3},
-                            std::to_string(run.nodes),
-                            Figure{run.solve_s, 2},
-                            std::to_string(run.iterations),
-                            std::to_string(run.condensed)});
-      add_bound(run, &bound::MapFigures::level_m, run.live.level_m, table.rows.back());
-      add_bound(run, &bound::MapFigures::raw_m, run.live.raw_m, table.rows.back());
-    }
+    for (std::size_t i = 0; i < runs.size(); ++i)
+      table.rows.push_back(row_of(name, options.first_seed + i, runs[i]));
     table.remarks.push_back(ratio_over_seeds(name, runs));
   }
   table.remarks.emplace_back(
