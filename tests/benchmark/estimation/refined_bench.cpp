@@ -27,6 +27,7 @@ struct Refined {
   Pair pose_online, pose_refined;
   Pair gap_before, gap_after;  ///< A loop that is closed, online; and refined at `before`.
   Pair gap_refined;
+  Pair sigma_refined;  ///< In W: what is told of refined poses, and the smoothing bound.
   double nees_of_poses{}, nees_of_map{};  ///< Refined, in W, per number.
   int online_tags{}, refined_tags{}, bound_tags{};
   bool is_at_rest{};
@@ -37,10 +38,10 @@ struct Column {
   Pair Refined::*pair;
 };
 const Column kColumns[] = {
-    {"map", &Refined::map_online},         {"map refined", &Refined::map_refined},
-    {"pos", &Refined::pose_online},        {"pos refined", &Refined::pose_refined},
-    {"gap", &Refined::gap_before},         {"gap after", &Refined::gap_after},
-    {"gap refined", &Refined::gap_refined}};
+    {"map", &Refined::map_online},          {"map refined", &Refined::map_refined},
+    {"pos", &Refined::pose_online},         {"pos refined", &Refined::pose_refined},
+    {"gap", &Refined::gap_before},          {"gap after", &Refined::gap_after},
+    {"gap refined", &Refined::gap_refined}, {"sigma refined", &Refined::sigma_refined}};
 
 /// The pose of an image, nullptr when there is none.
 const FilterRun::At* at_instant(const FilterRun& run, double t_s) {
@@ -56,6 +57,8 @@ void compare_poses(const RefinedRun& refined, const BoundRun& bound, Instant fir
                    const std::optional<Closure>& closure, Refined& out) {
   MeanSquare error;
   MeanSquare limit;
+  MeanSquare sigma;
+  MeanSquare level;
   for (const bound::PoseBound& one : bound.smoothed) {
     const FilterRun::At* at = at_instant(refined.poses, to_seconds(one.at - first));
     if (at == nullptr) continue;
@@ -65,8 +68,11 @@ void compare_poses(const RefinedRun& refined, const BoundRun& bound, Instant fir
     }
     error.add(at->position_m);
     limit.add(one.position_m);
+    sigma.add(at->sigma_m);
+    level.add(one.level_position_m);
   }
   out.pose_refined = {error.rms(), limit.rms()};
+  out.sigma_refined = {sigma.rms(), level.rms()};
 }
 
 Refined run_one(const EstimationOptions& options, const EstimationData& data) {
@@ -167,12 +173,11 @@ std::vector<Table> bench_refined(const EstimationOptions& options) {
   table.remarks.emplace_back(fmt::format(
       "`map`, `pos`: of the filter, map at the end over the bound of the tags by all data, poses "
       "from 5 s on over the causal bound; `map refined`, `pos refined`: of `replay --resolve`, "
-      "poses at "
-      "{} images over the smoothing bound there. `gap`: before the reference tag is seen again, "
-      "`after`: by that image, both over the causal bound; `gap refined`: the refined pose before "
-      "it, "
-      "over the smoothing bound. NEES per number, refined, in W. Tags: of the filter, refined, of "
-      "the "
+      "poses at {} images over the smoothing bound there. `gap`: before the reference tag is seen "
+      "again, `after`: by that image, both over the causal bound; `gap refined`: the refined pose "
+      "before it, over the smoothing bound. `sigma refined`: what is told of those poses in W, "
+      "over "
+      "the bound there. NEES per number, refined, in W. Tags: of the filter, refined, of the "
       "bound.",
       kSmoothed));
   return {table};
