@@ -186,6 +186,7 @@ class Run {
     result_.map_rotation_rad = errors.rotation_rad;
     result_.near_map_position_m = errors.near_position_m;
     result_.near_map_rotation_rad = errors.near_rotation_rad;
+    result_.map_ids = errors.ids;
   }
 
   const EstimationData& data_;

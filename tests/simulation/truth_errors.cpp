@@ -29,7 +29,7 @@ MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data, 
     const Vector6d level = pose_error(entry.X_WT, truth);
     out.position_m += level.head<3>().squaredNorm();
     out.rotation_rad += level.tail<3>().squaredNorm();
-    ++out.tags;
+    out.ids.push_back(tag->tag_id);
     if (tag->tag_id == data.reference_tag) continue;
     const Vector6d near = pose_error(X_WT.inverse() * entry.X_WT, X_WT_true.inverse() * truth);
     out.near_position_m += near.head<3>().squaredNorm();
@@ -37,7 +37,7 @@ MapErrors map_errors(std::span<const KnownTag> map, const EstimationData& data, 
     out.nees += normalised(level, entry.covariance) / 6;
     ++out.others;
   }
-  const double n = std::max(1, out.tags);
+  const double n = static_cast<double>(std::max<std::size_t>(1, out.ids.size()));
   const double others = std::max(1, out.others);
   out.position_m = std::sqrt(out.position_m / n);
   out.rotation_rad = std::sqrt(out.rotation_rad / n);

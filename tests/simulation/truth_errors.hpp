@@ -1,6 +1,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "estimation/known_tag.hpp"
 #include "simulation/estimation_data.hpp"
@@ -15,7 +16,7 @@ namespace fiducap {
 
 /// RMSE of a map's tags; those that the data does not have are left out.
 struct MapErrors {
-  int tags{};
+  std::vector<int> ids;
   double position_m{};  ///< In the workspace.
   double rotation_rad{};
   int others{};              ///< But the reference tag.

@@ -87,8 +87,12 @@ Refined run_one(const EstimationOptions& options, const EstimationData& data) {
   choice.live = true;
   const FilterRun online = run_filter(data, choice).scored_after(kSettled_s);
   const RefinedRun refined = run_refined(data, choice);
-  out.map_online = {online.near_map_position_m, bound.map.position_m};
-  out.map_refined = {refined.map.near_position_m, bound.map.position_m};
+  // A tag that a map does not have is not in its bound.
+  const auto of = [&](const std::vector<int>& ids) {
+    return map_bound(bound.tags, data.tags, data.reference_tag, ids).position_m;
+  };
+  out.map_online = {online.near_map_position_m, of(online.map_ids)};
+  out.map_refined = {refined.map.near_position_m, of(refined.map.ids)};
   out.pose_online = {online.rms([](const auto& at) { return at.position_m; }),
                      rms(bound, first, &bound::BoundAt::position_m)};
   compare_poses(refined, bound, first, closure, out);
@@ -99,8 +103,8 @@ Refined run_one(const EstimationOptions& options, const EstimationData& data) {
   out.nees_of_poses =
       refined.poses.scored_after(kSettled_s).mean([](const auto& at) { return at.nees.pose / 6; });
   out.nees_of_map = refined.map.nees;
-  out.online_tags = online.tags_mapped;
-  out.refined_tags = refined.map.tags;
+  out.online_tags = static_cast<int>(online.map_ids.size());
+  out.refined_tags = static_cast<int>(refined.map.ids.size());
   out.bound_tags = static_cast<int>(bound.tags.ids.size());
   out.is_at_rest = refined.is_at_rest;
   return out;

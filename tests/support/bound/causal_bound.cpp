@@ -39,6 +39,44 @@ Eigen::Matrix<double, 8, 21> body_rows(const CornerRows& rows) {
 
 }  // namespace
 
+MapBound map_bound(const TagsCovariance& covariance, std::span<const RecordedTag> tags,
+                   int reference_tag, std::span<const int> ids) {
+  MapBound out;
+  const auto row_of = [&](int id) -> int {
+    const auto found = std::lower_bound(covariance.ids.begin(), covariance.ids.end(), id);
+    const bool is_in = found != covariance.ids.end() && *found == id;
+    return is_in ? 6 * static_cast<int>(found - covariance.ids.begin()) : -1;
+  };
+  const auto pose_of = [&](int id) {
+    return std::find_if(tags.begin(), tags.end(),
+                        [&](const RecordedTag& t) { return t.tag_id == id; })
+        ->X_WT;
+  };
+  const int reference_at = row_of(reference_tag);
+  if (reference_at < 0) return out;
+  double position2 = 0;
+  double rotation2 = 0;
+  for (const int id : ids) {
+    const int tag_at = row_of(id);
+    if (tag_at < 0 || id == reference_tag) continue;
+    // The tag as the "body": rotation, position; then the reference.
+    std::vector<int> index;
+    for (const int at : {tag_at + 3, tag_at, reference_at, reference_at + 3}) {
+      for (int i = 0; i < 3; ++i) index.push_back(at + i);
+    }
+    const RelativeRows J = relative_to_tag(pose_of(id), pose_of(reference_tag));
+    const Matrix12 joint = covariance.P(index, index);
+    const Eigen::Matrix<double, 6, 6> near = J * joint * J.transpose();
+    position2 += near.topLeftCorner<3, 3>().trace();
+    rotation2 += near.bottomRightCorner<3, 3>().trace();
+    ++out.tags;
+  }
+  if (out.tags == 0) return out;
+  out.position_m = std::sqrt(position2 / out.tags);
+  out.rotation_rad = std::sqrt(rotation2 / out.tags);
+  return out;
+}
+
 CausalBound::CausalBound(BoundProblem problem) : problem_(std::move(problem)) {
   const int per_tag = (problem_.map_known ? 0 : 6) + (problem_.lasting ? 8 : 0);
   const auto capacity = kFirstTag + per_tag * static_cast<int>(problem_.tags.size());
@@ -317,29 +355,9 @@ double CausalBound::camera_sigma(const Place& reference) const {
 }
 
 MapBound CausalBound::map() const {
-  MapBound out;
-  const Place& reference = places_[index_of(problem_.reference_tag)];
-  if (problem_.map_known || reference.at < 0) return out;
-  double position2 = 0;
-  double rotation2 = 0;
-  for (const Place& place : places_) {
-    if (place.at < 0 || place.at == reference.at) continue;
-    // The tag as the "body": rotation, position; then the reference.
-    std::vector<int> index;
-    for (const int at : {place.at + 3, place.at, reference.at, reference.at + 3}) {
-      for (int i = 0; i < 3; ++i) index.push_back(at + i);
-    }
-    const RelativeRows J = relative_to_tag(place.tag->X_WT, reference.tag->X_WT);
-    const Eigen::Matrix<double, 12, 12> joint = P_(index, index);
-    const Eigen::Matrix<double, 6, 6> covariance = J * joint * J.transpose();
-    position2 += covariance.topLeftCorner<3, 3>().trace();
-    rotation2 += covariance.bottomRightCorner<3, 3>().trace();
-    ++out.tags;
-  }
-  if (out.tags == 0) return out;
-  out.position_m = std::sqrt(position2 / out.tags);
-  out.rotation_rad = std::sqrt(rotation2 / out.tags);
-  return out;
+  if (problem_.map_known) return {};
+  const TagsCovariance all = tags();
+  return map_bound(all, problem_.tags, problem_.reference_tag, all.ids);
 }
 
 TagsCovariance CausalBound::tags() const {

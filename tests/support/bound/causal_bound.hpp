@@ -11,6 +11,11 @@
 
 namespace fiducap::bound {
 
+/// Of some tags, those that were not seen left out. @param tags  true poses
+[[nodiscard]] MapBound map_bound(const TagsCovariance& covariance,
+                                 std::span<const RecordedTag> tags, int reference_tag,
+                                 std::span<const int> ids);
+
 /// The smallest error that any causal estimator can have on average: posterior Cramér–Rao bound.
 ///
 /// Covariance of an error-state filter linearised at the true motion and the true map (P.
