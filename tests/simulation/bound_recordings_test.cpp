@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <iostream>
 #include <numbers>
 
 #include "simulation/bound_run.hpp"
@@ -80,6 +81,51 @@ TEST_P(OpenRecordings, HaveTheBoundThatWasFoundIndependently) {
     agree(1e3 * run.gap->position_m, expected.gap_mm, 1.0, "loop gap, mm");
   }
 }
+
+struct PublishedSmoothing {
+  const char* recording;
+  char knowledge;
+  double position_mm, rotation_deg;
+};
+// The same table, column "all data".
+const PublishedSmoothing kSmoothing[] = {{"sim_table", 'A', 1.27, 0.035},
+                                         {"sim_table", 'D', 0.36, 0.014},
+                                         {"sim_sparse", 'A', 4.00, 0.093},
+                                         {"sim_loop", 'A', 48.5, 0.212},
+                                         {"sim_big", 'A', 11.2, 0.113}};
+
+class OpenRecordingsByAllData : public testing::TestWithParam<PublishedSmoothing> {};
+
+TEST_P(OpenRecordingsByAllData, HaveTheSmoothingBoundThatWasFoundIndependently) {
+  const PublishedSmoothing& expected = GetParam();
+  const auto folder = shared_data();
+  if (!folder) GTEST_SKIP() << kNoSharedData;
+  const auto data = load_estimation_data((*folder / expected.recording).string());
+  ASSERT_TRUE(data.has_value()) << data.error().text();
+  // Theirs is of every image, this of so many.
+  constexpr int kImages = 20;
+  const BoundRun run =
+      run_bound(*data, {expected.knowledge}, images_spread(*data, kImages, kSettled_s));
+  ASSERT_EQ(run.smoothed.size(), static_cast<std::size_t>(kImages));
+  double position = 0;
+  double rotation = 0;
+  for (const bound::PoseBound& one : run.smoothed) {
+    position += one.position_m * one.position_m / kImages;
+    rotation += one.rotation_rad * one.rotation_rad / kImages;
+  }
+  constexpr double kDegree = 180 / std::numbers::pi;
+  std::cout << expected.recording << " " << expected.knowledge << ": " << 1e3 * std::sqrt(position)
+            << " mm, " << kDegree * std::sqrt(rotation) << " deg\n";
+  constexpr double kOfFewImages = 0.03;
+  EXPECT_NEAR(1e3 * std::sqrt(position), expected.position_mm, kOfFewImages * expected.position_mm);
+  EXPECT_NEAR(kDegree * std::sqrt(rotation), expected.rotation_deg,
+              kOfFewImages * expected.rotation_deg + 0.0005);
+}
+
+INSTANTIATE_TEST_SUITE_P(Table1, OpenRecordingsByAllData, testing::ValuesIn(kSmoothing),
+                         [](const auto& one) {
+                           return std::string(one.param.recording + 4) + one.param.knowledge;
+                         });
 
 INSTANTIATE_TEST_SUITE_P(Table1, OpenRecordings, testing::ValuesIn(kTable), [](const auto& one) {
   return std::string(one.param.recording + 4) + one.param.knowledge;

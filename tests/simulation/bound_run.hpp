@@ -21,25 +21,40 @@ struct KnowledgeCase {
 /// The causal bound along one set of data, after each image.
 struct BoundRun {
   std::vector<bound::BoundAt> at;
-  bound::MapBound map;  ///< At the end.
+  bound::MapBound map;         ///< At the end.
+  bound::TagsCovariance tags;  ///< At the end; with an unknown map.
   std::optional<bound::BoundAt>
       gap;  ///< Just before the reference tag is seen again after kAway_s.
+  std::optional<bound::BoundAt> gap_after;  ///< By that image.
+  /// Poses that were asked for, by all data: the smoothing bound.
+  std::vector<bound::PoseBound> smoothed;
 };
 
 /// So long out of sight that its return closes a loop.
 inline constexpr double kAway_s = 30.0;
 
-/// Tags of the data that an image shows (other ids are left out).
-[[nodiscard]] std::vector<int> ids_in(const CornerFrame& image, const EstimationData& data);
+/// Two images that follow each other: before a loop is closed for the first time, and then.
+struct Closure {
+  Instant before{};
+  Instant closes{};
+};
+[[nodiscard]] std::optional<Closure> closure_of(const EstimationData& data);
 
+/// So many images, spread evenly over those from an instant on.
+[[nodiscard]] std::vector<Instant> images_spread(const EstimationData& data, int count,
+                                                 double from_s);
+
+/// @param kept  images whose poses shall be smoothed, by time
 /// @pre data has an IMU and its ids are right
-[[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge);
+[[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
+                                 const std::vector<Instant>& kept = {});
 
 /// How the corners of one sighting are off.
 using SightNoise = std::function<bound::TagSight(const CornerFrame&, const TagSighting&)>;
 /// The same with corners of which each tag's are differently good.
 [[nodiscard]] BoundRun run_bound(const EstimationData& data, KnowledgeCase knowledge,
                                  const SightNoise& noise,
-                                 const std::optional<bound::LastingErrors>& lasting);
+                                 const std::optional<bound::LastingErrors>& lasting,
+                                 const std::vector<Instant>& kept = {});
 
 }  // namespace fiducap

@@ -8,6 +8,7 @@
 #include "base/so3.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
+#include "simulation/truth_errors.hpp"
 #include "support/memory_source.hpp"
 
 namespace fiducap {
@@ -16,17 +17,6 @@ namespace {
 
 // Tags are compared at every tenth image: they hardly move in between.
 constexpr int kImagesPerTagCheck = 10;
-
-Eigen::Matrix<double, 6, 1> pose_error(const Pose& estimate, const Pose& truth) {
-  Eigen::Matrix<double, 6, 1> e;
-  e << estimate.p - truth.p, log_so3(estimate.q * truth.q.conjugate());
-  return e;
-}
-
-/// eᵀ P⁻¹ e
-double normalised(const Eigen::VectorXd& e, const Eigen::MatrixXd& P) {
-  return e.dot(P.ldlt().solve(e));
-}
 
 /// As BodyTracker decides it.
 bool may_be_shown(const Matrix15d& P) {
@@ -64,6 +54,8 @@ class Run {
     at.nis = update.report.nis;
     at.nis_dof = update.report.nis_dof;
     at.valid &= !update.doubted;
+    if (closes_loop_) result_.gap_after_m = at.position_m;
+    closes_loop_ = false;
     result_.at.push_back(at);
     if (choice_.watch)
       choice_.watch({at.t_s, pipeline.filter(), estimate, data_.truth_near(estimate.at), X_WR_,
@@ -118,6 +110,7 @@ class Run {
       result_.gap_rotation_rad = result_.at.back().rotation_rad;
       result_.gap_path_m = data_.path_m(corners.exposed_at);
       result_.gap_t_s = to_seconds(corners.exposed_at - time_of(data_.samples.front()));
+      closes_loop_ = true;
     }
     reference_seen_ = corners.exposed_at;
   }
@@ -185,28 +178,15 @@ class Run {
   void finish_map(const BodyFilter& filter) {
     filter.tag_beliefs(beliefs_);
     result_.tags_mapped = static_cast<int>(beliefs_.size());
-    const Pose X_WT = X_WR_ * reference().X_WT;
-    const Pose X_WT_seen = seen_reference(X_WT);
-    Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-    int tags = 0;
-    int others = 0;
-    for (const TagBelief& belief : beliefs_) {
-      const RecordedTag* tag = data_.tag(belief.tag.tag_id);
-      if (tag == nullptr) continue;
-      const Pose truth = X_WR_ * tag->X_WT;
-      const auto level = pose_error(belief.tag.X_WT, truth);
-      const auto near = pose_error(X_WT_seen.inverse() * belief.tag.X_WT, X_WT.inverse() * truth);
-      sum += Eigen::Vector4d(level.head<3>().squaredNorm(), level.tail<3>().squaredNorm(),
-                             near.head<3>().squaredNorm(), near.tail<3>().squaredNorm());
-      ++tags;
-      others += tag->tag_id == data_.reference_tag ? 0 : 1;
-    }
-    if (tags == 0) return;
-    result_.map_position_m = std::sqrt(sum(0) / tags);
-    result_.map_rotation_rad = std::sqrt(sum(1) / tags);
-    if (others == 0) return;
-    result_.near_map_position_m = std::sqrt(sum(2) / others);
-    result_.near_map_rotation_rad = std::sqrt(sum(3) / others);
+    std::vector<KnownTag> tags;
+    for (const TagBelief& belief : beliefs_) tags.push_back(belief.tag);
+    const MapErrors errors =
+        map_errors(tags, data_, X_WR_, seen_reference(X_WR_ * reference().X_WT));
+    result_.map_position_m = errors.position_m;
+    result_.map_rotation_rad = errors.rotation_rad;
+    result_.near_map_position_m = errors.near_position_m;
+    result_.near_map_rotation_rad = errors.near_rotation_rad;
+    result_.map_ids = errors.ids;
   }
 
   const EstimationData& data_;
@@ -217,6 +197,7 @@ class Run {
   std::vector<TagBelief> beliefs_;
   std::optional<Pose> last_reference_;
   std::optional<Instant> reference_seen_;
+  bool closes_loop_{false};
   FilterRun result_;
 };
 
@@ -267,22 +248,12 @@ TagMap start_map(const EstimationData& data, const FilterChoice& choice) {
 }
 
 void score_map(const EstimationData& data, const Pose& X_WR, TogetherRun& run) {
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  int tags = 0;
-  int others = 0;
-  for (const MapTag& entry : run.map.tags) {
-    const RecordedTag* tag = data.tag(entry.tag.tag_id);
-    if (tag == nullptr) continue;
-    const auto e = pose_error(entry.tag.X_WT, X_WR * tag->X_WT);
-    sum += Eigen::Vector3d(e.head<3>().squaredNorm(), e.tail<3>().squaredNorm(), 0);
-    ++tags;
-    if (tag->tag_id == data.reference_tag) continue;
-    sum.z() += normalised(e, entry.tag.covariance) / 6;
-    ++others;
-  }
-  run.map_position_m = std::sqrt(sum.x() / std::max(1, tags));
-  run.map_rotation_rad = std::sqrt(sum.y() / std::max(1, tags));
-  run.map_nees = sum.z() / std::max(1, others);
+  std::vector<KnownTag> tags;
+  for (const MapTag& entry : run.map.tags) tags.push_back(entry.tag);
+  const MapErrors errors = map_errors(tags, data, X_WR, Pose{});
+  run.map_position_m = errors.position_m;
+  run.map_rotation_rad = errors.rotation_rad;
+  run.map_nees = errors.nees;
 }
 
 }  // namespace

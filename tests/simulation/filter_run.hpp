@@ -92,9 +92,11 @@ struct FilterRun {
   double map_rotation_rad{};
   double near_map_position_m{};  ///< The same in the reference tag's axes, without that tag.
   double near_map_rotation_rad{};
+  std::vector<int> map_ids;  ///< Of those tags.
   double gap_m{};  ///< position_m just before the reference tag is seen again after kAway_s; 0:
                    ///< never was.
   double gap_rotation_rad{};
+  double gap_after_m{};      ///< By the image that shows it.
   double gap_path_m{};       ///< Travelled until then.
   double gap_t_s{};          ///< When it is seen again, since the first sample.
   ClockEstimate clock;       ///< At the end.

@@ -81,6 +81,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_moved(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_restart(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_growth(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_refined(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_ring(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_first_day(const EstimationOptions& options);
 

@@ -12,6 +12,7 @@
 #include "estimation/published_steps.hpp"
 #include "mapping/graph/graph_datum.hpp"
 #include "mapping/graph/map_graph.hpp"
+#include "support/bound/joint_map_bound.hpp"
 
 namespace fiducap::bench {
 
@@ -24,6 +25,8 @@ constexpr double kRamp_s = 2;
 constexpr double kPercent = 100;
 constexpr double kShareOfThree = 0.45;
 constexpr std::size_t kFoldedAt = 150;
+// The bound of a body with 300 tags takes longer than everything else.
+constexpr int kMostWithBound = 3;
 
 struct MapScore {
   double raw_m{};    ///< In W, as it is told.
@@ -79,8 +82,19 @@ MapScore score(const GraphSolution& solution, const EstimationData& data) {
   });
 }
 
+/// Of the tags that are in a map, by all data of all bodies: not the graph's own.
+bound::MapFigures bound_of(const std::vector<EstimationData>& data, const TagMap& map) {
+  std::vector<bound::TagsCovariance> bodies;
+  for (const EstimationData& one : data) bodies.push_back(run_bound(one, {'A'}).tags);
+  std::vector<int> ids;
+  for (const MapTag& tag : map.tags) ids.push_back(tag.tag.tag_id);
+  const EstimationData& first = data.front();
+  return figures_of(bound::joint_map_bound(first.tags, first.reference_tag, bodies), ids);
+}
+
 struct RingRun {
   MapScore live;
+  std::optional<bound::MapFigures> bound;
   MapScore graph;
   MapScore folded;
   std::vector<double> position_m;
@@ -170,6 +184,7 @@ RingRun run_one(const EstimationOptions& options, int robots, std::uint64_t seed
   out.live = score(run.map.tags, data.front(), [](const MapTag& t) {
     return std::tuple(t.tag.tag_id, t.tag.X_WT, t.tag.covariance);
   });
+  if (robots <= kMostWithBound) out.bound = bound_of(data, run.map);
   for (std::size_t k = 0; k < data.size(); ++k) {
     out.position_m.push_back(position[k].rms());
     out.level_m.push_back(level[k].rms());
@@ -197,16 +212,76 @@ std::string list(const std::vector<double>& values, double unit, int decimals) {
   return out;
 }
 
+/// A live error beside its bound: bound in mm, ratio.
+void add_bound(const RingRun& run, double bound::MapFigures::*limit, double error_m,
+               std::vector<Cell>& row) {
+  const double bound_m = run.bound ? run.bound.value().*limit : Nees::kNone;
+  row.push_back(Figure{kMm * bound_m, 2});
+  row.push_back(Figure{error_m / bound_m, 2});
+}
+
+std::vector<Cell> row_of(const std::string& name, std::uint64_t seed, const RingRun& run) {
+  std::vector<Cell> row{name,
+                        std::to_string(seed),
+                        Figure{kMm * run.live.raw_m, 1},
+                        Figure{kMm * run.live.level_m, 2},
+                        Figure{kDegrees * run.live.level_rad, 3},
+                        Figure{kMm * run.live.sigma_m, 2},
+                        Figure{run.live.nees, 2},
+                        std::to_string(run.live.tags),
+                        list(run.position_m, kMm, 0),
+                        list(run.level_m, kMm, 1),
+                        list(run.nees, 1, 1),
+                        list(run.tracks_after_s, 1, 1),
+                        pair_of(run.ramped.position, run.at_once.position, 2),
+                        pair_of(run.ramped.attitude, run.at_once.attitude, 2),
+                        pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
+                                kMm * run.at_once.sigma_m / run.at_once.valid, 2),
+                        pair_of(kPercent * run.ramped.valid / run.ramped.frames,
+                                kPercent * run.at_once.valid / run.at_once.frames, 2),
+                        Figure{kMm * run.graph.level_m, 2},
+                        Figure{run.graph.nees, 2},
+                        Figure{kMm * run.folded.level_m, 2},
+                        Figure{run.folded.nees, 2},
+                        Figure{run.chi_square, 3},
+                        std::to_string(run.nodes),
+                        Figure{run.solve_s, 2},
+                        std::to_string(run.iterations),
+                        std::to_string(run.condensed)};
+  add_bound(run, &bound::MapFigures::level_m, run.live.level_m, row);
+  add_bound(run, &bound::MapFigures::raw_m, run.live.raw_m, row);
+  return row;
+}
+
+std::string ratio_over_seeds(const std::string& robots, const std::vector<RingRun>& runs) {
+  MeanSquare level, raw, level_bound, raw_bound;
+  for (const RingRun& run : runs) {
+    if (!run.bound) continue;
+    level.add(run.live.level_m);
+    raw.add(run.live.raw_m);
+    level_bound.add(run.bound->level_m);
+    raw_bound.add(run.bound->raw_m);
+  }
+  if (level.count == 0) return robots + " robots: no bound, it would take too long";
+  return fmt::format(
+      "{} robots, RMS of {} seeds over that of their bounds: levelled {:.2f} / "
+      "{:.2f} mm = {:.2f}, in W {:.1f} / {:.1f} mm = {:.2f}",
+      robots, level.count, kMm * level.rms(), kMm * level_bound.rms(),
+      level.rms() / level_bound.rms(), kMm * raw.rms(), kMm * raw_bound.rms(),
+      raw.rms() / raw_bound.rms());
+}
+
 }  // namespace
 
 std::vector<Table> bench_ring(const EstimationOptions& options) {
   Table table{fmt::format("One map of several robots, seeds {} to {}", options.first_seed,
                           options.first_seed + static_cast<std::uint64_t>(options.seeds) - 1),
-              {"robots",         "seed",           "raw mm", "level",     "deg",
-               "sigma",          "NEES",           "tags",   "bodies mm", "level",
-               "NEES of bodies", "track after s",  "step",   "turn",      "published sigma",
-               "valid %",        "solved anew mm", "/NEES",  "folded mm", "/NEES",
-               "chi2",           "nodes",          "s",      "its",       "again"}};
+              {"robots",         "seed",           "raw mm",  "level",     "deg",
+               "sigma",          "NEES",           "tags",    "bodies mm", "level",
+               "NEES of bodies", "track after s",  "step",    "turn",      "published sigma",
+               "valid %",        "solved anew mm", "/NEES",   "folded mm", "/NEES",
+               "chi2",           "nodes",          "s",       "its",       "again",
+               "bound mm",       "/bound",         "bound W", "/bound"}};
   for (const std::string& name : options.classes) {
     const int robots = std::stoi(name);
     std::vector<RingRun> runs(static_cast<std::size_t>(options.seeds));
@@ -214,36 +289,9 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
       runs[static_cast<std::size_t>(i)] =
           run_one(options, robots, options.first_seed + static_cast<std::uint64_t>(i));
     });
-    for (std::size_t i = 0; i < runs.size(); ++i) {
-      const RingRun& run = runs[i];
-      table.rows.push_back({name,
-                            std::to_string(options.first_seed + i),
-                            Figure{kMm * run.live.raw_m, 1},
-                            Figure{kMm * run.live.level_m, 2},
-                            Figure{kDegrees * run.live.level_rad, 3},
-                            Figure{kMm * run.live.sigma_m, 2},
-                            Figure{run.live.nees, 2},
-                            std::to_string(run.live.tags),
-                            list(run.position_m, kMm, 0),
-                            list(run.level_m, kMm, 1),
-                            list(run.nees, 1, 1),
-                            list(run.tracks_after_s, 1, 1),
-                            pair_of(run.ramped.position, run.at_once.position, 2),
-                            pair_of(run.ramped.attitude, run.at_once.attitude, 2),
-                            pair_of(kMm * run.ramped.sigma_m / run.ramped.valid,
-                                    kMm * run.at_once.sigma_m / run.at_once.valid, 2),
-                            pair_of(kPercent * run.ramped.valid / run.ramped.frames,
-                                    kPercent * run.at_once.valid / run.at_once.frames, 2),
-                            Figure{kMm * run.graph.level_m, 2},
-                            Figure{run.graph.nees, 2},
-                            Figure{kMm * run.folded.level_m, 2},
-                            Figure{run.folded.nees, 2},
-                            Figure{run.chi_square, 3},
-                            std::to_string(run.nodes),
-                            Figure{run.solve_s, 2},
-                            std::to_string(run.iterations),
-                            std::to_string(run.condensed)});
-    }
+    for (std::size_t i = 0; i < runs.size(); ++i)
+      table.rows.push_back(row_of(name, options.first_seed + i, runs[i]));
+    table.remarks.push_back(ratio_over_seeds(name, runs));
   }
   table.remarks.emplace_back(
       "Up to `track after`: the map as it is published and the poses as they are given, by the "
@@ -252,7 +300,9 @@ std::vector<Table> bench_ring(const EstimationOptions& options) {
       "in published sigmas; those, their mean sigma and how many are valid with "
       "map.correction_ramp_s and without. `solved anew`: a graph of the same segments, solved once "
       "at the end; `folded`: one that makes a prior of every 150 of them; zeros when it does not "
-      "come to rest.");
+      "come to rest. `bound`: smoothing bound of the tags by all bodies, levelled like the map, "
+      "and "
+      "in W; none for more than three robots.");
   return {table};
 }
 

@@ -6,57 +6,15 @@
 
 #include <Eigen/Core>
 
+#include "support/bound/bound_problem.hpp"
 #include "support/bound/linearisation.hpp"
 
 namespace fiducap::bound {
 
-using Matrix8 = Eigen::Matrix<double, 8, 8>;
-
-/// Errors of a tag's corners that fade while it is in view, first-order Gauss–Markov.
-struct LastingErrors {
-  double fades_s{};                              ///< Until 1/e of them is left.
-  Duration visit_ends{std::chrono::seconds(1)};  ///< Unseen for so long: other errors.
-};
-
-/// One tag in an image.
-struct TagSight {
-  int tag_id{};
-  Matrix8 whiten;                    ///< Its raw coordinates times this have unit white noise …
-  Matrix8 lasting{Matrix8::Zero()};  ///< … and these, by eight unit errors that last.
-};
-
-/// What is known beforehand, and how noisy the sensors are.
-struct BoundProblem {
-  CameraMount camera;  ///< True place; its sigmas are the prior (per axis) of cases A and C.
-  ImuNoise imu;
-  double gravity_m_s2{9.81};
-  double corner_noise_px{0.4};    ///< Per coordinate, raw pixels.
-  std::vector<RecordedTag> tags;  ///< True poses.
-  int reference_tag{};
-  bool map_known{};         ///< Cases C and D.
-  bool extrinsics_known{};  ///< Cases B and D.
-  std::optional<LastingErrors> lasting{};
-};
-
-/// Root of the trace of a covariance: the RMS of the three components' joint error.
-struct BoundAt {
-  Instant at{};
-  double position_m{};  ///< In the reference tag's axes.
-  double rotation_rad{};
-  double level_position_m{};  ///< In level axes at the reference tag: its place and heading only.
-  double level_rotation_rad{};
-  double velocity_m_s{};  ///< Body axes.
-  double camera_m{};      ///< The camera's place, in the reference tag's axes.
-  double extrinsics_m{};
-  double extrinsics_rad{};
-};
-
-/// RMS over the tags, in the reference tag's axes.
-struct MapBound {
-  double position_m{};
-  double rotation_rad{};
-  int tags{};  ///< Without the reference tag.
-};
+/// Of some tags, those that were not seen left out. @param tags  true poses
+[[nodiscard]] MapBound map_bound(const TagsCovariance& covariance,
+                                 std::span<const RecordedTag> tags, int reference_tag,
+                                 std::span<const int> ids);
 
 /// The smallest error that any causal estimator can have on average: posterior Cramér–Rao bound.
 ///
@@ -67,7 +25,9 @@ struct MapBound {
 /// without any prior: their six most informative combinations of corners make them, the other two
 /// are a measurement of the rest. The two-fold planar pose is taken as solved, the corners'
 /// covariance as known. Errors that last while a tag is in view are eight states more of it, which
-/// fade.
+/// fade. What does not move hangs on all that was seen: tags, and poses that are kept (stochastic
+/// cloning: S. Roumeliotis, J. Burdick, ICRA 2002). At the end of the data their covariance is the
+/// smoothing bound, the limit of whoever solves for everything at once.
 class CausalBound final {
  public:
   explicit CausalBound(BoundProblem problem);
@@ -83,10 +43,20 @@ class CausalBound final {
   /// nullopt before the reference tag was seen.
   [[nodiscard]] std::optional<BoundAt> now() const;
   [[nodiscard]] MapBound map() const;
+  /// Of the tags seen so far; place and heading of the body at the start are exact.
+  /// @pre !map_known
+  [[nodiscard]] TagsCovariance tags() const;
+
+  /// The body's pose at the last move stays in the state.
+  void keep_pose();
+  /// The kept poses, in order, by all that was seen so far. Empty before the reference tag was.
+  [[nodiscard]] std::vector<PoseBound> kept() const;
 
   /// Rotation, position of the body (6), then position, rotation of the tag (6): joint covariance.
   /// @pre tag was seen
-  [[nodiscard]] Eigen::Matrix<double, 12, 12> body_and_tag(int tag_id) const;
+  [[nodiscard]] Matrix12 body_and_tag(int tag_id) const;
+  /// The same of a kept pose, counted from 0.
+  [[nodiscard]] Matrix12 kept_and_tag(std::size_t kept, int tag_id) const;
 
  private:
   struct Place {
@@ -98,6 +68,11 @@ class CausalBound final {
     int tag_id{};
     int at{};  ///< Row of its eight errors.
     Instant last_seen{};
+  };
+  struct KeptPose {
+    Instant when{};
+    Pose X_WB;
+    int at{};  ///< Row of its rotation error; that of its place follows.
   };
   void start(const TruthSample& truth);
   void apply_motion();
@@ -127,11 +102,15 @@ class CausalBound final {
   [[nodiscard]] Eigen::Block<const Eigen::MatrixXd> P() const {
     return P_.topLeftCorner(size_, size_);
   }
+  /// @param rotation, position  rows of a pose of the body
+  [[nodiscard]] Matrix12 pose_and_tag(int rotation, int position, const Place& place) const;
+  [[nodiscard]] PoseBound seen_from_reference(const Pose& X_WB, const Matrix12& joint) const;
   [[nodiscard]] double camera_sigma(const Place& reference) const;
 
   BoundProblem problem_;
   std::vector<Place> places_;
   std::vector<Visit> visits_;
+  std::vector<KeptPose> kept_;
   std::optional<TruthSample> truth_;
   Matrix15 Phi_;  ///< Since the covariance was last moved.
   Matrix15 Q_;

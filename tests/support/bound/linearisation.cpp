@@ -99,11 +99,15 @@ RelativeRows relative_to_tag(const Pose& X_WB, const Pose& X_WT) {
   return J;
 }
 
-RelativeRows relative_to_level(const Pose& X_WB, const Pose& X_WT, int axis) {
-  const Vector3d h = X_WT.q * Vector3d::Unit(axis);
+Eigen::RowVector3d heading_row(const Eigen::Quaterniond& q_WT, int axis) {
+  const Vector3d h = q_WT * Vector3d::Unit(axis);
   const double level2 = h.x() * h.x() + h.y() * h.y();
   const Eigen::RowVector3d yaw_from_h(-h.y() / level2, h.x() / level2, 0);
-  const Eigen::RowVector3d yaw_from_tag = -yaw_from_h * skew(h);
+  return -yaw_from_h * skew(h);
+}
+
+RelativeRows relative_to_level(const Pose& X_WB, const Pose& X_WT, int axis) {
+  const Eigen::RowVector3d yaw_from_tag = heading_row(X_WT.q, axis);
   RelativeRows J = RelativeRows::Zero();
   J.block<3, 3>(0, 3).setIdentity();
   J.block<3, 3>(0, 6) = -Matrix3d::Identity();

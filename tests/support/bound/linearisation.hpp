@@ -55,6 +55,9 @@ using RelativeRows = Eigen::Matrix<double, 6, 12>;
 /// W axes.
 [[nodiscard]] RelativeRows relative_to_level(const Pose& X_WB, const Pose& X_WT, int axis);
 
+/// Heading of a tag's axis `axis` by the tag's rotation error (W axes).
+[[nodiscard]] Eigen::RowVector3d heading_row(const Eigen::Quaterniond& q_WT, int axis);
+
 /// Which axis of a tag gives a level frame its heading: the first that is not steep, as the filters
 /// choose.
 [[nodiscard]] int heading_axis(const Eigen::Quaterniond& q_WT);
