@@ -301,6 +301,8 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
   room.daylight = setup.daylight;
   room.ring = setup.ring;
+  constexpr int kIdsOf36h11 = 587;
+  if (room.ring.tags > kIdsOf36h11) room.family = "tagStandard41h12";
   simulation::SimulatedBodyConfig body;
   body.cameras = simulated_rig(setup);
   body.has_imu = setup.has_imu;

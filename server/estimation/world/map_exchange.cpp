@@ -72,6 +72,8 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
                               static_cast<Eigen::Index>(6 * near[b].second));
       }
     }
+    // What rounding has left of asymmetry would grow from tag to tag, along a walk without end.
+    among = (0.5 * (among + among.transpose())).eval();
     among.diagonal().array() += kRounding;
     out.A = among.ldlt().solve(across.transpose()).transpose();
     if (!out.A.allFinite()) continue;
@@ -81,7 +83,7 @@ Hanging hang(const KnownTag& tag, const std::vector<const KnownTag*>& there,
     const Matrix6d rest = own - shared;
     const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(0.5 * (rest + rest.transpose()));
     if (count > 1 && eigen.eigenvalues()(0) < -kMostNegative * eigen.eigenvalues()(5)) continue;
-    out.own = shared + without_negative(eigen);
+    out.own = 0.5 * (shared + shared.transpose()) + without_negative(eigen);
     return out;
   }
   return {{}, {}, own};

@@ -161,6 +161,33 @@ TEST_F(MapExchange, AMapThatContradictsItselfStillGivesACovariance) {
   EXPECT_GT(least_eigenvalue(joint_of_state()), -1e-9);
 }
 
+// As in a map that nobody corrects any more: each tag hangs on those before it, none is taken over
+// as a whole.
+TEST_F(MapExchange, AWalkAlongAThousandTagsLeavesACovariance) {
+  constexpr int kWalk = 1000;
+  constexpr std::size_t kHeld = 12;
+  const Eigen::MatrixXd of_all = correlated(6, 0.03);
+  KnownMap map;
+  map.revision = 1;
+  for (int i = 0; i < kWalk; ++i) {
+    const double turned = 0.01 * i;
+    map.tags.push_back({i, 0.2, Pose{exp_so3({1.5, turned, 0}), {0.5 * i, -18, 1}},
+                        of_all + Matrix6d(correlated(6, 0.001))});
+    for (int k = std::max(0, i - 4); k < i; ++k) map.pairs.push_back({k, i, of_all});
+  }
+  std::sort(map.pairs.begin(), map.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
+    return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
+  });
+  for (int i = 0; i < kTags; ++i) state_.remove_tag(0);
+  for (const KnownTag& tag : map.tags) {
+    hold_beside(state_, tag, map, Instant{});
+    if (state_.tags.size() > kHeld) state_.remove_tag(0);
+  }
+  const Eigen::MatrixXd P = state_.P();
+  EXPECT_LT((P - P.transpose()).norm(), 1e-12 * P.norm());
+  EXPECT_GT(least_eigenvalue(P), -1e-12 * P.norm());
+}
+
 TEST_F(MapExchange, ADoubtThatIsOpenedLeavesACovarianceWhileTagsAreHeld) {
   ASSERT_TRUE(exchange(state_, map_of(Pose{}, correlated(6 * kTags, 0.003)), true));
   const double sigma = std::sqrt(state_.P()(layout::focal(0), layout::focal(0)));
