@@ -43,9 +43,9 @@ constexpr Duration kJudgementHolds = std::chrono::seconds(10);
 }  // namespace
 
 bool Suspects::follow_map(FilterState& state, const KnownMap& map, int body_id) const {
-  if (!map.is_judged) return false;
-  state.judged_until = state.time + kJudgementHolds;
   const bool is_new = open_by_map(state, map, body_id);
+  if (!map.is_judged) return is_new;
+  state.judged_until = state.time + kJudgementHolds;
   acquit(state, kSuspected_sigma);
   return is_new;
 }
