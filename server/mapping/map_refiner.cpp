@@ -52,7 +52,10 @@ bool MapRefiner::solve(const std::stop_token& stop) {
   taken_ = contributions_;
   solution_ = graph_.solve(stop);
   is_settled_ = solution_.has_value();
-  if (solution_) solution_->least_sightings = least_sightings_;
+  if (solution_) {
+    findings_ = solution_->findings;
+    solution_->least_sightings = least_sightings_;
+  }
   return is_settled_;
 }
 

@@ -52,6 +52,8 @@ class MapRefiner final {
     graph_.keep_at_most(std::numeric_limits<std::size_t>::max());
   }
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
+  /// What the last solution has found to be other than configured.
+  [[nodiscard]] const std::vector<GraphFinding>& findings() const { return findings_; }
 
  private:
   void begin_with(const TagMap& map);
@@ -60,6 +62,7 @@ class MapRefiner final {
   MapGraph graph_;
   bool keeps_all_{false};
   std::optional<GraphSolution> solution_;
+  std::vector<GraphFinding> findings_;
   std::optional<std::uint64_t> taken_{};  ///< By a solve() since the last adopt().
   std::uint64_t contributions_{};         ///< Before the last take().
   std::optional<int> least_sightings_{};

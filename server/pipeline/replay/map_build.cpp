@@ -8,6 +8,7 @@
 
 #include "base/this_thread.hpp"
 #include "mapping/graph/graph_terms.hpp"
+#include "pipeline/mismatch_words.hpp"
 #include "pipeline/replay/batch_solution.hpp"
 
 namespace fiducap {
@@ -101,6 +102,19 @@ void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, M
   }
 }
 
+void note_mismatches(std::span<const GraphFinding> findings,
+                     const std::vector<MapBuildBody>& bodies, MapBuild& build) {
+  for (const GraphFinding& finding : findings) {
+    const auto of = std::find_if(bodies.begin(), bodies.end(), [&](const MapBuildBody& one) {
+      return one.body.id == finding.body_id;
+    });
+    build.mismatches.push_back(
+        of == bodies.end()
+            ? mismatch_text(finding.what, {})
+            : of->body.name + ": " + mismatch_text(finding.what, of->body.setup.sensors.cameras));
+  }
+}
+
 }  // namespace
 
 std::vector<Duration> one_after_the_other(std::span<const MapBuildBody> bodies) {
@@ -158,6 +172,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
                  if (progress) progress({1.0, round, replay.view().map->tags.size()});
                }).last;
   note_moved(replay.map().take_events(), build);
+  note_mismatches(replay.refiner().findings(), bodies, build);
   build.run_cpu_s = to_seconds(ran - begin);
   build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
   build.map = *replay.map().snapshot();

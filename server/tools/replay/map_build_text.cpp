@@ -150,6 +150,7 @@ std::vector<std::string> MapBuildText::left_out() const {
     if (build.recordings[i].segments == 0)
       sentences.push_back(recordings[i] + ": " + why_nothing(build.recordings[i]));
   sentences.insert(sentences.end(), build.moved.begin(), build.moved.end());
+  sentences.insert(sentences.end(), build.mismatches.begin(), build.mismatches.end());
   for (const MapPart& part : build.apart) sentences.push_back(text_of_part(part, recordings));
   if (!build.seen_too_seldom.empty())
     sentences.push_back("left out as seen too seldom (map.publish_sightings is " +

@@ -149,6 +149,14 @@ TEST_F(MapBuildTest, ARobotOfAnotherDayJoinsWhoeverCameFirst) {
   }
 }
 
+TEST_F(MapBuildTest, PrintsOfAnotherSizeThanToldAreSaidAndTheMapIsRight) {
+  ASSERT_EQ(build({robot(1), robot(2)}, {"--set", "tags.size_m=0.1632"}), kExitOk) << err_.str();
+  EXPECT_THAT(err_.str(), AllOf(HasSubstr("all tags seem"), HasSubstr("% smaller")));
+  EXPECT_LT(worst_error_m(), kMap_m);
+  ASSERT_EQ(build({robot(1), robot(2)}), kExitOk) << err_.str();
+  EXPECT_THAT(err_.str(), testing::Not(HasSubstr("all tags seem")));
+}
+
 TEST_F(MapBuildTest, ARobotThatSawOtherTagsIsSaidWithWhatToDo) {
   const std::string elsewhere = copy(2, "elsewhere");
   rewrite(elsewhere + "/mav0/tags0/data.csv",
