@@ -43,6 +43,7 @@ void MapRefiner::begin_with(const TagMap& map) {
   graph_ = MapGraph(map);
   if (keeps_all_) keep_all();
   solution_.reset();
+  findings_.clear();
   is_settled_ = true;
 }
 

@@ -53,9 +53,9 @@ class SegmentElimination final {
   explicit SegmentElimination(MotionSegment& segment);
   /// @return over the rest alone
   [[nodiscard]] Information run();
-  /// The same with the rest held, for move_inner() alone: at a third of the price.
+  /// The same with the rest held, for move_inner() alone: nothing is formed over the rest.
   void run_path();
-  /// After run(): the instances between go where they fit best.
+  /// After run() or run_path(): the instances between go where they fit best.
   /// @return the largest step of a pose
   double move_inner();
 

@@ -180,6 +180,7 @@ int run_map_build(const MapBuildArguments& arguments, const Terminal& terminal) 
   if (!build) return report(terminal, build.error());
   const MapBuildText text{*build, arguments.recordings, map->least_sightings.value_or(1)};
   for (const std::string& one : text.left_out()) terminal.err << "fiducap: " << one << "\n";
+  for (const std::string& one : build->mismatches) terminal.err << "fiducap: " << one << "\n";
   if (tags_placed(build->map) == 0)
     return report(terminal, {ErrorCode::kNotFound,
                              std::string("no recording has given the map a tag") +

@@ -150,7 +150,6 @@ std::vector<std::string> MapBuildText::left_out() const {
     if (build.recordings[i].segments == 0)
       sentences.push_back(recordings[i] + ": " + why_nothing(build.recordings[i]));
   sentences.insert(sentences.end(), build.moved.begin(), build.moved.end());
-  sentences.insert(sentences.end(), build.mismatches.begin(), build.mismatches.end());
   for (const MapPart& part : build.apart) sentences.push_back(text_of_part(part, recordings));
   if (!build.seen_too_seldom.empty())
     sentences.push_back("left out as seen too seldom (map.publish_sightings is " +
@@ -201,7 +200,8 @@ std::string MapBuildText::json() const {
                               {"solve_cpu_s", build.solve_cpu_s},
                               {"recordings", nlohmann::ordered_json::array()},
                               {"apart", nlohmann::ordered_json::array()},
-                              {"left_out", left_out()}};
+                              {"left_out", left_out()},
+                              {"mismatches", build.mismatches}};
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     const BuiltRecording& one = build.recordings[i];
     json["recordings"].push_back({{"recording", recordings[i]},

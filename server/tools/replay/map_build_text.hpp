@@ -15,8 +15,7 @@ struct MapBuildText {
 
   /// Tags, recordings, sigmas, fit.
   [[nodiscard]] std::string summary() const;
-  /// What did not become part of the map, or is not as configured, why, and what to do: a sentence
-  /// each.
+  /// What did not become part of the map, why, and what to do: a sentence each.
   [[nodiscard]] std::vector<std::string> left_out() const;
   [[nodiscard]] std::string json() const;
 };

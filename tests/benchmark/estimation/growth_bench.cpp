@@ -143,7 +143,8 @@ std::vector<Table> bench_growth(const EstimationOptions& options) {
   }
   table.remarks.emplace_back(
       "A segment is about a second of one robot. `solve s`: median of the solutions, one every 2 s "
-      "of data, of the last 30 s, on one core. `in the graph`: of the others a prior was made. "
+      "of data, or when the one before would be done, of the last 30 s, on one core. `in the "
+      "graph`: of the others a prior was made. "
       "`MiB`: of the process, beyond the sensors' data; it holds two such graphs, of which one is "
       "what the robots get their map from, and all filters.");
   return {table};

@@ -180,8 +180,7 @@ std::vector<Table> bench_refined(const EstimationOptions& options) {
       "poses at {} images over the smoothing bound there. `gap`: before the reference tag is seen "
       "again, `after`: by that image, both over the causal bound; `gap refined`: the refined pose "
       "before it, over the smoothing bound. `sigma refined`: what is told of those poses in W, "
-      "over "
-      "the bound there. NEES per number, refined, in W. Tags: of the filter, refined, of the "
+      "over the bound there. NEES per number, refined, in W. Tags: of the filter, refined, of the "
       "bound.",
       kSmoothed));
   return {table};
