@@ -67,6 +67,27 @@ Robot robot(const std::string& preset, std::uint64_t seed, int day, bool has_imu
   return out;
 }
 
+/// Ten times a second, drifting as it says.
+std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t seed) {
+  constexpr Duration kPeriod = std::chrono::milliseconds(100);
+  Odometry out;
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  const auto draw = [&](double sigma) -> Eigen::Vector3d {
+    return {sigma * normal(random), sigma * normal(random), sigma * normal(random)};
+  };
+  const double root = std::sqrt(to_seconds(kPeriod));
+  Instant at = robot.start;
+  out.poses.push_back({at, robot.source->truth(at).X_WB});
+  for (; to_seconds(at - robot.start) < kSeconds; at += kPeriod) {
+    const Pose moved =
+        robot.source->truth(at).X_WB.inverse() * robot.source->truth(at + kPeriod).X_WB;
+    const Pose drift{exp_so3(draw(root * out.turn_noise_rad)), draw(root * out.move_noise_m)};
+    out.poses.push_back({at + kPeriod, out.poses.back().X_WB * (moved * drift)});
+  }
+  return std::make_shared<const Odometry>(std::move(out));
+}
+
 /// Place and heading of all tags, as W is defined: what brings the truth over the map.
 Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
@@ -74,6 +95,22 @@ Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
     if (const MapTag* entry = map.find(tag.tag_id))
       points.emplace_back(tag.X_WT.p, entry->tag.X_WT.p);
   return lay_over(points);
+}
+
+/// Without gravity the tilt of all of it is W's as well.
+Pose wholly_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
+  Eigen::Matrix3Xd from(3, 0);
+  Eigen::Matrix3Xd to(3, 0);
+  for (const RecordedTag& tag : tags) {
+    const MapTag* entry = map.find(tag.tag_id);
+    if (entry == nullptr) continue;
+    from.conservativeResize(3, from.cols() + 1);
+    to.conservativeResize(3, to.cols() + 1);
+    from.rightCols<1>() = tag.X_WT.p;
+    to.rightCols<1>() = entry->tag.X_WT.p;
+  }
+  const Eigen::Matrix4d over = Eigen::umeyama(from, to, false);
+  return {Eigen::Quaterniond(over.topLeftCorner<3, 3>()).normalized(), over.topRightCorner<3, 1>()};
 }
 
 Vector6d error_of(const Pose& X, const Pose& truth) {
@@ -91,7 +128,8 @@ struct Score {
 
 Score score(const OfflineSession& session, const Robot& robot) {
   const OfflineResult& result = session.bodies.front();
-  const Pose over = map_over_truth(session.map, robot.tags);
+  const Pose over = robot.setup.odometry ? wholly_over_truth(session.map, robot.tags)
+                                         : map_over_truth(session.map, robot.tags);
   Score score;
   double squares = 0;
   double live = 0;
@@ -120,6 +158,7 @@ struct Case {
   const char* name;
   const char* room;
   bool has_imu;
+  bool has_odometry{false};
 };
 
 class ResolveSimulation : public testing::TestWithParam<Case> {};
@@ -137,6 +176,8 @@ TEST_P(ResolveSimulation, PosesAreAsFarOffAsTheySayAndNearerThanTheFilters) {
   for (int seed = 1; seed <= kSeeds; ++seed) {
     Robot one = robot(GetParam().room, static_cast<std::uint64_t>(seed), 0, GetParam().has_imu,
                       Corners::kOfRenderedImages);
+    if (GetParam().has_odometry)
+      one.setup.odometry = odometry_of(one, static_cast<std::uint64_t>(seed));
     OfflineMap map;
     map.resolve = true;
     map.config.refine_period_s = GetParam().has_imu ? 2 : 0;
@@ -160,7 +201,9 @@ TEST_P(ResolveSimulation, PosesAreAsFarOffAsTheySayAndNearerThanTheFilters) {
 
 INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
                          testing::Values(Case{"table", "table", true}, Case{"loop", "loop", true},
-                                         Case{"no_imu", "table", false}),
+                                         Case{"no_imu", "table", false},
+                                         Case{"odometry_sparse", "sparse", false, true},
+                                         Case{"odometry_hall", "hall", false, true}),
                          [](const auto& one) { return std::string(one.param.name); });
 
 /// NEES per number of what all tags are off, place and heading of the whole taken out.

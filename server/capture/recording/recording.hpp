@@ -12,6 +12,8 @@
 #include "base/expected.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
+#include "capture/odometry.hpp"
+#include "capture/recording/recording_layout.hpp"
 #include "capture/sensor_source.hpp"
 #include "capture/source_surroundings.hpp"
 
@@ -52,6 +54,8 @@ struct RecordingInfo {
   std::optional<int> max_hamming;
   std::optional<int> reference_tag;
   std::vector<RecordedTag> known_tags;
+  /// Another program's, all of it: only what is solved for offline uses it.
+  std::shared_ptr<const Odometry> odometry{};
 };
 
 /// True state of the body, where the recording has it (`state_groundtruth_estimate0`).
@@ -65,6 +69,8 @@ struct TruthSample {
 
 /// @return Error naming the file and what is missing or broken in it.
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
+/// `mav0/odom0` (stamp, pose; T_BS and noises in sensor.yaml), or `vio_odom.csv` of a phone.
+[[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout);
 /// By time; lines that go backwards are left out. Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
 /// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when

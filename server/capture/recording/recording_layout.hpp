@@ -38,6 +38,13 @@ class RecordingLayout final {
   [[nodiscard]] std::filesystem::path imu() const { return mav() / "imu0"; }
   [[nodiscard]] std::filesystem::path imu_yaml() const { return imu() / "sensor.yaml"; }
   [[nodiscard]] std::filesystem::path imu_csv() const { return imu() / "data.csv"; }
+  [[nodiscard]] std::filesystem::path odometry() const { return mav() / "odom0"; }
+  [[nodiscard]] std::filesystem::path odometry_yaml() const { return odometry() / "sensor.yaml"; }
+  [[nodiscard]] std::filesystem::path odometry_csv() const { return odometry() / "data.csv"; }
+  /// As a phone's recorder of InvisibleMap writes it.
+  [[nodiscard]] std::filesystem::path phone_odometry_csv() const {
+    return folder_ / "vio_odom.csv";
+  }
   [[nodiscard]] std::filesystem::path tags_yaml() const { return mav() / "tags.yaml"; }
   [[nodiscard]] std::filesystem::path state() const {
     return mav() / "state_groundtruth_estimate0";

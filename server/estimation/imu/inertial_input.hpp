@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 namespace fiducap {
 
@@ -11,10 +12,15 @@ struct InertialInput {
   /// False: no accelerometer. The body's acceleration is white noise of density `accel_noise`,
   /// gravity plays no part.
   bool has_accelerometer{true};
-  double gyro_noise{};   ///< rad/s/√Hz
-  double accel_noise{};  ///< m/s²/√Hz
-  double gyro_walk{};    ///< rad/s²/√Hz
-  double accel_walk{};   ///< m/s³/√Hz
+  /// Odometry in place of an accelerometer: the body goes that way, in the axes that it has when
+  /// the step begins. Its turning is `w_B`; the noises are `gyro_noise` and `velocity_noise`.
+  /// In segments alone: no filter takes it.
+  std::optional<Eigen::Vector3d> v_B{};  ///< m/s
+  double velocity_noise{};               ///< m/s/√Hz
+  double gyro_noise{};                   ///< rad/s/√Hz
+  double accel_noise{};                  ///< m/s²/√Hz
+  double gyro_walk{};                    ///< rad/s²/√Hz
+  double accel_walk{};                   ///< m/s³/√Hz
 };
 
 }  // namespace fiducap

@@ -17,14 +17,17 @@ constexpr Duration kSameSpeed = std::chrono::seconds(1);
 constexpr Duration kShortest = std::chrono::milliseconds(1);
 
 /// Instants of one chain, with speeds.
-std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain) {
+std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const Odometry* odometry) {
   std::vector<BodyMoment> out;
   for (std::size_t i = 0; i < chain.size(); ++i) {
     BodyMoment body{.at = chain[i].at, .X_WB = chain[i].X_WB};
     const PlacedInstant& from = chain[i > 0 ? i - 1 : i];
     const PlacedInstant& to = chain[i + 1 < chain.size() ? i + 1 : i];
     const Duration time = to.at - from.at;
-    if (time > Duration{0} && time <= kSameSpeed) {
+    if (odometry != nullptr && time > Duration{0}) {
+      if (const auto moved = odometry->motion(from.at, to.at))
+        body.v_WB = from.X_WB.q * moved->p / to_seconds(time);
+    } else if (time > Duration{0} && time <= kSameSpeed) {
       body.v_WB = (to.X_WB.p - from.X_WB.p) / to_seconds(time);
       // The rate stands in the gyro bias's place.
       body.bias_w = -log_so3(from.X_WB.q.conjugate() * to.X_WB.q) / to_seconds(time);
@@ -39,7 +42,7 @@ class Cutter final {
   explicit Cutter(const PlacedPath& path) : path_(path), chain_(path.chain) {}
 
   void cut(std::span<const PlacedInstant> chain) {
-    const std::vector<BodyMoment> bodies = moments_of(chain);
+    const std::vector<BodyMoment> bodies = moments_of(chain, path_.odometry);
     begin(bodies.front());
     open_.instances.back().images = seen_at(chain.front());
     for (std::size_t i = 1; i < chain.size(); ++i) {
@@ -71,8 +74,12 @@ class Cutter final {
 
   void add(const BodyMoment& body, std::vector<SegmentImage> images) {
     std::vector<SegmentStep> steps;
-    add_steps(body.at - open_.end().at, path_.motion, from_seconds(filter_rules::kStepWithoutImu_s),
-              steps);
+    if (path_.odometry != nullptr && path_.odometry->covers(open_.end().at) &&
+        path_.odometry->covers(body.at))
+      add_odometry(*path_.odometry, open_.end().at, body.at, steps);
+    else
+      add_steps(body.at - open_.end().at, path_.motion,
+                from_seconds(filter_rules::kStepWithoutImu_s), steps);
     open_.instances.push_back({body, std::move(steps), std::move(images)});
   }
 
@@ -118,13 +125,40 @@ void add_steps(Duration time, const InertialInput& input, Duration longest,
   }
 }
 
+void add_odometry(const Odometry& odometry, Instant from, Instant to,
+                  std::vector<SegmentStep>& steps) {
+  const auto& poses = odometry.poses;
+  auto next = std::upper_bound(poses.begin(), poses.end(), from,
+                               [](Instant t, const StampedPose& pose) { return t < pose.at; });
+  StampedPose before{from, odometry.pose_at(from)};
+  while (before.at < to) {
+    const StampedPose after =
+        next != poses.end() && next->at < to ? *next : StampedPose{to, odometry.pose_at(to)};
+    const double dt_s = to_seconds(after.at - before.at);
+    const Pose moved = before.X_WB.inverse() * after.X_WB;
+    InertialInput input;
+    input.has_accelerometer = false;
+    input.w_B = log_so3(moved.q) / dt_s;
+    input.v_B = moved.p / dt_s;
+    input.gyro_noise = odometry.turn_noise_rad;
+    input.velocity_noise = odometry.move_noise_m;
+    steps.push_back({input, dt_s});
+    before = after;
+    if (next != poses.end()) ++next;
+  }
+}
+
 std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
   Cutter cutter(path);
   const auto& instants = path.instants;
+  const auto hangs_on = [&](const PlacedInstant& before, const PlacedInstant& now) {
+    return now.at - before.at <= kLongestBlind ||
+           (path.odometry != nullptr && path.odometry->covers(before.at) &&
+            path.odometry->covers(now.at));
+  };
   for (std::size_t first = 0; first < instants.size();) {
     std::size_t after = first + 1;
-    while (after < instants.size() && instants[after].at - instants[after - 1].at <= kLongestBlind)
-      ++after;
+    while (after < instants.size() && hangs_on(instants[after - 1], instants[after])) ++after;
     cutter.cut(std::span(instants).subspan(first, after - first));
     first = after;
   }

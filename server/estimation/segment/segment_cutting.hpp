@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "capture/odometry.hpp"
 #include "estimation/estimator_config.hpp"
 #include "estimation/segment/motion_segment.hpp"
 
@@ -20,6 +21,10 @@ inline constexpr Duration kLongestBlind = std::chrono::seconds(10);
 void add_steps(Duration time, const InertialInput& input, Duration longest,
                std::vector<SegmentStep>& steps);
 
+/// The steps from pose to pose of the odometry. @pre it covers both instants
+void add_odometry(const Odometry& odometry, Instant from, Instant to,
+                  std::vector<SegmentStep>& steps);
+
 /// A body without IMU at an instant at which it saw tags.
 struct PlacedInstant {
   Instant at{};
@@ -34,6 +39,7 @@ struct PlacedPath {
   bool anchored{true};  ///< Places are in the workspace.
   std::shared_ptr<const SegmentSensors> sensors;
   InertialInput motion;
+  const Odometry* odometry{};  ///< How it moved, where that is known; nullptr: nowhere.
   std::vector<CameraBelief> cameras;
   std::map<int, KnownTag> tags;         ///< Sightings of others are left out.
   std::vector<PlacedInstant> instants;  ///< In order of time.
@@ -41,7 +47,8 @@ struct PlacedPath {
 
 /// Segments of about a second for the map graph, from poses that were found otherwise than by a
 /// filter. Velocities and rates are those between neighbours; the graph finds better ones. A chain
-/// ends where no tag was seen for ten seconds. An instant on its own is a segment, too.
+/// ends where no tag was seen for ten seconds and there is no odometry. An instant on its own is a
+/// segment, too.
 [[nodiscard]] std::vector<MotionSegment> cut_segments(const PlacedPath& path);
 
 }  // namespace fiducap

@@ -13,6 +13,8 @@ struct LearnedNoise {
   /// curvature.
   Eigen::Vector2d derivative{Eigen::Vector2d::Zero()};
   Eigen::Matrix2d information{Eigen::Matrix2d::Zero()};
+  /// Σ of the derivatives' third cumulants: a few images with much motion skew them.
+  Eigen::Vector2d third{Eigen::Vector2d::Zero()};
   Eigen::Vector2d weighed_at{1.0, 0.0};  ///< `applied`, when these were last weighed by it.
 
   [[nodiscard]] double imu_variance() const { return applied(0); }

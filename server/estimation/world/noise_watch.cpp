@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "estimation/filter/chi_square.hpp"
+
 namespace fiducap::world {
 
 namespace {
@@ -22,7 +24,8 @@ constexpr double kSignificant_sigma = 4.0;
 constexpr double kWorthTelling_sigma = 2.0;
 constexpr double kMostUnstated = 25.0;
 constexpr double kToldNoise = 2.0;
-constexpr double kToldJitter_s = 5e-4;
+// Less is what errors of the filter itself may look like: without any jitter 0.7 ms were found.
+constexpr double kToldJitter_s = 1e-3;
 // Of the curvature: so that nothing is divided by zero.
 const Eigen::Vector2d kTiny(1e-6, 1e4);
 // One image counts for no more than this, in sigmas of what it can say: it may be a wrong one. Less
@@ -99,6 +102,8 @@ void NoiseWatch::learn(const StackedUpdate::SharedScore& said, const Vector6d& o
   Eigen::Matrix2d information;
   information(kImu, kImu) = 0.5 * (AD * AD).trace();
   information(kStamps, kStamps) = 0.5 * information_on_time * information_on_time;
+  // Squares of normal numbers, Σ ½ (z² − 1) λ: their third cumulant is Σ λ³.
+  const Eigen::Vector2d third((AD * AD * AD).trace(), std::pow(information_on_time, 3));
   information(kImu, kStamps) = information(kStamps, kImu) =
       0.5 * Ao.dot(D_.topLeftCorner<6, 6>() * Ao);
   if (!derivative.allFinite() || !information.allFinite()) return;
@@ -110,10 +115,17 @@ void NoiseWatch::learn(const StackedUpdate::SharedScore& said, const Vector6d& o
   }
   now_.derivative = kForget * now_.derivative + derivative;
   now_.information = kForget * now_.information + information;
+  now_.third = kForget * now_.third + third;
   apply_estimate();
   if (++images_since_earlier_ < kTakenBack) return;
   images_since_earlier_ = 0;
   before_ = std::exchange(earlier_, now_);
+}
+
+double NoiseWatch::score_of(Noise noise) const {
+  const double information = now_.information(noise, noise) + kTiny(noise);
+  return normal_score(now_.derivative(noise) / std::sqrt(information),
+                      now_.third(noise) / std::pow(information, 1.5));
 }
 
 void NoiseWatch::apply_estimate() {
@@ -126,8 +138,7 @@ void NoiseWatch::apply_estimate() {
   for (const Noise noise : {kImu, kStamps}) {
     const bool was_beyond = before(noise) > kDeclared(noise);
     // A score test at the declared noise; once it is given up, the estimate alone decides.
-    const double score =
-        now_.derivative(noise) / std::sqrt(now_.information(noise, noise) + kTiny(noise));
+    const double score = score_of(noise);
     const bool is_significant =
         estimate(noise) > kDeclared(noise) && (was_beyond || score > kSignificant_sigma);
     now_.applied(noise) =
@@ -150,6 +161,7 @@ void NoiseWatch::weigh_anew() {
   const Eigen::Vector2d weight = grown.inverse().min(1.0).matrix();
   now_.derivative = weight.cwiseAbs2().cwiseProduct(now_.derivative).eval();
   now_.information = weight.asDiagonal() * now_.information * weight.asDiagonal();
+  now_.third = weight.array().cube().matrix().cwiseProduct(now_.third).eval();
   now_.weighed_at = now_.applied;
 }
 

@@ -62,6 +62,8 @@ class NoiseWatch final {
 
   [[nodiscard]] Eigen::Matrix2d curvature() const;
   [[nodiscard]] double sigma_of(Noise noise) const;
+  /// A score test at what is applied, in sigmas of a normal distribution.
+  [[nodiscard]] double score_of(Noise noise) const;
   void apply_estimate();
   void weigh_anew();
 

@@ -4,6 +4,7 @@
 
 #include "base/so3.hpp"
 #include "estimation/filter/kalman_gain.hpp"
+#include "estimation/world/pose_error.hpp"
 
 namespace fiducap::world {
 
@@ -12,6 +13,9 @@ using namespace layout;  // NOLINT: the block names are the subject of this file
 namespace {
 // Two clocks drift apart with temperature; after an hour by a millisecond at most.
 constexpr double kShiftWalk_s_rts = 1e-5;
+// Speed and rate by odometry are those between two of its poses.
+constexpr double kOdometrySpeed_m_s = 0.3;
+constexpr double kOdometryRate_rad_s = 0.01;
 
 /// Φ ← F Φ, whose blocks are those of F.
 void add_step(const BodyMatrix& F, BodyMatrix& Phi) {
@@ -91,11 +95,40 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   return out;
 }
 
+namespace {
+
+/// Nothing of the body but its pose goes on from before: speed and rate are what is told.
+void propagate_by_odometry(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
+                           double dt) {
+  state.v_WB = state.X_WB.q * *input.v_B;
+  state.X_WB = state.X_WB * Pose{exp_so3(dt * input.w_B), dt * *input.v_B};
+  state.gyro_B = input.w_B;
+  state.a_WB.setZero();
+  state.bias_f.setZero();
+  state.bias_w.setZero();
+  motion.Phi.bottomRows<kBodySize - kVelocity>().setZero();
+  motion.Q.bottomRows<kBodySize - kVelocity>().setZero();
+  motion.Q.rightCols<kBodySize - kVelocity>().setZero();
+  motion.Q.diagonal().segment<3>(kVelocity).setConstant(kOdometrySpeed_m_s * kOdometrySpeed_m_s);
+  motion.Q.diagonal().tail<6>().setConstant(kOdometryRate_rad_s * kOdometryRate_rad_s);
+  // On the world's side the error of before stays what it is; what is added is the body's.
+  Matrix6d drift = adjoint(state.X_WB);
+  drift.leftCols<3>() *= input.velocity_noise;
+  drift.rightCols<3>() *= input.gyro_noise;
+  motion.Q.topLeftCorner<6, 6>() += dt * drift * drift.transpose();
+}
+
+}  // namespace
+
 void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput& input,
                const Eigen::Vector3d& gravity_W, double dt) {
   if (dt <= 0) return;
   if (!motion.begun) motion.X_WB_before = state.X_WB;
   motion.begun = true;
+  if (input.v_B) {
+    motion.seconds += dt;
+    return propagate_by_odometry(state, motion, input, dt);
+  }
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
   motion.seconds += dt;
   add_step(j.F, motion.Phi);

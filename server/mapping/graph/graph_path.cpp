@@ -79,12 +79,12 @@ MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) 
 }
 
 std::optional<std::vector<PathPose>> path_of(int body_id, const GraphState& graph,
-                                             const GraphCovariance* covariance) {
+                                             const GraphCovariance* covariance, int component) {
   std::vector<PathPose> path;
   std::optional<std::size_t> last;
   for (const GraphSegment& segment : graph.segments) {
     if (segment.raw.body_id != body_id) continue;
-    if (graph.nodes[segment.begin].component != kInWorkspace) continue;
+    if (graph.nodes[segment.begin].component != component) continue;
     const auto of_rest = covariance != nullptr ? covariance->of(segment) : std::nullopt;
     if (covariance != nullptr && !of_rest) return std::nullopt;
     if (!add_path(graph, segment, last != segment.begin, of_rest ? &*of_rest : nullptr, path))

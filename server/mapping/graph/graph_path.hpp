@@ -20,11 +20,11 @@ struct PathPose {
   Matrix6d covariance{Matrix6d::Zero()};  ///< Place and rotation vector, both in W axes.
 };
 
-/// A body's poses at all instances of its segments that hang together with the workspace, in order
-/// of time.
+/// A body's poses at all instances of its segments of one component, in order of time.
 /// @param covariance  of this graph, which has come to rest; nullptr: nobody asks for it
 /// @return nullopt: a number is not finite
 [[nodiscard]] std::optional<std::vector<PathPose>> path_of(int body_id, const GraphState& graph,
-                                                           const GraphCovariance* covariance);
+                                                           const GraphCovariance* covariance,
+                                                           int component = kInWorkspace);
 
 }  // namespace fiducap

@@ -1,9 +1,12 @@
 #include "pipeline/replay/batch_solution.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
+#include "base/so3.hpp"
 #include "estimation/segment/segment_cutting.hpp"
 #include "estimation/segment/segment_recorder.hpp"
 #include "pipeline/replay/image_placement.hpp"
@@ -12,13 +15,25 @@ namespace fiducap {
 namespace {
 
 constexpr int kMostPlacements = 4;
+constexpr int kMostWithOdometry = 6;  // until its noise is known
+// Odometry may be worse than it says; at first it is taken for so much worse, and images decide.
+constexpr double kDoubtOfOdometry = 30;
+// Its noise is known well enough when it changes by no more than this.
+constexpr double kSameNoise = 1.2;
+constexpr double kWorthTelling = 5;
 
 /// Bodies without IMU.
 class Placing final {
  public:
   Placing(BodiesReplay& replay, std::span<const BatchBody> bodies) : replay_(replay) {
     for (std::size_t i = 0; i < bodies.size(); ++i)
-      if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i, {}});
+      if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i, {}, {}});
+    for (Body& one : bodies_) {
+      if (one.body.odometry == nullptr) continue;
+      one.odometry = *one.body.odometry;
+      one.odometry->move_noise_m *= kDoubtOfOdometry;
+      one.odometry->turn_noise_rad *= kDoubtOfOdometry;
+    }
   }
   [[nodiscard]] bool is_empty() const { return bodies_.empty(); }
 
@@ -27,17 +42,23 @@ class Placing final {
     begin(placement);
     BatchResult result;
     result.last.is_at_rest = true;  // while there is nothing to solve for
+    const bool has_odometry = std::any_of(bodies_.begin(), bodies_.end(),
+                                          [](const Body& one) { return one.odometry.has_value(); });
+    const int most = has_odometry ? kMostWithOdometry : kMostPlacements;
     bool goes_on = placement.settle();
-    for (; goes_on && result.rounds < kMostPlacements; ++result.rounds) {
+    placement.define_workspace(bodies_.front().body.setup->gauge);
+    for (; goes_on && result.rounds < most; ++result.rounds) {
       for (std::size_t i = 0; i < bodies_.size(); ++i)
         replay_.refiner().replace_body(bodies_[i].body.id, segments_of(i, placement));
       const auto last = replay_.solve_to_rest(progress);
       result.last.is_at_rest = last.is_at_rest;
       result.last.has_found_workspace |= last.has_found_workspace;
-      learn(placement);
+      const bool weighs_otherwise = learn(placement);
       // With the noise that was found all of it weighs otherwise: once more in any case.
-      goes_on = placement.settle() || result.rounds == 0;
+      goes_on = placement.settle() || result.rounds == 0 || weighs_otherwise;
     }
+    for (const Body& one : bodies_)
+      if (auto text = doubt_of(one)) result.doubts.emplace(one.body.id, std::move(*text));
     return result;
   }
 
@@ -46,6 +67,7 @@ class Placing final {
     BatchBody body;
     std::size_t index{};               ///< In the replay.
     std::optional<double> noise_px{};  ///< By the last solution.
+    std::optional<Odometry> odometry;  ///< As noisy as it seems to be.
   };
 
   [[nodiscard]] const BodyFilter& filter(const Body& one) const {
@@ -56,7 +78,7 @@ class Placing final {
     std::vector<BodyToPlace> out;
     for (const Body& one : bodies_) {
       const auto& cameras = one.body.setup->sensors.cameras;
-      out.push_back({one.body.log, cameras, camera_beliefs(filter(one), cameras),
+      out.push_back({one.body.log, cameras, camera_beliefs(filter(one), cameras), one.body.odometry,
                      one.body.setup->estimator.corner_noise_px});
     }
     return out;
@@ -65,13 +87,20 @@ class Placing final {
   /// Where map, graph and filters have the tags.
   void begin(ImagePlacement& placement) const {
     const auto map = replay_.map().snapshot();
+    // Filters do not know of odometry: where all bodies have it, it says more than they do.
+    const bool asks_filters = std::any_of(bodies_.begin(), bodies_.end(), [](const Body& one) {
+      return one.body.odometry == nullptr;
+    });
     for (const MapTag& entry : map->tags) {
       if (entry.state == TagState::kQuarantined || entry.component != 0) continue;
       if (entry.state == TagState::kSurveyed)
         placement.hold(entry.tag);
-      else
+      else if (asks_filters)
         placement.suggest(0, entry.tag);
     }
+    for (const Body& one : bodies_)
+      for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
+    if (!asks_filters) return;
     int component = 0;  // of the last one that was suggested
     for (const GraphTag& tag : replay_.graph().state().tags) {
       if (tag.sightings == tag.sightings_before) continue;
@@ -90,7 +119,6 @@ class Placing final {
         most = std::max(most, own);
       }
       component = most;
-      for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
     }
   }
 
@@ -103,6 +131,7 @@ class Placing final {
         SegmentSensors{setup.sensors.cameras, false, setup.sensors.gravity_m_s2,
                        setup.estimator.estimate_extrinsics, setup.estimator.estimate_clocks});
     path.motion = motion_without_imu(setup.estimator);
+    if (one.odometry) path.odometry = &*one.odometry;
     path.cameras = placement.cameras(i);
     std::vector<MotionSegment> all;
     for (int region = 0; region < placement.regions(); ++region) {
@@ -135,7 +164,9 @@ class Placing final {
     return image;
   }
 
-  void learn(ImagePlacement& placement) {
+  /// @return whether odometry is noisier or better than was thought
+  bool learn(ImagePlacement& placement) {
+    bool is_otherwise = false;
     const GraphState& graph = replay_.graph().state();
     for (const GraphTag& tag : graph.tags)
       if (tag.component == kInWorkspace)
@@ -148,7 +179,53 @@ class Placing final {
       for (const GraphBody& body : graph.bodies)
         if (body.id == bodies_[i].body.id) placement.take(i, body.cameras, poses);
       bodies_[i].noise_px = placement.learn_noise(i);
+      if (bodies_[i].odometry) is_otherwise |= learn_odometry(poses, bodies_[i]);
     }
+    return is_otherwise;
+  }
+
+  /// From how the solution moved otherwise than it. It is never better than it says: what images
+  /// say nothing of follows it.
+  static bool learn_odometry(std::span<const StampedPose> poses, Body& one) {
+    constexpr Duration kBlind = std::chrono::seconds(2);
+    double turned = 0;
+    double moved = 0;
+    int steps = 0;
+    for (std::size_t k = 1; k < poses.size(); ++k) {
+      const StampedPose& a = poses[k - 1];
+      const StampedPose& b = poses[k];
+      const auto expected = one.odometry->motion(a.at, b.at);
+      if (!expected || b.at <= a.at || b.at - a.at > kBlind) continue;
+      const Pose off = expected->inverse() * (a.X_WB.inverse() * b.X_WB);
+      const double numbers = 3 * to_seconds(b.at - a.at);
+      turned += log_so3(off.q).squaredNorm() / numbers;
+      moved += off.p.squaredNorm() / numbers;
+      ++steps;
+    }
+    if (steps == 0) return false;
+    const Odometry before = *one.odometry;
+    one.odometry->turn_noise_rad =
+        std::max(one.body.odometry->turn_noise_rad, std::sqrt(turned / steps));
+    one.odometry->move_noise_m =
+        std::max(one.body.odometry->move_noise_m, std::sqrt(moved / steps));
+    const auto differs = [](double x, double y) { return std::max(x / y, y / x) > kSameNoise; };
+    return differs(before.turn_noise_rad, one.odometry->turn_noise_rad) ||
+           differs(before.move_noise_m, one.odometry->move_noise_m);
+  }
+
+  static std::optional<std::string> doubt_of(const Body& one) {
+    if (!one.odometry) return std::nullopt;
+    const Odometry& told = *one.body.odometry;
+    if (one.odometry->move_noise_m < kWorthTelling * told.move_noise_m &&
+        one.odometry->turn_noise_rad < kWorthTelling * told.turn_noise_rad)
+      return std::nullopt;
+    return fmt::format(
+        "the odometry moves otherwise than the tags say, by {:.0f} mm and {:.0f} mrad after a "
+        "second, where its noise is said to be {:.0f} and {:.0f}; it is taken for as noisy as "
+        "that. "
+        "Look at its stamps, where it sits on the body (T_BS) and which way its axes point",
+        1e3 * one.odometry->move_noise_m, 1e3 * one.odometry->turn_noise_rad,
+        1e3 * told.move_noise_m, 1e3 * told.turn_noise_rad);
   }
 
   BodiesReplay& replay_;

@@ -52,10 +52,11 @@ class BodiesReplay final {
   void follow(std::vector<MapTurn> turns,
               std::optional<std::vector<RefinementTurn>> refinements = std::nullopt);
   void listen(Listener listener) { listener_ = std::move(listener); }
-  /// The map is refined when so much of what has been seen by then has been seen since, as well as
-  /// after its period: solving for hours again and again would take days. All of it is kept.
-  void refine_after_share(double share) {
-    refine_share_ = share;
+  /// The map is refined when a tenth of what has been seen by then has been seen since, as well as
+  /// after its period: solving costs as much as there is, and all of it costs a few last ones.
+  /// Everything is kept.
+  void refine_after_share() {
+    refine_share_ = 0.1;
     refiner_.keep_all();
   }
 

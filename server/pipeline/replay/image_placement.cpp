@@ -12,17 +12,12 @@
 #include "detection/tag_pose.hpp"
 #include "estimation/filter/filter_rules.hpp"
 #include "pipeline/replay/placement_misfit.hpp"
+#include "pipeline/replay/placement_motion.hpp"
 
 namespace fiducap {
 
 namespace {
 
-// Where two answers explain an instant equally well, the one that lies nearer to the instants
-// before and after is right. A hand-carried body turns and moves this far at once; from kWander on,
-// its variance grows with the time between.
-constexpr double kTurnSigma_rad = 0.5;
-constexpr double kMoveSigma_m = 1.0;
-constexpr Duration kWander = std::chrono::seconds(2);
 constexpr std::size_t kProposingTags = 4;  // the largest ones; others only repeat what these say
 // A tag's branch is believed by so much evidence, as a filter does (EstimatorConfig), and left for
 // another one by as much.
@@ -32,15 +27,6 @@ constexpr std::size_t kJudgingSightings = 100;
 constexpr double kLeastFitting = 0.5;  // of its sightings
 // Seen from one place all the time, corners repeat themselves and tell little of their noise.
 constexpr double kLeastNoise_px = 0.05;
-
-/// Evenly out of all, when there are more.
-template <typename T>
-std::vector<T> thinned(const std::vector<T>& all, std::size_t most) {
-  if (all.size() <= most) return all;
-  std::vector<T> out;
-  for (std::size_t i = 0; i < most; ++i) out.push_back(all[i * all.size() / most]);
-  return out;
-}
 
 }  // namespace
 
@@ -186,16 +172,15 @@ std::vector<SightedTag> ImagePlacement::sighted(std::size_t body, std::size_t in
   return out;
 }
 
+/// Where two answers explain an instant equally well, the one that lies nearer to the instants
+/// before and after is right.
 double ImagePlacement::jump(std::size_t body, std::size_t instant, const Pose& X_WB) const {
   const auto& placed = placed_[body];
+  const Placed& own = placed[instant];
   double cost = 0;
   const auto add = [&](const Placed& other) {
-    if (other.region != placed[instant].region) return;
-    const double turns = angle_between(X_WB.q, other.X_WB.q) / kTurnSigma_rad;
-    const double moves = (X_WB.p - other.X_WB.p).norm() / kMoveSigma_m;
-    const double wander = std::max(
-        1.0, to_seconds(std::chrono::abs(placed[instant].at - other.at)) / to_seconds(kWander));
-    cost += (turns * turns + moves * moves) / wander;
+    if (other.region == own.region)
+      cost += motion_misfit({other.at, other.X_WB}, {own.at, X_WB}, bodies_[body].odometry);
   };
   if (instant > 0) add(placed[instant - 1]);
   if (instant + 1 < placed.size()) add(placed[instant + 1]);
@@ -322,73 +307,6 @@ bool ImagePlacement::place_tag(int tag_id) {
     return true;
   }
   return false;
-}
-
-/// @return whether one is elsewhere than before
-bool ImagePlacement::place_instants(bool all) {
-  bool changed = false;
-  for (std::size_t b = 0; b < placed_.size(); ++b) {
-    for (std::size_t i = 0; i < placed_[b].size(); ++i) {
-      if (!all && !waits_[b][i]) continue;
-      waits_[b][i] = false;
-      changed |= place_instant(b, i);
-    }
-  }
-  return changed;
-}
-
-bool ImagePlacement::grow() {
-  constexpr int kMostTurns = 100;
-  bool changed = false;
-  for (int turn = 0; turn < kMostTurns; ++turn) {
-    const bool moved = place_instants(false);
-    bool is_new = false;
-    for (const auto& [tag_id, seen] : sightings_)
-      if (!tags_.contains(tag_id)) is_new |= place_tag(tag_id);
-    changed |= moved || is_new;
-    if (!is_new) break;
-  }
-  return changed;
-}
-
-/// Something that has no place begins: a surveyed tag, else what was known in other axes.
-bool ImagePlacement::begin_elsewhere() {
-  const KnownTag* best = nullptr;
-  for (const auto& [tag_id, tag] : surveyed_) {
-    if (tags_.contains(tag_id) || !sightings_.contains(tag_id)) continue;
-    if (best == nullptr || sightings_[tag_id].size() > sightings_[best->tag_id].size()) best = &tag;
-  }
-  if (best != nullptr) {
-    put(*best, 0, false);
-    return true;
-  }
-  while (!suggested_.empty()) {
-    auto most = std::max_element(
-        suggested_.begin(), suggested_.end(),
-        [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
-    const auto tags = std::move(most->second);
-    suggested_.erase(most);
-    // The largest is the workspace, when nobody knows of another.
-    const int region = tags_.empty() ? 0 : regions_;
-    bool is_new = false;
-    for (const auto& [tag_id, tag] : tags) {
-      if (tags_.contains(tag_id)) continue;
-      put(tag, region, false);
-      is_new = true;
-    }
-    if (!is_new) continue;
-    if (region > 0) ++regions_;
-    return true;
-  }
-  return false;
-}
-
-bool ImagePlacement::settle() {
-  bool changed = place_instants(true);
-  for (const auto& [tag_id, tag] : std::map(tags_)) changed |= place_tag(tag_id);
-  do changed |= grow();
-  while (begin_elsewhere());
-  return changed;
 }
 
 }  // namespace fiducap

@@ -2,13 +2,18 @@
 
 #include <map>
 #include <optional>
+#include <set>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "base/stamped_pose.hpp"
+#include "capture/odometry.hpp"
+#include "estimation/estimator_config.hpp"
 #include "estimation/segment/motion_segment.hpp"
 #include "estimation/start/resection.hpp"
 #include "pipeline/replay/image_log.hpp"
+#include "pipeline/replay/placement_misfit.hpp"
 
 namespace fiducap {
 
@@ -17,6 +22,7 @@ struct BodyToPlace {
   const ImageLog* log{};
   std::vector<CameraMount> cameras;  ///< By configuration: corners were undistorted by them.
   std::vector<CameraBelief> beliefs;
+  const Odometry* odometry{};   ///< nullptr: nobody knows how it moves.
   double corner_noise_px{0.4};  ///< Where the detector does not say how sure it is.
 };
 
@@ -28,7 +34,9 @@ struct BodyToPlace {
 /// cheapest counts, and it is sure when the next one costs much more. A tag without a place gets
 /// the one that explains its sightings at sure instants best, when another branch does not nearly
 /// as well. So it goes on, in turns, until nothing more finds its place. Then a rough survey, or
-/// what was known in other axes, begins where nothing else does.
+/// what was known in other axes, begins where nothing else does, or two tags that are often seen
+/// together; images that show such tags and others join them. Odometry gives places to instants
+/// that see nothing that has one.
 class ImagePlacement final {
  public:
   static constexpr int kNowhere = -1;
@@ -62,6 +70,8 @@ class ImagePlacement final {
 
   /// @return whether anything is elsewhere, in another valley, than before
   bool settle();
+  /// Where odometry began it, the workspace is moved to where its reference tag says that it is.
+  void define_workspace(const WorkspaceGauge& gauge);
 
   /// In order of the body's log.
   [[nodiscard]] const std::vector<Placed>& placed(std::size_t body) const { return placed_[body]; }
@@ -78,6 +88,10 @@ class ImagePlacement final {
     std::size_t instant{};
     std::size_t image{};
     const TagObservation* seen{};
+  };
+  struct View {
+    std::size_t body{};
+    std::size_t instant{};
   };
   struct Choice {
     Pose X;
@@ -100,7 +114,21 @@ class ImagePlacement final {
   [[nodiscard]] double cost_of(const std::vector<Sighting>& sightings, const Pose& X_WT) const;
   bool place_instants(bool all);
   bool grow();
+  bool follow_odometry(std::size_t body);
+  bool carry(std::size_t body, std::size_t from, std::size_t to);
+  bool begin_by_odometry();
   bool begin_elsewhere();
+  bool begin_with_two();
+  bool begin_with_one();
+  bool join_regions();
+  [[nodiscard]] std::vector<CostedPose> ways_at(const View& view,
+                                                const std::vector<SightedTag>& tags) const;
+  [[nodiscard]] CostedPose best_at(const View& view, const std::vector<SightedTag>& tags) const;
+  [[nodiscard]] std::vector<SightedTag> sighted_of(const View& view, int tag_id,
+                                                   const Pose& X_AT) const;
+  [[nodiscard]] std::optional<Pose> between(int first, int second,
+                                            const std::vector<View>& views) const;
+  [[nodiscard]] std::optional<Pose> over(int region, const std::vector<View>& views) const;
   void put(const KnownTag& tag, int region, bool is_held);
 
   std::vector<BodyToPlace> bodies_;
@@ -113,6 +141,9 @@ class ImagePlacement final {
   std::map<int, std::map<int, KnownTag>> suggested_;  ///< By component, not yet used.
   std::map<int, KnownTag> surveyed_;
   int regions_{1};
+  /// Pairs of tags that were no beginning, and by how many images.
+  std::set<std::pair<std::pair<int, int>, std::size_t>> were_tried_;
+  bool is_by_odometry_{false};  ///< The workspace is the axes of somebody's odometry.
 };
 
 }  // namespace fiducap

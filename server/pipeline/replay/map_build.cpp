@@ -16,8 +16,6 @@ namespace {
 
 // Between recordings that have no time in common.
 constexpr Duration kPause = std::chrono::seconds(10);
-// Solving costs as much as there is: with a tenth more each time all of it costs a few last ones.
-constexpr double kRefineAfterShare = 0.1;
 
 struct Span {
   Instant first;
@@ -82,7 +80,10 @@ void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, M
     who[component].insert(body);
   }
   const auto level = graph.level.find(0);
-  build.is_level = level == graph.level.end() || level->second;
+  build.is_level = level == graph.level.end() || level->second ||
+                   std::all_of(bodies.begin(), bodies.end(), [](const MapBuildBody& one) {
+                     return one.body.setup.odometry != nullptr;
+                   });
   build.fit.chi_square_per_number = numbers == 0 ? 0.0 : chi_square / numbers;
   for (const GraphTag& tag : graph.tags) {
     const bool is_mapped = build.map.find(tag.tag_id) != nullptr;
@@ -149,7 +150,7 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   MapConfig config = map.config;
   if (!has_imu) config.refine_period_s = 0;
   BodiesReplay replay(std::move(replayed), config, std::move(start));
-  replay.refine_after_share(kRefineAfterShare);
+  replay.refine_after_share();
   MapBuild build;
   build.recordings.resize(bodies.size());
   std::vector<ImageLog> logs(bodies.size());
@@ -166,13 +167,18 @@ Expected<MapBuild> build_map(const std::vector<MapBuildBody>& bodies, const Offl
   const Duration ran = thread_cpu_time();
   std::vector<BatchBody> batch;
   for (std::size_t i = 0; i < bodies.size(); ++i)
-    batch.push_back({bodies[i].body.id, &bodies[i].body.setup, &logs[i]});
+    batch.push_back(
+        {bodies[i].body.id, &bodies[i].body.setup, &logs[i], bodies[i].body.setup.odometry.get()});
   replay.refiner().tell_from(map.least_sightings.value_or(1));
-  build.last = solve_all(replay, batch, [&](int round) {
-                 if (progress) progress({1.0, round, replay.view().map->tags.size()});
-               }).last;
+  const BatchResult solved = solve_all(replay, batch, [&](int round) {
+    if (progress) progress({1.0, round, replay.view().map->tags.size()});
+  });
+  build.last = solved.last;
   note_moved(replay.map().take_events(), build);
   note_mismatches(replay.refiner().findings(), bodies, build);
+  for (const MapBuildBody& one : bodies)
+    if (const auto doubt = solved.doubts.find(one.body.id); doubt != solved.doubts.end())
+      build.mismatches.push_back(one.body.name + ": " + doubt->second);
   build.run_cpu_s = to_seconds(ran - begin);
   build.solve_cpu_s = to_seconds(thread_cpu_time() - ran);
   build.map = *replay.map().snapshot();

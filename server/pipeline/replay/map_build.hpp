@@ -47,11 +47,11 @@ struct MapBuild {
   std::vector<MapPart> apart;
   std::map<int, int> seen_too_seldom;  ///< Sightings of tags that hang on the map all the same.
   std::vector<std::string> moved;  ///< What the map found out about tags that left their places.
-  /// What all of it together says of lenses, readouts and prints that are not as configured.
+  /// What all of it together says of lenses, readouts, prints and odometry not as configured.
   std::vector<std::string> mismatches;
   MapFit fit;
   BodiesReplay::LastRefinement last;
-  bool is_level{true};  ///< An IMU has felt gravity; else up is a guess of the filter.
+  bool is_level{true};  ///< An IMU or odometry knows what is up; else the filter guesses.
   double run_cpu_s{};
   double solve_cpu_s{};  ///< The last time, over everything.
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "base/quantile.hpp"
@@ -13,8 +14,6 @@ namespace {
 
 constexpr double kFixedPosition_m = 1e-3;
 constexpr double kFixedRotation_rad = 1e-3;
-// Solving costs as much as there is: with a tenth more each time all of it costs a few last ones.
-constexpr double kRefineAfterShare = 0.1;
 
 KnownTag known_tag(const RecordedTag& tag) {
   KnownTag known{tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()};
@@ -29,7 +28,32 @@ struct ResolvedBody {
   std::vector<PathPose> path;
   std::vector<CameraBelief> cameras;
   std::map<int, Pose> tags;  ///< Of the workspace, also those of which a survey says something.
+  std::vector<std::string> doubts;
+  std::vector<OfflinePart> parts;
 };
+
+/// Of one body, by component.
+std::vector<OfflinePart> parts_of(int body_id, const GraphState& graph) {
+  std::set<int> components;
+  for (const GraphSegment& segment : graph.segments)
+    if (segment.raw.body_id == body_id) components.insert(graph.nodes[segment.begin].component);
+  components.erase(kInWorkspace);
+  std::vector<OfflinePart> parts;
+  for (const int component : components) {
+    const auto path = path_of(body_id, graph, nullptr, component);
+    if (!path) continue;
+    OfflinePart part;
+    for (const PathPose& pose : *path) part.trajectory.push_back({pose.at, pose.X_WB});
+    for (const GraphTag& tag : graph.tags)
+      if (tag.component == component)
+        part.tags.push_back({tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
+    parts.push_back(std::move(part));
+  }
+  std::stable_sort(parts.begin(), parts.end(), [](const OfflinePart& a, const OfflinePart& b) {
+    return a.trajectory.front().at < b.trajectory.front().at;
+  });
+  return parts;
+}
 
 /// What becomes of one body, image by image.
 class BodyNotes final {
@@ -56,7 +80,10 @@ class BodyNotes final {
     if (is_anchored_) place();  // shorter than the wait for trust, and nothing has contradicted
     forget_unplaced();          // the rest never learned where the workspace is
     result_.known = setup_.known;
-    result_.doubts = pipeline.doubts();
+    // The filter knows nothing of odometry: what it was at a loss for says nothing of these poses.
+    if (resolved == nullptr || !setup_.odometry) result_.doubts = pipeline.doubts();
+    if (resolved != nullptr)
+      result_.doubts.insert(result_.doubts.end(), resolved->doubts.begin(), resolved->doubts.end());
     result_.extrinsics = pipeline.cameras();
     if (resolved == nullptr) pipeline.filter().tag_beliefs(result_.tags);
     add_tags_of(map);
@@ -173,6 +200,7 @@ class BodyNotes final {
   /// What was known live is kept beside it.
   void take(const ResolvedBody& resolved) {
     result_.live = std::move(result_.trajectory);
+    result_.parts = resolved.parts;
     result_.trajectory.clear();
     result_.covariances.clear();
     for (const PathPose& pose : resolved.path) {
@@ -221,9 +249,11 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
                                             const OfflineMap& map, OfflineSession& session) {
   std::vector<BatchBody> batch;
   for (std::size_t i = 0; i < bodies.size(); ++i)
-    batch.push_back({bodies[i].id, &bodies[i].setup, &notes[i].log()});
+    batch.push_back(
+        {bodies[i].id, &bodies[i].setup, &notes[i].log(), bodies[i].setup.odometry.get()});
   replay.refiner().tell_from(map.least_sightings.value_or(1));
-  session.is_at_rest = solve_all(replay, batch, {}).last.is_at_rest;
+  const BatchResult solved = solve_all(replay, batch, {});
+  session.is_at_rest = solved.last.is_at_rest;
   const GraphState& graph = replay.graph().state();
   const auto covariance = replay.graph().covariance();
   std::vector<ResolvedBody> resolved(bodies.size());
@@ -233,7 +263,10 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
     auto path = path_of(bodies[i].id, graph, &*covariance);
     if (!path)
       return fail(ErrorCode::kInvalid, "what was solved for is not finite", bodies[i].name);
+    if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
+      resolved[i].doubts.push_back(doubt->second);
     resolved[i].path = std::move(*path);
+    resolved[i].parts = parts_of(bodies[i].id, graph);
     for (const GraphBody& body : graph.bodies)
       if (body.id == bodies[i].id) resolved[i].cameras = body.cameras;
     for (const GraphTag& tag : graph.tags)
@@ -257,6 +290,7 @@ void add_known(const OfflineSetup& setup, TagMap& start) {
 
 OfflineSetup offline_setup(const RecordingInfo& info) {
   OfflineSetup setup;
+  setup.odometry = info.odometry;
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
   setup.tags = {info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags};
@@ -287,7 +321,7 @@ Expected<OfflineSession> run_together(const std::vector<OfflineBody>& bodies, co
   for (const OfflineBody& body : bodies) add_known(body.setup, start);
   BodiesReplay replay(std::move(replayed), map.config, std::move(start));
   replay.follow(map.turns, map.refinements);
-  if (resolves) replay.refine_after_share(kRefineAfterShare);
+  if (resolves) replay.refine_after_share();
   replay.listen([&](std::size_t body, const SensorSample& sample) {
     notes[body].note_time(time_of(sample));
   });

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,8 @@ namespace fiducap {
 /// Everything that decides what an offline run gives.
 struct OfflineSetup : PipelineSetup {
   std::vector<KnownTag> known;  ///< Inputs of the filter: never estimated.
+  /// Of a body without IMU: how it moved, for what is solved for in the end.
+  std::shared_ptr<const Odometry> odometry{};
 };
 
 /// The recording's own calibration, sizes, reference tag, ignore list and known tags; configs at
@@ -50,6 +53,13 @@ struct StampedCovariance {
   Matrix6d covariance{Matrix6d::Zero()};
 };
 
+/// What nothing ties to the workspace: a part of the way, and the tags seen there, in axes of their
+/// own.
+struct OfflinePart {
+  std::vector<StampedPose> trajectory;
+  std::vector<KnownTag> tags;
+};
+
 struct OfflineResult {
   /// One per image instant at which the filter ran and stood in the workspace. Resolved
   /// (OfflineMap::resolve): one per instant that hangs together with the workspace, by everything
@@ -58,8 +68,9 @@ struct OfflineResult {
   std::vector<StampedCovariance> covariances;  ///< Of the same instants.
   /// Resolved: what the filter gave out live. Else empty, because `trajectory` is that.
   std::vector<StampedPose> live;
-  std::vector<KnownTag> known;  ///< As given.
-  std::vector<TagBelief> tags;  ///< As filter and map saw them at the end; resolved: as the map.
+  std::vector<OfflinePart> parts;  ///< Resolved, in order of time.
+  std::vector<KnownTag> known;     ///< As given.
+  std::vector<TagBelief> tags;     ///< As filter and map saw them at the end; resolved: as the map.
   std::vector<ExtrinsicsEstimate> extrinsics;
   std::vector<std::string> doubts;  ///< About tags that do not fit together, in words (TagDoubts).
   std::vector<BodyEvent> events;    ///< What happened to the estimate, in order.

@@ -91,7 +91,12 @@ std::string evaluation_text(const Evaluation& e) {
   if (e.truth_reprojection) text += line("  … of the other ", *e.truth_reprojection);
   text += "  coverage       " + fixed(100 * r.coverage(), 2) + " % (" +
           std::to_string(r.frames_with_tags_and_pose) + " of " +
-          std::to_string(r.frames_with_tags) + " frames with tags have a pose)\n";
+          std::to_string(r.frames_with_tags) + " frames with tags have a pose)";
+  if (r.frames_with_tags_in_parts > 0)
+    text += "; " + fixed(100 * r.coverage_with_parts(), 2) + " % with " +
+            std::to_string(r.frames_with_tags_in_parts) +
+            " that nothing ties to the rest, in axes of their own";
+  text += "\n";
   return text;
 }
 
@@ -112,7 +117,9 @@ std::string evaluation_json(const Evaluation& e) {
   json["coverage"] = {{"frames", r.frames},
                       {"frames_with_tags", r.frames_with_tags},
                       {"frames_with_tags_and_pose", r.frames_with_tags_and_pose},
-                      {"share", r.coverage()}};
+                      {"frames_with_tags_in_parts", r.frames_with_tags_in_parts},
+                      {"share", r.coverage()},
+                      {"share_with_parts", r.coverage_with_parts()}};
   return json.dump(2) + "\n";
 }
 

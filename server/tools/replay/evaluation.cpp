@@ -141,6 +141,7 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
     evaluation.image_width_px = std::max(evaluation.image_width_px, cameras[k].model.width);
   }
   ReprojectionMeter meter(std::move(cameras), run.trajectory, run.map);
+  for (const RunPart& part : run.parts) meter.add_part(part.trajectory, part.map);
   const std::vector<StampedPose> true_poses = poses_of(reference);
   ReprojectionMeter truth(std::move(true_cameras), true_poses, reference.map);
   UsableCorners corners(info);
@@ -156,6 +157,30 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
   evaluation.reprojection = meter.summary();
   if (truth.summary().scored > 0) evaluation.truth_reprojection = truth.summary();
   return {};
+}
+
+std::vector<TagPlace> places_of(const TagMap& map) {
+  std::vector<TagPlace> places;
+  for (const MapTag& entry : map.tags)
+    places.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
+  return places;
+}
+
+Expected<std::vector<RunPart>> read_parts(const std::filesystem::path& folder,
+                                          const std::string& body) {
+  std::vector<RunPart> parts;
+  for (;;) {
+    const std::string path = (folder / part_name(body, parts.size())).string();
+    std::error_code ignored;
+    if (!std::filesystem::exists(path + ".tum", ignored)) return parts;
+    const auto text = read_whole_file(path + ".tum");
+    if (!text) return tl::unexpected(text.error());
+    auto trajectory = tum_from(*text, path + ".tum");
+    if (!trajectory) return tl::unexpected(trajectory.error());
+    const auto map = read_map_file(path + ".csv");
+    if (!map) return tl::unexpected(map.error());
+    parts.push_back({std::move(*trajectory), places_of(*map)});
+  }
 }
 
 }  // namespace
@@ -177,13 +202,14 @@ Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   if (!extrinsics_text) return tl::unexpected(extrinsics_text.error());
   auto extrinsics = extrinsics_from_yaml(*extrinsics_text, cameras, extrinsics_path);
   if (!extrinsics) return tl::unexpected(extrinsics.error());
-  RunResults run{std::move(*trajectory), {}, {}, {}};
+  auto parts = read_parts(folder, std::filesystem::path(tum).stem().string());
+  if (!parts) return tl::unexpected(parts.error());
+  RunResults run{std::move(*trajectory), {}, {}, {}, std::move(*parts)};
   for (const RunCamera& camera : *extrinsics) {
     run.X_BV.push_back(camera.X_BV);
     run.lenses.push_back(camera.lens);
   }
-  for (const MapTag& entry : map->tags)
-    run.map.push_back({entry.tag.tag_id, entry.tag.edge_m, entry.tag.X_WT});
+  run.map = places_of(*map);
   return run;
 }
 

@@ -13,12 +13,19 @@
 
 namespace fiducap {
 
+/// Poses and tags that hang together.
+struct RunPart {
+  std::vector<StampedPose> trajectory;
+  std::vector<TagPlace> map;
+};
+
 /// The results of an offline run, read back.
 struct RunResults {
   std::vector<StampedPose> trajectory;
   std::vector<TagPlace> map;
   std::vector<Pose> X_BV;          ///< One per camera …
   std::vector<LensOffset> lenses;  ///< … likewise; empty: lenses are those of the recording.
+  std::vector<RunPart> parts;      ///< What nothing ties to the workspace, in axes of their own.
 };
 
 /// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it

@@ -247,6 +247,14 @@ void print_body(const Terminal& terminal, const std::string& name, const Offline
                << fixed(s.reprojection_p95_px, 2) << " px; NIS per degree of freedom "
                << fixed(s.nis_per_dof(), 2) << ", " << s.tags_rejected << " of "
                << s.tags_rejected + s.tags_used << " sightings rejected\n";
+  for (std::size_t k = 0; k < result.parts.size(); ++k) {
+    const OfflinePart& part = result.parts[k];
+    terminal.out << "  nothing ties " << part.trajectory.size() << " images";
+    for (const KnownTag& tag : part.tags)
+      terminal.out << (&tag == &part.tags.front() ? " with tags " : ", ") << tag.tag_id;
+    terminal.out << " to the workspace: their poses are in " << part_name(name, k)
+                 << ".tum, in axes of their own\n";
+  }
   for (const std::string& doubt : result.doubts) terminal.out << "  warning: " << doubt << "\n";
 }
 

@@ -34,10 +34,14 @@ Duration half_median_step(std::span<const StampedPose> poses, std::size_t camera
 ReprojectionMeter::ReprojectionMeter(std::vector<CameraMount> cameras,
                                      std::span<const StampedPose> poses,
                                      std::span<const TagPlace> map)
-    : cameras_(std::move(cameras)),
-      poses_(poses),
-      half_period_(half_median_step(poses, cameras_.size())) {
-  for (const TagPlace& tag : map) map_.emplace(tag.tag_id, tag);
+    : cameras_(std::move(cameras)), half_period_(half_median_step(poses, cameras_.size())) {
+  add_part(poses, map);
+}
+
+void ReprojectionMeter::add_part(std::span<const StampedPose> poses,
+                                 std::span<const TagPlace> map) {
+  parts_.push_back({poses, {}});
+  for (const TagPlace& tag : map) parts_.back().map.emplace(tag.tag_id, tag);
 }
 
 void ReprojectionMeter::add(const CornerFrame& frame) {
@@ -45,33 +49,36 @@ void ReprojectionMeter::add(const CornerFrame& frame) {
   if (frame.tags.empty()) return;
   ++counts_.frames_with_tags;
   counts_.detections += static_cast<int>(frame.tags.size());
-  const StampedPose* pose = pose_near(frame.exposed_at);
-  if (pose == nullptr) {
-    counts_.without_pose += static_cast<int>(frame.tags.size());
+  for (const Part& part : parts_) {
+    const StampedPose* pose = pose_near(part.poses, frame.exposed_at);
+    if (pose == nullptr) continue;
+    ++(&part == &parts_.front() ? counts_.frames_with_tags_and_pose
+                                : counts_.frames_with_tags_in_parts);
+    const CameraMount& camera = cameras_.at(static_cast<std::size_t>(frame.camera));
+    const Pose X_VW = (pose->X_WB * camera.X_BV).inverse();
+    for (const TagSighting& seen : frame.tags) score(seen, camera, X_VW, part.map);
     return;
   }
-  ++counts_.frames_with_tags_and_pose;
-  const CameraMount& camera = cameras_.at(static_cast<std::size_t>(frame.camera));
-  const Pose X_VW = (pose->X_WB * camera.X_BV).inverse();
-  for (const TagSighting& seen : frame.tags) score(seen, camera, X_VW);
+  counts_.without_pose += static_cast<int>(frame.tags.size());
 }
 
-const StampedPose* ReprojectionMeter::pose_near(Instant at) const {
-  const auto after = std::lower_bound(poses_.begin(), poses_.end(), at,
+const StampedPose* ReprojectionMeter::pose_near(std::span<const StampedPose> poses,
+                                                Instant at) const {
+  const auto after = std::lower_bound(poses.begin(), poses.end(), at,
                                       [](const StampedPose& p, Instant t) { return p.at < t; });
   auto nearest = after;
-  if (after == poses_.end() || (after != poses_.begin() && at - (after - 1)->at < after->at - at)) {
-    if (after == poses_.begin()) return nullptr;
+  if (after == poses.end() || (after != poses.begin() && at - (after - 1)->at < after->at - at)) {
+    if (after == poses.begin()) return nullptr;
     nearest = after - 1;
   }
   const Duration apart = nearest->at < at ? at - nearest->at : nearest->at - at;
   return apart <= half_period_ ? &*nearest : nullptr;
 }
 
-void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera,
-                              const Pose& X_VW) {
-  const auto tag = map_.find(seen.tag_id);
-  if (tag == map_.end()) {
+void ReprojectionMeter::score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW,
+                              const std::map<int, TagPlace>& map) {
+  const auto tag = map.find(seen.tag_id);
+  if (tag == map.end()) {
     ++counts_.without_tag;
     return;
   }

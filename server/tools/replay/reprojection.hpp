@@ -18,6 +18,7 @@ struct ReprojectionSummary {
   int frames{};
   int frames_with_tags{};
   int frames_with_tags_and_pose{};
+  int frames_with_tags_in_parts{};  ///< Without one, but with a pose in axes of their own.
   int detections{};      ///< Usable ones; ignored ids and too many corrected bits are left out.
   int without_pose{};    ///< … whose image has no pose,
   int without_tag{};     ///< … whose tag is not in the map,
@@ -30,10 +31,14 @@ struct ReprojectionSummary {
   /// many of them that it is one of them.
   std::optional<double> p95_of_all_px{};
   /// Share of the frames with tags that have a pose; 1 when there is no such frame.
-  [[nodiscard]] double coverage() const {
-    return frames_with_tags == 0
-               ? 1.0
-               : static_cast<double>(frames_with_tags_and_pose) / frames_with_tags;
+  [[nodiscard]] double coverage() const { return share_of(frames_with_tags_and_pose); }
+  [[nodiscard]] double coverage_with_parts() const {
+    return share_of(frames_with_tags_and_pose + frames_with_tags_in_parts);
+  }
+
+ private:
+  [[nodiscard]] double share_of(int some) const {
+    return frames_with_tags == 0 ? 1.0 : static_cast<double>(some) / frames_with_tags;
   }
 };
 
@@ -46,19 +51,26 @@ class ReprojectionMeter final {
   ReprojectionMeter(std::vector<CameraMount> cameras, std::span<const StampedPose> poses,
                     std::span<const TagPlace> map);
 
+  /// What is not tied to the rest; counts where there is no pose there.
+  void add_part(std::span<const StampedPose> poses, std::span<const TagPlace> map);
+
   /// @param frame  usable detections only
   void add(const CornerFrame& frame);
   [[nodiscard]] ReprojectionSummary summary() const;
 
  private:
-  void score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW);
-  /// nullptr: the image has no pose.
-  [[nodiscard]] const StampedPose* pose_near(Instant at) const;
+  struct Part {
+    std::span<const StampedPose> poses;
+    std::map<int, TagPlace> map;
+  };
+  void score(const TagSighting& seen, const CameraMount& camera, const Pose& X_VW,
+             const std::map<int, TagPlace>& map);
+  /// nullptr: the image has no pose there.
+  [[nodiscard]] const StampedPose* pose_near(std::span<const StampedPose> poses, Instant at) const;
 
   std::vector<CameraMount> cameras_;
-  std::span<const StampedPose> poses_;
+  std::vector<Part> parts_;  ///< First: in the workspace.
   Duration half_period_{0};  ///< Of the poses; half the median step.
-  std::map<int, TagPlace> map_;
   ReprojectionSummary counts_;
   std::vector<double> errors_px_;
 };

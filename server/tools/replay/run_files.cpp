@@ -1,18 +1,14 @@
 #include "tools/replay/run_files.hpp"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
 #include <tuple>
 
-#include <yaml-cpp/yaml.h>
-#include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
-#include "base/yaml_text.hpp"
+#include "base/text.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "tools/replay/tum_file.hpp"
@@ -23,14 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kDegrees = 180 / std::numbers::pi;
-
-// How far T_BS may be from a rotation: files carry nine decimals.
-constexpr double kRotationTolerance = 1e-5;
-
-std::string shortest(double value) {
-  std::array<char, 40> text{};
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
-}
 
 nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
   const double total =
@@ -45,21 +33,6 @@ nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
           {"filter_per_second_of_data", s.data_s > 0 ? filter / s.data_s : 0.0}};
 }
 
-Expected<Pose> pose_from_matrix(const std::vector<double>& m, const std::string& name,
-                                const std::string& context) {
-  if (m.size() != 16)
-    return fail(ErrorCode::kInvalid,
-                name + ".T_BS.data must have 16 numbers, has " + std::to_string(m.size()), context);
-  Eigen::Matrix3d R;
-  R << m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10];
-  const bool rigid = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <
-                         kRotationTolerance &&
-                     R.determinant() > 0;
-  if (!rigid)
-    return fail(ErrorCode::kInvalid, name + ".T_BS is no rotation with a translation", context);
-  return Pose{Eigen::Quaterniond(R).normalized(), {m[3], m[7], m[11]}};
-}
-
 constexpr const char* kReport = "report.json";
 
 /// Files that a run may write, whatever the bodies are called.
@@ -67,7 +40,7 @@ bool is_of_a_run(const fs::path& file) {
   const std::string name = file.filename().string();
   return name == "map.csv" || name == "events.csv" || name == kReport ||
          name.ends_with("extrinsics.yaml") || name.ends_with(".tum") ||
-         name.ends_with(".covariance.csv");
+         name.ends_with(".covariance.csv") || name.ends_with(".part.csv");
 }
 
 /// What report.json of an earlier run lists; nullopt: there is none that we understand.
@@ -153,8 +126,29 @@ void add_body_files(const RunBody& body, bool alone, Files& files) {
   files.emplace_back(alone ? "extrinsics.yaml" : body.name + ".extrinsics.yaml",
                      to_extrinsics_yaml(cameras));
   if (!result.live.empty()) files.emplace_back(body.name + ".live.tum", to_tum(result.live));
+  for (std::size_t k = 0; k < result.parts.size(); ++k) {
+    const std::string name = part_name(body.name, k);
+    TagMap tags;
+    tags.family = body.setup->tags.family;
+    for (const KnownTag& tag : result.parts[k].tags) tags.tags.push_back({tag, TagState::kLocal});
+    files.emplace_back(name + ".tum", to_tum(result.parts[k].trajectory));
+    files.emplace_back(name + ".csv", map_to_csv(tags));
+  }
   if (std::string truth = truth_tum(body.recording, result); !truth.empty())
     files.emplace_back(body.name + ".truth.tum", std::move(truth));
+}
+
+/// Which part has which tags, and how many poses.
+nlohmann::ordered_json parts_report(const RunBody& body) {
+  nlohmann::ordered_json parts = nlohmann::ordered_json::array();
+  for (const OfflinePart& part : body.result->parts) {
+    nlohmann::ordered_json ids = nlohmann::ordered_json::array();
+    for (const KnownTag& tag : part.tags) ids.push_back(tag.tag_id);
+    parts.push_back({{"file", part_name(body.name, parts.size()) + ".tum"},
+                     {"poses", part.trajectory.size()},
+                     {"tags", ids}});
+  }
+  return parts;
 }
 
 /// How often each thing happened, by the names of events.csv.
@@ -201,6 +195,7 @@ nlohmann::ordered_json body_report(const RunBody& body) {
             {"reprojection_median_px", s.reprojection_median_px},
             {"reprojection_p95_px", s.reprojection_p95_px}}},
           {"doubts", body.result->doubts},
+          {"parts", parts_report(body)},
           {"events", counts_of(body.result->events)},
           {"said", said_in(body.result->events)},
           {"dropped",
@@ -232,6 +227,10 @@ nlohmann::ordered_json report_of(std::span<const RunBody> bodies, const OfflineS
 }
 
 }  // namespace
+
+std::string part_name(const std::string& body, std::size_t part) {
+  return body + "." + std::to_string(part + 1) + ".part";
+}
 
 TagMap run_map(std::span<const RunBody> bodies) {
   TagMap map;
@@ -326,56 +325,6 @@ Expected<void> write_run_files(const std::string& folder, std::span<const RunBod
   for (const auto& [name, content] : files)
     if (auto written = write_whole_file((to / name).string(), content); !written) return written;
   return {};
-}
-
-std::string to_extrinsics_yaml(const std::vector<RunCamera>& cameras) {
-  std::string text = "# Sensor to body, as estimated at the end of the run.\n";
-  for (std::size_t k = 0; k < cameras.size(); ++k) {
-    const Pose& X_BV = cameras[k].X_BV;
-    const Eigen::Matrix3d R = X_BV.rotation();
-    text += "cam" + std::to_string(k) + ":\n  T_BS:\n    cols: 4\n    rows: 4\n    data: [";
-    for (int row = 0; row < 3; ++row)
-      text += shortest(R(row, 0)) + ", " + shortest(R(row, 1)) + ", " + shortest(R(row, 2)) + ", " +
-              shortest(X_BV.p(row)) + ", ";
-    text += "0, 0, 0, 1]\n";
-    const LensOffset& lens = cameras[k].lens;
-    if (lens.is_none()) continue;
-    text += "  # The lens beyond the recording's.\n  lens: {focal: " + shortest(lens.focal) +
-            ", centre_px: [" + shortest(lens.centre_px.x()) + ", " + shortest(lens.centre_px.y()) +
-            "], k1: " + shortest(lens.k1) + "}\n";
-  }
-  return text;
-}
-
-Expected<std::vector<RunCamera>> extrinsics_from_yaml(const std::string& text, std::size_t cameras,
-                                                      const std::string& context) {
-  std::vector<RunCamera> out;
-  const auto root = load_yaml(text);
-  if (!root) return fail(ErrorCode::kInvalid, root.error().text(), context);
-  try {
-    for (std::size_t k = 0; k < cameras; ++k) {
-      const std::string name = "cam" + std::to_string(k);
-      YAML::Node data = YAML::Clone(*root);
-      for (const char* key : {name.c_str(), "T_BS", "data"})
-        data.reset(data.IsMap() ? data[key] : YAML::Node());
-      if (!data.IsDefined() || !data.IsSequence())
-        return fail(ErrorCode::kInvalid, "needs " + name + ": T_BS: data: [16 numbers]", context);
-      const auto pose = pose_from_matrix(data.as<std::vector<double>>(), name, context);
-      if (!pose) return tl::unexpected(pose.error());
-      out.push_back({*pose, {}});
-      const YAML::Node camera = (*root)[name];
-      const YAML::Node lens = camera["lens"];
-      if (!lens.IsDefined()) continue;
-      const auto centre = lens["centre_px"].as<std::vector<double>>();
-      if (centre.size() != 2)
-        return fail(ErrorCode::kInvalid, name + ".lens.centre_px must have 2 numbers", context);
-      out.back().lens = {
-          lens["focal"].as<double>(), {centre[0], centre[1]}, lens["k1"].as<double>()};
-    }
-  } catch (const YAML::Exception& problem) {
-    return fail(ErrorCode::kInvalid, std::string("is no YAML: ") + problem.what(), context);
-  }
-  return out;
 }
 
 }  // namespace fiducap

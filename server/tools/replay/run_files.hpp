@@ -27,13 +27,17 @@ struct RunBody {
 
 /// The results of a run, beside each other in one folder, each written whole and then renamed:
 /// `<body>.tum`, `<body>.covariance.csv`, with truth `<body>.truth.tum`, with several bodies
-/// `<body>.extrinsics.yaml`, else `extrinsics.yaml`; `map.csv`, `events.csv`, and `report.json`,
-/// which lists them.
+/// `<body>.extrinsics.yaml`, else `extrinsics.yaml`; parts (part_name); `map.csv`, `events.csv`,
+/// and `report.json`, which lists them.
 [[nodiscard]] Expected<void> write_run_files(const std::string& folder,
                                              std::span<const RunBody> bodies,
                                              const OfflineSession& session);
 /// @return Error when report.json beside a trajectory says that it belongs to another run.
 [[nodiscard]] Expected<void> check_same_run(const std::string& tum);
+
+/// `<body>.1.part` and so on: `.tum` has the poses, `.csv` the tags of what nothing ties to the
+/// workspace (OfflinePart).
+[[nodiscard]] std::string part_name(const std::string& body, std::size_t part);
 
 /// `report.json` as text: of the one body, or `bodies`.
 [[nodiscard]] std::string run_report(std::span<const RunBody> bodies,

@@ -263,5 +263,55 @@ TEST_F(RecordingTest, WithoutTruthThereIsNoneAndThatIsNoError) {
   EXPECT_TRUE(read_truth_extrinsics(folder_.text()).value().empty());
 }
 
+TEST_F(RecordingTest, OdometryIsReadInBodyAxes) {
+  write_corners();
+  folder_.write(
+      "mav0/odom0/sensor.yaml",
+      "T_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.5, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, "
+      "0, 1]\nturn_noise_rad: 0.005\n");
+  folder_.write("mav0/odom0/data.csv",
+                "#timestamp [ns],p,p,p,q,q,q,q,v\n"
+                "1000100000000,1,2,3,1,0,0,0,9\n"
+                "1000200000000,2,2,3,1,0,0,0,9\n"
+                "1000150000000,7,7,7,1,0,0,0,9\n"
+                "1000300000000,2,2,x,1,0,0,0,9\n"
+                "1000400000000,4,2,3,1,0,0,0,9\n");
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_TRUE(info) << info.error().text();
+  ASSERT_TRUE(info->odometry);
+  const Odometry& odometry = *info->odometry;
+  ASSERT_EQ(odometry.poses.size(), 3U) << "a broken line and one that goes back are left out";
+  EXPECT_EQ(odometry.turn_noise_rad, 0.005);
+  // The body's origin is half a metre along the sensor's y axis.
+  EXPECT_LT((odometry.poses[0].X_WB.p - Eigen::Vector3d(1, 2.5, 3)).norm(), 1e-12);
+  const auto moved =
+      odometry.motion(instant_from_ns(1000150000000), instant_from_ns(1000300000000));
+  ASSERT_TRUE(moved);
+  EXPECT_LT((moved->p - Eigen::Vector3d(0, 1.5, 0)).norm(), 1e-9) << "between its poses, in B";
+  EXPECT_FALSE(odometry.motion(instant_from_ns(1000150000000), instant_from_ns(1000500000000)));
+}
+
+TEST_F(RecordingTest, OdometryOfAPhoneCountsFromTheFirstFrameAndStandsUp) {
+  write_corners();
+  folder_.write("vio_odom.csv",
+                "pose_id,t,x,y,z,qw,qx,qy,qz\n0,0.0,0,0,0,1,0,0,0\n1,0.1,0,1,2,1,0,0,0");
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_TRUE(info) << info.error().text();
+  ASSERT_TRUE(info->odometry);
+  ASSERT_EQ(info->odometry->poses.size(), 2U);
+  EXPECT_EQ(to_ns(info->odometry->poses[0].at), 1000000000000);
+  EXPECT_EQ(to_ns(info->odometry->poses[1].at), 1000100000000);
+  EXPECT_LT((info->odometry->poses[1].X_WB.p - Eigen::Vector3d(0, -2, 1)).norm(), 1e-12);
+}
+
+TEST_F(RecordingTest, OdometryWithImpossibleNoiseIsRefused) {
+  write_corners();
+  folder_.write("mav0/odom0/data.csv", "1000100000000,1,2,3,1,0,0,0\n");
+  folder_.write("mav0/odom0/sensor.yaml", "move_noise_m: 0\n");
+  const auto info = read_recording_info(folder_.text());
+  ASSERT_FALSE(info);
+  EXPECT_NE(info.error().text().find("move_noise_m"), std::string::npos) << info.error().text();
+}
+
 }  // namespace
 }  // namespace fiducap

@@ -15,6 +15,8 @@ constexpr double kNoise_px = 0.2;
 // other planar branch is tens of degrees away.
 constexpr double kBranch_m = 0.1;
 constexpr double kBranch_rad = 0.15;
+// By one tag alone, of which the attitude is known to 3 degrees, from 2 m.
+constexpr double kOneTag_m = 0.25;
 
 /// Four tags on a wall (z = 0, faces along +z), a camera that passes in front of them.
 class ImagePlacementTest : public testing::Test {
@@ -55,13 +57,28 @@ class ImagePlacementTest : public testing::Test {
     log_.add(seen, X_WB, true_tags_);
   }
   ImagePlacement placement() const {
-    return ImagePlacement({{&log_, {camera_}, std::vector<CameraBelief>(1), kNoise_px}});
+    return ImagePlacement({{&log_,
+                            {camera_},
+                            std::vector<CameraBelief>(1),
+                            has_odometry_ ? &odometry_ : nullptr,
+                            kNoise_px}});
   }
-  void expect_there(const Pose& found, const Pose& truth) const {
-    EXPECT_LT((found.p - truth.p).norm(), kBranch_m);
+  void expect_there(const Pose& found, const Pose& truth, double within_m = kBranch_m) const {
+    EXPECT_LT((found.p - truth.p).norm(), within_m);
     EXPECT_LT(angle_between(found.q, truth.q), kBranch_rad);
   }
 
+  /// The true motion, in axes of its own.
+  void add_odometry() {
+    has_odometry_ = true;
+    for (int i = 0; i < 40; ++i)
+      odometry_.poses.push_back({instant_from_ns(1'000'000'000 + i * 100'000'000LL),
+                                 kOfOdometry * true_poses_[static_cast<std::size_t>(i)]});
+  }
+
+  static inline const Pose kOfOdometry{exp_so3({0, 0, 0.7}), {3, -2, 1}};
+  Odometry odometry_;
+  bool has_odometry_{false};
   CameraMount camera_;
   ImageLog log_;
   std::mt19937 random_{11};
@@ -110,6 +127,77 @@ TEST_F(ImagePlacementTest, WhatSharesNoTagHasAxesOfItsOwn) {
   EXPECT_EQ(placement.placed(0)[5].region, 0);
   EXPECT_EQ(placement.placed(0)[25].region, 1);
   expect_there(placement.tags().at(3).tag.X_WT, elsewhere * true_tags_[3].X_WT);
+}
+
+TEST_F(ImagePlacementTest, OdometryTiesTagsTogetherThatAreNeverSeenTogether) {
+  add_odometry();
+  for (int i = 0; i < 40; ++i) see(i, {i / 10});
+  ImagePlacement placement = this->placement();
+  placement.hold(true_tags_[1]);
+  EXPECT_TRUE(placement.settle());
+  EXPECT_EQ(placement.regions(), 1);
+  ASSERT_EQ(placement.tags().size(), 4U);
+  for (const auto& [id, tag] : placement.tags())
+    expect_there(tag.tag.X_WT, true_tags_[static_cast<std::size_t>(id)].X_WT, kOneTag_m);
+  for (std::size_t i = 0; i < 40; ++i)
+    expect_there(placement.placed(0)[i].X_WB, true_poses_[i], kOneTag_m);
+}
+
+TEST_F(ImagePlacementTest, WhereNothingIsKnownOdometryBeginsAndTheReferenceTagSaysWhereThatIs) {
+  add_odometry();
+  for (int i = 0; i < 40; ++i) see(i, {i / 10});
+  ImagePlacement placement = this->placement();
+  EXPECT_TRUE(placement.settle());
+  ASSERT_EQ(placement.tags().size(), 4U);
+  expect_there(placement.tags().at(2).tag.X_WT, kOfOdometry * true_tags_[2].X_WT, kOneTag_m);
+  placement.define_workspace({.reference_tag = 2, .X_WT = true_tags_[2].X_WT});
+  for (const auto& [id, tag] : placement.tags())
+    expect_there(tag.tag.X_WT, true_tags_[static_cast<std::size_t>(id)].X_WT, kOneTag_m);
+  for (std::size_t i = 0; i < 40; ++i)
+    expect_there(placement.placed(0)[i].X_WB, true_poses_[i], kOneTag_m);
+  const Pose X_WT = placement.tags().at(0).tag.X_WT;
+  placement.define_workspace({.reference_tag = 2});
+  EXPECT_EQ(placement.tags().at(0).tag.X_WT.p, X_WT.p) << "it is defined once";
+}
+
+TEST_F(ImagePlacementTest, TwoTagsThatNothingTiesToTheRestHaveAxesOfTheirOwn) {
+  for (int i = 0; i < 40; ++i) see(i, i < 20 ? std::vector{0, 1} : std::vector{2, 3});
+  ImagePlacement placement = this->placement();
+  placement.hold(true_tags_[0]);
+  EXPECT_TRUE(placement.settle());
+  EXPECT_EQ(placement.regions(), 2);
+  EXPECT_EQ(placement.tags().at(2).region, 1);
+  EXPECT_EQ(placement.tags().at(3).region, 1);
+  const Pose X_23 = placement.tags().at(2).tag.X_WT.inverse() * placement.tags().at(3).tag.X_WT;
+  expect_there(X_23, true_tags_[2].X_WT.inverse() * true_tags_[3].X_WT);
+  const Pose over = true_tags_[2].X_WT * placement.tags().at(2).tag.X_WT.inverse();
+  for (std::size_t i = 20; i < 40; ++i) {
+    EXPECT_EQ(placement.placed(0)[i].region, 1);
+    expect_there(over * placement.placed(0)[i].X_WB, true_poses_[i]);
+  }
+}
+
+TEST_F(ImagePlacementTest, ALoneTagHasAxesOfItsOwnAndImagesThatShowAnotherJoinThem) {
+  for (int i = 0; i < 40; ++i)
+    see(i, i < 18 ? std::vector{0, 1} : i < 22 ? std::vector{1, 3} : std::vector{3});
+  ImagePlacement placement = this->placement();
+  placement.suggest(5, {3, true_tags_[3].edge_m, {}, Matrix6d::Zero()});
+  placement.suggest(5, {2, true_tags_[2].edge_m, {}, Matrix6d::Zero()});
+  placement.hold(true_tags_[0]);
+  EXPECT_TRUE(placement.settle());
+  EXPECT_EQ(placement.tags().at(3).region, 0) << "four images show it with one of the workspace";
+  expect_there(placement.tags().at(3).tag.X_WT, true_tags_[3].X_WT, kOneTag_m);
+  for (std::size_t i = 22; i < 40; ++i) EXPECT_EQ(placement.placed(0)[i].region, 0);
+}
+
+TEST_F(ImagePlacementTest, WhatIsSeenTooSeldomHasNoAxes) {
+  for (int i = 0; i < 24; ++i) see(i, i < 20 ? std::vector{0, 1} : std::vector{3});
+  ImagePlacement placement = this->placement();
+  placement.hold(true_tags_[0]);
+  EXPECT_TRUE(placement.settle());
+  EXPECT_EQ(placement.regions(), 1);
+  EXPECT_FALSE(placement.tags().contains(3));
+  EXPECT_EQ(placement.placed(0)[22].region, ImagePlacement::kNowhere);
 }
 
 TEST_F(ImagePlacementTest, ARoughSurveyBeginsWhereNothingElseDoes) {

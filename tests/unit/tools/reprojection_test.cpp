@@ -49,6 +49,27 @@ TEST_F(ReprojectionTest, IsTheRootMeanSquareDistanceOfTheFourCorners) {
   EXPECT_NEAR(meter.summary().p95_px, 0.5, kRounding_px);
 }
 
+TEST_F(ReprojectionTest, WhatHasAxesOfItsOwnCountsWhereThereIsNoPose) {
+  const TagSighting in_workspace = sighting({0.3, 0.4});
+  const TagSighting in_part = sighting({0, 2}, 9);
+  const Pose elsewhere{exp_so3({0, 0, 1}), {10, 0, 0}};
+  const std::vector<StampedPose> poses{{at(40), elsewhere * poses_[0].X_WB}};
+  const std::vector<TagPlace> map{{9, 0.2, elsewhere * map_[0].X_WT}};
+  ReprojectionMeter meter({camera_}, poses_, map_);
+  meter.add_part(poses, map);
+  meter.add({0, at(0), {in_workspace}});
+  meter.add({0, at(40), {in_part}});
+  meter.add({0, at(80), {in_part}});
+  const ReprojectionSummary summary = meter.summary();
+  EXPECT_EQ(summary.scored, 2);
+  EXPECT_NEAR(summary.p95_px, 0.95 * 2 + 0.05 * 0.5, kRounding_px);
+  EXPECT_EQ(summary.frames_with_tags_and_pose, 1);
+  EXPECT_EQ(summary.frames_with_tags_in_parts, 1);
+  EXPECT_EQ(summary.without_pose, 1);
+  EXPECT_NEAR(summary.coverage(), 1. / 3, 1e-12);
+  EXPECT_NEAR(summary.coverage_with_parts(), 2. / 3, 1e-12);
+}
+
 TEST_F(ReprojectionTest, OneBadCornerCountsAQuarterOfItsSquare) {
   TagSighting seen = sighting({0, 0});
   seen.corners_px[2].x() += 2;

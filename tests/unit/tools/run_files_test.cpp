@@ -66,6 +66,34 @@ TEST(RunFiles, WhatIsWrittenReadsBackAsTheSameRun) {
   EXPECT_LT(angle_between(run->X_BV[0].q, written.extrinsics[0].X_BV.q), kRounding);
 }
 
+TEST(RunFiles, WhatNothingTiesToTheWorkspaceIsWrittenBesideItAndGoesWithTheRun) {
+  const TemporaryFolder folder;
+  OfflineResult written = result();
+  for (int k = 0; k < 2; ++k) {
+    OfflinePart part;
+    part.trajectory = {
+        {instant_from_ns(2'000'000'000 + k), {exp_so3({0, 0, 0.1}), {k + 1., 0, 0}}}};
+    part.tags = {{70 + k, 0.2, {exp_so3({1, 0, 0}), {0, 0, 1. / 3}}, Matrix6d::Zero()}};
+    written.parts.push_back(part);
+  }
+  const OneBody body(written);
+  ASSERT_TRUE(body.write(folder.file("out")));
+  const auto run = read_run(folder.file("out/table.tum"), 1);
+  ASSERT_TRUE(run) << run.error().text();
+  ASSERT_EQ(run->map.size(), 2u) << "their tags are not in the map";
+  ASSERT_EQ(run->parts.size(), 2u);
+  EXPECT_EQ(run->parts[1].trajectory.at(0).at, written.parts[1].trajectory[0].at);
+  EXPECT_LT((run->parts[1].trajectory[0].X_WB.p - Eigen::Vector3d(2, 0, 0)).norm(), kRounding);
+  EXPECT_EQ(run->parts[1].map.at(0).tag_id, 71);
+  const auto report = nlohmann::json::parse(run_report(body.bodies(), body.session));
+  EXPECT_EQ(report["parts"][1]["file"], "table.2.part.tum");
+  EXPECT_EQ(report["parts"][1]["tags"][0], 71);
+  ASSERT_TRUE(OneBody(result()).write(folder.file("out")));
+  const auto next = read_run(folder.file("out/table.tum"), 1);
+  ASSERT_TRUE(next);
+  EXPECT_TRUE(next->parts.empty()) << "an earlier run is replaced whole";
+}
+
 TEST(RunFiles, ReportCarriesTheFigures) {
   const OneBody run(result());
   const auto report = nlohmann::json::parse(run_report(run.bodies(), run.session));

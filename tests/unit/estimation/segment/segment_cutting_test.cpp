@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "base/so3.hpp"
 
 namespace fiducap {
@@ -68,6 +71,48 @@ TEST_F(SegmentCuttingTest, AChainEndsWhereNoTagWasSeenForLong) {
   const auto segments = cut_segments(path_);
   ASSERT_EQ(segments.size(), 2U);
   EXPECT_NE(segments[0].chain, segments[1].chain);
+}
+
+/// Odometry that says that the body goes along a circle, in axes of its own.
+Odometry on_a_circle(double seconds) {
+  Odometry out;
+  for (double s = 0; s <= seconds; s += 0.5)
+    out.poses.push_back({Instant{} + from_seconds(s),
+                         {exp_so3({0, 0, 0.3 * s}), {std::sin(0.3 * s), -std::cos(0.3 * s), 2}}});
+  return out;
+}
+
+TEST_F(SegmentCuttingTest, OdometryLeadsAcrossWhatIsLongWithoutTags) {
+  walk(0, 5);
+  walk(60'250, 5);
+  const Odometry odometry = on_a_circle(70);
+  path_.odometry = &odometry;
+  const auto segments = cut_segments(path_);
+  ASSERT_EQ(segments.size(), 2U);
+  EXPECT_EQ(segments[0].chain, segments[1].chain);
+  Pose X_WB = path_.instants[0].X_WB;
+  double moved_s = 0;
+  const auto follow = [&](const SegmentStep& step) {
+    EXPECT_LE(step.dt_s, 0.5 + 1e-9) << "from pose to pose";
+    moved_s += step.dt_s;
+    X_WB = X_WB * Pose{exp_so3(step.dt_s * step.input.w_B), step.dt_s * *step.input.v_B};
+  };
+  for (const MotionSegment& segment : segments)
+    for (const MotionSegment::Instance& instance : segment.instances)
+      std::for_each(instance.steps.begin(), instance.steps.end(), follow);
+  EXPECT_NEAR(moved_s, 60.65, 1e-9);
+  const Pose expected =
+      path_.instants[0].X_WB * *odometry.motion(path_.instants[0].at, path_.instants.back().at);
+  EXPECT_LT((X_WB.p - expected.p).norm(), 1e-9);
+  EXPECT_LT(angle_between(X_WB.q, expected.q), 1e-9);
+}
+
+TEST_F(SegmentCuttingTest, WhereOdometryIsMissingAChainEndsAsEver) {
+  walk(0, 5);
+  walk(20'000, 5);
+  const Odometry odometry = on_a_circle(10);
+  path_.odometry = &odometry;
+  EXPECT_EQ(cut_segments(path_).size(), 2U);
 }
 
 TEST_F(SegmentCuttingTest, AnInstantOnItsOwnIsASegmentWithAnEmptyEnd) {

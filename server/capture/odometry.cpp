@@ -1,0 +1,27 @@
+#include "capture/odometry.hpp"
+
+#include <algorithm>
+
+namespace fiducap {
+
+bool Odometry::covers(Instant at) const {
+  return !poses.empty() && poses.front().at <= at && at <= poses.back().at;
+}
+
+Pose Odometry::pose_at(Instant at) const {
+  const auto after =
+      std::lower_bound(poses.begin(), poses.end(), at,
+                       [](const StampedPose& pose, Instant t) { return pose.at < t; });
+  if (after == poses.begin() || after->at == at) return after->X_WB;
+  const StampedPose& a = *std::prev(after);
+  const StampedPose& b = *after;
+  const double share = to_seconds(at - a.at) / to_seconds(b.at - a.at);
+  return {a.X_WB.q.slerp(share, b.X_WB.q), a.X_WB.p + share * (b.X_WB.p - a.X_WB.p)};
+}
+
+std::optional<Pose> Odometry::motion(Instant from, Instant to) const {
+  if (!covers(from) || !covers(to)) return std::nullopt;
+  return pose_at(from).inverse() * pose_at(to);
+}
+
+}  // namespace fiducap
