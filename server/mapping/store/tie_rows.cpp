@@ -22,11 +22,12 @@ CREATE TABLE tie (
 constexpr std::size_t kBytesOfTag = 4;
 constexpr std::size_t kBytesOfPair = 2 * 4 + 36 * 8;
 
-/// Number of tags, their ids; number of pairs, of each both ids and 36 numbers by rows. Little
-/// endian.
+/// Number of tags, their ids; number of pairs, of each both ids and 36 numbers by rows; number of
+/// prints that were found to be of another size, their ids (not in older rows). Little endian.
 std::vector<std::byte> bytes_of(const KnownMap& known) {
   std::vector<std::byte> bytes;
-  bytes.reserve(8 + kBytesOfTag * known.tags.size() + kBytesOfPair * known.pairs.size());
+  bytes.reserve(12 + kBytesOfTag * (known.tags.size() + known.wrong_prints.size()) +
+                kBytesOfPair * known.pairs.size());
   ByteWriter<std::endian::little> writer(bytes);
   writer.u32(static_cast<std::uint32_t>(known.tags.size()));
   for (const KnownTag& tag : known.tags) writer.i32(tag.tag_id);
@@ -36,6 +37,8 @@ std::vector<std::byte> bytes_of(const KnownMap& known) {
     for (int row = 0; row < 6; ++row)
       for (int column = 0; column < 6; ++column) writer.f64(pair.covariance(row, column));
   }
+  writer.u32(static_cast<std::uint32_t>(known.wrong_prints.size()));
+  for (const int tag_id : known.wrong_prints) writer.i32(tag_id);
   return bytes;
 }
 
@@ -62,6 +65,9 @@ Expected<KnownMap> known_from(const std::vector<std::byte>& bytes, const TagMap&
     if (!pair.covariance.allFinite()) return fail(ErrorCode::kInvalid, "is damaged", context);
     known.pairs.push_back(pair);
   }
+  const std::uint32_t wrong = reader.left() > 0 ? reader.u32() : 0;
+  for (std::uint32_t i = 0; i < wrong && !reader.failed(); ++i)
+    known.wrong_prints.push_back(reader.i32());
   if (auto whole = reader.check(context); !whole) return tl::unexpected(whole.error());
   const auto ids = [](const KnownPair& pair) { return std::pair(pair.first_id, pair.second_id); };
   if (!std::is_sorted(known.tags.begin(), known.tags.end(),

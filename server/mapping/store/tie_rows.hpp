@@ -10,7 +10,8 @@ namespace fiducap {
 class SqliteFile;
 
 // How the errors of a version's tags hang together (TagMap::known): one row per version that has
-// such ties, by which the map goes on learning where it stopped. Writers are called inside a
+// such ties, by which the map goes on learning where it stopped, and which prints were found to be
+// of another size than told. Writers are called inside a
 // transaction.
 
 /// In a store of schema 1, which has no such table, or in a new one.

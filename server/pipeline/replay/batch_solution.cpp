@@ -28,6 +28,9 @@ class Placing final {
   Placing(BodiesReplay& replay, std::span<const BatchBody> bodies) : replay_(replay) {
     for (std::size_t i = 0; i < bodies.size(); ++i)
       if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i, {}, {}});
+    asks_filters_ = std::any_of(bodies.begin(), bodies.end(), [](const BatchBody& body) {
+      return body.setup->sensors.imu || body.odometry == nullptr;
+    });
     for (Body& one : bodies_) {
       if (one.body.odometry == nullptr) continue;
       one.odometry = *one.body.odometry;
@@ -87,20 +90,16 @@ class Placing final {
   /// Where map, graph and filters have the tags.
   void begin(ImagePlacement& placement) const {
     const auto map = replay_.map().snapshot();
-    // Filters do not know of odometry: where all bodies have it, it says more than they do.
-    const bool asks_filters = std::any_of(bodies_.begin(), bodies_.end(), [](const Body& one) {
-      return one.body.odometry == nullptr;
-    });
     for (const MapTag& entry : map->tags) {
       if (entry.state == TagState::kQuarantined || entry.component != 0) continue;
       if (entry.state == TagState::kSurveyed)
         placement.hold(entry.tag);
-      else if (asks_filters)
+      else if (asks_filters_)
         placement.suggest(0, entry.tag);
     }
     for (const Body& one : bodies_)
       for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
-    if (!asks_filters) return;
+    if (!asks_filters_) return;
     int component = 0;  // of the last one that was suggested
     for (const GraphTag& tag : replay_.graph().state().tags) {
       if (tag.sightings == tag.sightings_before) continue;
@@ -108,6 +107,7 @@ class Placing final {
       component = std::max(component, tag.component);
     }
     for (const Body& one : bodies_) {
+      if (one.odometry) continue;
       std::vector<TagBelief> beliefs;
       filter(one).own_tags(beliefs);
       int most = component;
@@ -221,15 +221,16 @@ class Placing final {
       return std::nullopt;
     return fmt::format(
         "the odometry moves otherwise than the tags say, by {:.0f} mm and {:.0f} mrad after a "
-        "second, where its noise is said to be {:.0f} and {:.0f}; it is taken for as noisy as "
-        "that. "
-        "Look at its stamps, where it sits on the body (T_BS) and which way its axes point",
+        "second, not {:.0f} and {:.0f} as it is told; it is taken for as noisy as that. Look at "
+        "its stamps, where it sits on the body (T_BS) and which way its axes point",
         1e3 * one.odometry->move_noise_m, 1e3 * one.odometry->turn_noise_rad,
         1e3 * told.move_noise_m, 1e3 * told.turn_noise_rad);
   }
 
   BodiesReplay& replay_;
   std::vector<Body> bodies_;
+  /// Filters do not know of odometry: where all bodies have it, it says more than they do.
+  bool asks_filters_{};
 };
 
 }  // namespace

@@ -51,6 +51,28 @@ TEST_F(TieRowsTest, AreGivenBackExactly) {
   EXPECT_GT(loaded->known->revision, 0U) << "a filter takes it over";
 }
 
+TEST_F(TieRowsTest, WhichPrintsAreOfAnotherSizeIsKeptAndARowOfBeforeHasNone) {
+  TagMap map = with_ties(make_map({3, 5, 9}));
+  KnownMap known = *map.known;
+  known.wrong_prints = {KnownMap::kAllPrints, 5};
+  map.known = std::make_shared<const KnownMap>(known);
+  ASSERT_TRUE(open().commit(map, "calibrated"));
+  EXPECT_EQ(open().newest()->known->wrong_prints, known.wrong_prints);
+  {
+    auto file = SqliteFile::open(path_);
+    auto row = file->prepare("SELECT content FROM tie");
+    ASSERT_TRUE(*row.step());
+    std::vector<std::byte> bytes = row.blob(0);
+    bytes.resize(bytes.size() - 12);
+    auto update = file->prepare("UPDATE tie SET content = ?, hash = ?");
+    ASSERT_TRUE(update.bind(bytes).bind(hash_of(bytes)).run());
+  }
+  const auto loaded = open().newest();
+  ASSERT_TRUE(loaded) << loaded.error().text();
+  expect_same(*loaded->known, known);
+  EXPECT_TRUE(loaded->known->wrong_prints.empty());
+}
+
 TEST_F(TieRowsTest, OfAMapWithoutAnyThereAreNone) {
   ASSERT_TRUE(open().commit(make_map({3, 5}), "calibrated"));
   EXPECT_EQ(open().newest()->known, nullptr);
