@@ -1,6 +1,7 @@
 #include "daemon/map_keeper.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -236,11 +237,28 @@ void MapKeeper::store_learned() {
   events_.end(kSubject, kCamerasNotStored, "what was learned about the cameras is stored again");
 }
 
+namespace {
+
+/// What is estimated, and is otherwise than configured by more than chance.
+StoredLens stored_lens(const LensEstimate& lens) {
+  constexpr double kSure_sigma = 3.0;
+  const auto if_sure = [](double value, double sigma) {
+    return sigma > 0 && std::abs(value) > kSure_sigma * sigma ? std::optional(value) : std::nullopt;
+  };
+  return {if_sure(lens.offset.focal, lens.focal_sigma),
+          if_sure(lens.offset.centre_px.x(), lens.centre_sigma_px.x()),
+          if_sure(lens.offset.centre_px.y(), lens.centre_sigma_px.y()),
+          if_sure(lens.offset.k1, lens.k1_sigma)};
+}
+
+}  // namespace
+
 Expected<void> MapKeeper::store_cameras() {
   for (const auto& body : learned_()) {
     for (std::size_t k = 0; k < body.cameras.size(); ++k) {
       const ExtrinsicsEstimate& camera = body.cameras[k];
       StoredExtrinsics stored{body.name, static_cast<int>(k), camera.X_BV};
+      stored.lens = stored_lens(camera.lens);
       if (is_known(camera.clock)) stored.clock = {camera.clock.shift_s, camera.clock.readout_s};
       if (const auto saved = store_.save_extrinsics(stored); !saved) return saved;
     }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <sstream>
 #include <utility>
 
@@ -179,6 +180,24 @@ void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string
     }
     mount.X_BV = stored.X_BV;
   }
+}
+
+void doubt_learned_lenses(const std::vector<StoredExtrinsics>& learned,
+                          const std::map<std::string, int>& body_ids, TagMap& map) {
+  using Kind = FoundMismatch::Kind;
+  if (!map.known) return;
+  KnownMap known = *map.known;
+  for (const StoredExtrinsics& stored : learned) {
+    const auto body = body_ids.find(stored.body);
+    if (body == body_ids.end()) continue;
+    const StoredLens& lens = stored.lens;
+    for (const auto& [number, kind] : {std::pair(lens.focal, Kind::kFocalLength),
+                                       {lens.centre_u_px, Kind::kCentreU},
+                                       {lens.centre_v_px, Kind::kCentreV},
+                                       {lens.k1, Kind::kDistortion}})
+      if (number) known.wrong_lenses.push_back({body->second, stored.camera, kind});
+  }
+  map.known = std::make_shared<const KnownMap>(std::move(known));
 }
 
 }  // namespace fiducap

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "base/event_board.hpp"
@@ -31,5 +33,12 @@ struct StartMap {
 /// the new measurement.
 void use_learned(const std::vector<StoredExtrinsics>& learned, const std::string& body,
                  BodySensors& sensors);
+
+/// What was found wrong about lenses is doubted from the start (KnownMap::wrong_lenses): it is
+/// found again, and said again, within seconds, also where the map is frozen. Nothing where the map
+/// does not say how its tags hang together.
+/// @param body_ids  by name
+void doubt_learned_lenses(const std::vector<StoredExtrinsics>& learned,
+                          const std::map<std::string, int>& body_ids, TagMap& map);
 
 }  // namespace fiducap

@@ -125,6 +125,11 @@ Expected<void> Server::Impl::build() {
   if (!bodies) return tl::unexpected(bodies.error());
   log::info("mapping", "map version " + std::to_string(start->map.version) + " with " +
                            std::to_string(start->map.tags.size()) + " tags");
+  if (config_.map.use_learned_extrinsics) {
+    std::map<std::string, int> body_ids;
+    for (const BodyConfig& body : config_.bodies) body_ids[body.name] = body.id;
+    doubt_learned_lenses(start->learned, body_ids, start->map);
+  }
   map_.emplace(config_.map.builder, std::move(start->map));
   if (config_.map.builder.refine_period_s > 0)
     refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_,

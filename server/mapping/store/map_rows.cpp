@@ -36,6 +36,12 @@ CREATE TABLE camera_clock (
   body TEXT NOT NULL, camera INTEGER NOT NULL, shift_s REAL NOT NULL, readout_s REAL NOT NULL,
   PRIMARY KEY (body, camera)) STRICT, WITHOUT ROWID;
 )";
+constexpr const char* kCreateLenses = R"(
+CREATE TABLE camera_lens (
+  body TEXT NOT NULL, camera INTEGER NOT NULL,
+  focal REAL, centre_u_px REAL, centre_v_px REAL, k1 REAL,
+  PRIMARY KEY (body, camera)) STRICT, WITHOUT ROWID;
+)";
 
 void bind_pose(SqliteStatement& statement, const Pose& pose) {
   for (const double v :
@@ -141,7 +147,10 @@ Expected<void> migrate(SqliteFile& file) {
   if (*schema == kMapStoreSchema) return {};
   auto transaction = SqliteTransaction::begin(file);
   if (!transaction) return tl::unexpected(transaction.error());
-  if (auto created = create_ties(file); !created) return created;
+  if (*schema < 2) {
+    if (auto created = create_ties(file); !created) return created;
+  }
+  if (auto created = file.execute(kCreateLenses); !created) return created;
   const std::string mark = "PRAGMA user_version = " + std::to_string(kMapStoreSchema);
   if (auto marked = file.execute(mark.c_str()); !marked) return marked;
   return transaction->commit();
@@ -150,6 +159,7 @@ Expected<void> migrate(SqliteFile& file) {
 Expected<void> create_tables(SqliteFile& file) {
   if (auto created = file.execute(kCreate); !created) return created;
   if (auto created = create_ties(file); !created) return created;
+  if (auto created = file.execute(kCreateLenses); !created) return created;
   const std::string marks = "PRAGMA application_id = " + std::to_string(kMapStoreId) +
                             "; PRAGMA user_version = " + std::to_string(kMapStoreSchema);
   return file.execute(marks.c_str());
@@ -229,11 +239,49 @@ Expected<std::vector<MapVersionInfo>> list_maps(const SqliteFile& file) {
   }
 }
 
+namespace {
+
+Expected<void> save_lens(const SqliteFile& file, const StoredExtrinsics& one) {
+  if (one.lens.is_none()) {
+    auto remove = file.prepare("DELETE FROM camera_lens WHERE body = ? AND camera = ?");
+    return remove.bind(one.body).bind(std::int64_t{one.camera}).run();
+  }
+  auto insert = file.prepare("INSERT OR REPLACE INTO camera_lens VALUES (?,?, ?,?,?,?)");
+  insert.bind(one.body).bind(std::int64_t{one.camera});
+  for (const auto& number :
+       {one.lens.focal, one.lens.centre_u_px, one.lens.centre_v_px, one.lens.k1})
+    number ? insert.bind(*number) : insert.bind_null();
+  return insert.run();
+}
+
+/// Who only looks at an older store finds no such table.
+Expected<void> load_lenses(const SqliteFile& file, std::vector<StoredExtrinsics>& all) {
+  const auto tables = file.integer("SELECT count(*) FROM sqlite_master WHERE name = 'camera_lens'");
+  if (!tables) return tl::unexpected(tables.error());
+  if (*tables == 0) return {};
+  auto rows =
+      file.prepare("SELECT body, camera, focal, centre_u_px, centre_v_px, k1 FROM camera_lens");
+  const auto number = [&](int column) {
+    return rows.is_null(column) ? std::nullopt : std::optional(rows.real(column));
+  };
+  for (;;) {
+    const auto row = rows.step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return {};
+    for (StoredExtrinsics& one : all)
+      if (one.body == rows.text(0) && one.camera == static_cast<int>(rows.integer(1)))
+        one.lens = {number(2), number(3), number(4), number(5)};
+  }
+}
+
+}  // namespace
+
 Expected<void> save_extrinsics(const SqliteFile& file, const StoredExtrinsics& one) {
   auto insert = file.prepare("INSERT OR REPLACE INTO extrinsics VALUES (?,?, ?,?,?,?,?,?,?)");
   insert.bind(one.body).bind(std::int64_t{one.camera});
   bind_pose(insert, one.X_BV);
-  if (auto done = insert.run(); !done || !one.clock) return done;
+  if (auto done = insert.run(); !done) return done;
+  if (auto done = save_lens(file, one); !done || !one.clock) return done;
   auto clock = file.prepare("INSERT OR REPLACE INTO camera_clock VALUES (?,?,?,?)");
   clock.bind(one.body).bind(std::int64_t{one.camera});
   clock.bind(one.clock->shift_s).bind(one.clock->readout_s);
@@ -248,10 +296,12 @@ Expected<std::vector<StoredExtrinsics>> load_extrinsics(const SqliteFile& file) 
   for (;;) {
     const auto row = rows.step();
     if (!row) return tl::unexpected(row.error());
-    if (!*row) return all;
+    if (!*row) break;
     all.push_back({rows.text(0), static_cast<int>(rows.integer(1)), pose_from(rows, 2)});
     if (!rows.is_null(9)) all.back().clock = {rows.real(9), rows.real(10)};
   }
+  if (auto loaded = load_lenses(file, all); !loaded) return tl::unexpected(loaded.error());
+  return all;
 }
 
 }  // namespace fiducap

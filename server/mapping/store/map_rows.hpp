@@ -29,12 +29,24 @@ struct StoredClock {
   double readout_s{};
 };
 
+/// What of a lens was found to be otherwise than configured (LensOffset).
+struct StoredLens {
+  std::optional<double> focal{};
+  std::optional<double> centre_u_px{};
+  std::optional<double> centre_v_px{};
+  std::optional<double> k1{};
+
+  [[nodiscard]] bool is_none() const { return !focal && !centre_u_px && !centre_v_px && !k1; }
+};
+
 /// What was learned about one camera of one body.
 struct StoredExtrinsics {
   std::string body;
   int camera{};
   Pose X_BV;
   std::optional<StoredClock> clock{};  ///< Once it is known well.
+  StoredLens lens{};  ///< As it is now: what was found before, and is not any more,
+                      ///< goes.
 };
 
 // How maps lie in the tables of a store. Writers are called inside a transaction.
@@ -59,7 +71,8 @@ struct StoredExtrinsics {
 
 /// PRAGMA application_id of a store: "FDCP".
 inline constexpr std::int64_t kMapStoreId = 0x46444350;
-/// PRAGMA user_version: what this program writes; it reads all before. 2: with ties (tie_rows.hpp).
-inline constexpr std::int64_t kMapStoreSchema = 2;
+/// PRAGMA user_version: what this program writes; it reads all before. 2: with ties (tie_rows.hpp);
+/// 3: with what is wrong about lenses.
+inline constexpr std::int64_t kMapStoreSchema = 3;
 
 }  // namespace fiducap

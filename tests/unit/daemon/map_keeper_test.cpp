@@ -218,6 +218,24 @@ TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
   EXPECT_EQ(extrinsics->front().X_BV.p.z(), 0.3);
 }
 
+TEST_F(MapKeeperTest, StoresWhatIsWrongAboutALensAndNothingThatIsNot) {
+  build(MapMode::kMapping);
+  see(4);
+  ExtrinsicsEstimate camera;
+  camera.lens.offset = {0.01, {0.5, -3.0}, 0.02};
+  camera.lens.focal_sigma = 1e-3;
+  camera.lens.centre_sigma_px = {0.4, 0.4};  // to the right: by chance
+  learned_ = {{"robot", {camera}}};
+  keeper_->commit();
+  const auto extrinsics = MapStore::open(file_)->extrinsics();
+  ASSERT_TRUE(extrinsics);
+  const StoredLens& lens = extrinsics->front().lens;
+  EXPECT_EQ(lens.focal, 0.01);
+  EXPECT_EQ(lens.centre_u_px, std::nullopt);
+  EXPECT_EQ(lens.centre_v_px, -3.0);
+  EXPECT_EQ(lens.k1, std::nullopt) << "it is as configured";
+}
+
 /// Files of this process cannot grow beyond this while it lives: what a full disk looks like.
 class FullDisk final {
  public:

@@ -7,6 +7,7 @@
 #include "mapping/store/sqlite_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "unit/daemon/certain_belief.hpp"
+#include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {
 namespace {
@@ -161,6 +162,22 @@ TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
   EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
   EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
   EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
+}
+
+TEST(DoubtLearnedLenses, NamesWhatWasWrongByBodyAndNumber) {
+  TagMap map = with_ties(make_map({3, 5}));
+  doubt_learned_lenses({{"rover", 1, Pose{}, {}, {.focal = 0.01, .centre_v_px = 2.0}},
+                        {"gone", 0, Pose{}, {}, {.focal = 0.01}},
+                        {"drone", 0, Pose{}}},
+                       {{"rover", 7}, {"drone", 8}}, map);
+  ASSERT_EQ(map.known->wrong_lenses.size(), 2U);
+  EXPECT_EQ(map.known->wrong_lenses[0].body_id, 7);
+  EXPECT_EQ(map.known->wrong_lenses[0].camera, 1);
+  EXPECT_EQ(map.known->wrong_lenses[0].kind, FoundMismatch::Kind::kFocalLength);
+  EXPECT_EQ(map.known->wrong_lenses[1].kind, FoundMismatch::Kind::kCentreV);
+  TagMap without = make_map({3, 5});
+  doubt_learned_lenses({{"rover", 1, Pose{}, {}, {.focal = 0.01}}}, {{"rover", 7}}, without);
+  EXPECT_EQ(without.known, nullptr) << "whoever does not know ties knows nothing of lenses";
 }
 
 }  // namespace

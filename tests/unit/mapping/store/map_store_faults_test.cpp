@@ -38,7 +38,7 @@ std::string state_of(const MapStore& store) {
   if (!learned) return "no extrinsics: " + learned.error().text();
   for (const auto& one : *learned)
     text << one.body << one.camera << " " << one.X_BV.p.x() << " "
-         << (one.clock ? one.clock->shift_s : 0.0) << "\n";
+         << (one.clock ? one.clock->shift_s : 0.0) << " " << one.lens.focal.value_or(0) << "\n";
   return text.str();
 }
 
@@ -76,7 +76,8 @@ Deed learns(double shift_s) {
   return [=](std::optional<MapStore>& store) {
     Pose X_BV;
     X_BV.p.x() = 10 * shift_s;
-    return store->save_extrinsics({"robot", 0, X_BV, StoredClock{shift_s, 0}});
+    return store->save_extrinsics(
+        {"robot", 0, X_BV, StoredClock{shift_s, 0}, {.focal = 0.1 * shift_s}});
   };
 }
 

@@ -13,7 +13,8 @@ struct OldSchema {
   const char* takes_back{};
 };
 /// The newest first.
-inline constexpr std::array kOldSchemas{OldSchema{1, "DROP TABLE tie"}};
+inline constexpr std::array kOldSchemas{OldSchema{2, "DROP TABLE camera_lens"},
+                                        OldSchema{1, "DROP TABLE tie"}};
 
 /// A store of today becomes one that an older server has left.
 inline Expected<void> make_old(const std::string& path, int schema) {

@@ -73,6 +73,37 @@ TEST_F(TieRowsTest, WhichPrintsAreOfAnotherSizeIsKeptAndARowOfBeforeHasNone) {
   EXPECT_TRUE(loaded->known->wrong_prints.empty());
 }
 
+TEST_F(TieRowsTest, WhatIsWrongAboutALensIsKeptUntilItIsNotAnyMore) {
+  auto store = open();
+  ASSERT_TRUE(store.save_extrinsics({"rover", 1, Pose{}, {}, {.focal = 0.012, .k1 = -0.03}}));
+  ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, StoredClock{0.01, 0}}));
+  const auto learned = store.extrinsics();
+  ASSERT_TRUE(learned) << learned.error().text();
+  ASSERT_EQ(learned->size(), 2U);
+  EXPECT_TRUE(learned->at(0).lens.is_none());
+  EXPECT_EQ(learned->at(1).lens.focal, 0.012);
+  EXPECT_EQ(learned->at(1).lens.centre_u_px, std::nullopt);
+  EXPECT_EQ(learned->at(1).lens.k1, -0.03);
+  ASSERT_TRUE(store.save_extrinsics({"rover", 1, Pose{}}));
+  EXPECT_TRUE(store.extrinsics()->at(1).lens.is_none());
+}
+
+TEST_F(TieRowsTest, AStoreWithoutLensesIsReadAndBroughtUpToDate) {
+  {
+    auto store = open();
+    ASSERT_TRUE(store.commit(with_ties(make_map({3, 5, 9})), "of an old server"));
+    ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, StoredClock{0.01, 0}}));
+  }
+  ASSERT_TRUE(make_old(path_, 2));
+  const auto reader = MapStore::open_to_read(path_);
+  ASSERT_TRUE(reader) << reader.error().text();
+  EXPECT_EQ(reader->extrinsics()->at(0).clock->shift_s, 0.01);
+  auto store = open();
+  EXPECT_NE(store.newest()->known, nullptr);
+  ASSERT_TRUE(store.save_extrinsics({"rover", 0, Pose{}, {}, {.centre_u_px = 3.0}}));
+  EXPECT_EQ(open().extrinsics()->at(0).lens.centre_u_px, 3.0);
+}
+
 TEST_F(TieRowsTest, OfAMapWithoutAnyThereAreNone) {
   ASSERT_TRUE(open().commit(make_map({3, 5}), "calibrated"));
   EXPECT_EQ(open().newest()->known, nullptr);
