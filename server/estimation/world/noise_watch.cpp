@@ -19,7 +19,7 @@ const Eigen::Vector2d kPriorSigma(10.0, 10e-6);
 const Eigen::Vector2d kMost(2500.0, 400e-6);
 // Of what was learned, per image: 400 images, 20 s at 20 Hz.
 constexpr double kForget = 1.0 - 1.0 / 400;
-constexpr double kSignificant_sigma = 4.0;
+constexpr double kSignificant_sigma = 3.5;  // 1 in 4000
 // Worth telling with the pose, long before it is significant.
 constexpr double kWorthTelling_sigma = 2.0;
 constexpr double kMostUnstated = 25.0;

@@ -301,7 +301,8 @@ void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) c
     if (!state.suspicions[i].is_open || suspect.is_parameter) continue;
     const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
     const double found = value(state, suspect);
-    if (!(std::abs(found) > kTold_sigma * sigma)) continue;
+    // What is settled as being as configured is not told as being otherwise.
+    if (!(std::abs(found) > std::max(kTold_sigma * sigma, suspect.settled))) continue;
     const int tag_id = suspect.print < 0
                            ? -1
                            : state.sizes.watched[static_cast<std::size_t>(suspect.print)].tag_id;

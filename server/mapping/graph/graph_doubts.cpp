@@ -169,7 +169,8 @@ std::vector<GraphFinding> findings_of(const GraphCovariance& covariance, const G
   std::vector<GraphFinding> out;
   for (const DoubtedNumber& number : doubted_numbers(graph, covariance.variables())) {
     const double sigma = std::sqrt(covariance.variance(number.variable, number.row));
-    if (!number.doubt.is_open || !(std::abs(number.value) > kTold_sigma * sigma)) continue;
+    const double least = std::max(kTold_sigma * sigma, priors_of(number.kind).settled);
+    if (!number.doubt.is_open || !(std::abs(number.value) > least)) continue;
     const bool is_print = number.kind == Kind::kOnePrint;
     if (is_print && is_of_before(graph, graph.tags[number.tag])) continue;
     out.push_back({number.camera < 0 ? -1 : graph.bodies[number.body].id,
