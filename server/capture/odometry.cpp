@@ -3,15 +3,26 @@
 #include <algorithm>
 
 namespace fiducap {
+namespace {
+
+// Further apart nobody knows what the body did between two poses.
+constexpr Duration kLongestGap = std::chrono::seconds(2);
+
+auto not_before(const std::vector<StampedPose>& poses, Instant at) {
+  return std::lower_bound(poses.begin(), poses.end(), at,
+                          [](const StampedPose& pose, Instant t) { return pose.at < t; });
+}
+
+}  // namespace
 
 bool Odometry::covers(Instant at) const {
-  return !poses.empty() && poses.front().at <= at && at <= poses.back().at;
+  if (poses.empty() || at < poses.front().at || poses.back().at < at) return false;
+  const auto after = not_before(poses, at);
+  return after->at == at || after->at - std::prev(after)->at <= kLongestGap;
 }
 
 Pose Odometry::pose_at(Instant at) const {
-  const auto after =
-      std::lower_bound(poses.begin(), poses.end(), at,
-                       [](const StampedPose& pose, Instant t) { return pose.at < t; });
+  const auto after = not_before(poses, at);
   if (after == poses.begin() || after->at == at) return after->X_WB;
   const StampedPose& a = *std::prev(after);
   const StampedPose& b = *after;

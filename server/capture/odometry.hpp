@@ -15,7 +15,7 @@ struct Odometry {
   double move_noise_m{0.01};
   double turn_noise_rad{0.002};
 
-  /// It has a pose at this instant, or before and after it.
+  /// It has a pose at this instant, or before and after it, not more than two seconds apart.
   [[nodiscard]] bool covers(Instant at) const;
   /// X_OB, by its neighbours. @pre covers(at)
   [[nodiscard]] Pose pose_at(Instant at) const;

@@ -1,4 +1,5 @@
 // Recordings that are solved for as a whole: poses with their covariance against the truth.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -67,7 +68,7 @@ Robot robot(const std::string& preset, std::uint64_t seed, int day, bool has_imu
   return out;
 }
 
-/// Ten times a second, drifting as it says.
+/// Ten times a second, drifting as it says, in axes that are as level as it can tell.
 std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t seed) {
   constexpr Duration kPeriod = std::chrono::milliseconds(100);
   Odometry out;
@@ -78,7 +79,11 @@ std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t se
   };
   const double root = std::sqrt(to_seconds(kPeriod));
   Instant at = robot.start;
-  out.poses.push_back({at, robot.source->truth(at).X_WB});
+  // What it takes for up is off by what phones are off (ChainStart::up_B).
+  constexpr double kUp_rad = 0.005;
+  Pose X_OW;
+  X_OW.q = exp_so3({kUp_rad * normal(random), kUp_rad * normal(random), 0});
+  out.poses.push_back({at, X_OW * robot.source->truth(at).X_WB});
   for (; to_seconds(at - robot.start) < kSeconds; at += kPeriod) {
     const Pose moved =
         robot.source->truth(at).X_WB.inverse() * robot.source->truth(at + kPeriod).X_WB;
@@ -88,6 +93,53 @@ std::shared_ptr<const Odometry> odometry_of(const Robot& robot, std::uint64_t se
   return std::make_shared<const Odometry>(std::move(out));
 }
 
+/// In what odometry is not as it says, and what is said of that: nullptr, nothing.
+struct WrongOdometry {
+  const char* name;
+  const char* says;
+  void (*spoil)(Odometry& odometry, Instant start);
+  bool is_honest{true};  ///< Poses are as far off as they say.
+};
+
+const WrongOdometry kWrongOdometry[] = {
+    {"scale_3_percent", nullptr,
+     [](Odometry& odometry, Instant) {
+       for (StampedPose& pose : odometry.poses) pose.X_WB.p *= 1.03;
+     }},
+    {"stamps_50_ms", "moves otherwise",
+     [](Odometry& odometry, Instant) {
+       for (StampedPose& pose : odometry.poses) pose.at += std::chrono::milliseconds(50);
+     }},
+    {"drift_times_5", "moves otherwise",
+     [](Odometry& odometry, Instant) {
+       odometry.move_noise_m /= 5;
+       odometry.turn_noise_rad /= 5;
+     }},
+    {"jump_1_m", "moves otherwise",
+     [](Odometry& odometry, Instant start) {
+       for (StampedPose& pose : odometry.poses)
+         if (pose.at - start > std::chrono::seconds(12)) pose.X_WB.p.x() += 1;
+     }},
+    {"hole_5_s", nullptr,
+     [](Odometry& odometry, Instant start) {
+       std::erase_if(odometry.poses, [&](const StampedPose& pose) {
+         return pose.at - start > std::chrono::seconds(10) &&
+                pose.at - start < std::chrono::seconds(15);
+       });
+     }},
+    {"turned_5_degrees_on_the_body", "camera 0 sits",
+     [](Odometry& odometry, Instant) {
+       const Pose X_BB{exp_so3({0.05, 0.06, 0.04}), Eigen::Vector3d::Zero()};
+       for (StampedPose& pose : odometry.poses) pose.X_WB = pose.X_WB * X_BB;
+     },
+     false},
+    {"of_another_clock", "covers none",
+     [](Odometry& odometry, Instant) {
+       for (StampedPose& pose : odometry.poses) pose.at += std::chrono::hours(1);
+     },
+     false},
+};
+
 /// Place and heading of all tags, as W is defined: what brings the truth over the map.
 Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
   std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> points;
@@ -95,22 +147,6 @@ Pose map_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
     if (const MapTag* entry = map.find(tag.tag_id))
       points.emplace_back(tag.X_WT.p, entry->tag.X_WT.p);
   return lay_over(points);
-}
-
-/// Without gravity the tilt of all of it is W's as well.
-Pose wholly_over_truth(const TagMap& map, const std::vector<RecordedTag>& tags) {
-  Eigen::Matrix3Xd from(3, 0);
-  Eigen::Matrix3Xd to(3, 0);
-  for (const RecordedTag& tag : tags) {
-    const MapTag* entry = map.find(tag.tag_id);
-    if (entry == nullptr) continue;
-    from.conservativeResize(3, from.cols() + 1);
-    to.conservativeResize(3, to.cols() + 1);
-    from.rightCols<1>() = tag.X_WT.p;
-    to.rightCols<1>() = entry->tag.X_WT.p;
-  }
-  const Eigen::Matrix4d over = Eigen::umeyama(from, to, false);
-  return {Eigen::Quaterniond(over.topLeftCorner<3, 3>()).normalized(), over.topRightCorner<3, 1>()};
 }
 
 Vector6d error_of(const Pose& X, const Pose& truth) {
@@ -128,8 +164,7 @@ struct Score {
 
 Score score(const OfflineSession& session, const Robot& robot) {
   const OfflineResult& result = session.bodies.front();
-  const Pose over = robot.setup.odometry ? wholly_over_truth(session.map, robot.tags)
-                                         : map_over_truth(session.map, robot.tags);
+  const Pose over = map_over_truth(session.map, robot.tags);
   Score score;
   double squares = 0;
   double live = 0;
@@ -204,6 +239,42 @@ INSTANTIATE_TEST_SUITE_P(OfRobots, ResolveSimulation,
                                          Case{"no_imu", "table", false},
                                          Case{"odometry_sparse", "sparse", false, true},
                                          Case{"odometry_hall", "hall", false, true}),
+                         [](const auto& one) { return std::string(one.param.name); });
+
+class OdometryThatIsWrong : public testing::TestWithParam<WrongOdometry> {};
+
+// Images decide, and it is said. Where nobody can know which of two is wrong (how it sits on the
+// body, how the camera does), or what is up (there is none of this time), that is said.
+TEST_P(OdometryThatIsWrong, IsNotBelievedOrIsToldOf) {
+  constexpr int kSeeds = 3;
+  const WrongOdometry& wrong = GetParam();
+  double nees = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    Robot one = robot("sparse", seed, 0, false, Corners::kOfRenderedImages);
+    Odometry odometry = *odometry_of(one, seed);
+    wrong.spoil(odometry, one.start);
+    one.setup.odometry = std::make_shared<const Odometry>(std::move(odometry));
+    OfflineMap map;
+    map.resolve = true;
+    map.config.refine_period_s = 0;
+    const auto session = run_together({{1, "robot", one.setup, one.source.get()}}, map);
+    ASSERT_TRUE(session) << session.error().text();
+    const OfflineResult& result = session->bodies.front();
+    if (wrong.says != nullptr) {
+      EXPECT_THAT(result.doubts, testing::Contains(testing::HasSubstr(wrong.says))) << seed;
+    } else {
+      EXPECT_THAT(result.doubts, testing::IsEmpty()) << seed;
+    }
+    if (!wrong.is_honest) continue;
+    const Score of_run = score(*session, one);
+    std::cout << wrong.name << " seed " << seed << ": NEES " << of_run.nees << ", RMS "
+              << 1e3 * of_run.rms_m << " mm\n";
+    nees += of_run.nees / kSeeds;
+  }
+  EXPECT_LT(nees, 2.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfRobots, OdometryThatIsWrong, testing::ValuesIn(kWrongOdometry),
                          [](const auto& one) { return std::string(one.param.name); });
 
 /// NEES per number of what all tags are off, place and heading of the whole taken out.

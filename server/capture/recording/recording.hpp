@@ -54,7 +54,7 @@ struct RecordingInfo {
   std::optional<int> max_hamming;
   std::optional<int> reference_tag;
   std::vector<RecordedTag> known_tags;
-  /// Another program's, all of it: only what is solved for offline uses it.
+  /// Another program's, all of it, where there is no IMU: only what is solved for offline uses it.
   std::shared_ptr<const Odometry> odometry{};
 };
 

@@ -162,6 +162,7 @@ Expected<RecordingInfo> read_recording_info(const std::string& folder) {
     if (const auto read = read_tags(layout->tags_yaml(), info); !read)
       return tl::unexpected(read.error());
   }
+  if (info.imu) return info;  // which knows better how the body moved
   auto odometry = read_odometry(*layout);
   if (!odometry) return tl::unexpected(odometry.error());
   if (*odometry) info.odometry = std::make_shared<const Odometry>(std::move(**odometry));

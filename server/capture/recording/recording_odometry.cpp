@@ -10,6 +10,7 @@ using namespace recording_rows;  // NOLINT: what this file is made of
 
 namespace {
 
+constexpr double kLeastNoise = 1e-4;
 constexpr double kLargestNoise = 10;
 // A phone's axes have y up; ours z.
 const Eigen::Quaterniond kUpright(std::sqrt(0.5), std::sqrt(0.5), 0, 0);
@@ -46,7 +47,8 @@ Expected<std::optional<Odometry>> read_sensor(const RecordingLayout& layout) {
   out.turn_noise_rad = yaml->number("turn_noise_rad").value_or(out.turn_noise_rad);
   for (const auto& [key, value] :
        {std::pair("move_noise_m", out.move_noise_m), {"turn_noise_rad", out.turn_noise_rad}})
-    if (!(value > 0 && value < kLargestNoise)) yaml->complain(key, "must lie between 0 and 10");
+    if (!(value >= kLeastNoise && value < kLargestNoise))
+      yaml->complain(key, "must lie between 0.0001 and 10");
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
   for (const StampedPose& row : *rows) out.poses.push_back({row.at, row.X_WB * X_SB});
   return out;
@@ -58,7 +60,10 @@ Expected<std::optional<Odometry>> read_phone(const RecordingLayout& layout) {
   auto rows = only_increasing(read<StampedPose>(path, OpenEnd::kTake, parse_phone_row), path);
   if (!rows) return tl::unexpected(rows.error());
   auto reader = CsvReader::open(layout.frames_csv(0));
-  if (!reader) return tl::unexpected(reader.error());
+  if (!reader)
+    return fail(reader.error().code,
+                "is needed: its first stamp is where the time of " + path.string() + " begins",
+                layout.frames_csv(0).string());
   std::int64_t zero_ns = 0;
   if (!reader->next() || !parse_stamp(reader->fields().front(), zero_ns))
     return fail(ErrorCode::kInvalid, "its first line has no stamp, from which the odometry counts",
@@ -76,7 +81,11 @@ Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout) {
   auto out = is_file(layout.odometry_csv())         ? read_sensor(layout)
              : is_file(layout.phone_odometry_csv()) ? read_phone(layout)
                                                     : std::optional<Odometry>{};
-  if (out && *out && (*out)->poses.size() < 2) out->reset();
+  if (out && *out && (*out)->poses.size() < 2) {
+    log::warning("capture", layout.folder().string() +
+                                ": its odometry has fewer than two poses and is not used");
+    out->reset();
+  }
   return out;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -83,6 +84,8 @@ struct MotionSegment {
   /// Segments of one chain hang together: each begins where the one before ends.
   int chain{};
   bool anchored{};  ///< Axes W are those of the workspace. False: the body's own.
+  /// What is up where it begins, in the body's axes, as odometry knows it: of a chain's first one.
+  std::optional<Eigen::Vector3d> up_B;
   std::shared_ptr<const SegmentSensors> sensors;
   std::vector<Instance> instances;    ///< First: where it begins (only a chain's first one has
                                       ///< images there), last: where it ends.

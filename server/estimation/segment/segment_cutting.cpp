@@ -44,6 +44,9 @@ class Cutter final {
   void cut(std::span<const PlacedInstant> chain) {
     const std::vector<BodyMoment> bodies = moments_of(chain, path_.odometry);
     begin(bodies.front());
+    if (path_.odometry != nullptr && path_.odometry->covers(chain.front().at))
+      open_.up_B =
+          path_.odometry->pose_at(chain.front().at).q.conjugate() * Eigen::Vector3d::UnitZ();
     open_.instances.back().images = seen_at(chain.front());
     for (std::size_t i = 1; i < chain.size(); ++i) {
       add(bodies[i], seen_at(chain[i]));
@@ -151,10 +154,13 @@ void add_odometry(const Odometry& odometry, Instant from, Instant to,
 std::vector<MotionSegment> cut_segments(const PlacedPath& path) {
   Cutter cutter(path);
   const auto& instants = path.instants;
+  const auto is_covered = [&](const PlacedInstant& instant) {
+    return path.odometry != nullptr && path.odometry->covers(instant.at);
+  };
+  // Where odometry begins or ends, so does the chain: speeds mean something else there.
   const auto hangs_on = [&](const PlacedInstant& before, const PlacedInstant& now) {
-    return now.at - before.at <= kLongestBlind ||
-           (path.odometry != nullptr && path.odometry->covers(before.at) &&
-            path.odometry->covers(now.at));
+    if (is_covered(before) != is_covered(now)) return false;
+    return is_covered(now) || now.at - before.at <= kLongestBlind;
   };
   for (std::size_t first = 0; first < instants.size();) {
     std::size_t after = first + 1;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -52,6 +53,7 @@ struct ChainStart {
   bool has_imu{true};
   double accel_walk{};
   double gyro_walk{};
+  std::optional<Eigen::Vector3d> up_B{};  ///< What is up there, as odometry knows it.
 };
 
 /// All that is estimated, and all that says something about it.
@@ -65,7 +67,7 @@ struct GraphState {
   Doubt prints;           ///< … and whether that is so.
   bool doubts{false};     ///< Prints may be other ones than told.
   GraphPrior prior;
-  std::map<int, bool> level;  ///< Per component: gravity is felt in it.
+  std::map<int, bool> level;  ///< Per component: gravity is felt in it, or odometry knows up.
 };
 
 }  // namespace fiducap

@@ -17,7 +17,8 @@ using segment_layout::kTagSize;
 constexpr double kStartVelocity = 5.0;
 constexpr double kStartBiasF = 0.5;
 constexpr double kStartBiasW = 0.05;
-constexpr double kStartRate = 5.0;  // without IMU the rate stands in the gyro bias's place
+constexpr double kOdometryUp = 0.005;  // of a phone or a robot that feels gravity
+constexpr double kStartRate = 5.0;     // without IMU the rate stands in the gyro bias's place
 // Nothing says where a component is: one of its tags is held, this well. What follows from it is
 // the same whatever the number; a weak hold would let the whole drift by what is not linear.
 constexpr double kGauge = 1e11;
@@ -98,7 +99,7 @@ void add_segment(const GraphState& graph, const GraphVariables& variables,
   }
 }
 
-/// A body's velocity and biases where a chain begins.
+/// A body's velocity and biases where a chain begins, and its tilt where odometry knows that.
 struct StartError {
   Vector15d error{Vector15d::Zero()};
   Vector15d information{Vector15d::Zero()};
@@ -110,6 +111,11 @@ StartError start_error(const GraphState& graph, const ChainStart& start) {
   StartError out;
   out.error.segment<3>(kVelocity) = now.v_WB;
   out.information.segment<3>(kVelocity).setConstant(1 / (kStartVelocity * kStartVelocity));
+  if (start.up_B) {
+    const Eigen::Vector3d up_W = now.X_WB.q * *start.up_B;
+    out.error.segment<2>(kAttitude) = Eigen::Vector3d::UnitZ().cross(up_W).head<2>();
+    out.information.segment<2>(kAttitude).setConstant(1 / (kOdometryUp * kOdometryUp));
+  }
   if (start.after < 0) {
     out.error.segment<3>(kBiasF) = now.bias_f;
     out.error.segment<3>(kBiasW) = now.bias_w;

@@ -154,9 +154,11 @@ std::size_t MapGraph::tag_of(int component, const KnownTag& tag, int epoch, cons
 std::size_t MapGraph::begin_chain(std::size_t body, const MotionSegment& segment,
                                   bool is_in_workspace) {
   const int component = is_in_workspace ? kInWorkspace : ++components_;
-  state_.level[component] = state_.level[component] || segment.has_imu();
+  state_.level[component] =
+      state_.level[component] || segment.has_imu() || segment.up_B.has_value();
   const auto last = chains_.find(segment.body_id);
   ChainStart start{.node = state_.nodes.size(), .has_imu = segment.has_imu()};
+  start.up_B = segment.up_B;
   if (last != chains_.end() && last->second.node && segment.has_imu()) {
     start.after = static_cast<int>(*last->second.node);
     const InertialInput& input = segment.instances[1].steps.front().input;

@@ -20,23 +20,28 @@ constexpr int kMostWithOdometry = 6;  // until its noise is known
 constexpr double kDoubtOfOdometry = 30;
 // Its noise is known well enough when it changes by no more than this.
 constexpr double kSameNoise = 1.2;
-constexpr double kWorthTelling = 5;
+constexpr double kWorthTelling = 3;
 
 /// Bodies without IMU.
 class Placing final {
  public:
   Placing(BodiesReplay& replay, std::span<const BatchBody> bodies) : replay_(replay) {
     for (std::size_t i = 0; i < bodies.size(); ++i)
-      if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i, {}, {}});
-    asks_filters_ = std::any_of(bodies.begin(), bodies.end(), [](const BatchBody& body) {
-      return body.setup->sensors.imu || body.odometry == nullptr;
-    });
+      if (!bodies[i].setup->sensors.imu) bodies_.push_back({bodies[i], i});
     for (Body& one : bodies_) {
       if (one.body.odometry == nullptr) continue;
+      if (!covers_any(*one.body.odometry, *one.body.log)) {
+        one.body.odometry = nullptr;
+        one.is_of_other_times = true;
+        continue;
+      }
       one.odometry = *one.body.odometry;
       one.odometry->move_noise_m *= kDoubtOfOdometry;
       one.odometry->turn_noise_rad *= kDoubtOfOdometry;
     }
+    asks_filters_ =
+        bodies_.size() < bodies.size() ||
+        std::any_of(bodies_.begin(), bodies_.end(), [](const Body& one) { return !one.odometry; });
   }
   [[nodiscard]] bool is_empty() const { return bodies_.empty(); }
 
@@ -68,10 +73,16 @@ class Placing final {
  private:
   struct Body {
     BatchBody body;
-    std::size_t index{};               ///< In the replay.
-    std::optional<double> noise_px{};  ///< By the last solution.
-    std::optional<Odometry> odometry;  ///< As noisy as it seems to be.
+    std::size_t index{};                 ///< In the replay.
+    std::optional<double> noise_px{};    ///< By the last solution.
+    std::optional<Odometry> odometry{};  ///< As noisy as it seems to be.
+    bool is_of_other_times{};            ///< There is one, but none of the images is in its time.
   };
+
+  static bool covers_any(const Odometry& odometry, const ImageLog& log) {
+    return std::any_of(log.instants().begin(), log.instants().end(),
+                       [&](const LoggedInstant& instant) { return odometry.covers(instant.at); });
+  }
 
   [[nodiscard]] const BodyFilter& filter(const Body& one) const {
     return replay_.pipeline(one.index).filter();
@@ -178,50 +189,94 @@ class Placing final {
       for (const PathPose& pose : *path) poses.push_back({pose.at, pose.X_WB});
       for (const GraphBody& body : graph.bodies)
         if (body.id == bodies_[i].body.id) placement.take(i, body.cameras, poses);
-      bodies_[i].noise_px = placement.learn_noise(i);
-      if (bodies_[i].odometry) is_otherwise |= learn_odometry(poses, bodies_[i]);
+      // With odometry once only, while that counts for little: what it is wrong about would be
+      // taken for noise of the corners.
+      Body& one = bodies_[i];
+      if (!one.odometry || !one.noise_px) one.noise_px = placement.learn_noise(i);
+      if (one.odometry) is_otherwise |= learn_odometry(poses, one);
     }
     return is_otherwise;
   }
 
-  /// From how the solution moved otherwise than it. It is never better than it says: what images
-  /// say nothing of follows it.
-  static bool learn_odometry(std::span<const StampedPose> poses, Body& one) {
-    constexpr Duration kBlind = std::chrono::seconds(2);
-    double turned = 0;
-    double moved = 0;
+  /// Mean squares of what the solution moved otherwise than odometry, per number and second.
+  struct Drift {
+    double turn{};
+    double move{};
+  };
+  /// @param lag  over so long at least
+  static Drift drift_of(const Odometry& odometry, std::span<const StampedPose> poses,
+                        Duration lag) {
+    const Duration longest = lag + std::chrono::seconds(2);
+    Drift sum;
     int steps = 0;
-    for (std::size_t k = 1; k < poses.size(); ++k) {
-      const StampedPose& a = poses[k - 1];
-      const StampedPose& b = poses[k];
-      const auto expected = one.odometry->motion(a.at, b.at);
-      if (!expected || b.at <= a.at || b.at - a.at > kBlind) continue;
-      const Pose off = expected->inverse() * (a.X_WB.inverse() * b.X_WB);
-      const double numbers = 3 * to_seconds(b.at - a.at);
-      turned += log_so3(off.q).squaredNorm() / numbers;
-      moved += off.p.squaredNorm() / numbers;
+    std::size_t to = 1;
+    for (std::size_t from = 0; from + 1 < poses.size(); ++from) {
+      to = std::max(to, from + 1);
+      while (to < poses.size() && poses[to].at - poses[from].at < lag) ++to;
+      if (to == poses.size()) break;
+      const Duration time = poses[to].at - poses[from].at;
+      const auto expected = odometry.motion(poses[from].at, poses[to].at);
+      if (!expected || time <= Duration{0} || time > longest) continue;
+      const Pose off = expected->inverse() * (poses[from].X_WB.inverse() * poses[to].X_WB);
+      sum.turn += log_so3(off.q).squaredNorm() / (3 * to_seconds(time));
+      sum.move += off.p.squaredNorm() / (3 * to_seconds(time));
       ++steps;
     }
-    if (steps == 0) return false;
+    if (steps > 0) sum = {sum.turn / steps, sum.move / steps};
+    return sum;
+  }
+
+  /// It is never better than it says: what images say nothing of follows it. What is wrong about
+  /// it for long shows over long times, and hardly from image to image.
+  static bool learn_odometry(std::span<const StampedPose> poses, Body& one) {
+    Drift most;
+    for (const double lag_s : {0.0, 1.0, 5.0}) {
+      const Drift drift = drift_of(*one.odometry, poses, from_seconds(lag_s));
+      most = {std::max(most.turn, drift.turn), std::max(most.move, drift.move)};
+    }
     const Odometry before = *one.odometry;
     one.odometry->turn_noise_rad =
-        std::max(one.body.odometry->turn_noise_rad, std::sqrt(turned / steps));
-    one.odometry->move_noise_m =
-        std::max(one.body.odometry->move_noise_m, std::sqrt(moved / steps));
+        std::max(one.body.odometry->turn_noise_rad, std::sqrt(most.turn));
+    one.odometry->move_noise_m = std::max(one.body.odometry->move_noise_m, std::sqrt(most.move));
     const auto differs = [](double x, double y) { return std::max(x / y, y / x) > kSameNoise; };
     return differs(before.turn_noise_rad, one.odometry->turn_noise_rad) ||
            differs(before.move_noise_m, one.odometry->move_noise_m);
   }
 
-  static std::optional<std::string> doubt_of(const Body& one) {
+  /// A camera that sits elsewhere than told, by odometry: one of both is wrong.
+  [[nodiscard]] std::optional<std::string> camera_doubt(const Body& one) const {
+    constexpr double kTold_sigma = 4.0;
+    for (const GraphBody& body : replay_.graph().state().bodies) {
+      if (body.id != one.body.id) continue;
+      for (std::size_t k = 0; k < body.cameras.size(); ++k) {
+        const CameraMount& mount = one.body.setup->sensors.cameras[k];
+        const double turned = angle_between(mount.X_BV.q, body.cameras[k].X_BV.q);
+        const double moved = (mount.X_BV.p - body.cameras[k].X_BV.p).norm();
+        if (turned > kTold_sigma * mount.rotation_sigma_rad ||
+            moved > kTold_sigma * mount.position_sigma_m)
+          return fmt::format(
+              "by its odometry camera {} sits {:.0f} mm and {:.1f}° from where it is told to; one "
+              "of both is wrong. Look at T_BS of the odometry and of the camera: attitudes of the "
+              "body may be off by as much",
+              k, 1e3 * moved, turned * 180 / M_PI);
+      }
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::optional<std::string> doubt_of(const Body& one) const {
+    if (one.is_of_other_times)
+      return "the odometry covers none of the images that show tags, and is not used: are its "
+             "stamps of another clock, or in other units?";
     if (!one.odometry) return std::nullopt;
+    if (auto doubt = camera_doubt(one)) return doubt;
     const Odometry& told = *one.body.odometry;
     if (one.odometry->move_noise_m < kWorthTelling * told.move_noise_m &&
         one.odometry->turn_noise_rad < kWorthTelling * told.turn_noise_rad)
       return std::nullopt;
     return fmt::format(
-        "the odometry moves otherwise than the tags say, by {:.0f} mm and {:.0f} mrad after a "
-        "second, not {:.0f} and {:.0f} as it is told; it is taken for as noisy as that. Look at "
+        "the odometry moves otherwise than the tags say, by {:.2g} mm and {:.2g} mrad after a "
+        "second, not {:.2g} and {:.2g} as it is told; it is taken for as noisy as that. Look at "
         "its stamps, where it sits on the body (T_BS) and which way its axes point",
         1e3 * one.odometry->move_noise_m, 1e3 * one.odometry->turn_noise_rad,
         1e3 * told.move_noise_m, 1e3 * told.turn_noise_rad);

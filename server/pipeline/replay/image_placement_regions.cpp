@@ -209,12 +209,14 @@ std::optional<Pose> ImagePlacement::over(int region, const std::vector<View>& vi
 bool ImagePlacement::begin_by_odometry() {
   for (std::size_t b = 0; b < bodies_.size(); ++b) {
     const Odometry* const odometry = bodies_[b].odometry;
-    if (odometry == nullptr || placed_[b].empty()) continue;
-    Placed& first = placed_[b].front();
-    if (first.region != kNowhere || !odometry->covers(first.at)) continue;
-    first.region = 0;
-    first.X_WB = odometry->pose_at(first.at);
-    first.is_sure = true;
+    if (odometry == nullptr) continue;
+    const auto first = std::find_if(placed_[b].begin(), placed_[b].end(), [&](const Placed& one) {
+      return one.region == kNowhere && odometry->covers(one.at);
+    });
+    if (first == placed_[b].end()) continue;
+    first->region = 0;
+    first->X_WB = odometry->pose_at(first->at);
+    first->is_sure = true;
     is_by_odometry_ = true;
     return true;
   }
@@ -227,9 +229,8 @@ void ImagePlacement::define_workspace(const WorkspaceGauge& gauge) {
   if (tag == tags_.end() || tag->second.region != 0) return;
   const Pose& X_WT = tag->second.tag.X_WT;
   const HeadingRule rule = make_heading_rule(gauge, X_WT.q);
-  // Odometry says what is up, unless the tag's whole pose is given.
-  const Eigen::Quaterniond turn =
-      gauge.X_WT ? axes_between(X_WT, *gauge.X_WT, false).q : turn_to_heading(rule, X_WT.q);
+  // Odometry says what is up.
+  const Eigen::Quaterniond turn = turn_to_heading(rule, X_WT.q);
   const Pose X_new_old{turn, rule.X_WT.p - turn * X_WT.p};
   for (auto& [tag_id, one] : tags_)
     if (one.region == 0) one.tag.X_WT = X_new_old * one.tag.X_WT;

@@ -29,6 +29,7 @@ struct ResolvedBody {
   std::vector<CameraBelief> cameras;
   std::map<int, Pose> tags;  ///< Of the workspace, also those of which a survey says something.
   std::vector<std::string> doubts;
+  bool is_by_odometry{};  ///< That says where W is and what is up, and no filter does.
   std::vector<OfflinePart> parts;
 };
 
@@ -81,7 +82,7 @@ class BodyNotes final {
     forget_unplaced();          // the rest never learned where the workspace is
     result_.known = setup_.known;
     // The filter knows nothing of odometry: what it was at a loss for says nothing of these poses.
-    if (resolved == nullptr || !setup_.odometry) result_.doubts = pipeline.doubts();
+    if (resolved == nullptr || !resolved->is_by_odometry) result_.doubts = pipeline.doubts();
     if (resolved != nullptr)
       result_.doubts.insert(result_.doubts.end(), resolved->doubts.begin(), resolved->doubts.end());
     result_.extrinsics = pipeline.cameras();
@@ -257,14 +258,20 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
   const GraphState& graph = replay.graph().state();
   const auto covariance = replay.graph().covariance();
   std::vector<ResolvedBody> resolved(bodies.size());
+  const bool is_by_odometry = std::all_of(bodies.begin(), bodies.end(), [](const auto& body) {
+    return body.setup.odometry && !body.setup.sensors.imu;
+  });
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    resolved[i].is_by_odometry = is_by_odometry;
+    if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
+      resolved[i].doubts.push_back(doubt->second);
+  }
   // Nothing stands in the workspace: there are no poses.
   if (!covariance) return resolved;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     auto path = path_of(bodies[i].id, graph, &*covariance);
     if (!path)
       return fail(ErrorCode::kInvalid, "what was solved for is not finite", bodies[i].name);
-    if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
-      resolved[i].doubts.push_back(doubt->second);
     resolved[i].path = std::move(*path);
     resolved[i].parts = parts_of(bodies[i].id, graph);
     for (const GraphBody& body : graph.bodies)

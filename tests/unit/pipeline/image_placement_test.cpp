@@ -156,7 +156,7 @@ TEST_F(ImagePlacementTest, WhereNothingIsKnownOdometryBeginsAndTheReferenceTagSa
   for (std::size_t i = 0; i < 40; ++i)
     expect_there(placement.placed(0)[i].X_WB, true_poses_[i], kOneTag_m);
   const Pose X_WT = placement.tags().at(0).tag.X_WT;
-  placement.define_workspace({.reference_tag = 2});
+  placement.define_workspace({.reference_tag = 2, .X_WT = {}});
   EXPECT_EQ(placement.tags().at(0).tag.X_WT.p, X_WT.p) << "it is defined once";
 }
 
