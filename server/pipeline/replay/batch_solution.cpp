@@ -110,7 +110,7 @@ class Placing final {
     }
     for (const Body& one : bodies_)
       for (const KnownTag& tag : one.body.setup->priors) placement.survey(tag);
-    if (!asks_filters_) return;
+    if (!asks_filters_) return suggest_stored(placement);
     int component = 0;  // of the last one that was suggested
     for (const GraphTag& tag : replay_.graph().state().tags) {
       if (tag.sightings == tag.sightings_before) continue;
@@ -131,6 +131,13 @@ class Placing final {
       }
       component = most;
     }
+  }
+
+  /// What an earlier session has left.
+  void suggest_stored(ImagePlacement& placement) const {
+    for (const GraphTag& tag : replay_.graph().state().tags)
+      if (tag.sightings_before > 0 && tag.component == kInWorkspace)
+        placement.suggest(0, {tag.tag_id, tag.edge_m, tag.X_WT, Matrix6d::Zero()});
   }
 
   std::vector<MotionSegment> segments_of(std::size_t i, const ImagePlacement& placement) const {
