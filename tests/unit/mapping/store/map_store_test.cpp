@@ -219,8 +219,11 @@ TEST_F(MapStoreTest, AnotherProgramsDatabaseIsRefusedAndNotTouched) {
 
 TEST_F(MapStoreTest, ANewerSchemaIsRefusedAndNotTouched) {
   commit(make_map({1}));
-  ASSERT_TRUE(SqliteFile::open(path_)->execute("PRAGMA user_version = 3"));
-  expect_refused(ErrorCode::kUnsupported, "newer Fiducap (schema 3, this one knows up to 2)");
+  const std::string next = std::to_string(kMapStoreSchema + 1);
+  ASSERT_TRUE(SqliteFile::open(path_)->execute(("PRAGMA user_version = " + next).c_str()));
+  expect_refused(ErrorCode::kUnsupported, "newer Fiducap (schema " + next +
+                                              ", this one knows up to " +
+                                              std::to_string(kMapStoreSchema) + ")");
 }
 
 TEST_F(MapStoreTest, ATruncatedFileIsRefusedAndNotTouched) {
