@@ -1,11 +1,13 @@
 #include "daemon/refinement_loop.hpp"
 
 #include "daemon/system_clock.hpp"
+#include "daemon/urgency.hpp"
 #include "streaming/net/guard.hpp"
 
 namespace fiducap {
 
 void RefinementLoop::run(std::stop_token stop) {
+  run_patiently();
   Instant next = clock_.now() + period_;
   while (clock_.wait_until(next, stop)) {
     net::guarded(

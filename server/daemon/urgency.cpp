@@ -9,6 +9,11 @@ constexpr int kPriority =
     10;  // any above none will do; lower than the kernel's own interrupt threads (50)
 }  // namespace
 
+void run_patiently() {
+  const sched_param none{};
+  (void)sched_setscheduler(0, SCHED_IDLE, &none);
+}
+
 bool run_urgently() {
   sched_param wanted{};
   wanted.sched_priority = kPriority;

@@ -18,5 +18,13 @@ TEST(Urgency, IsThisThreadsAloneAndChangesNothingWithoutTheRight) {
   }).join();
 }
 
+TEST(Urgency, PatienceIsThisThreadsAlone) {
+  std::thread([] {
+    run_patiently();
+    EXPECT_EQ(sched_getscheduler(0), SCHED_IDLE);
+  }).join();
+  EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
+}
+
 }  // namespace
 }  // namespace fiducap
