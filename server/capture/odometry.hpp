@@ -8,7 +8,8 @@
 namespace fiducap {
 
 /// How a body moved, as another program reckons it: wheels, or a phone that tracks itself. Poses in
-/// axes O of its own, z up, that drift against the room; only the motion between them is used.
+/// axes O of its own, z up, that drift against the room: used are the motion between them, and what
+/// is up.
 struct Odometry {
   std::vector<StampedPose> poses;  ///< X_OB, by time, strictly increasing.
   /// Of the drift, 1-sigma after a second; it grows with the root of time.

@@ -10,7 +10,8 @@
 namespace fiducap {
 
 /// Brings the map up to date every `period_s`, on a thread of its own: a solution takes as long as
-/// it takes, and no body waits for it. What is thrown costs a round.
+/// it takes, in another thread that runs where nobody else wants to, and no body waits for it. What
+/// is thrown costs a round.
 class RefinementLoop final {
  public:
   /// @param done  called after each, on that thread
@@ -22,6 +23,8 @@ class RefinementLoop final {
   void run(std::stop_token stop);
 
  private:
+  [[nodiscard]] bool solve(const std::stop_token& stop);
+
   MapRefiner refiner_;
   Duration period_;
   const Clock& clock_;

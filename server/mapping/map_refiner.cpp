@@ -49,6 +49,10 @@ void MapRefiner::begin_with(const TagMap& map) {
 
 bool MapRefiner::solve(const std::stop_token& stop) {
   take();
+  return solve_taken(stop);
+}
+
+bool MapRefiner::solve_taken(const std::stop_token& stop) {
   if (is_settled_) return false;
   taken_ = contributions_;
   solution_ = graph_.solve(stop);

@@ -37,6 +37,9 @@ class MapRefiner final {
   /// @param stop  leaves the solution for another time
   /// @return whether there is something to publish
   bool solve(const std::stop_token& stop = {});
+  /// Solves for what take() has taken. The map is not touched: a thread that does not get on holds
+  /// up nobody.
+  bool solve_taken(const std::stop_token& stop = {});
   /// See MapGraph.
   bool found_workspace();
   void replace_body(int body_id, std::vector<MotionSegment> segments);

@@ -13,7 +13,6 @@
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/odometry.hpp"
-#include "capture/recording/recording_layout.hpp"
 #include "capture/sensor_source.hpp"
 #include "capture/source_surroundings.hpp"
 
@@ -70,7 +69,7 @@ struct TruthSample {
 /// @return Error naming the file and what is missing or broken in it.
 [[nodiscard]] Expected<RecordingInfo> read_recording_info(const std::string& folder);
 /// `mav0/odom0` (stamp, pose; T_BS and noises in sensor.yaml), or `vio_odom.csv` of a phone.
-[[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout);
+[[nodiscard]] Expected<std::optional<Odometry>> read_odometry(const std::string& folder);
 /// By time; lines that go backwards are left out. Empty when the recording has none.
 [[nodiscard]] Expected<std::vector<TruthSample>> read_truth(const std::string& folder);
 /// `truth/reference_poses.csv`: another program's answer (velocity and biases zero). Empty when

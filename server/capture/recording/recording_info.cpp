@@ -163,7 +163,7 @@ Expected<RecordingInfo> read_recording_info(const std::string& folder) {
       return tl::unexpected(read.error());
   }
   if (info.imu) return info;  // which knows better how the body moved
-  auto odometry = read_odometry(*layout);
+  auto odometry = read_odometry(folder);
   if (!odometry) return tl::unexpected(odometry.error());
   if (*odometry) info.odometry = std::make_shared<const Odometry>(std::move(**odometry));
   return info;

@@ -77,13 +77,14 @@ Expected<std::optional<Odometry>> read_phone(const RecordingLayout& layout) {
 
 }  // namespace
 
-Expected<std::optional<Odometry>> read_odometry(const RecordingLayout& layout) {
-  auto out = is_file(layout.odometry_csv())         ? read_sensor(layout)
-             : is_file(layout.phone_odometry_csv()) ? read_phone(layout)
-                                                    : std::optional<Odometry>{};
+Expected<std::optional<Odometry>> read_odometry(const std::string& folder) {
+  const Expected<RecordingLayout> layout = RecordingLayout::find(folder);
+  if (!layout) return tl::unexpected(layout.error());
+  auto out = is_file(layout->odometry_csv())         ? read_sensor(*layout)
+             : is_file(layout->phone_odometry_csv()) ? read_phone(*layout)
+                                                     : std::optional<Odometry>{};
   if (out && *out && (*out)->poses.size() < 2) {
-    log::warning("capture", layout.folder().string() +
-                                ": its odometry has fewer than two poses and is not used");
+    log::warning("capture", folder + ": its odometry has fewer than two poses and is not used");
     out->reset();
   }
   return out;

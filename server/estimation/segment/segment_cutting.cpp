@@ -24,9 +24,10 @@ std::vector<BodyMoment> moments_of(std::span<const PlacedInstant> chain, const O
     const PlacedInstant& from = chain[i > 0 ? i - 1 : i];
     const PlacedInstant& to = chain[i + 1 < chain.size() ? i + 1 : i];
     const Duration time = to.at - from.at;
-    if (odometry != nullptr && time > Duration{0}) {
-      if (const auto moved = odometry->motion(from.at, to.at))
-        body.v_WB = from.X_WB.q * moved->p / to_seconds(time);
+    const auto moved =
+        odometry != nullptr ? odometry->motion(from.at, to.at) : std::optional<Pose>{};
+    if (moved && time > Duration{0}) {
+      body.v_WB = from.X_WB.q * moved->p / to_seconds(time);
     } else if (time > Duration{0} && time <= kSameSpeed) {
       body.v_WB = (to.X_WB.p - from.X_WB.p) / to_seconds(time);
       // The rate stands in the gyro bias's place.

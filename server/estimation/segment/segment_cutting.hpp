@@ -48,8 +48,7 @@ struct PlacedPath {
 /// Segments of about a second for the map graph, from poses that were found otherwise than by a
 /// filter. Velocities and rates are those between neighbours; the graph finds better ones. A chain
 /// ends where no tag was seen for ten seconds and there is no odometry, and where that begins or
-/// ends. An instant on its own is a
-/// segment, too.
+/// ends. An instant on its own is a segment, too.
 [[nodiscard]] std::vector<MotionSegment> cut_segments(const PlacedPath& path);
 
 }  // namespace fiducap

@@ -125,12 +125,9 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   if (dt <= 0) return;
   if (!motion.begun) motion.X_WB_before = state.X_WB;
   motion.begun = true;
-  if (input.v_B) {
-    motion.seconds += dt;
-    return propagate_by_odometry(state, motion, input, dt);
-  }
-  const StepJacobians j = step_mean(state, input, gravity_W, dt);
   motion.seconds += dt;
+  if (input.v_B) return propagate_by_odometry(state, motion, input, dt);
+  const StepJacobians j = step_mean(state, input, gravity_W, dt);
   add_step(j.F, motion.Phi);
   move_both_ways(j.F, motion.Q);
   Eigen::Matrix<double, kBiasF, 6> white;

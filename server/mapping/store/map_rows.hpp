@@ -45,8 +45,7 @@ struct StoredExtrinsics {
   int camera{};
   Pose X_BV;
   std::optional<StoredClock> clock{};  ///< Once it is known well.
-  StoredLens lens{};  ///< As it is now: what was found before, and is not any more,
-                      ///< goes.
+  StoredLens lens{};                   ///< What was found before, and is not any more, goes.
 };
 
 // How maps lie in the tables of a store. Writers are called inside a transaction.

@@ -11,8 +11,7 @@ class SqliteFile;
 
 // How the errors of a version's tags hang together (TagMap::known): one row per version that has
 // such ties, by which the map goes on learning where it stopped, and which prints were found to be
-// of another size than told. Writers are called inside a
-// transaction.
+// of another size than told. Writers are called inside a transaction.
 
 /// In a store of schema 1, which has no such table, or in a new one.
 [[nodiscard]] Expected<void> create_ties(SqliteFile& file);

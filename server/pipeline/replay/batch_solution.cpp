@@ -65,6 +65,7 @@ class Placing final {
       // With the noise that was found all of it weighs otherwise: once more in any case.
       goes_on = placement.settle() || result.rounds == 0 || weighs_otherwise;
     }
+    result.is_by_odometry = !asks_filters_;
     for (const Body& one : bodies_)
       if (auto text = doubt_of(one)) result.doubts.emplace(one.body.id, std::move(*text));
     return result;
@@ -75,7 +76,8 @@ class Placing final {
     BatchBody body;
     std::size_t index{};                 ///< In the replay.
     std::optional<double> noise_px{};    ///< By the last solution.
-    std::optional<Odometry> odometry{};  ///< As noisy as it seems to be.
+    std::optional<Odometry> odometry{};  ///< As noisy as it seems to be …
+    bool is_learned{};                   ///< … by a solution.
     bool is_of_other_times{};            ///< There is one, but none of the images is in its time.
   };
 
@@ -241,6 +243,7 @@ class Placing final {
       const Drift drift = drift_of(*one.odometry, poses, from_seconds(lag_s));
       most = {std::max(most.turn, drift.turn), std::max(most.move, drift.move)};
     }
+    one.is_learned = true;
     const Odometry before = *one.odometry;
     one.odometry->turn_noise_rad =
         std::max(one.body.odometry->turn_noise_rad, std::sqrt(most.turn));
@@ -253,14 +256,17 @@ class Placing final {
   /// A camera that sits elsewhere than told, by odometry: one of both is wrong.
   [[nodiscard]] std::optional<std::string> camera_doubt(const Body& one) const {
     constexpr double kTold_sigma = 4.0;
+    // Less is not worth a word, however surely it was told.
+    constexpr double kLeast_rad = 0.01;
+    constexpr double kLeast_m = 0.01;
     for (const GraphBody& body : replay_.graph().state().bodies) {
       if (body.id != one.body.id) continue;
       for (std::size_t k = 0; k < body.cameras.size(); ++k) {
         const CameraMount& mount = one.body.setup->sensors.cameras[k];
         const double turned = angle_between(mount.X_BV.q, body.cameras[k].X_BV.q);
         const double moved = (mount.X_BV.p - body.cameras[k].X_BV.p).norm();
-        if (turned > kTold_sigma * mount.rotation_sigma_rad ||
-            moved > kTold_sigma * mount.position_sigma_m)
+        if (turned > std::max(kLeast_rad, kTold_sigma * mount.rotation_sigma_rad) ||
+            moved > std::max(kLeast_m, kTold_sigma * mount.position_sigma_m))
           return fmt::format(
               "by its odometry camera {} sits {:.0f} mm and {:.1f}° from where it is told to; one "
               "of both is wrong. Look at T_BS of the odometry and of the camera: attitudes of the "
@@ -275,7 +281,7 @@ class Placing final {
     if (one.is_of_other_times)
       return "the odometry covers none of the images that show tags, and is not used: are its "
              "stamps of another clock, or in other units?";
-    if (!one.odometry) return std::nullopt;
+    if (!one.odometry || !one.is_learned) return std::nullopt;
     if (auto doubt = camera_doubt(one)) return doubt;
     const Odometry& told = *one.body.odometry;
     if (one.odometry->move_noise_m < kWorthTelling * told.move_noise_m &&

@@ -24,6 +24,8 @@ struct BatchBody {
 struct BatchResult {
   BodiesReplay::LastRefinement last;
   int rounds{};  ///< Of placement, where a body has no IMU.
+  /// All bodies have odometry that covers what they saw, and no filter was asked for anything.
+  bool is_by_odometry{};
   /// What odometry is doubted for, in words, by the id of its body.
   std::map<int, std::string> doubts;
 };

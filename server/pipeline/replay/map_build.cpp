@@ -80,10 +80,7 @@ void look_at(const GraphState& graph, const std::vector<MapBuildBody>& bodies, M
     who[component].insert(body);
   }
   const auto level = graph.level.find(0);
-  build.is_level = level == graph.level.end() || level->second ||
-                   std::all_of(bodies.begin(), bodies.end(), [](const MapBuildBody& one) {
-                     return one.body.setup.odometry != nullptr;
-                   });
+  build.is_level = level == graph.level.end() || level->second;
   build.fit.chi_square_per_number = numbers == 0 ? 0.0 : chi_square / numbers;
   for (const GraphTag& tag : graph.tags) {
     const bool is_mapped = build.map.find(tag.tag_id) != nullptr;

@@ -258,11 +258,8 @@ Expected<std::vector<ResolvedBody>> resolve(BodiesReplay& replay,
   const GraphState& graph = replay.graph().state();
   const auto covariance = replay.graph().covariance();
   std::vector<ResolvedBody> resolved(bodies.size());
-  const bool is_by_odometry = std::all_of(bodies.begin(), bodies.end(), [](const auto& body) {
-    return body.setup.odometry && !body.setup.sensors.imu;
-  });
   for (std::size_t i = 0; i < bodies.size(); ++i) {
-    resolved[i].is_by_odometry = is_by_odometry;
+    resolved[i].is_by_odometry = solved.is_by_odometry;
     if (const auto doubt = solved.doubts.find(bodies[i].id); doubt != solved.doubts.end())
       resolved[i].doubts.push_back(doubt->second);
   }

@@ -9,6 +9,7 @@
 namespace fiducap {
 namespace {
 
+// The approximation itself is 0.13 short at 4 sigma of a sum of two, and better of all others.
 TEST(NormalScore, IsAsRareAsTheSumOfSquares) {
   for (const int degrees : {2, 4, 10, 100}) {
     for (const double sigmas : {-1.0, 0.0, 1.0, 2.0, 3.0, 4.0}) {
