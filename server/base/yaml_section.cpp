@@ -6,6 +6,7 @@
 
 #include <Eigen/LU>
 
+#include "base/closest_word.hpp"
 #include "base/yaml_text.hpp"
 
 namespace fiducap {
@@ -249,7 +250,8 @@ void YamlSection::refuse_unknown_keys() const {
     const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : shown(entry.first);
     std::string rule;
     if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
-      rule = "unknown key; known here are ";
+      const std::string meant = did_you_mean(key, known_);
+      rule = "unknown key; " + meant + (meant.empty() ? "" : " ") + "known here are ";
       for (const auto& known : known_) rule += (known == known_.front() ? "" : ", ") + known;
     } else if (!given.insert(key).second) {
       rule = "is given twice";

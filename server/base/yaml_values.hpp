@@ -12,6 +12,7 @@
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Core>
 
+#include "base/closest_word.hpp"
 #include "base/config_check.hpp"
 #include "base/pose.hpp"
 
@@ -77,15 +78,15 @@ template <typename T>
 template <typename E>
 [[nodiscard]] Broken read_word(const YAML::Node& node, std::span<const words::Word<E>> vocabulary,
                                E& out) {
-  std::string all;
+  std::vector<std::string> all;
   for (const auto& word : vocabulary) {
     if (node.IsScalar() && node.Scalar() == word.text) {
       out = word.value;
       return std::nullopt;
     }
-    all += (all.empty() ? "" : ", ") + std::string(word.text);
+    all.emplace_back(word.text);
   }
-  return "must be one of " + all;
+  return must_be_one_of(all, node.IsScalar() ? node.Scalar() : "");
 }
 template <typename E>
 [[nodiscard]] std::string text_of_word(std::span<const words::Word<E>> vocabulary, E value) {

@@ -287,7 +287,8 @@ std::vector<ConfigError> check_source(const CameraDeviceConfig& config,
       .require(around.cameras.size() == 1, "cameras",
                std::to_string(around.cameras.size()) + " entries",
                "a camera source has exactly one camera")
-      .require(!around.has_imu, "imu", "{…}", "a camera source has no IMU");
+      .require(!around.has_imu || around.has_imu_source, "imu", "{…}",
+               "a camera has no IMU: say in `imu_source` where its readings come from");
   return rules.errors;
 }
 

@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "daemon/bodies/body_setup.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/operator_token.hpp"
+#include "daemon/review/config_review.hpp"
 #include "daemon/server.hpp"
 #include "daemon/system_clock.hpp"
 
@@ -21,6 +21,19 @@ namespace {
 int complain(const std::vector<fiducap::ConfigFault>& faults) {
   for (const auto& fault : faults) std::cerr << fault.text() << "\n";
   return faults.empty() ? 0 : 2;
+}
+
+/// Everything about a configuration, at once: what is wrong, what is doubtful, what will run.
+int tell(const fiducap::ConfigReview& review, bool as_json) {
+  if (as_json) {
+    std::cout << fiducap::review_json(review) << "\n";
+    return review.faults.empty() ? 0 : 2;
+  }
+  for (const auto& fault : review.faults) std::cerr << "wrong     " << fault.text() << "\n";
+  for (const auto& doubt : review.doubts) std::cerr << "doubtful  " << doubt.text() << "\n";
+  if (!review.faults.empty()) return 2;
+  for (const auto& line : review.plan) std::cout << "will run  " << line << "\n";
+  return 0;
 }
 
 int serve(fiducap::ServerConfig config, bool exit_at_end) {
@@ -59,20 +72,25 @@ int main(int argc, char** argv) {
   CLI::App app{"Fiducap server: motion capture from printed tags."};
   std::string file;
   std::vector<std::string> sets;
-  bool exit_at_end = false, check = false, print = false;
+  bool exit_at_end = false, check = false, print = false, as_json = false;
   app.add_option("--config", file, "configuration, YAML")->required();
   app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
       ->allow_extra_args(false);
-  app.add_flag("--check-config", check, "say whether the configuration is usable, and end");
+  app.add_flag(
+      "--check-config", check,
+      "open every file, device and port that it names, say what is wrong, what is doubtful "
+      "and what would run, and end");
+  app.add_flag("--json", as_json, "with --check-config: for scripts");
   app.add_flag("--print-config", print, "write the effective configuration, and end");
   app.add_flag("--exit-at-end", exit_at_end, "end when every source has ended");
   app.set_version_flag("--version", FIDUCAP_VERSION);
   try {
     app.parse(argc, argv);
     auto config = fiducap::load_config(file, sets);
+    if (!config && check) return tell({.faults = config.error()}, as_json);
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
-    if (check) return complain(fiducap::check_files(*config));
+    if (check) return tell(fiducap::review(*config), as_json);
     return serve(std::move(*config), exit_at_end);
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;

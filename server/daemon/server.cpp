@@ -9,9 +9,9 @@
 #include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/this_thread.hpp"
+#include "daemon/bodies/body_opening.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/bodies/body_threads.hpp"
-#include "daemon/bodies/reopening_source.hpp"
 #include "daemon/control_desk.hpp"
 #include "daemon/map_start.hpp"
 #include "daemon/protocol_servers.hpp"
@@ -43,13 +43,6 @@ constexpr Duration kMapPatience = std::chrono::seconds(5);
 constexpr Duration kLook = std::chrono::milliseconds(5);
 constexpr std::chrono::seconds kLastCommit{1};
 
-/// Without them there is no filter, so no body either.
-bool knows_lenses(const BodySetup& setup) {
-  const auto& cameras = setup.sensors.cameras;
-  return std::all_of(cameras.begin(), cameras.end(),
-                     [](const CameraMount& camera) { return camera.model.width > 0; });
-}
-
 }  // namespace
 
 class Server::Impl final {
@@ -59,6 +52,8 @@ class Server::Impl final {
         options_(options),
         clock_(clock),
         membership_(config.dds, events_),
+        opening_(config_, options_, clock, events_, membership_,
+                 [this](std::size_t body) { scene_->source_lost(body); }),
         bodies_(clock),
         recorder_(config.recorder, clock, events_) {}
 
@@ -66,22 +61,13 @@ class Server::Impl final {
   ServerEnd run();
   void stop() noexcept;
   [[nodiscard]] ServerPorts ports() const { return ports_; }
-  [[nodiscard]] Instant simulation_start() const { return simulation_start_; }
+  [[nodiscard]] Instant simulation_start() const { return opening_.simulation_start(); }
 
  private:
-  struct Body {
-    BodySetup setup;
-    std::unique_ptr<SensorSource> source;
-    SimulatedTruth truth;
-  };
+  using Bodies = std::vector<BodyOpening::Body>;
 
-  Expected<std::vector<Body>> open_bodies(const StartMap& start);
-  Expected<std::unique_ptr<SensorSource>> open(const BodyConfig& config, BodySetup& setup);
-  [[nodiscard]] bool comes_back(const BodyConfig& config) const;
-  std::unique_ptr<SensorSource> keep_open(const BodyConfig& config, const BodySetup& setup,
-                                          Expected<std::unique_ptr<SensorSource>> source);
-  void build_scene(const std::vector<Body>& bodies);
-  void build_workers(std::vector<Body> bodies);
+  void build_scene(const Bodies& bodies);
+  void build_workers(Bodies bodies);
   Expected<void> build_streaming();
   void start_threads();
   void serve();
@@ -92,9 +78,9 @@ class Server::Impl final {
   ServerConfig config_;
   ServerOptions options_;
   const Clock& clock_;
-  Instant simulation_start_{};
   EventBoard events_{utc_now_ns};
   dds::Membership membership_;
+  BodyOpening opening_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
   BodyThreads bodies_;
@@ -121,7 +107,7 @@ Expected<void> Server::Impl::build() {
     return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
   auto start = open_start_map(config_.map, config_.tags, events_);
   if (!start) return tl::unexpected(start.error());
-  auto bodies = open_bodies(*start);
+  auto bodies = opening_.open_all(*start);
   if (!bodies) return tl::unexpected(bodies.error());
   log::info("mapping", "map version " + std::to_string(start->map.version) + " with " +
                            std::to_string(start->map.tags.size()) + " tags");
@@ -150,73 +136,7 @@ Expected<void> Server::Impl::build() {
   return build_streaming();
 }
 
-Expected<std::vector<Server::Impl::Body>> Server::Impl::open_bodies(const StartMap& start) {
-  std::vector<Body> bodies;
-  std::optional<Error> first_failure;
-  std::size_t opened = 0;
-  simulation_start_ = clock_.now();
-  for (const auto& config : config_.bodies) {
-    auto setup = read_body_setup(config, config_.simulation);
-    if (!setup)
-      return tl::unexpected(
-          Error{setup.error().code, config.name + ": " + setup.error().text(), {}});
-    if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
-    if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);
-    auto source = open(config, *setup);
-    if (!source) {
-      Error why{source.error().code, config.name + ": " + source.error().text(), {}};
-      if (!knows_lenses(*setup)) return tl::unexpected(std::move(why));
-      if (!first_failure) first_failure = std::move(why);
-    }
-    if (source || comes_back(config)) ++opened;
-    auto truth = source && !comes_back(config) ? truth_of(**source, config_) : SimulatedTruth{};
-    auto kept = keep_open(config, *setup, std::move(source));
-    bodies.push_back({std::move(*setup), std::move(kept), std::move(truth)});
-  }
-  if (opened == 0) return tl::unexpected(*first_failure);
-  return bodies;
-}
-
-Expected<std::unique_ptr<SensorSource>> Server::Impl::open(const BodyConfig& config,
-                                                           BodySetup& setup) {
-  auto source = open_source(config, setup,
-                            {.room = config_.simulation,
-                             .clock = clock_,
-                             .simulation_start = simulation_start_,
-                             .motion = options_.motion ? options_.motion(config.name) : nullptr,
-                             .join_dds = [this] { return membership_.join(); }});
-  if (source && options_.source) *source = options_.source(config.name, std::move(*source));
-  return source;
-}
-
-bool Server::Impl::comes_back(const BodyConfig& config) const {
-  return may_come_back(config) || options_.source;
-}
-
-/// A device that is lost, or not there yet, is opened again; any other source fails for good.
-/// @param config  outlives the source
-std::unique_ptr<SensorSource> Server::Impl::keep_open(
-    const BodyConfig& config, const BodySetup& setup,
-    Expected<std::unique_ptr<SensorSource>> source) {
-  if (!comes_back(config)) return source ? std::move(*source) : failed_source(source.error());
-  const std::size_t body = static_cast<std::size_t>(&config - config_.bodies.data());
-  ReopeningSource::Listener listener{
-      [this, body, &config](const Error& why) {
-        scene_->source_lost(body);
-        events_.begin({.severity = Severity::kError,
-                       .subject = config.name,
-                       .kind = "source",
-                       .text = "its source is lost: " + why.text(),
-                       .remedy = "It is opened again until it comes back"});
-      },
-      [this, &config] { events_.end(config.name, "source", "its source is back"); }};
-  return std::make_unique<ReopeningSource>(
-      std::move(source),
-      [this, &config, own = BodySetup(setup)]() mutable { return open(config, own); },
-      std::move(listener), clock_);
-}
-
-void Server::Impl::build_scene(const std::vector<Body>& bodies) {
+void Server::Impl::build_scene(const Bodies& bodies) {
   RampConfig ramp;
   ramp.seconds = config_.map.correction_ramp_s;
   ramp.follows_images = config_.map.builder.refine_period_s > 0;
@@ -234,7 +154,7 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
   scene_.emplace(described);
 }
 
-void Server::Impl::build_workers(std::vector<Body> bodies) {
+void Server::Impl::build_workers(Bodies bodies) {
   const SharedParts shared{*map_, *scene_, clock_, recorder_, events_};
   ServerConfig recorded = config_;
   recorded.operators = {};
@@ -247,10 +167,12 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
                        std::move(truth));
     PipelineSetup setup = pipeline_setup(config_, config, bodies[i].setup);
     recorded.bodies[i].cameras.clear();  // as they are used, with what was learned about them
-    for (const CameraMount& mount : sensors.cameras)
-      recorded.bodies[i].cameras.push_back({.mount = mount});
+    for (std::size_t k = 0; k < sensors.cameras.size(); ++k) {
+      const auto source = k < config.cameras.size() ? config.cameras[k].source : std::nullopt;
+      recorded.bodies[i].cameras.push_back({.mount = sensors.cameras[k], .source = source});
+    }
     bodies_.add(std::make_unique<BodyWorker>(
-        BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},
+        BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].sources)},
         shared));
   }
   recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); },
@@ -271,7 +193,8 @@ Expected<void> Server::Impl::build_streaming() {
                      });
   watch_.emplace(events_, *publisher_, clock_, [this] { give_up(); });
   for (std::size_t i = 0; i < config_.bodies.size(); ++i)
-    watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->pulse());
+    watch_->add(config_.bodies[i].id, config_.bodies[i].name, bodies_.workers()[i]->cameras(),
+                bodies_.workers()[i]->pulse());
   return {};
 }
 

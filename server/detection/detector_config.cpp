@@ -4,12 +4,23 @@
 
 namespace fiducap {
 
+namespace {
+// No printer makes larger ones; sheets begin at some millimetres.
+constexpr double kSurelyMillimetres = 5;
+}  // namespace
+
 std::vector<ConfigError> TagSetConfig::check() const {
   Checker checker{"tags."};
   checker.require(is_tag_family(family), "family", family, "must be one of " + tag_family_names())
       .positive("size_m", size_m)
+      .require(!(size_m >= kSurelyMillimetres), "size_m", size_m,
+               "must be in metres: 160 mm is 0.16")
       .within("max_hamming", max_hamming, 0, 3);
-  for (const auto& [id, size] : sizes_m) checker.positive("sizes_m." + std::to_string(id), size);
+  for (const auto& [id, size] : sizes_m) {
+    const std::string field = "sizes_m." + std::to_string(id);
+    checker.positive(field, size)
+        .require(!(size >= kSurelyMillimetres), field, size, "must be in metres: 160 mm is 0.16");
+  }
   return checker.errors;
 }
 

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "base/closest_word.hpp"
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
@@ -291,6 +292,29 @@ void add_simulate(CLI::App& app, CommandLine& line) {
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_simulate(a, t); }; });
 }
 
+std::vector<std::string> verbs_of(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::App* verb : app.get_subcommands({})) names.push_back(verb->get_name());
+  return names;
+}
+
+/// A verb that there is not, with the one that was likely meant: CLI11 would complain of arguments
+/// that were not expected.
+std::optional<std::string> wrong_verb(const CLI::App& app, int argc, const char* const* argv) {
+  const CLI::App* at = &app;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const auto verbs = verbs_of(*at);
+    if (word.empty() || word.front() == '-' || verbs.empty()) return std::nullopt;
+    if (std::find(verbs.begin(), verbs.end(), word) == verbs.end()) {
+      const std::string name = at == &app ? "fiducap" : "fiducap " + at->get_name();
+      return name + " " + word + ": there is no such verb; it " + must_be_one_of(verbs, word);
+    }
+    at = at->get_subcommand(word);
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 int run_command_line(int argc, const char* const* argv, const Terminal& terminal) {
@@ -317,6 +341,10 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_tags(app, line);
   add_calibrate(app, line.calibrate, line.chosen);
   add_simulate(app, line);
+  if (const auto wrong = wrong_verb(app, argc, argv)) {
+    terminal.err << *wrong << "\n";
+    return kExitUsage;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {

@@ -59,6 +59,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"daemon/config", {"recording"}},
     {"daemon/bodies", {"config", "recording"}},
     {"daemon/watch", {"bodies"}},
+    {"daemon/review", {"bodies", "config"}},
     {"tools/tags", {}},
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},

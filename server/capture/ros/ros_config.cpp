@@ -31,13 +31,32 @@ std::vector<ConfigError> RosSourceConfig::check(const std::string& prefix) const
   return checker.errors;
 }
 
+RosSourceConfig RosCameraConfig::as_source() const {
+  return {.images = {image},
+          .imu = "",
+          .reliable = reliable,
+          .synchronized = synchronized,
+          .camera_info_wait_s = camera_info_wait_s};
+}
+
+std::vector<ConfigError> RosCameraConfig::check(const std::string& prefix) const {
+  return Checker{prefix}
+      .within("camera_info_wait_s", camera_info_wait_s, 0, 600)
+      .require(is_topic(image), "image", '"' + image + '"',
+               "must be a topic, e.g. /camera/image_raw")
+      .errors;
+}
+
 std::vector<ConfigError> check_source(const RosSourceConfig& config,
                                       const SourceSurroundings& around,
                                       const std::string& body_prefix) {
   Checker rules{body_prefix, config.check(body_prefix + "source.")};
-  rules.require(around.cameras.size() == config.images.size(), "cameras",
-                std::to_string(around.cameras.size()) + " entries",
-                "a ros source has one camera per topic in source.images");
+  rules
+      .require(around.cameras.size() == config.images.size(), "cameras",
+               std::to_string(around.cameras.size()) + " entries",
+               "a ros source has one camera per topic in source.images")
+      .require(config.imu.empty() || !around.has_imu_source, "imu_source", "{…}",
+               "stands beside source.imu: which of the two is it?");
   return rules.errors;
 }
 

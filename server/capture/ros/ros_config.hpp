@@ -43,6 +43,28 @@ void describe(V& v, RosSourceConfig& c) {
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
 
+/// One camera of a body as a topic of ROS 2.
+struct RosCameraConfig {
+  std::string image;  ///< As RosSourceConfig::images.
+  bool reliable{false};
+  bool synchronized{true};
+  double camera_info_wait_s{10};
+
+  static constexpr bool kTellsLenses = true;
+
+  /// The same as a source without an IMU.
+  [[nodiscard]] RosSourceConfig as_source() const;
+  [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
+};
+
+template <class V>
+void describe(V& v, RosCameraConfig& c) {
+  v.value("image", c.image);
+  v.value("reliable", c.reliable);
+  v.value("synchronized", c.synchronized);
+  v.value("camera_info_wait_s", c.camera_info_wait_s);
+}
+
 /// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
 [[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
 [[nodiscard]] bool is_compressed(const std::string& image_topic);

@@ -20,7 +20,7 @@ BodyInbox::BodyInbox(std::size_t max_images) : max_images_(max_images) {
 bool BodyInbox::push(SensorSample sample, Instant arrived) {
   {
     const std::lock_guard lock(mutex_);
-    if (closed_) return false;
+    if (closed_ || finished_) return false;
     Delivery delivery{std::move(sample), arrived};
     if (is_image(delivery)) {
       if (images_ == max_images_) {

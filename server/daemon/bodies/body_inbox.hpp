@@ -17,10 +17,10 @@ struct Delivery {
   Instant arrived{};  ///< Server time.
 };
 
-/// Between a body's reader and its worker, in order of arrival. Bounded: the oldest image goes when
-/// images pile up; a single IMU reading never goes. When so many of them wait that they are seconds
-/// old, all that waits goes at once: the body begins anew with the present. The lock is held for a
-/// push or a swap only.
+/// Between a body's readers and its worker, in order of arrival. Bounded: the oldest image goes
+/// when images pile up; a single IMU reading never goes. When so many of them wait that they are
+/// seconds old, all that waits goes at once: the body begins anew with the present. The lock is
+/// held for a push or a swap only.
 class BodyInbox final {
  public:
   static constexpr std::size_t kMaxImu = 4096;
@@ -28,7 +28,7 @@ class BodyInbox final {
   /// @param max_images  more of them waiting: the oldest goes
   explicit BodyInbox(std::size_t max_images);
 
-  /// @return false when the inbox is closed
+  /// @return false when the inbox is closed or finished
   bool push(SensorSample sample, Instant arrived);
   /// Nothing more will come; what is there can still be taken.
   void finish();

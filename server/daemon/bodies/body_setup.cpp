@@ -7,7 +7,6 @@
 #include "base/log.hpp"
 #include "capture/lens/camera_calibration_file.hpp"
 #include "capture/lens/kalibr_file.hpp"
-#include "daemon/operator_token.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {
@@ -66,7 +65,7 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     auto mount = read_mount(body.cameras[k], k);
     if (!mount) return tl::unexpected(mount.error());
-    const bool is_told_later = tells_lenses(body.source) && mount->model.width == 0;
+    const bool is_told_later = tells_lens(body, k) && mount->model.width == 0;
     if (const auto errors = mount->model.check(); !errors.empty() && !is_told_later) {
       return fail(ErrorCode::kInvalid, errors.front().text(), body.cameras[k].calibration);
     }
@@ -144,22 +143,6 @@ void warn_about_tags(const std::string& body, const RecordingInfo& recording,
        << " ids to ignore; the configuration says: " << tags.family << ", " << tags.size_m << ", "
        << tags.sizes_m.size() << ", " << tags.ignore.size() << ", and that is what holds";
   log::warning("daemon", text.str());
-}
-
-std::vector<ConfigFault> check_files(const ServerConfig& config) {
-  std::vector<ConfigFault> faults;
-  if (config.bodies.empty())
-    faults.push_back({{"bodies", "[]", "must have at least one body"}, ""});
-  if (const auto token = operator_token(config.operators, nullptr); !token)
-    faults.push_back(
-        {{"operator.token_file", config.operators.token_file, token.error().what}, ""});
-  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
-    const BodyConfig& body = config.bodies[i];
-    const auto setup = read_body_setup(body, config.simulation);
-    if (!setup)
-      faults.push_back({{"bodies." + std::to_string(i), body.name, setup.error().text()}, ""});
-  }
-  return faults;
 }
 
 }  // namespace fiducap

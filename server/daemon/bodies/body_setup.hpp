@@ -38,9 +38,4 @@ namespace fiducap {
 void warn_about_tags(const std::string& body, const RecordingInfo& recording,
                      const TagSetConfig& tags);
 
-/// Everything that can be known about a configuration without starting it: there is a body, and all
-/// files that the configuration names can be read. The rules of the values were checked by
-/// load_config.
-[[nodiscard]] std::vector<ConfigFault> check_files(const ServerConfig& config);
-
 }  // namespace fiducap

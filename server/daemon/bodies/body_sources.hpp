@@ -3,6 +3,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "base/clock.hpp"
@@ -31,6 +32,19 @@ struct OpeningContext {
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
 };
 
+/// One of the sources of a body: of all its sensors, of one camera, or of the IMU.
+struct SensorPart {
+  std::optional<std::size_t> camera{};
+  bool is_imu{false};
+};
+
+[[nodiscard]] inline bool gives_images(const SensorPart& part) { return !part.is_imu; }
+
+/// As the configuration names them; never empty.
+[[nodiscard]] std::vector<SensorPart> parts_of(const BodyConfig& body);
+/// In words: `source`, `camera 1`, `IMU`.
+[[nodiscard]] std::string name_of(const SensorPart& part);
+
 /// What the source says of itself before it is opened, into `setup`: cameras, gravity.
 [[nodiscard]] Expected<void> read_own_setup(const BodyConfig& body,
                                             const simulation::RoomConfig& room, BodySetup& setup);
@@ -38,14 +52,17 @@ struct OpeningContext {
 /// The noise of the source's own IMU, unless the configuration has another; nullopt: it has none.
 [[nodiscard]] std::optional<ImuNoise> own_imu(const BodyConfig& body, const BodySetup& setup);
 
-/// Opens the samples themselves, in real time. A source that tells lenses puts those that the
+/// Opens the samples of one part, in real time. A source that tells lenses puts those that the
 /// configuration does not describe into `setup`, which may take a while.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_source(const BodyConfig& body,
+                                                                  const SensorPart& part,
                                                                   BodySetup& setup,
                                                                   OpeningContext context);
 
 /// Whether it is a device, which may be unplugged or not be up yet, and come back.
-[[nodiscard]] bool may_come_back(const BodyConfig& body);
+[[nodiscard]] bool may_come_back(const BodyConfig& body, const SensorPart& part);
+/// Whether the lens of camera `k` comes by its source, once that is open.
+[[nodiscard]] bool tells_lens(const BodyConfig& body, std::size_t k);
 
 /// Stands in for a source that could not be opened: gives nothing but this error.
 [[nodiscard]] std::unique_ptr<SensorSource> failed_source(Error error);

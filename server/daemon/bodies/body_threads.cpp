@@ -16,21 +16,23 @@ void BodyThreads::start(std::function<void()> all_ended) {
       body->work(stop);
       if (--running_ == 0 && !stop.stop_requested()) all_ended();
     });
-    reading_.emplace_back([body](std::stop_token stop) {
-      name_this_thread("read " + body->name());
-      body->read(stop);
-    });
+    for (std::size_t source = 0; source < body->sources(); ++source) {
+      reading_.push_back({body, source, std::jthread([body, source](std::stop_token stop) {
+                            name_this_thread("read " + body->name());
+                            body->read(source, stop);
+                          })});
+    }
   }
 }
 
 bool BodyThreads::some_are_reading() const {
-  return std::any_of(workers_.begin(), workers_.end(),
-                     [](const auto& worker) { return worker->reading(); });
+  return std::any_of(reading_.begin(), reading_.end(),
+                     [](const auto& reader) { return reader.body->reading(reader.source); });
 }
 
 bool BodyThreads::stop(Duration patience) {
   constexpr Duration kLook = std::chrono::milliseconds(5);
-  for (auto& thread : reading_) thread.request_stop();
+  for (auto& reader : reading_) reader.thread.request_stop();
   for (auto& thread : computing_) thread.request_stop();
   for (auto& thread : computing_) thread.join();
   computing_.clear();
@@ -39,13 +41,13 @@ bool BodyThreads::stop(Duration patience) {
     if (!clock_.wait_until(clock_.now() + kLook, {})) break;
   }
   bool all = true;
-  for (std::size_t i = 0; i < reading_.size(); ++i) {
-    if (workers_[i]->reading()) {
+  for (auto& reader : reading_) {
+    if (reader.body->reading(reader.source)) {
       log::warning("capture",
-                   workers_[i]->name() + ": the device does not let go; it is left behind");
+                   reader.body->name() + ": the device does not let go; it is left behind");
       all = false;
     } else {
-      reading_[i].join();
+      reader.thread.join();
     }
   }
   if (all) reading_.clear();

@@ -11,7 +11,7 @@
 
 namespace fiducap {
 
-/// The workers of all bodies and the two threads of each.
+/// The workers of all bodies and the threads of each: one that computes, one per source.
 class BodyThreads final {
  public:
   explicit BodyThreads(const Clock& clock) : clock_(clock) {}
@@ -35,7 +35,12 @@ class BodyThreads final {
   std::vector<std::unique_ptr<BodyWorker>> workers_;
   std::atomic<std::size_t> running_{0};
   std::vector<std::jthread> computing_;
-  std::vector<std::jthread> reading_;  // die first: they feed the others
+  struct ReadingThread {
+    BodyWorker* body;
+    std::size_t source;
+    std::jthread thread;
+  };
+  std::vector<ReadingThread> reading_;  // die first: they feed the others
 };
 
 }  // namespace fiducap

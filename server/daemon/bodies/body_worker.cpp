@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <sstream>
 #include <utility>
 
 #include "base/log.hpp"
@@ -27,6 +26,13 @@ constexpr Duration kForgiven = std::chrono::minutes(1);
 constexpr Duration kShortestPause = std::chrono::milliseconds(100);
 constexpr Duration kLongestPause = std::chrono::seconds(30);
 
+/// -1: not an image.
+int camera_of(const SensorSample& sample) {
+  if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->camera;
+  const auto* corners = std::get_if<CornerFrame>(&sample);
+  return corners != nullptr ? corners->camera : -1;
+}
+
 /// More waiting images would only make the newest late.
 std::size_t images_that_wait(const PipelineSetup& setup) {
   return 4 * std::max<std::size_t>(1, setup.sensors.cameras.size());
@@ -38,65 +44,43 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
     : index_(parts.index),
       id_(parts.id),
       name_(std::move(parts.name)),
-      source_(std::move(parts.source)),
       shared_(shared),
       setup_(std::move(parts.setup)),
       make_filter_(std::move(parts.make_filter)),
       pipeline_(make_pipeline()),
       inbox_(images_that_wait(setup_)),
       pause_(kShortestPause),
-      began_at_(shared.clock.now()) {}
-
-void BodyWorker::read(std::stop_token stop) {
-  Duration pause = kShortestPause;
-  for (;;) {
-    const Instant began = shared_.clock.now();
-    try {
-      read_samples(stop);
-      break;
-    } catch (const std::exception& failure) {
-      say_that_reading_failed(failure.what());
-    }
-    const Instant now = shared_.clock.now();
-    if (now - began > kForgiven) pause = kShortestPause;
-    if (!shared_.clock.wait_until(now + pause, stop)) break;
-    pause = std::min(2 * pause, kLongestPause);
+      began_at_(shared.clock.now()) {
+  for (BodySource& source : parts.sources) {
+    if (source.gives_images) ++image_readers_;
+    readers_.push_back(std::make_unique<BodyReader>(
+        std::move(source), name_,
+        [this](SensorSample sample) { return pass_on(std::move(sample)); }, shared.events,
+        shared.clock));
   }
-  inbox_.finish();
-  reading_ = false;
 }
 
-void BodyWorker::say_that_reading_failed(const char* why) {
-  reading_failed_ = true;
-  const auto whose = [this] { return name_; };
-  net::guarded("capture", whose, [&] {
-    shared_.events.begin({.severity = Severity::kError,
-                          .subject = name_,
-                          .kind = "source_failed",
-                          .text = std::string("its source failed (") + why + ") and is read on",
-                          .remedy = "If it comes again, this is a defect: please report it"});
-  });
+void BodyWorker::read(std::size_t source, std::stop_token stop) {
+  BodyReader& reader = *readers_[source];
+  reader.read(std::move(stop));
+  if (reader.gives_images() && --image_readers_ == 0) inbox_.finish();
 }
 
-void BodyWorker::read_samples(std::stop_token stop) {
-  while (!stop.stop_requested()) {
-    auto sample = source_->next(stop);
-    if (!sample) return log::error("capture", name_ + ": source lost: " + sample.error().text());
-    if (!sample->has_value()) {
-      if (!stop.stop_requested()) log::info("capture", name_ + ": source has ended");
-      return;
-    }
-    if (std::exchange(reading_failed_, false))
-      shared_.events.end(name_, "source_failed", "its source gives samples again");
-    const Instant now = shared_.clock.now();
-    const auto* imu = std::get_if<ImuSample>(&**sample);
-    if (imu != nullptr && !setup_.sensors.imu) continue;
-    (imu != nullptr ? pulse_.imu_came_ns : pulse_.image_came_ns) = to_ns(now);
-    if (imu == nullptr) ++pulse_.images;
-    if (imu != nullptr && imu->w_WB_B.allFinite() && imu->f_B.allFinite())
-      shared_.scene.add_imu(index_, *imu);
-    if (!inbox_.push(std::move(**sample), now)) return;
+/// @return false: the body takes nothing any more
+bool BodyWorker::pass_on(SensorSample sample) {
+  const Instant now = shared_.clock.now();
+  const auto* imu = std::get_if<ImuSample>(&sample);
+  if (imu != nullptr && !setup_.sensors.imu) return true;
+  if (imu != nullptr) {
+    pulse_.imu_came_ns = to_ns(now);
+    if (imu->w_WB_B.allFinite() && imu->f_B.allFinite()) shared_.scene.add_imu(index_, *imu);
+  } else {
+    pulse_.image_came_ns = to_ns(now);
+    if (const int k = camera_of(sample); k >= 0 && k < kMostCameras)
+      pulse_.camera_came_ns[static_cast<std::size_t>(k)] = to_ns(now);
+    ++pulse_.images;
   }
+  return inbox_.push(std::move(sample), now);
 }
 
 void BodyWorker::work(std::stop_token stop) {
@@ -344,29 +328,6 @@ BodyStatistics BodyWorker::statistics() const {
 std::vector<ExtrinsicsEstimate> BodyWorker::learned() const {
   const std::lock_guard lock(learned_mutex_);
   return learned_;
-}
-
-std::string BodyStatistics::text() const {
-  const PipelineStatistics& p = pipeline;
-  const auto per_frame_ms = [&](Duration cpu) {
-    return p.frames == 0 ? 0.0 : to_seconds(cpu) * 1e3 / static_cast<double>(p.frames);
-  };
-  std::ostringstream line;
-  line.precision(3);
-  line << p.frames << " frames (" << p.frames_with_pose << " with pose), " << p.tags_used
-       << " tags used, " << p.imu_samples << " IMU samples; CPU per frame: detect "
-       << per_frame_ms(p.detect_cpu) << " ms, update " << per_frame_ms(p.update_cpu)
-       << " ms, propagate " << per_frame_ms(p.propagate_cpu) << " ms; dropped: " << images_dropped
-       << " images when busy, " << p.merger.late_dropped << " late, " << p.merger.backwards_dropped
-       << " backwards, " << p.merger.far_dropped << " far ahead, " << p.merger.bad_dropped
-       << " bad; " << p.motion_losses << " restarts, " << new_beginnings << " after failures";
-  const auto late_ms = [this](double share) { return to_seconds(lateness.quantile(share)) * 1e3; };
-  line << "; exposure to update " << late_ms(0.5) << " ms (p99 " << late_ms(0.99) << ")";
-  if (p.search.images > 0) {
-    line << "; " << p.search.whole_images << " images searched whole, " << p.search.found << " of "
-         << p.search.expected << " expected tags in their regions";
-  }
-  return line.str();
 }
 
 }  // namespace fiducap

@@ -13,11 +13,12 @@
 #include <vector>
 
 #include "base/clock.hpp"
-#include "base/duration_histogram.hpp"
 #include "base/event_board.hpp"
 #include "capture/sensor_source.hpp"
 #include "daemon/bodies/body_inbox.hpp"
 #include "daemon/bodies/body_pulse.hpp"
+#include "daemon/bodies/body_reader.hpp"
+#include "daemon/bodies/body_statistics.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/body_pipeline.hpp"
@@ -31,7 +32,7 @@ struct BodyParts {
   int id{};             ///< In the map and on the wires.
   std::string name;
   PipelineSetup setup;
-  std::unique_ptr<SensorSource> source;
+  std::vector<BodySource> sources;
   std::function<std::unique_ptr<BodyFilter>()> make_filter{};  ///< Empty: as the setup says.
 };
 
@@ -44,32 +45,24 @@ struct SharedParts {
   EventBoard& events;
 };
 
-/// What a body did and what it cost. CPU of its worker thread.
-struct BodyStatistics {
-  PipelineStatistics pipeline{};
-  std::uint64_t images_dropped{};  ///< Because the worker was busy.
-  std::uint64_t new_beginnings{};  ///< After a failure inside of the pipeline.
-  DurationHistogram lateness{};    ///< Middle of exposure → corrected; for live sources.
-
-  [[nodiscard]] std::string text() const;  ///< One line for the log.
-};
-
-/// The life of one body's samples: a reader that waits for the device, and a worker that drives the
-/// body's pipeline. Both are plain functions for a thread to run. When the source ends, the body is
-/// lost and everything else goes on; what the pipeline throws makes it begin anew, after pauses
-/// that grow to half a minute.
+/// The life of one body's samples: a reader for each of its sources that waits for the device, and
+/// a worker that drives the body's pipeline. All are plain functions for a thread to run. When the
+/// last source of images ends, the body is lost and everything else goes on; what the pipeline
+/// throws makes it begin anew, after pauses that grow to half a minute.
 class BodyWorker final {
  public:
   BodyWorker(BodyParts parts, const SharedParts& shared);
 
-  /// Waits for the source until it ends, fails or is stopped. Readings of the IMU reach the scene
-  /// at once.
-  void read(std::stop_token stop);
-  /// Works on what was read, tells map, scene and recorder, until the reader has finished.
+  /// Waits for one of the sources until it ends, fails or is stopped. Readings of the IMU reach the
+  /// scene at once.
+  void read(std::size_t source, std::stop_token stop);
+  /// Works on what was read, tells map, scene and recorder, until the readers have finished.
   void work(std::stop_token stop);
 
   [[nodiscard]] const std::string& name() const { return name_; }
-  [[nodiscard]] bool reading() const { return reading_; }
+  [[nodiscard]] std::size_t cameras() const { return setup_.sensors.cameras.size(); }
+  [[nodiscard]] std::size_t sources() const { return readers_.size(); }
+  [[nodiscard]] bool reading(std::size_t source) const { return readers_[source]->reading(); }
   [[nodiscard]] const BodyPulse& pulse() const { return pulse_; }
   /// @pre work() has returned
   [[nodiscard]] BodyStatistics statistics() const;
@@ -81,8 +74,7 @@ class BodyWorker final {
   [[nodiscard]] std::vector<std::string> doubts() const;
 
  private:
-  void read_samples(std::stop_token stop);
-  void say_that_reading_failed(const char* why);
+  [[nodiscard]] bool pass_on(SensorSample sample);
   [[nodiscard]] std::unique_ptr<BodyPipeline> make_pipeline() const;
   [[nodiscard]] std::optional<std::string> work_until_failure(std::stop_token stop);
   [[nodiscard]] bool work_samples(std::stop_token stop);
@@ -109,7 +101,6 @@ class BodyWorker final {
   std::size_t index_;
   int id_;
   std::string name_;
-  std::unique_ptr<SensorSource> source_;
   SharedParts shared_;
   const PipelineSetup setup_;
   std::function<std::unique_ptr<BodyFilter>()> make_filter_;
@@ -121,11 +112,11 @@ class BodyWorker final {
   std::size_t next_arrival_{0};
   BodyStatistics statistics_;  ///< Of the pipeline: of those before this one.
   BodyPulse pulse_;
-  std::atomic<bool> reading_{true};
-  bool reading_failed_{false};  ///< And no sample since; the reader's.
-  Duration pause_;              ///< Before the next new beginning.
-  Instant began_at_{};          ///< Of this pipeline.
-  bool failed_{false};          ///< And not back yet.
+  std::vector<std::unique_ptr<BodyReader>> readers_;
+  std::atomic<int> image_readers_{0};  ///< That still read.
+  Duration pause_;                     ///< Before the next new beginning.
+  Instant began_at_{};                 ///< Of this pipeline.
+  bool failed_{false};                 ///< And not back yet.
   mutable std::mutex learned_mutex_;
   std::vector<ExtrinsicsEstimate> learned_;
   std::optional<Instant> learned_at_;

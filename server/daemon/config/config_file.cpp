@@ -31,6 +31,20 @@ void number_the_bodies(std::vector<BodyConfig>& bodies) {
   }
 }
 
+/// A body that says nothing of a source for all, but names those of its sensors, means just these.
+void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
+  if (!bodies || !bodies.IsSequence()) return;
+  for (std::size_t i = 0; i < std::min(bodies.size(), config.bodies.size()); ++i) {
+    const YAML::Node body = bodies[i];
+    if (!body.IsMap() || body["source"]) continue;
+    const auto& cameras = config.bodies[i].cameras;
+    const bool names_some = std::any_of(cameras.begin(), cameras.end(), [](const auto& camera) {
+      return camera.source.has_value();
+    });
+    if (names_some) config.bodies[i].source.type = SourceType::kSensors;
+  }
+}
+
 void choose_refinement(const YAML::Node& document, ServerConfig& config) {
   const YAML::Node map = document["map"];
   const bool is_said = map && map.IsMap() && map["refine_period_s"];
@@ -52,7 +66,11 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
   ServerConfig read;
   ConfigReader::read_all(YamlSection(*document, "", shared), read);
   number_the_bodies(read.bodies);
-  if (document->IsMap()) choose_refinement(*document, read);
+  if (document->IsMap()) {
+    choose_refinement(*document, read);
+    const YAML::Node& written = *document;
+    choose_sources(written["bodies"], read);
+  }
   for (auto& error : check(read)) {
     // A value that could not even be read keeps its default: whatever rule that breaks is not the
     // user's fault.

@@ -27,13 +27,14 @@ struct CameraConfig {
   std::string calibration{};  ///< Kalibr camchain (lens, place, time) or a calibration file of one
                               ///< camera (lens only).
   CameraMount mount;          ///< What `calibration` does not say.
+  std::optional<CameraSourceConfig> source{};  ///< Its own; nullopt: the body's.
 };
 
 struct BodyConfig {
   std::string name;
   int id{0};  ///< Streaming id; 0: place in the list, from 1.
   std::string filter{"world"};
-  SourceConfig source;
+  SourceConfig source;                ///< kSensors, where only `cameras` and the IMU name sources.
   std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
   bool use_imu{true};                 ///< False: the IMU is not listened to.
   std::string kalibr_imu;             ///< Kalibr imu.yaml; goes before `imu`.

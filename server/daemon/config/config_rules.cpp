@@ -68,6 +68,7 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
   for (const CameraConfig& camera : body.cameras) {
     around.cameras.push_back(camera.mount);
     around.calibrated_by_files |= !camera.calibration.empty();
+    around.has_source.push_back(camera.source.has_value());
   }
   around.has_imu = body.imu || !body.kalibr_imu.empty();
   visit_source(body.source, [&](const auto& source) {
@@ -77,7 +78,22 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
 
 /// The lens may come by a file, or by the source itself.
 bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
-  return !camera.calibration.empty() || (tells_lenses(source) && camera.mount.model.width == 0);
+  const bool is_told = camera.source ? camera.source->tells_lens() : tells_lenses(source);
+  return !camera.calibration.empty() || (is_told && camera.mount.model.width == 0);
+}
+
+void check_camera(Errors& all, const BodyConfig& body, std::size_t camera,
+                  const std::string& prefix) {
+  const CameraConfig& config = body.cameras[camera];
+  check_mount(all, config.mount, lens_is_elsewhere(body.source, config), prefix);
+  if (!config.source) return;
+  append(all, config.source->check(prefix + "source."), prefix + "source.");
+  append(all,
+         Checker{prefix}
+             .require(body.source.type == SourceType::kSensors, "source", "{…}",
+                      "stands beside the `source` of its body: leave one of the two out")
+             .errors,
+         prefix);
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
@@ -93,8 +109,7 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
   append(all, rules.errors, prefix);
   check_source(all, body, prefix);
   for (std::size_t i = 0; i < body.cameras.size(); ++i) {
-    check_mount(all, body.cameras[i].mount, lens_is_elsewhere(body.source, body.cameras[i]),
-                prefix + "cameras." + std::to_string(i) + ".");
+    check_camera(all, body, i, prefix + "cameras." + std::to_string(i) + ".");
   }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
@@ -181,6 +196,18 @@ void check_map(Errors& all, const MapSettings& map) {
 }
 
 }  // namespace
+
+std::vector<ConfigError> check_source(const SensorsConfig&, const SourceSurroundings& around,
+                                      const std::string& body_prefix) {
+  Checker rules{body_prefix};
+  rules.require(!around.cameras.empty(), "cameras", "0 entries",
+                "must have a camera at least, each with a source of its own");
+  for (std::size_t k = 0; k < around.has_source.size(); ++k) {
+    rules.require(around.has_source[k], "cameras." + std::to_string(k) + ".source", "nothing",
+                  "must say where its images come from: the body has no source for all");
+  }
+  return rules.errors;
+}
 
 std::vector<ConfigError> check(const ServerConfig& config) {
   Errors all;

@@ -106,6 +106,7 @@ void describe(V& v, CameraMount& c) {
 
 template <class V>
 void describe(V& v, CameraConfig& c) {
+  v.optional_section("source", c.source);
   v.path("calibration", c.calibration);
   describe(v, c.mount);
 }

@@ -42,14 +42,24 @@ void BodyHealth::look(const BodyPose* pose, Instant now) {
   events_.end(name_, "tracking", "is not streamed any more");
 }
 
+/// Of several cameras each may fall silent; with none of them it is said of all at once.
 void BodyHealth::judge_source(Instant now) {
-  const std::int64_t came = pulse_.image_came_ns;
+  judge_silence(pulse_.image_came_ns, "silent", "its camera", now);
+  const bool some_come = since(pulse_.image_came_ns, now) <= kSilent_s;
+  for (std::size_t k = 0; cameras_ > 1 && k < std::min<std::size_t>(cameras_, kMostCameras); ++k) {
+    const std::int64_t came = some_come ? pulse_.camera_came_ns[k].load() : to_ns(now);
+    judge_silence(came, "silent_" + std::to_string(k), "its camera " + std::to_string(k), now);
+  }
+}
+
+void BodyHealth::judge_silence(std::int64_t came, const std::string& kind,
+                               const std::string& camera, Instant now) {
   const double waited_s = came == 0 ? to_seconds(now - *watched_since_) : since(came, now);
   const bool silent = !pulse_.ended && waited_s > (came == 0 ? kSilentAtStart_s : kSilent_s);
   events_.set(silent,
-              event(Severity::kWarning, "silent",
-                    came == 0 ? "not one image has come from its camera"
-                              : "no image has come from its camera any more",
+              event(Severity::kWarning, kind,
+                    came == 0 ? "not one image has come from " + camera
+                              : "no image has come from " + camera + " any more",
                     "Look at its cable, its driver and the name of its topic or device"),
               pulse_.ended ? "its source has ended" : "images come again");
 }

@@ -14,14 +14,16 @@ namespace fiducap {
 /// second or so. Not thread-safe.
 class BodyHealth final {
  public:
-  BodyHealth(std::string name, const BodyPulse& pulse, EventBoard& events)
-      : name_(std::move(name)), pulse_(pulse), events_(events) {}
+  BodyHealth(std::string name, std::size_t cameras, const BodyPulse& pulse, EventBoard& events)
+      : name_(std::move(name)), cameras_(cameras), pulse_(pulse), events_(events) {}
 
   /// @param pose  of the newest frame; nullptr: the body is not streamed
   void look(const BodyPose* pose, Instant now);
 
  private:
   void judge_source(Instant now);
+  void judge_silence(std::int64_t came_ns, const std::string& kind, const std::string& camera,
+                     Instant now);
   void judge_lateness(Instant now);
   void judge_pose(const BodyPose& pose, Instant now);
   [[nodiscard]] Event lost(Instant now) const;
@@ -30,6 +32,7 @@ class BodyHealth final {
                             std::string remedy) const;
 
   std::string name_;
+  std::size_t cameras_;
   const BodyPulse& pulse_;
   EventBoard& events_;
   std::optional<Instant> watched_since_;

@@ -16,8 +16,8 @@ HealthWatch::HealthWatch(EventBoard& events, const Publisher& publisher, const C
       give_up_(std::move(give_up)),
       machine_(events) {}
 
-void HealthWatch::add(int body_id, std::string name, const BodyPulse& pulse) {
-  bodies_.push_back({body_id, {std::move(name), pulse, events_}});
+void HealthWatch::add(int body_id, std::string name, std::size_t cameras, const BodyPulse& pulse) {
+  bodies_.push_back({body_id, {std::move(name), cameras, pulse, events_}});
 }
 
 void HealthWatch::delivered(const std::shared_ptr<const SceneFrame>& frame) {

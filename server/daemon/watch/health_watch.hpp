@@ -30,7 +30,7 @@ class HealthWatch final {
               std::function<void()> give_up);
 
   /// @param body_id  in the frames
-  void add(int body_id, std::string name, const BodyPulse& pulse);
+  void add(int body_id, std::string name, std::size_t cameras, const BodyPulse& pulse);
   /// Every frame, when the protocols have it. From the I/O thread; never waits.
   void delivered(const std::shared_ptr<const SceneFrame>& frame);
   /// Until stopped.

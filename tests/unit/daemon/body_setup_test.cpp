@@ -27,8 +27,8 @@ TEST(BodySetup, WhatWasLearnedAboutACameraDoesNotMoveTheSimulatedOne) {
   ASSERT_EQ(setup->sensors.cameras.front().X_BV.p, learned.p);
 
   const FakeClock clock{instant_from_ns(1)};
-  const auto source =
-      open_source(robot, *setup, {.room = config.simulation, .clock = clock, .motion = nullptr});
+  const auto source = open_source(robot, {}, *setup,
+                                  {.room = config.simulation, .clock = clock, .motion = nullptr});
   ASSERT_TRUE(source) << source.error().text();
   const SimulatedTruth truth = truth_of(**source, config);
   ASSERT_EQ(truth.X_BV.size(), 1U);

@@ -35,7 +35,7 @@ TEST_F(BodyWorkerTest, AnImuThatWasMendedIsNoConditionAnyMore) {
     images_done = done;
     if (done == 70 || done == 280) standing.push_back(events_.standing().size());
   };
-  std::thread reader([&] { worker_->read({}); });
+  std::thread reader([&] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
   EXPECT_THAT(standing, ElementsAre(1U, 0U));
@@ -80,7 +80,7 @@ TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {
     return frame_at(ms(1000 + 5 * k - 2), {4 + images++ % 2});
   }));
   filter_->throws_at = 3;
-  std::thread reader([this] { worker_->read({}); });
+  std::thread reader([this] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
   EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
@@ -93,7 +93,7 @@ TEST_F(BodyWorkerTest, BeginsAnewWhenItsFilterThrowsAndSaysWhenItIsBack) {
 TEST_F(BodyWorkerTest, CountsOnAfterANewBeginning) {
   build_three_images();
   filter_->throws_at = 1;
-  worker_->read({});
+  worker_->read(0, {});
   clock_.advance(std::chrono::milliseconds(500));  // two of three are too old by now
   worker_->work({});
   EXPECT_EQ(worker_->statistics().new_beginnings, 1U);
@@ -144,7 +144,7 @@ TEST_F(BodyWorkerTest, OneThatFailsAgainAndAgainWaitsLongerAndLonger) {
   }));
   fails_always_ = true;
   filter_->throws_at = 1;
-  std::thread reader([this] { worker_->read({}); });
+  std::thread reader([this] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
   EXPECT_LE(worker_->statistics().new_beginnings, 13U) << "100 ms, 200 ms, … 30 s, 30 s";

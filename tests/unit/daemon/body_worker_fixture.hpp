@@ -41,6 +41,11 @@ class BodyWorkerTest : public testing::Test {
   }
 
   void build(std::unique_ptr<SensorSource> source) {
+    std::vector<BodySource> sources;
+    sources.push_back({std::move(source)});
+    build(std::move(sources));
+  }
+  void build(std::vector<BodySource> sources) {
     std::vector<SceneBody> bodies(1);
     bodies[0].description = {1, "robot"};
     bodies[0].sensors = sensors_;
@@ -50,7 +55,7 @@ class BodyWorkerTest : public testing::Test {
     setup.sensors = sensors_;
     setup.estimator = estimator_;
     worker_ = std::make_unique<BodyWorker>(
-        BodyParts{0, 1, "robot", std::move(setup), std::move(source), [this] { return filter(); }},
+        BodyParts{0, 1, "robot", std::move(setup), std::move(sources), [this] { return filter(); }},
         SharedParts{*map_, *scene_, clock_, recorder_, events_});
   }
   std::unique_ptr<BodyFilter> filter() {
@@ -81,7 +86,7 @@ class BodyWorkerTest : public testing::Test {
 
   /// Reader and worker one after the other: what the threads do, without threads.
   void run() {
-    worker_->read({});
+    worker_->read(0, {});
     worker_->work({});
   }
   BodyPose pose_at(Instant at) {

@@ -57,12 +57,48 @@ TEST_F(BodyWorkerTest, KeepsTheFiltersTagsWhileTheyAreFew) {
 
 TEST_F(BodyWorkerTest, ShowsTheBodyWhileItIsFedAndLosesItWhenTheSourceHasEnded) {
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
-  worker_->read({});
+  worker_->read(0, {});
   EXPECT_FALSE(worker_->pulse().ended);
   worker_->work({});
   EXPECT_TRUE(worker_->pulse().ended);
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kLost);
   EXPECT_FALSE(pose_at(ms(1006)).valid);
+}
+
+std::unique_ptr<SensorSource> giving(std::vector<SensorSample> samples) {
+  return std::make_unique<ScriptedSource>(std::move(samples));
+}
+
+TEST_F(BodyWorkerTest, JoinsWhatItsSourcesGive) {
+  std::vector<BodySource> sources;
+  sources.push_back({giving({frame_at(ms(1002))}), "camera 0"});
+  sources.push_back({giving({imu_at(ms(1000)), imu_at(ms(1005))}), "IMU", false});
+  build(std::move(sources));
+  ASSERT_EQ(worker_->sources(), 2u);
+  worker_->read(1, {});
+  worker_->read(0, {});
+  worker_->work({});
+  EXPECT_THAT(log_.propagated, ElementsAre(ms(1000), ms(1005)));
+  EXPECT_EQ(log_.updated.size(), 1u);
+  EXPECT_FALSE(worker_->reading(0));
+  EXPECT_FALSE(worker_->reading(1));
+}
+
+TEST_F(BodyWorkerTest, HasEndedWhenNoSourceGivesImagesAnyMoreThoughItsImuGoesOn) {
+  std::vector<BodySource> sources;
+  sources.push_back({giving({frame_at(ms(1002))}), "camera 0"});
+  sources.push_back({giving({frame_at(ms(1004))}), "camera 1"});
+  sources.push_back({std::make_unique<EndlessSource>([](int turn) -> std::optional<SensorSample> {
+                       return imu_at(ms(1000 + 5 * turn));
+                     }),
+                     "IMU", false});
+  build(std::move(sources));
+  worker_->read(0, {});
+  EXPECT_FALSE(worker_->pulse().ended);
+  worker_->read(1, {});
+  worker_->read(2, {});  // returns: nothing is taken any more
+  worker_->work({});
+  EXPECT_TRUE(worker_->pulse().ended);
 }
 
 TEST_F(BodyWorkerTest, LosesTheBodyWhenTheDeviceFailsAfterAllItGaveWasUsed) {
@@ -143,7 +179,7 @@ TEST_F(BodyWorkerTest, WhenItDoesNotKeepUpTheOldestImagesGoAndNoImuReading) {
 
 TEST_F(BodyWorkerTest, AnImageThatWaitedTooLongIsLeftOutWhenANewerOneHasCome) {
   build_three_images();
-  worker_->read({});
+  worker_->read(0, {});
   clock_.advance(std::chrono::milliseconds(500));  // the worker gets no time meanwhile
   worker_->work({});
   ASSERT_EQ(log_.updated.size(), 1U);
@@ -156,7 +192,7 @@ TEST_F(BodyWorkerTest, EndsWithoutLosingTheBodyWhenTheServerStops) {
   build({imu_at(ms(1000)), imu_at(ms(1005)), frame_at(ms(1002))});
   std::stop_source stop;
   stop.request_stop();
-  worker_->read(stop.get_token());
+  worker_->read(0, stop.get_token());
   worker_->work(stop.get_token());
   EXPECT_TRUE(log_.updated.empty());
   EXPECT_EQ(pose_at(ms(1006)).state, BodyState::kSearching);
@@ -184,7 +220,7 @@ TEST_F(BodyWorkerTest, AllocatesNothingPerSampleAfterWarmUp) {
     if (done == kCounted) at_end = g_allocations;
     images_done = done;
   };
-  std::thread reader([&] { worker_->read({}); });
+  std::thread reader([&] { worker_->read(0, {}); });
   worker_->work({});
   reader.join();
   EXPECT_EQ(filter_->images_done, kImages);

@@ -76,6 +76,41 @@ TEST(ConfigFile, SaysHowFarALensMayBeOff) {
               ElementsAre(HasSubstr("k1_sigma = 2: must be in [0, 1]")));
 }
 
+constexpr const char* kTwoCameras = R"(
+bodies:
+  - name: robot
+    cameras:
+      - source: {type: camera, open: left.mp4}
+        model: {width: 640, height: 480, fu: 500, fv: 500, cu: 319.5, cv: 239.5}
+      - source: {type: ros, image: /right/image_raw}
+)";
+
+TEST(ConfigFile, GivesEachCameraASourceOfItsOwn) {
+  const auto config = parse_config(kTwoCameras, "folder/test.yaml");
+  ASSERT_TRUE(config) << config.error().front().text();
+  const BodyConfig& body = config->bodies[0];
+  EXPECT_EQ(body.source.type, SourceType::kSensors);
+  ASSERT_EQ(body.cameras.size(), 2u);
+  EXPECT_THAT(body.cameras[0].source->camera.open, EndsWith("folder/left.mp4"));
+  EXPECT_EQ(body.cameras[1].source->ros.image, "/right/image_raw");
+  const auto again = parse_config(print_config(*config), "test.yaml");
+  ASSERT_TRUE(again) << again.error().front().text();
+  EXPECT_EQ(print_config(*again), print_config(*config));
+}
+
+TEST(ConfigFile, SourcesOfCamerasAndOfTheirBodyExcludeEachOther) {
+  EXPECT_THAT(faults_of(kTwoCameras, {"bodies.0.source.type=camera", "bodies.0.source.open=a.mp4"}),
+              testing::Contains(HasSubstr("cameras.0.source = {…}: stands beside the `source`")));
+  EXPECT_THAT(
+      faults_of(kTwoCameras, {"bodies.0.cameras.1.source=~"}),
+      testing::Contains(HasSubstr("cameras.1.source = nothing: must say where its images")));
+  EXPECT_THAT(faults_of("bodies: [{name: robot, source: {type: sensors}}]"),
+              ElementsAre(HasSubstr("bodies.0.cameras = 0 entries: must have a camera")));
+  EXPECT_THAT(
+      faults_of(kTwoCameras, {"bodies.0.cameras.1.source.image=right"}),
+      ElementsAre(HasSubstr("bodies.0.cameras.1.source.image = \"right\": must be a topic")));
+}
+
 TEST(ConfigFile, HasADefaultForEverything) {
   const auto config = parse_config("", "empty.yaml");
   ASSERT_TRUE(config) << config.error().front().text();

@@ -58,7 +58,7 @@ class BodyHealthTest : public testing::Test {
   EventBoard events_{[this] { return to_ns(now_); }};
   BodyPulse pulse_;
   BodyPose pose_;
-  BodyHealth health_{"drone", pulse_, events_};
+  BodyHealth health_{"drone", 1, pulse_, events_};
 };
 
 TEST_F(BodyHealthTest, SaysNothingOfARobotThatIsWell) {
@@ -73,6 +73,25 @@ TEST_F(BodyHealthTest, SaysThatACameraIsSilentAndThatItIsBack) {
   EXPECT_THAT(text(), HasSubstr("drone: no image has come from its camera any more. Look at its"));
   pass(5s);
   EXPECT_THAT(told(), ElementsAre("silent", "over: silent"));
+}
+
+TEST_F(BodyHealthTest, OfSeveralCamerasTheSilentOneIsNamed) {
+  BodyHealth health("drone", 2, pulse_, events_);
+  const auto pass_with = [&](Duration d, bool second) {
+    for (const Instant end = now_ + d; now_ < end; now_ += 500ms) {
+      healthy();
+      pulse_.camera_came_ns[0] = to_ns(now_);
+      if (second) pulse_.camera_came_ns[1] = to_ns(now_);
+      health.look(&pose_, now_);
+    }
+  };
+  pass_with(5s, true);
+  EXPECT_THAT(told(), IsEmpty());
+  pass_with(4s, false);
+  EXPECT_THAT(told(), ElementsAre("silent_1"));
+  EXPECT_THAT(text(), HasSubstr("drone: no image has come from its camera 1 any more"));
+  pass_with(5s, true);
+  EXPECT_THAT(told(), ElementsAre("silent_1", "over: silent_1"));
 }
 
 TEST_F(BodyHealthTest, ACameraThatNeverGaveAnImageIsSilentToo) {

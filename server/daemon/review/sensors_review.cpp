@@ -1,0 +1,156 @@
+// What the sensors of the bodies are, and whether they are there.
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+
+#include "capture/camera_device.hpp"
+#include "daemon/bodies/body_setup.hpp"
+#include "daemon/review/config_review.hpp"
+#include "daemon/system_clock.hpp"
+
+namespace fiducap {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// Further from the body's origin than this a camera of a robot is not.
+constexpr double kFarthestCamera_m = 3;
+// Narrower and wider lenses are none that see tags.
+constexpr double kNarrowest_deg = 8;
+constexpr double kWidest_deg = 170;
+constexpr double kMostAspect = 1.1;  // of a pixel; square ones are the rule
+constexpr double kMostOffCentre = 0.25;
+constexpr double kMostGyroNoise = 0.05;  // rad/s/√Hz; the worst parts on sale have 0.001
+constexpr double kMostAccelNoise = 0.5;
+constexpr double kDegrees = 180 / M_PI;
+
+std::string number(double value) {
+  std::ostringstream text;
+  text.precision(4);
+  text << value;
+  return text.str();
+}
+
+std::string size_text(int width, int height) {
+  return std::to_string(width) + " x " + std::to_string(height);
+}
+
+void review_lens(const CameraMount& mount, const std::string& path, ConfigReview& review) {
+  const CameraModel& lens = mount.model;
+  if (lens.width == 0) return;  // its source will tell
+  const double angle = 2 * std::atan2(lens.width / 2.0, lens.fu) * kDegrees;
+  if (lens.distortion != Distortion::kEquidistant &&
+      (angle < kNarrowest_deg || angle > kWidest_deg))
+    review.doubt(
+        path + "model.fu", number(lens.fu),
+        "means a view of " + number(angle) + " degrees: is it in pixels, and of this image size?");
+  if (lens.fu > kMostAspect * lens.fv || lens.fv > kMostAspect * lens.fu)
+    review.doubt(path + "model.fv", number(lens.fv),
+                 "differs from fu by more than pixels do (fu = " + number(lens.fu) +
+                     "): calibrate again (`fiducap calibrate camera`)");
+  const double off_u = std::abs(lens.cu - lens.width / 2.0) / lens.width;
+  const double off_v = std::abs(lens.cv - lens.height / 2.0) / lens.height;
+  if (std::max(off_u, off_v) > kMostOffCentre)
+    review.doubt(path + "model.cu", number(lens.cu) + ", cv = " + number(lens.cv),
+                 "is far from the middle of " + size_text(lens.width, lens.height) +
+                     ": is the calibration of another image size, or of a cut image?");
+  if (mount.focal_sigma > 0 || mount.k1_sigma > 0)
+    review.doubt(path + "focal_sigma", number(mount.focal_sigma),
+                 "says that the lens is a guess: it is learned, but run `fiducap calibrate camera` "
+                 "before you trust a pose");
+  if (mount.X_BV.p.norm() > kFarthestCamera_m)
+    review.doubt(path + "X_BV", number(mount.X_BV.p.norm()) + " m",
+                 "is far from the body's origin: places are in metres, not millimetres");
+}
+
+void review_imu(const ImuNoise& imu, const std::string& path, ConfigReview& review) {
+  if (imu.gyro_noise_rad_s_rtHz > kMostGyroNoise)
+    review.doubt(path + "gyro_noise_rad_s_rtHz", number(imu.gyro_noise_rad_s_rtHz),
+                 "is more than any unit has: data sheets give degrees, divide by 57.3");
+  if (imu.accel_noise_m_s2_rtHz > kMostAccelNoise)
+    review.doubt(path + "accel_noise_m_s2_rtHz", number(imu.accel_noise_m_s2_rtHz),
+                 "is more than any unit has: data sheets give micro-g, multiply by 9.81e-6");
+}
+
+/// Opens the device or file as the server would, for its image size.
+void review_device(CameraDeviceConfig device, const CameraMount& mount, const std::string& path,
+                   ConfigReview& review) {
+  device.paced = false;
+  static const SystemClock clock;
+  const auto opened = open_camera_device(device, mount.model, clock);
+  if (!opened) return review.fault(path + "open", device.open, opened.error().what);
+  if (!is_file(device)) return;
+  auto first = (*opened)->next({});
+  if (!first) return review.fault(path + "open", device.open, first.error().what);
+  if (!first->has_value()) review.fault(path + "open", device.open, "has not one image");
+}
+
+void review_cameras(const BodyConfig& body, const BodySetup& setup, const std::string& path,
+                    ConfigReview& review) {
+  const auto& mounts = setup.sensors.cameras;
+  for (std::size_t k = 0; k < mounts.size(); ++k) {
+    const std::string camera = path + "cameras." + std::to_string(k) + ".";
+    review_lens(mounts[k], camera, review);
+    if (k >= body.cameras.size() || !body.cameras[k].source) continue;
+    const CameraSourceConfig& own = *body.cameras[k].source;
+    if (own.type == CameraSourceType::kCamera)
+      review_device(own.camera, mounts[k], camera + "source.", review);
+  }
+  if (body.source.type == SourceType::kCamera && mounts.size() == 1)
+    review_device(body.source.camera, mounts.front(), path + "source.", review);
+}
+
+std::string sources_text(const BodyConfig& body) {
+  switch (body.source.type) {
+    case SourceType::kSimulator:
+      return "a simulated robot";
+    case SourceType::kRecording:
+      return "the recording " + body.source.recording.folder;
+    case SourceType::kCamera:
+      return body.source.camera.open;
+    case SourceType::kRos:
+      return "ROS 2 topics";
+    case SourceType::kSensors:
+      break;
+  }
+  std::string text;
+  for (const CameraConfig& camera : body.cameras) {
+    if (!camera.source) continue;
+    const bool by_ros = camera.source->type == CameraSourceType::kRos;
+    text += (text.empty() ? "" : ", ") +
+            (by_ros ? camera.source->ros.image : camera.source->camera.open);
+  }
+  return text;
+}
+
+void plan_body(const BodyConfig& body, const BodySetup& setup, ConfigReview& review) {
+  std::string line = "body " + body.name + " (id " + std::to_string(body.id) + "): ";
+  line += std::to_string(setup.sensors.cameras.size()) + " camera";
+  if (setup.sensors.cameras.size() != 1) line += "s";
+  for (const CameraMount& mount : setup.sensors.cameras) {
+    line += mount.model.width == 0 ? ", its lens by its source"
+                                   : ", " + size_text(mount.model.width, mount.model.height);
+  }
+  line += setup.sensors.imu ? ", with IMU" : ", without IMU";
+  review.plan.push_back(line + ", from " + sources_text(body));
+}
+
+}  // namespace
+
+void review_sensors(const ServerConfig& config, ConfigReview& review) {
+  for (std::size_t i = 0; i < config.bodies.size(); ++i) {
+    const BodyConfig& body = config.bodies[i];
+    const std::string path = "bodies." + std::to_string(i) + ".";
+    const auto setup = read_body_setup(body, config.simulation);
+    if (!setup) {
+      review.fault("bodies." + std::to_string(i), body.name, setup.error().text());
+      continue;
+    }
+    review_cameras(body, *setup, path, review);
+    if (setup->sensors.imu) review_imu(*setup->sensors.imu, path + "imu.", review);
+    plan_body(body, *setup, review);
+  }
+}
+
+}  // namespace fiducap

@@ -1,0 +1,179 @@
+// Every mistake that people make in a configuration is planted once, and has to be named.
+#include "daemon/review/config_review.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include <opencv2/videoio.hpp>
+
+#include "streaming/net/bind.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+constexpr const char* kSound = R"(
+tags: {family: tag36h11, size_m: 0.16}
+map: {mode: mapping, store: map.sqlite, reference_tag: 0}
+bodies:
+  - name: robot
+    source: {type: simulator}
+    cameras:
+      - model: {width: 752, height: 480, fu: 460, fv: 460, cu: 375.5, cv: 239.5}
+        X_BV: {p: [0.1, 0, 0], q_wxyz: [0.5, -0.5, 0.5, -0.5]}
+  - name: filmed
+    source: {type: camera, open: clip.avi}
+    cameras:
+      - model: {width: 64, height: 48, fu: 46, fv: 46, cu: 31.5, cv: 23.5}
+streaming:
+  vrpn: {port: 0}
+  native: {port: 0}
+  web: {port: 0}
+)";
+
+/// A folder with all that the sound configuration names.
+class ConfigReviewTest : public testing::Test {
+ protected:
+  ConfigReviewTest() {
+    cv::VideoWriter video(folder_.file("clip.avi"), cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20,
+                          {64, 48});
+    for (int i = 0; i < 3; ++i) video.write(cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(90)));
+  }
+
+  ConfigReview look(std::vector<std::string> sets) {
+    sets.push_back("recorder.folder=" + folder_.file("recordings"));
+    const auto config = parse_config(kSound, folder_.file("robot.yaml"), sets);
+    if (config) return review(*config);
+    return {.faults = config.error(), .doubts = {}, .plan = {}};
+  }
+  static std::vector<std::string> lines(const std::vector<ConfigFault>& faults) {
+    std::vector<std::string> all;
+    for (const auto& fault : faults) all.push_back(fault.text());
+    return all;
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(ConfigReviewTest, SaysOfASoundOneWhatWillRun) {
+  const ConfigReview found = look({});
+  EXPECT_THAT(lines(found.faults), IsEmpty());
+  EXPECT_THAT(lines(found.doubts), IsEmpty());
+  EXPECT_THAT(found.plan, Contains("body robot (id 1): 1 camera, 752 x 480, with IMU, from a "
+                                   "simulated robot"));
+  EXPECT_THAT(found.plan, Contains(HasSubstr("filmed (id 2): 1 camera, 64 x 48, without IMU")));
+  EXPECT_THAT(found.plan, Contains("a growing map; tags tag36h11, 160 mm"));
+  EXPECT_THAT(found.plan, Contains(HasSubstr("vrpn on 127.0.0.1: 0 tcp 0 udp")));
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("map.sqlite"))) << "it only looks";
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("recordings"))) << "it only looks";
+}
+
+struct Mistake {
+  std::vector<std::string> sets;
+  std::string said;
+  bool is_doubt{false};
+};
+
+const std::vector<Mistake> kMistakes{
+    // Words
+    {{"tags.famly=tag36h11"}, "tags.famly = tag36h11: unknown key; did you mean family?"},
+    {{"streaming.rate=100"}, "unknown key; did you mean rate_hz?"},
+    {{"map.mode=frosen"},
+     "map.mode = frosen: must be one of mapping, frozen; did you mean frozen?"},
+    {{"tags.family=tag36h12"}, "tags.family = tag36h12: must be one of"},
+    {{"bodies.1.name=robot"}, "bodies.1.name = \"robot\": is taken by another body"},
+    {{"streaming.vrpn.aliases={drone: A}"}, "must stand for the name of one of the bodies"},
+    // Units
+    {{"tags.size_m=160"}, "tags.size_m = 160: must be in metres: 160 mm is 0.16"},
+    {{"tags.sizes_m={7: 400}"}, "tags.sizes_m.7 = 400: must be in metres"},
+    {{"bodies.1.source.exposure_s=8"}, "bodies.1.source.exposure_s = 8: must be in [0, 1]"},
+    {{"bodies.0.cameras.0.X_BV.p=[100, 0, 0]"}, "places are in metres, not millimetres", true},
+    {{"bodies.0.imu.gyro_noise_rad_s_rtHz=0.2"}, "data sheets give degrees", true},
+    {{"bodies.0.imu.accel_noise_m_s2_rtHz=100"}, "data sheets give micro-g", true},
+    // Lenses
+    {{"bodies.1.cameras.0.model.width=640"}, "gives images of 64 x 48"},
+    {{"bodies.0.cameras.0.focal_sigma=0.1"}, "says that the lens is a guess", true},
+    {{"bodies.0.cameras.0.model.fv=700"}, "differs from fu by more than pixels do", true},
+    {{"bodies.0.cameras.0.model.cu=20"}, "is far from the middle of 752 x 480", true},
+    {{"bodies.0.cameras.0.model.fu=7000", "bodies.0.cameras.0.model.fv=7000"},
+     "means a view of 6.1",
+     true},
+    // What is not there
+    {{"bodies.1.source.open=field.mp4"}, "no such video file"},
+    {{"bodies.1.source.open=/dev/video63"}, "/dev/video63: "},
+    {{"bodies.1.source={type: recording, folder: nothing}"}, "bodies.1 = filmed: "},
+    {{"bodies.0.cameras.0.calibration=lens.json"}, "lens.json: no such file"},
+    {{"map.file=room.yaml"}, "there is no such file"},
+    {{"map.store=/no/such/folder/map.sqlite"}, "its folder does not exist"},
+    {{"operator.token_file=/no/such/token"}, "operator.token_file = /no/such/token"},
+    {{"dds.interface=eth77"}, "dds.interface = eth77: is no network interface"},
+    // What can never track
+    {{"map.mode=frozen"}, "has no map to be frozen: nothing will ever be tracked"},
+    {{"map.reference_tag=900"},
+     "map.reference_tag = 900: is no tag of tag36h11, which has 0 to 586"},
+    {{"tags.ignore=[0]"}, "map.reference_tag = 0: stands in tags.ignore"},
+    {{"tags.sizes_m={5000: 0.2}"}, "tags.sizes_m = 5000: is no tag of tag36h11"},
+    {{"map.floor_tags=[-3]"}, "map.floor_tags = -3: is no tag"},
+    // What is forgotten
+    {{"map.store="}, "the map is forgotten when the server ends", true},
+    {{"map.reference_tag=~"}, "the first tag that is seen becomes the origin", true},
+    {{"bodies.0.use_imu=false"}, "nothing says what is up", true},
+    // Ports
+    {{"streaming.vrpn.port=21987", "streaming.native.port=21987"}, "is the port of vrpn, too"},
+    {{"streaming.vrpn.address=203.0.113.7", "streaming.vrpn.port=21988"},
+     "streaming.vrpn = 21988: "},
+};
+
+TEST_F(ConfigReviewTest, NamesEveryPlantedMistake) {
+  ASSERT_GE(kMistakes.size(), 25u);
+  for (const Mistake& mistake : kMistakes) {
+    const ConfigReview found = look(mistake.sets);
+    const auto& where = mistake.is_doubt ? found.doubts : found.faults;
+    EXPECT_THAT(lines(where), Contains(HasSubstr(mistake.said))) << mistake.sets.front();
+    if (mistake.is_doubt) EXPECT_THAT(lines(found.faults), IsEmpty()) << mistake.sets.front();
+  }
+}
+
+TEST_F(ConfigReviewTest, NamesAllMistakesOfOneFileAtOnce) {
+  const ConfigReview found =
+      look({"map.mode=frozen", "bodies.1.source.open=field.mp4", "tags.ignore=[0]"});
+  EXPECT_EQ(found.faults.size(), 3u) << testing::PrintToString(lines(found.faults));
+}
+
+TEST_F(ConfigReviewTest, NamesAPortThatSomebodyHas) {
+  boost::asio::io_context io;
+  const auto taken = net::listen_tcp(io, {"127.0.0.1", 0, "test"});
+  ASSERT_TRUE(taken);
+  const std::string port = std::to_string(taken->local_endpoint().port());
+  EXPECT_THAT(lines(look({"streaming.web.port=" + port}).faults),
+              Contains(HasSubstr("streaming.web = " + port)));
+  const ConfigReview optional = look({"streaming.web.port=" + port, "streaming.optional=[web]"});
+  EXPECT_THAT(lines(optional.faults), IsEmpty());
+  EXPECT_THAT(lines(optional.doubts), Contains(HasSubstr("the server runs without")));
+}
+
+TEST_F(ConfigReviewTest, NamesAFolderForRecordingsThatCannotBe) {
+  EXPECT_THAT(lines(look({}).faults), IsEmpty());
+  const auto config = parse_config(kSound, folder_.file("robot.yaml"));
+  ASSERT_TRUE(config);
+  EXPECT_THAT(lines(review(*config).faults), IsEmpty()) << "the working directory";
+  ServerConfig wrong = *config;
+  wrong.recorder.folder = folder_.file("clip.avi");
+  EXPECT_THAT(lines(review(wrong).faults), Contains(HasSubstr("is no folder")));
+}
+
+TEST_F(ConfigReviewTest, TellsScriptsTheSame) {
+  const std::string text = review_json(look({"map.mode=frozen"}));
+  EXPECT_THAT(text, HasSubstr("\"usable\": false"));
+  EXPECT_THAT(text, HasSubstr("\"path\": \"map.mode\""));
+}
+
+}  // namespace
+}  // namespace fiducap
