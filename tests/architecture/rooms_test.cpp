@@ -45,6 +45,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"calibration/imu", {}},
     {"calibration/intrinsics", {}},
     {"calibration/extrinsics", {}},
+    {"calibration/guided", {"extrinsics", "imu", "intrinsics"}},
     {"streaming/conventions", {}},
     {"streaming/net", {}},
     {"streaming/dds", {"conventions", "net"}},

@@ -1,141 +1,9 @@
 #include "tools/calibrate/calibration_views.hpp"
 
-#include <algorithm>
-#include <limits>
-#include <map>
 #include <utility>
-
-#include "detection/checkerboard.hpp"
-#include "detection/corner_projection.hpp"
-#include "detection/tag_detector.hpp"
 
 namespace fiducap {
 namespace {
-
-constexpr double kLeastSide_px = 20;
-constexpr int kWholeImage_px = 800 * 600;  // larger ones are searched in every second pixel
-constexpr double kBlurred = 0.5;           // of the sharpness that a quarter of the sightings has
-constexpr double kAlike = 0.004;           // of the image width: views closer than this are one
-
-class Collector final {
- public:
-  explicit Collector(const CalibrationTargets& targets) : targets_(targets) {
-    if (targets.checkerboard) add_checkerboard(*targets.checkerboard);
-  }
-
-  /// @return false when there is no target in the image
-  bool look(const CalibrationImage& image) {
-    CalibrationView view{image.name, {}};
-    if (targets_.checkerboard) {
-      look_for_checkerboard(image, view);
-    } else if (image.image) {
-      take_tags(detector_of(image).detect(CameraFrame{0, {}, image.image}), view);
-    } else {
-      take_tags(image.corners, view);
-    }
-    if (view.sightings.empty()) return false;
-    data.views.push_back(std::move(view));
-    return true;
-  }
-
-  CalibrationData data;
-
- private:
-  void add_checkerboard(const Checkerboard& board) {
-    CalibrationTarget target{"checkerboard", {}, false};
-    for (int row = 0; row < board.rows; ++row)
-      for (int column = 0; column < board.columns; ++column)
-        target.points.emplace_back(column * board.square_m, row * board.square_m, 0);
-    data.targets.push_back(std::move(target));
-  }
-
-  void look_for_checkerboard(const CalibrationImage& image, CalibrationView& view) const {
-    if (!image.image) return;
-    const auto corners = find_checkerboard(*image.image, targets_.checkerboard->columns,
-                                           targets_.checkerboard->rows);
-    if (!corners) return;
-    TargetSighting sighting;
-    for (std::size_t i = 0; i < corners->size(); ++i)
-      sighting.points.push_back({static_cast<int>(i), (*corners)[i], (*corners)[i]});
-    view.sightings.push_back(std::move(sighting));
-  }
-
-  TagDetector& detector_of(const CalibrationImage& image) {
-    if (!detector_) {
-      DetectorConfig config;
-      config.decimate = image.width * image.height > kWholeImage_px ? 2.0 : 1.0;
-      detector_.emplace(targets_.tags, config);
-    }
-    return *detector_;
-  }
-
-  [[nodiscard]] bool is_good(const CornerFrame& frame, const TagSighting& tag) const {
-    const auto& ignore = targets_.tags.ignore;
-    if (std::find(ignore.begin(), ignore.end(), tag.tag_id) != ignore.end()) return false;
-    if (tag.hamming > 1) return false;
-    for (std::size_t i = 0; i < 4; ++i)
-      if (!((tag.corners_px[i] - tag.corners_px[(i + 1) % 4]).norm() >= kLeastSide_px))
-        return false;
-    const auto same = [&](const TagSighting& other) { return other.tag_id == tag.tag_id; };
-    return std::count_if(frame.tags.begin(), frame.tags.end(), same) == 1;
-  }
-
-  void take_tags(const CornerFrame& frame, CalibrationView& view) {
-    for (const TagSighting& tag : frame.tags) {
-      if (!is_good(frame, tag)) continue;
-      TargetSighting sighting;
-      sighting.target = target_of(tag.tag_id, frame.fitted_straight_sides);
-      sighting.sharpness = tag.sharpness;
-      for (int i = 0; i < 4; ++i) {
-        const Eigen::Vector2d& px = tag.corners_px[static_cast<std::size_t>(i)];
-        sighting.points.push_back({i, px, px});
-      }
-      view.sightings.push_back(std::move(sighting));
-    }
-  }
-
-  int target_of(int tag_id, bool fitted_sides) {
-    const auto known = target_of_tag_.find(tag_id);
-    if (known != target_of_tag_.end()) return known->second;
-    const int target = static_cast<int>(data.targets.size());
-    CalibrationTarget made{"tag " + std::to_string(tag_id), {}, fitted_sides};
-    for (int i = 0; i < 4; ++i) made.points.push_back(tag_corner(i, targets_.tags.edge_of(tag_id)));
-    data.targets.push_back(std::move(made));
-    target_of_tag_[tag_id] = target;
-    return target;
-  }
-
-  const CalibrationTargets& targets_;
-  std::optional<TagDetector> detector_;
-  std::map<int, int> target_of_tag_;
-};
-
-double sharp_enough(const CalibrationData& all) {
-  std::vector<double> sharpness;
-  for (const CalibrationView& view : all.views)
-    for (const TargetSighting& s : view.sightings)
-      if (s.sharpness > 0) sharpness.push_back(s.sharpness);
-  if (sharpness.empty()) return 0;
-  const auto quarter = sharpness.begin() + static_cast<std::ptrdiff_t>(sharpness.size() * 3 / 4);
-  std::nth_element(sharpness.begin(), quarter, sharpness.end());
-  return kBlurred * *quarter;
-}
-
-/// How far the corners that both views see are apart, mean, in image widths; far when there are
-/// none.
-double distance(const CalibrationData& data, const CalibrationView& a, const CalibrationView& b) {
-  double sum = 0;
-  std::size_t count = 0;
-  for (const TargetSighting& s : a.sightings)
-    for (const TargetSighting& t : b.sightings) {
-      if (s.target != t.target) continue;
-      const std::size_t points = std::min(s.points.size(), t.points.size());
-      for (std::size_t i = 0; i < points; ++i)
-        sum += (s.points[i].raw_px - t.points[i].raw_px).norm();
-      count += points;
-    }
-  return count == 0 ? 1 : sum / static_cast<double>(count) / data.width;
-}
 
 std::string size_text(int width, int height) {
   return std::to_string(width) + " x " + std::to_string(height);
@@ -146,13 +14,13 @@ std::string size_text(int width, int height) {
 Expected<CollectedViews> collect_views(
     CalibrationImages& images, const CalibrationTargets& targets,
     const std::function<void(std::size_t, std::size_t)>& progress) {
-  Collector collector(targets);
+  ViewCollector collector(targets);
   CollectedViews out;
+  CalibrationData& data = out.data;
   for (;;) {
     const auto image = images.next();
     if (!image) return tl::unexpected(image.error());
     if (!*image) break;
-    CalibrationData& data = collector.data;
     if (out.images++ == 0) {
       data.width = (*image)->width;
       data.height = (*image)->height;
@@ -162,34 +30,12 @@ Expected<CollectedViews> collect_views(
                       ", the images before are " + size_text(data.width, data.height) +
                       ": a calibration is for one size");
     }
-    collector.look(**image);
+    auto view = (*image)->image ? collector.look((*image)->name, (*image)->image)
+                                : collector.look((*image)->name, (*image)->corners);
+    if (view) data.views.push_back(std::move(*view));
     progress(out.images, data.views.size());
   }
-  out.data = std::move(collector.data);
-  return out;
-}
-
-CalibrationData select_views(const CalibrationData& all, std::size_t most) {
-  CalibrationData sharp = all;
-  const double limit = sharp_enough(all);
-  for (CalibrationView& view : sharp.views)
-    std::erase_if(view.sightings,
-                  [&](const TargetSighting& s) { return s.sharpness > 0 && s.sharpness < limit; });
-  std::erase_if(sharp.views, [](const CalibrationView& view) { return view.sightings.empty(); });
-  // Farthest first: each view taken is the one that is least like those taken before.
-  std::vector<double> apart(sharp.views.size(), std::numeric_limits<double>::infinity());
-  std::vector<bool> taken(sharp.views.size(), false);
-  for (std::size_t n = 0, next = 0; n < most && next < sharp.views.size(); ++n) {
-    if (!(apart[next] > kAlike)) break;
-    taken[next] = true;
-    for (std::size_t i = 0; i < apart.size(); ++i)
-      apart[i] = std::min(apart[i], distance(sharp, sharp.views[i], sharp.views[next]));
-    next = static_cast<std::size_t>(std::max_element(apart.begin(), apart.end()) - apart.begin());
-  }
-  CalibrationData out = sharp;
-  out.views.clear();
-  for (std::size_t i = 0; i < taken.size(); ++i)
-    if (taken[i]) out.views.push_back(std::move(sharp.views[i]));
+  data.targets = collector.targets();
   return out;
 }
 

@@ -1,0 +1,168 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <random>
+
+#include "calibration/guided/lens_guide.hpp"
+#include "calibration/guided/rest_guide.hpp"
+#include "calibration/guided/wave_guide.hpp"
+#include "detection/corner_projection.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kEdge_m = 0.16;
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// A sheet with one tag before a camera of 640 x 480.
+class LensGuideTest : public testing::Test {
+ protected:
+  LensGuideTest() { targets_.tags.size_m = kEdge_m; }
+
+  /// The tag's middle at this pixel, so far away, leaned about x and y.
+  static CornerFrame seen(double u, double v, double distance_m, double lean_x = 0,
+                          double lean_y = 0, double sharpness = 0.8) {
+    const CameraModel camera{640, 480, 500, 500, 319.5, 239.5, Distortion::kNone, {}};
+    const Eigen::Quaterniond facing(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
+    const Pose X_VT{facing * Eigen::AngleAxisd(lean_x, Eigen::Vector3d::UnitX()) *
+                        Eigen::AngleAxisd(lean_y, Eigen::Vector3d::UnitY()),
+                    {(u - camera.cu) / camera.fu * distance_m,
+                     (v - camera.cv) / camera.fv * distance_m, distance_m}};
+    TagSighting tag{3, 0, 60.0};
+    tag.sharpness = sharpness;
+    for (int i = 0; i < 4; ++i)
+      tag.corners_px[static_cast<std::size_t>(i)] = camera.pinhole(X_VT * tag_corner(i, kEdge_m));
+    return {0, {}, {tag}};
+  }
+  /// Held there for two images: the first one might be of a moving sheet.
+  bool hold(const CornerFrame& frame) {
+    static_cast<void>(guide_.look(frame));
+    return guide_.look(frame);
+  }
+
+  CalibrationTargets targets_;
+  LensGuide guide_{[] {
+                     CalibrationTargets targets;
+                     targets.tags.size_m = kEdge_m;
+                     return targets;
+                   }(),
+                   640, 480};
+};
+
+TEST_F(LensGuideTest, TellsHowSlantedASquareIsSeen) {
+  const auto cosine = [](double lean_x, double lean_y) {
+    return slant_cosine(seen(320, 240, 2, lean_x, lean_y).tags[0].corners_px);
+  };
+  constexpr double kPerspective = 0.01;  // of a tag two metres away
+  EXPECT_NEAR(cosine(0, 0), 1, kPerspective);
+  EXPECT_NEAR(cosine(40 * kDegree, 0), std::cos(40 * kDegree), kPerspective);
+  EXPECT_NEAR(cosine(0, -30 * kDegree), std::cos(30 * kDegree), kPerspective);
+}
+
+TEST_F(LensGuideTest, KeepsOnlyWhatIsStillAndNew) {
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("Move it to the upper left"));
+  EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "it may be moving";
+  EXPECT_TRUE(guide_.look(seen(320, 240, 0.6)));
+  EXPECT_FALSE(guide_.look(seen(320, 240, 0.6))) << "there is one like it";
+  EXPECT_FALSE(guide_.look(seen(420, 240, 0.6)));
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("still"));
+  EXPECT_TRUE(guide_.look(seen(420, 240, 0.6)));
+  EXPECT_FALSE(hold(CornerFrame{}));
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("Show the sheet"));
+  EXPECT_EQ(guide_.progress().views, 2u);
+}
+
+TEST_F(LensGuideTest, SaysWhenItIsBlurred) {
+  EXPECT_TRUE(hold(seen(320, 240, 0.6)));
+  EXPECT_FALSE(hold(seen(420, 240, 0.6, 0, 0, 0.2)));
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("blurred"));
+}
+
+TEST_F(LensGuideTest, IsContentOnlyWhenTheWholeImageWasCoveredAtASlant) {
+  for (int v = 0; v < 6; ++v)
+    for (int u = 0; u < 8; ++u) EXPECT_TRUE(hold(seen(40 + 80 * u, 40 + 80 * v, 0.9)));
+  EXPECT_GE(guide_.progress().covered, 0.9);
+  EXPECT_FALSE(guide_.progress().is_enough);
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("Slant"));
+  for (int i = 0; i < 24; ++i)
+    static_cast<void>(hold(seen(120 + 50 * (i % 8), 100 + 90 * (i / 8), 0.6, 40 * kDegree)));
+  EXPECT_TRUE(guide_.progress().is_enough);
+  guide_.ask_for_more(5, "Nearer to the right border.");
+  EXPECT_FALSE(guide_.progress().is_enough);
+  EXPECT_EQ(guide_.progress().hint, "Nearer to the right border.");
+}
+
+TEST_F(LensGuideTest, NamesTheEmptyPartOfTheImage) {
+  for (int v = 0; v < 6; ++v)
+    for (int u = 0; u < 5; ++u) static_cast<void>(hold(seen(40 + 80 * u, 40 + 80 * v, 0.9, 0.7)));
+  EXPECT_THAT(guide_.progress().hint, HasSubstr("right"));
+}
+
+ImuSample at_rest(int i, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  ImuSample sample{instant_from_ns(i * 5'000'000LL), {0.01, 0, 0}, {0, 0.2, 9.8}};
+  for (int k = 0; k < 3; ++k) {
+    sample.w_WB_B(k) += 0.002 * normal(random);
+    sample.f_B(k) += 0.03 * normal(random);
+  }
+  return sample;
+}
+
+TEST(RestGuide, WaitsAMinuteAndGivesTheNoise) {
+  std::mt19937 random(3);
+  RestGuide guide;
+  EXPECT_THAT(guide.hint(), HasSubstr("Nothing has come"));
+  int i = 0;
+  for (; !guide.is_enough(); ++i) guide.take(at_rest(i, random));
+  EXPECT_NEAR(i, 200 * RestGuide::kLongEnough_s, 2);
+  const auto noise = guide.result();
+  ASSERT_TRUE(noise) << noise.error().text();
+  // 0.002 rad/s at 200 Hz is 0.002 / sqrt(200) as a density; a minute tells a few percent.
+  EXPECT_NEAR(noise->noise.gyro_noise_rad_s_rtHz, 0.002 / std::sqrt(200.0), 1e-5);
+  EXPECT_NEAR(noise->noise.rate_hz, 200, 0.1);
+}
+
+TEST(RestGuide, BeginsAgainWhenItIsTouched) {
+  std::mt19937 random(3);
+  RestGuide guide;
+  for (int i = 0; i < 4000; ++i) guide.take(at_rest(i, random));
+  EXPECT_GT(guide.share(), 0.3);
+  ImuSample touched = at_rest(4000, random);
+  touched.w_WB_B.x() += 0.5;
+  guide.take(touched);
+  EXPECT_LT(guide.share(), 0.01);
+  EXPECT_THAT(guide.hint(), HasSubstr("It moved"));
+}
+
+TEST(WaveGuide, WantsEveryAxisTurnedItShakenAndTagsInView) {
+  WaveGuide guide;
+  CornerFrame frame{0, {}, {TagSighting{1}}};
+  int i = 0;
+  const auto wave = [&](int axis, double seconds, double shaken) {
+    for (const int end = i + static_cast<int>(seconds * 200); i < end; ++i) {
+      ImuSample sample{instant_from_ns(i * 5'000'000LL), {0, 0, 0}, {0, 0, 9.81}};
+      sample.w_WB_B(axis) = 1.5 * std::sin(i * 0.05);
+      sample.f_B.x() = shaken * std::sin(i * 0.1);
+      guide.take(sample);
+      frame.exposed_at = sample.sampled_at;
+      if (i % 10 == 0) guide.take(frame);
+    }
+  };
+  wave(2, 10, 0);
+  EXPECT_FALSE(guide.progress().is_enough);
+  EXPECT_EQ(guide.progress().turned[2], 1);
+  EXPECT_THAT(guide.progress().hint, HasSubstr("roll it"));
+  wave(0, 10, 0);
+  EXPECT_THAT(guide.progress().hint, HasSubstr("pitch it"));
+  wave(1, 10, 0);
+  EXPECT_THAT(guide.progress().hint, HasSubstr("Shake it"));
+  wave(1, 15, 5);
+  EXPECT_TRUE(guide.progress().is_enough) << guide.progress().hint;
+  EXPECT_GT(guide.samples().frames.size(), 500u);
+}
+
+}  // namespace
+}  // namespace fiducap
