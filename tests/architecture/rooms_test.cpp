@@ -24,6 +24,7 @@ constexpr std::array<std::string_view, 13> kRooms{
 const std::map<std::string, std::set<std::string>> kSubRooms{
     {"middleware/mavlink", {}},
     {"capture/lens", {}},
+    {"capture/imu", {"ros"}},
     {"capture/recording", {"lens"}},
     {"capture/ros", {"lens"}},
     {"detection/points", {}},

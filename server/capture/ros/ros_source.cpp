@@ -8,7 +8,7 @@
 
 #include "base/log.hpp"
 #include "capture/ros/ros_image.hpp"
-#include "capture/ros/stamp_mapper.hpp"
+#include "capture/stamp_mapper.hpp"
 #include "middleware/reader.hpp"
 
 namespace fiducap::dds {
