@@ -169,8 +169,12 @@ TEST(StampMapper, WhatBecomesKnownLaterIsTakenOverWithoutAStep) {
     const auto asked = i < 1000 ? std::nullopt : std::optional(known);
     const auto placed = mapper.place_by(asked, message.stamp_ns, message.arrived);
     ASSERT_TRUE(placed);
-    if (last) EXPECT_GE(*placed - *last, 4900us);
-    if (i > 1300) EXPECT_EQ(placed, message.measured);
+    if (last) {
+      EXPECT_GE(*placed - *last, 4900us);
+    }
+    if (i > 1300) {
+      EXPECT_EQ(placed, message.measured);
+    }
     last = placed;
   }
 }

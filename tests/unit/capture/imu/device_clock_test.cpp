@@ -55,7 +55,9 @@ TEST(DeviceClock, GoesOnWhenTheCounterWraps) {
     ASSERT_TRUE(placed) << i;
     EXPECT_LT(*placed - device.now() - 1ms, kPlaced);
     EXPECT_GT(*placed - device.now() - 1ms, -kPlaced);
-    if (last) EXPECT_GT(*placed, *last);
+    if (last) {
+      EXPECT_GT(*placed, *last);
+    }
     last = placed;
   }
   EXPECT_EQ(clock.restarts(), 0u);
@@ -73,7 +75,9 @@ TEST(DeviceClock, ADeviceThatStartsAgainIsPlacedAtOnce) {
       const auto placed = clock.place(device.count(), device.arrival());
       if (i >= 1000 && !placed) ++lost;
       if (!placed) continue;
-      if (last) ASSERT_GT(*placed, *last) << i;
+      if (last) {
+        ASSERT_GT(*placed, *last) << i;
+      }
       if (i > 1600) {
         EXPECT_LT(*placed - device.now() - 1ms, kPlaced);
         EXPECT_GT(*placed - device.now() - 1ms, -kPlaced);
@@ -89,7 +93,9 @@ TEST(DeviceClock, ReadingsThatOvertookEachOtherAreDropped) {
   Instant now = kStart;
   for (std::uint64_t i = 1; i < 1000; ++i, now += 2ms) {
     EXPECT_TRUE(clock.place(i * 2000, now));
-    if (i % 100 == 0) EXPECT_FALSE(clock.place(i * 2000 - 2000, now)) << "again, and older";
+    if (i % 100 == 0) {
+      EXPECT_FALSE(clock.place(i * 2000 - 2000, now)) << "again, and older";
+    }
   }
   EXPECT_EQ(clock.dropped(), 9u);
   EXPECT_EQ(clock.restarts(), 0u);
@@ -102,7 +108,9 @@ TEST(DeviceClock, AnyCountIsSurvived) {
   std::optional<Instant> last;
   for (int i = 0; i < 10'000; ++i, now += 1ms) {
     const auto placed = clock.place(random(), now, Duration{static_cast<std::int64_t>(random())});
-    if (placed && last) EXPECT_GT(*placed, *last);
+    if (placed && last) {
+      EXPECT_GT(*placed, *last);
+    }
     if (placed) last = placed;
   }
   EXPECT_FALSE(clock.place(std::numeric_limits<std::uint64_t>::max(), now));
