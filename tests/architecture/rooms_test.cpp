@@ -22,7 +22,9 @@ constexpr std::array<std::string_view, 13> kRooms{
 /// Sub-room → its neighbours in the same room that it may know. What stands in the room's own
 /// folder is open to all its sub-rooms: it is what they share.
 const std::map<std::string, std::set<std::string>> kSubRooms{
+    {"middleware/mavlink", {}},
     {"capture/lens", {}},
+    {"capture/imu", {"ros"}},
     {"capture/recording", {"lens"}},
     {"capture/ros", {"lens"}},
     {"detection/points", {}},

@@ -27,7 +27,9 @@ const std::set<std::string> kReadMachineClocks{
 /// `now()` of the handed-in Clock: sources, which stamp and pace; sockets, which pass the time on
 /// to the conversations they carry; the daemon.
 bool may_ask(const std::filesystem::path& path) {
-  static const std::set<std::string> kSources{"camera_device", "recording_source", "ros_source"};
+  static const std::set<std::string> kSources{"camera_device", "recording_source", "ros_source",
+                                              "line_source",   "mavlink_source",   "iio_source",
+                                              "px4_source"};
   static const std::vector<std::string> kSockets{"server",    "session",   "desk",
                                                  "discovery", "listeners", "connect_back"};
   const std::string stem = path.stem().string();
@@ -93,6 +95,7 @@ TEST(Time, IsAskedForBySourcesSocketsAndTheDaemonAlone) {
 TEST(Time, IsNotWaitedForByUnitTests) {
   // Of programs with the label `loopback`.
   const std::set<std::string> real_time{
+      "tests/unit/capture/imu/imu_source_test.cpp",
       "tests/unit/client/c_api_test.cpp",
       "tests/unit/client/client_reading_test.cpp",
       "tests/unit/client/client_server_test.cpp",

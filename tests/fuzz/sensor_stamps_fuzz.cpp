@@ -1,8 +1,8 @@
 // Samples with any stamps, in any order: through the mapping of a host's clock and into the merger,
 // which gives them out in order, whatever came. A record has 10 bytes: what it is, its stamp.
 #include "base/byte_reader.hpp"
-#include "capture/ros/stamp_mapper.hpp"
 #include "capture/sample_merger.hpp"
+#include "capture/stamp_mapper.hpp"
 #include "fuzz/memory_file.hpp"
 
 namespace {
@@ -52,7 +52,7 @@ struct Merged {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   Merged merged((data[0] & 1) != 0);
-  dds::StampMapper mapper((data[0] & 2) != 0);
+  StampMapper mapper((data[0] & 2) != 0);
   LittleEndianReader in(std::as_bytes(std::span(data + 1, size - 1)));
   Instant now = instant_from_ns(1'000'000'000'000);
   std::int64_t base = 0;

@@ -8,7 +8,7 @@
 
 #include "base/log.hpp"
 #include "capture/ros/ros_image.hpp"
-#include "capture/ros/stamp_mapper.hpp"
+#include "capture/stamp_mapper.hpp"
 #include "middleware/reader.hpp"
 
 namespace fiducap::dds {
@@ -23,11 +23,6 @@ constexpr int kImageDepth = 2;
 
 std::int64_t to_ns(const builtin_interfaces_msg_dds__Time_& stamp) {
   return std::int64_t{stamp.sec} * 1'000'000'000 + stamp.nanosec;
-}
-
-std::int64_t utc_now_ns() {
-  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
-      .count();
 }
 
 Expected<Reader> subscribe(const Participant& in, const std::string& topic,
@@ -191,6 +186,11 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
 }
 
 }  // namespace
+
+std::int64_t utc_now_ns() {
+  return std::chrono::duration_cast<Duration>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
 
 Expected<std::unique_ptr<SensorSource>> open_ros_source(std::shared_ptr<Participant> participant,
                                                         const RosSourceConfig& config,

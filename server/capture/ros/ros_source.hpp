@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -19,6 +20,9 @@ namespace fiducap::dds {
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_ros_source(
     std::shared_ptr<Participant> participant, const RosSourceConfig& config,
     const std::vector<CameraMount>& cameras, const Clock& clock);
+
+/// UTC of this machine, of which stamps of ROS are.
+[[nodiscard]] std::int64_t utc_now_ns();
 
 /// Puts the lens of every camera that has none (width 0) from its `camera_info`, waiting for it.
 /// @return Error naming the topic on which nothing usable came in time

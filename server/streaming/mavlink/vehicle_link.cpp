@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "streaming/mavlink/codec.hpp"
+
 namespace fiducap::mavlink {
 
 namespace {

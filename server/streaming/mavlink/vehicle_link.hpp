@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "middleware/mavlink/clock_sync.hpp"
 #include "scene/scene_frame.hpp"
 #include "streaming/conventions/send_schedule.hpp"
-#include "streaming/mavlink/clock_sync.hpp"
 #include "streaming/mavlink/mavlink_config.hpp"
 
 namespace fiducap::mavlink {

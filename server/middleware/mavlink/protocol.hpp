@@ -8,8 +8,16 @@ namespace fiducap::mavlink {
 
 enum class MessageId : std::uint32_t {
   kHeartbeat = 0,
+  kScaledImu = 26,
+  kRawImu = 27,
+  kRequestDataStream = 66,
+  kCommandLong = 76,
+  kCommandAck = 77,
   kVisionPositionEstimate = 102,
+  kHighresImu = 105,
   kTimesync = 111,
+  kScaledImu2 = 116,
+  kScaledImu3 = 129,
   kOdometry = 331,
 };
 
@@ -25,13 +33,19 @@ inline constexpr std::uint8_t kSigned = 0x01;  ///< Of the incompatibility flags
 
 inline constexpr std::uint8_t kOnboardController = 18;  ///< MAV_TYPE
 inline constexpr std::uint8_t kNoAutopilot = 8;         ///< MAV_AUTOPILOT_INVALID
-inline constexpr std::uint8_t kStateStandby = 3;        ///< MAV_STATE
+inline constexpr std::uint8_t kArduPilot = 3;           ///< MAV_AUTOPILOT
+inline constexpr std::uint8_t kPx4 = 12;
+inline constexpr std::uint8_t kStateStandby = 3;  ///< MAV_STATE
 inline constexpr std::uint8_t kStateActive = 4;
 inline constexpr std::uint8_t kProtocolVersion = 3;
 inline constexpr std::uint8_t kFrameLocalNed = 1;  ///< MAV_FRAME
 inline constexpr std::uint8_t kFrameBodyFrd = 12;
 inline constexpr std::uint8_t kFrameLocalFrd = 20;
-inline constexpr std::uint8_t kEstimatorMocap = 6;            ///< MAV_ESTIMATOR_TYPE
-inline constexpr std::uint8_t kVisualInertialOdometry = 197;  ///< MAV_COMP_ID
+inline constexpr std::uint8_t kEstimatorMocap = 6;     ///< MAV_ESTIMATOR_TYPE
+inline constexpr std::uint8_t kOnboardComputer = 191;  ///< MAV_COMP_ID
+inline constexpr std::uint8_t kVisualInertialOdometry = 197;
+inline constexpr std::uint16_t kSetMessageInterval = 511;  ///< MAV_CMD
+inline constexpr std::uint8_t kRawSensors = 1;             ///< MAV_DATA_STREAM
+inline constexpr std::uint8_t kAccepted = 0;               ///< MAV_RESULT
 
 }  // namespace fiducap::mavlink

@@ -1,4 +1,4 @@
-#include "streaming/mavlink/clock_sync.hpp"
+#include "middleware/mavlink/clock_sync.hpp"
 
 #include <algorithm>
 #include <chrono>

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "base/time.hpp"
-#include "streaming/mavlink/codec.hpp"
+#include "middleware/mavlink/messages.hpp"
 
 namespace fiducap::mavlink {
 

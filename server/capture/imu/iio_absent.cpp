@@ -1,0 +1,12 @@
+// Instead of iio_source.cpp where there is no libiio.
+#include "capture/imu/iio_source.hpp"
+
+namespace fiducap {
+
+Expected<std::unique_ptr<SensorSource>> open_iio_source(const IioConfig& config, const Clock&) {
+  return fail(ErrorCode::kUnsupported,
+              "this server was built without libiio: install libiio-dev and build it again",
+              config.uri);
+}
+
+}  // namespace fiducap

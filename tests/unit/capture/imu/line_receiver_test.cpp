@@ -1,0 +1,158 @@
+#include "capture/imu/line_receiver.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <random>
+
+#include "support/allocation_counter.hpp"
+
+namespace fiducap {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Instant kStart = instant_from_ns(900'000'000'000);
+
+// The example of docs/imu-line-protocol.md.
+constexpr const char* kReading = "IMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*";
+
+std::string with_checksum(const std::string& text) {
+  unsigned sum = 0;
+  for (const char c : text) sum ^= static_cast<unsigned char>(c);
+  constexpr const char* kDigits = "0123456789ABCDEF";
+  return text + "*" + kDigits[sum / 16] + kDigits[sum % 16];
+}
+
+std::string reading(std::uint64_t count_us) {
+  return with_checksum("IMU," + std::to_string(count_us) + ",0.01,-0.02,0.03,0.1,-0.2,9.81") + "\n";
+}
+
+LineFault fault_of(const std::string& line) {
+  const auto parsed = parse_line(line);
+  const auto* fault = std::get_if<LineFault>(&parsed);
+  EXPECT_NE(fault, nullptr) << line;
+  return fault != nullptr ? *fault : LineFault::kForm;
+}
+
+class LineReceiverTest : public testing::Test {
+ protected:
+  void give(const std::string& text) {
+    receiver_.receive(std::as_bytes(std::span(text.data(), text.size())), now_);
+  }
+  int take_all() {
+    int samples = 0;
+    while (const auto sample = receiver_.take()) {
+      newest_ = *sample;
+      ++samples;
+    }
+    return samples;
+  }
+
+  LineReceiver receiver_;
+  Instant now_{kStart};
+  ImuSample newest_;
+};
+
+TEST(LineParser, ReadsTheExampleOfTheDocument) {
+  const auto parsed = parse_line(std::string(kReading) + "4F");
+  const auto* imu = std::get_if<ImuLine>(&parsed);
+  ASSERT_NE(imu, nullptr);
+  EXPECT_EQ(imu->count_us, 1'000'000u);
+  EXPECT_EQ(imu->w, Eigen::Vector3d(0.01, -0.02, 0.03));
+  EXPECT_EQ(imu->f, Eigen::Vector3d(0.1, -0.2, 9.81));
+}
+
+TEST(LineParser, ReadsATrigger) {
+  const auto parsed = parse_line(with_checksum("TRG,4294967295,17"));
+  const auto* trigger = std::get_if<TriggerLine>(&parsed);
+  ASSERT_NE(trigger, nullptr);
+  EXPECT_EQ(trigger->count_us, 4'294'967'295u);
+  EXPECT_EQ(trigger->number, 17u);
+}
+
+TEST(LineParser, AWrongChecksumIsToldApartFromAnotherForm) {
+  EXPECT_EQ(fault_of(std::string(kReading) + "41"), LineFault::kChecksum);
+  EXPECT_EQ(fault_of(kReading), LineFault::kForm);
+  EXPECT_EQ(fault_of("hello"), LineFault::kForm);
+  EXPECT_EQ(fault_of(""), LineFault::kForm);
+  EXPECT_EQ(fault_of(std::string(kReading) + "4G"), LineFault::kForm);
+}
+
+TEST(LineParser, WhatIsNoReadingIsRefusedWithARightChecksum) {
+  for (const char* text :
+       {"IMU,1,2,3,4,5,6", "IMU,1,2,3,4,5,6,7,8", "IMU,-1,0,0,0,0,0,9", "IMU,1,nan,0,0,0,0,9",
+        "IMU,1,inf,0,0,0,0,9", "IMU,1,0,0,,0,0,9", "IMU,1, 0,0,0,0,0,9", "GPS,1,0,0,0,0,0,9",
+        "TRG,1", "TRG,1,2,3", "IMU,99999999999999999999,0,0,0,0,0,9", "IMU,1,0,0,0,0,0,1e999"})
+    EXPECT_EQ(fault_of(with_checksum(text)), LineFault::kForm) << text;
+}
+
+TEST_F(LineReceiverTest, AHalfLineAtTheBeginningIsNoFault) {
+  give(".02,0.03,0.1,-0.2,9.81*4F\r\n" + reading(5000));
+  EXPECT_EQ(take_all(), 1);
+  EXPECT_EQ(receiver_.counts().malformed, 0u);
+  EXPECT_EQ(newest_.f_B, Eigen::Vector3d(0.1, -0.2, 9.81));
+}
+
+TEST_F(LineReceiverTest, LinesMayComeInPiecesAndSeveralAtOnce) {
+  // Eight at a time, as a USB chip passes them on.
+  give("\n");
+  std::string block;
+  for (int i = 0; i < 4000; ++i, now_ += 5ms) {
+    block += reading(static_cast<std::uint64_t>(i) * 5000) + (i % 100 == 0 ? "\r\n" : "");
+    if (i % 8 < 7) continue;
+    give(block.substr(0, 11));
+    give(block.substr(11));
+    block.clear();
+    if (i < 2000) continue;
+    EXPECT_GE(take_all(), 8);
+    EXPECT_EQ(newest_.sampled_at, now_) << "the newest of a block is the quickest";
+  }
+}
+
+TEST_F(LineReceiverTest, FaultsAreCountedAndTheOthersGoOn) {
+  give("\n# started\nIMU,1,2*00\n" + std::string(kReading) + "41\n" + std::string(500, 'x') + "\n" +
+       reading(20'000));
+  EXPECT_EQ(take_all(), 1);
+  EXPECT_EQ(receiver_.counts().comments, 1u);
+  EXPECT_EQ(receiver_.counts().wrong_checksums, 2u);
+  EXPECT_EQ(receiver_.counts().malformed, 1u);
+  EXPECT_EQ(receiver_.counts().readings, 1u);
+}
+
+TEST_F(LineReceiverTest, ATriggerIsPlacedBesideTheReadings) {
+  give("\n");
+  for (int i = 0; i < 1000; ++i, now_ += 5ms) give(reading(static_cast<std::uint64_t>(i) * 5000));
+  EXPECT_EQ(take_all(), 1000);
+  give(with_checksum("TRG,4992500,33") + "\n");
+  ASSERT_TRUE(receiver_.trigger());
+  EXPECT_EQ(newest_.sampled_at - receiver_.trigger()->at, 2500us);
+  EXPECT_EQ(receiver_.trigger()->number, 33u);
+  EXPECT_EQ(receiver_.counts().triggers, 1u);
+}
+
+TEST_F(LineReceiverTest, AnyBytesAreSurvived) {
+  std::mt19937 random(3);
+  for (int i = 0; i < 1000; ++i, now_ += 1ms) {
+    std::string text(64, 0);
+    for (char& c : text) c = static_cast<char>(random());
+    give(text);
+  }
+  EXPECT_EQ(take_all(), 0);
+  give("\n" + reading(1000));
+  EXPECT_EQ(take_all(), 1);
+}
+
+TEST_F(LineReceiverTest, AllocatesNothingPerReadingAfterWarmUp) {
+  give("\n" + reading(5000));
+  EXPECT_EQ(take_all(), 1);
+  const std::string next = reading(10'000);
+  now_ += 5ms;
+  const AllocationCounter allocations;
+  receiver_.receive(std::as_bytes(std::span(next.data(), next.size())), now_);
+  EXPECT_TRUE(receiver_.take());
+  EXPECT_EQ(allocations.count(), 0u);
+}
+
+}  // namespace
+}  // namespace fiducap
