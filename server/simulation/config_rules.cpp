@@ -175,8 +175,11 @@ std::vector<ConfigError> check_source(const SimulatedBodyConfig& robot,
                                       const SourceSurroundings& around,
                                       const std::string& body_prefix) {
   Checker rules{body_prefix};
-  rules.require(!around.cameras.empty(), "cameras", "[]",
-                "a simulated body needs at least one camera");
+  rules
+      .require(!around.cameras.empty(), "cameras", "[]",
+               "a simulated body needs at least one camera")
+      .require(!around.has_imu_source, "imu_source", "{…}",
+               "cannot be: a simulated body brings its IMU");
   // Cameras that a file describes are checked when the file has been read.
   if (robot.cameras.empty() && around.calibrated_by_files) return rules.errors;
   SimulatedBodyConfig as_simulated = robot;

@@ -148,11 +148,13 @@ Expected<std::unique_ptr<SensorSource>> open_recording(const RecordingInfo& info
 }
 
 std::vector<ConfigError> check_source(const RecordingSourceConfig& config,
-                                      const SourceSurroundings& /*around*/,
+                                      const SourceSurroundings& around,
                                       const std::string& body_prefix) {
-  return Checker{body_prefix + "source."}
-      .require(!config.folder.empty(), "folder", "\"\"", "must name a recording")
-      .positive("speed", config.speed)
+  return Checker{body_prefix}
+      .require(!config.folder.empty(), "source.folder", "\"\"", "must name a recording")
+      .positive("source.speed", config.speed)
+      .require(!around.has_imu_source, "imu_source", "{…}",
+               "cannot be: a recording has its IMU in it")
       .errors;
 }
 

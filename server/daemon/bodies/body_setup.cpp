@@ -53,7 +53,7 @@ Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySet
   const std::optional<ImuNoise> own = own_imu(body, setup);
   if (!body.use_imu || !own) return std::nullopt;
   if (!body.kalibr_imu.empty()) return read_kalibr_imu(body.kalibr_imu);
-  return body.imu ? body.imu : own;
+  return body.imu ? std::optional<ImuNoise>(*body.imu) : own;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "capture/camera_device.hpp"
+#include "capture/imu/imu_source.hpp"
 #include "capture/ros/ros_source.hpp"
 #include "simulation/simulation.hpp"
 
@@ -180,6 +181,7 @@ Expected<void> read_own_setup(const BodyConfig& body, const simulation::RoomConf
 }
 
 std::optional<ImuNoise> own_imu(const BodyConfig& body, const BodySetup& setup) {
+  if (body.imu_source) return ImuNoise{};
   return visit_source(body.source, [&](const auto& source) { return imu_of(source, setup); });
 }
 
@@ -189,6 +191,7 @@ std::vector<SensorPart> parts_of(const BodyConfig& body) {
   for (std::size_t k = 0; k < body.cameras.size(); ++k) {
     if (body.cameras[k].source) parts.push_back({k});
   }
+  if (body.imu_source && body.use_imu) parts.push_back({.is_imu = true});
   return parts;
 }
 
@@ -199,6 +202,7 @@ std::string name_of(const SensorPart& part) {
 
 Opened open_source(const BodyConfig& body, const SensorPart& part, BodySetup& setup,
                    OpeningContext context) {
+  if (part.is_imu) return open_imu_source(*body.imu_source, {context.clock, context.join_dds});
   if (part.camera)
     return open_camera(*body.cameras[*part.camera].source, *part.camera, setup, context);
   return visit_source(body.source,
@@ -206,6 +210,7 @@ Opened open_source(const BodyConfig& body, const SensorPart& part, BodySetup& se
 }
 
 bool may_come_back(const BodyConfig& body, const SensorPart& part) {
+  if (part.is_imu) return true;
   if (part.camera) {
     const CameraSourceConfig& own = *body.cameras[*part.camera].source;
     return own.type == CameraSourceType::kRos || may_come_back(own.camera);

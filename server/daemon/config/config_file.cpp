@@ -41,7 +41,8 @@ void choose_sources(const YAML::Node& bodies, ServerConfig& config) {
     const bool names_some = std::any_of(cameras.begin(), cameras.end(), [](const auto& camera) {
       return camera.source.has_value();
     });
-    if (names_some) config.bodies[i].source.type = SourceType::kSensors;
+    if (names_some || config.bodies[i].imu_source)
+      config.bodies[i].source.type = SourceType::kSensors;
   }
 }
 

@@ -8,6 +8,7 @@
 #include "base/expected.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
+#include "capture/imu/imu_source_config.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "daemon/config/source_config.hpp"
@@ -30,16 +31,22 @@ struct CameraConfig {
   std::optional<CameraSourceConfig> source{};  ///< Its own; nullopt: the body's.
 };
 
+/// An inertial unit: its noise, or the part that it is, whose noise is looked up.
+struct ImuConfig : ImuNoise {
+  std::string part;  ///< See `part_names`; keys beside it go before the table.
+};
+
 struct BodyConfig {
   std::string name;
   int id{0};  ///< Streaming id; 0: place in the list, from 1.
   std::string filter{"world"};
   SourceConfig source;                ///< kSensors, where only `cameras` and the IMU name sources.
   std::vector<CameraConfig> cameras;  ///< Empty with a recording: the recording's own.
-  bool use_imu{true};                 ///< False: the IMU is not listened to.
-  std::string kalibr_imu;             ///< Kalibr imu.yaml; goes before `imu`.
-  std::optional<ImuNoise> imu;        ///< nullopt: the recording's or the simulator's own.
-  Pose pivot;                         ///< X_BP: what is streamed, in body axes.
+  std::optional<ImuSourceConfig> imu_source{};  ///< Its own; nullopt: the body's.
+  bool use_imu{true};                           ///< False: the IMU is not listened to.
+  std::string kalibr_imu;                       ///< Kalibr imu.yaml; goes before `imu`.
+  std::optional<ImuConfig> imu;  ///< nullopt: the recording's or the simulator's own.
+  Pose pivot;                    ///< X_BP: what is streamed, in body axes.
   BodyLimits limits;
 };
 

@@ -18,6 +18,8 @@ namespace fiducap {
 /// thrown.
 class ConfigReader final {
  public:
+  static constexpr bool kFills = true;
+
   explicit ConfigReader(YamlSection section) : section_(std::move(section)) {}
 
   template <typename T>

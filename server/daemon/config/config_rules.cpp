@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <set>
 
+#include "base/closest_word.hpp"
+#include "capture/imu/imu_part.hpp"
 #include "capture/sample_merger.hpp"
 #include "daemon/config/config_file.hpp"
 
@@ -26,9 +28,13 @@ void append(Errors& all, Errors more, const std::string& prefix) {
   }
 }
 
-void check_imu(Errors& all, const ImuNoise& noise, const std::string& prefix) {
+void check_imu(Errors& all, const ImuConfig& noise, const std::string& prefix) {
+  std::vector<std::string> parts;
+  for (const std::string_view part : part_names()) parts.emplace_back(part);
+  const bool is_known = noise.part.empty() || noise_of_part(noise.part, noise.rate_hz);
   append(all,
          Checker{prefix}
+             .require(is_known, "part", noise.part, must_be_one_of(parts, noise.part))
              .positive("gyro_noise_rad_s_rtHz", noise.gyro_noise_rad_s_rtHz)
              .not_negative("gyro_walk_rad_s2_rtHz", noise.gyro_walk_rad_s2_rtHz)
              .positive("accel_noise_m_s2_rtHz", noise.accel_noise_m_s2_rtHz)
@@ -71,6 +77,7 @@ void check_source(Errors& all, const BodyConfig& body, const std::string& prefix
     around.has_source.push_back(camera.source.has_value());
   }
   around.has_imu = body.imu || !body.kalibr_imu.empty();
+  around.has_imu_source = body.imu_source.has_value();
   visit_source(body.source, [&](const auto& source) {
     append(all, check_source(source, around, prefix), prefix);
   });
@@ -112,6 +119,8 @@ void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) 
     check_camera(all, body, i, prefix + "cameras." + std::to_string(i) + ".");
   }
   if (body.imu) check_imu(all, *body.imu, prefix + "imu.");
+  if (body.imu_source)
+    append(all, body.imu_source->check(prefix + "imu_source."), prefix + "imu_source.");
   append(all, body.limits.check(prefix + "limits."), prefix + "limits.");
 }
 
@@ -200,8 +209,11 @@ void check_map(Errors& all, const MapSettings& map) {
 std::vector<ConfigError> check_source(const SensorsConfig&, const SourceSurroundings& around,
                                       const std::string& body_prefix) {
   Checker rules{body_prefix};
-  rules.require(!around.cameras.empty(), "cameras", "0 entries",
-                "must have a camera at least, each with a source of its own");
+  rules
+      .require(!around.cameras.empty(), "cameras", "0 entries",
+               "must have a camera at least, each with a source of its own")
+      .require(!around.has_imu || around.has_imu_source, "imu", "{…}",
+               "has no source: say in `imu_source` where its readings come from");
   for (std::size_t k = 0; k < around.has_source.size(); ++k) {
     rules.require(around.has_source[k], "cameras." + std::to_string(k) + ".source", "nothing",
                   "must say where its images come from: the body has no source for all");

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "capture/imu/imu_part.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/config/config_words.hpp"
 
@@ -120,6 +121,16 @@ void describe(V& v, ImuNoise& c) {
   v.value("rate_hz", c.rate_hz);
   v.value("gyro_range_rad_s", c.gyro_range_rad_s);
   v.value("accel_range_m_s2", c.accel_range_m_s2);
+}
+
+/// The part comes first: what it is known for are the defaults of the rest.
+template <class V>
+void describe(V& v, ImuConfig& c) {
+  v.value("part", c.part);
+  if constexpr (requires { V::kFills; }) {
+    if (const auto known = noise_of_part(c.part, c.rate_hz)) static_cast<ImuNoise&>(c) = *known;
+  }
+  describe(v, static_cast<ImuNoise&>(c));
 }
 
 template <class V>

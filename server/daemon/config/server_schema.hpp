@@ -13,6 +13,7 @@ void describe(V& v, BodyConfig& c) {
   v.value("filter", c.filter);
   v.section("source", c.source);
   v.list("cameras", c.cameras);
+  v.optional_section("imu_source", c.imu_source);
   v.value("use_imu", c.use_imu);
   v.path("kalibr_imu", c.kalibr_imu);
   v.optional_section("imu", c.imu);

@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "capture/camera_device.hpp"
+#include "capture/imu/imu_source.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/review/config_review.hpp"
 #include "daemon/system_clock.hpp"
@@ -73,6 +74,21 @@ void review_imu(const ImuNoise& imu, const std::string& path, ConfigReview& revi
                  "is more than any unit has: data sheets give micro-g, multiply by 9.81e-6");
 }
 
+std::string imu_text(const ImuSourceConfig& imu) {
+  for (const auto& word : words::kImuSourceType)
+    if (word.value == imu.type) return std::string(word.text);
+  return "?";
+}
+
+/// Opens it as the server would; whether anything comes is seen only live. Topics need a domain to
+/// be joined, so they are left to the running server.
+void review_imu_source(const ImuSourceConfig& imu, const std::string& path, ConfigReview& review) {
+  if (imu.type == ImuSourceType::kPx4 || imu.type == ImuSourceType::kRos) return;
+  static const SystemClock clock;
+  const auto opened = open_imu_source(imu, {clock, {}});
+  if (!opened) review.fault(path + "imu_source", imu_text(imu), opened.error().text());
+}
+
 /// Opens the device or file as the server would, for its image size.
 void review_device(CameraDeviceConfig device, const CameraMount& mount, const std::string& path,
                    ConfigReview& review) {
@@ -133,6 +149,7 @@ void plan_body(const BodyConfig& body, const BodySetup& setup, ConfigReview& rev
                                    : ", " + size_text(mount.model.width, mount.model.height);
   }
   line += setup.sensors.imu ? ", with IMU" : ", without IMU";
+  if (body.imu_source) line += " (" + imu_text(*body.imu_source) + ")";
   review.plan.push_back(line + ", from " + sources_text(body));
 }
 
@@ -148,6 +165,7 @@ void review_sensors(const ServerConfig& config, ConfigReview& review) {
       continue;
     }
     review_cameras(body, *setup, path, review);
+    if (body.imu_source && body.use_imu) review_imu_source(*body.imu_source, path, review);
     if (setup->sensors.imu) review_imu(*setup->sensors.imu, path + "imu.", review);
     plan_body(body, *setup, review);
   }

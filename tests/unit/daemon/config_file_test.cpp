@@ -5,6 +5,7 @@
 
 #include <filesystem>
 
+#include "capture/imu/imu_part.hpp"
 #include "support/temporary_folder.hpp"
 
 namespace fiducap {
@@ -96,6 +97,39 @@ TEST(ConfigFile, GivesEachCameraASourceOfItsOwn) {
   const auto again = parse_config(print_config(*config), "test.yaml");
   ASSERT_TRUE(again) << again.error().front().text();
   EXPECT_EQ(print_config(*again), print_config(*config));
+}
+
+TEST(ConfigFile, GivesAnImuASourceOfItsOwnAndTheNoiseOfItsPart) {
+  const std::string with_imu = std::string(kTwoCameras) +
+                               "    imu_source: {type: mavlink, port: 14540}\n"
+                               "    imu: {part: ICM-42688-P, gyro_walk_rad_s2_rtHz: 7.0e-5}\n";
+  const auto config = parse_config(with_imu, "test.yaml");
+  ASSERT_TRUE(config) << config.error().front().text();
+  const BodyConfig& body = config->bodies[0];
+  ASSERT_TRUE(body.imu_source && body.imu);
+  EXPECT_EQ(body.imu_source->type, ImuSourceType::kMavlink);
+  EXPECT_EQ(body.imu->gyro_noise_rad_s_rtHz,
+            noise_of_part("icm-42688-p", 200)->gyro_noise_rad_s_rtHz);
+  EXPECT_EQ(body.imu->gyro_walk_rad_s2_rtHz, 7.0e-5) << "what is written goes before the table";
+  const auto again = parse_config(print_config(*config), "test.yaml");
+  ASSERT_TRUE(again) << again.error().front().text();
+  EXPECT_EQ(print_config(*again), print_config(*config));
+  EXPECT_THAT(faults_of(with_imu, {"bodies.0.imu.part=icm-42689"}),
+              ElementsAre(HasSubstr("bodies.0.imu.part = icm-42689: must be one of")));
+}
+
+TEST(ConfigFile, AnImuNeedsASourceAndOnlyOne) {
+  EXPECT_THAT(faults_of(std::string(kTwoCameras) + "    imu: {rate_hz: 200}\n"),
+              ElementsAre(HasSubstr("bodies.0.imu = {…}: has no source: say in `imu_source`")));
+  const std::string source = "imu_source: {type: line, device: /dev/ttyACM0}";
+  EXPECT_THAT(
+      faults_of("bodies: [{name: a, source: {type: recording, folder: x}, " + source + "}]"),
+      ElementsAre(HasSubstr("bodies.0.imu_source = {…}: cannot be: a recording")));
+  EXPECT_THAT(
+      faults_of("bodies: [{name: a, source: {type: ros, images: [/c/i], imu: /imu}, cameras: "
+                "[{}], " +
+                source + "}]"),
+      ElementsAre(HasSubstr("bodies.0.imu_source = {…}: stands beside source.imu")));
 }
 
 TEST(ConfigFile, SourcesOfCamerasAndOfTheirBodyExcludeEachOther) {

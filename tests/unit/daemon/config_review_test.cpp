@@ -137,7 +137,9 @@ TEST_F(ConfigReviewTest, NamesEveryPlantedMistake) {
     const ConfigReview found = look(mistake.sets);
     const auto& where = mistake.is_doubt ? found.doubts : found.faults;
     EXPECT_THAT(lines(where), Contains(HasSubstr(mistake.said))) << mistake.sets.front();
-    if (mistake.is_doubt) EXPECT_THAT(lines(found.faults), IsEmpty()) << mistake.sets.front();
+    if (mistake.is_doubt) {
+      EXPECT_THAT(lines(found.faults), IsEmpty()) << mistake.sets.front();
+    }
   }
 }
 
