@@ -11,6 +11,9 @@ constexpr Duration kMostAhead =
     std::chrono::milliseconds(50);  // what NTP leaves between two machines
 // So many in a row are no outliers: the sender's clock was set.
 constexpr int kPatience = 50;
+// … or so many that agree with each other, when it is only by arrival that they were refused: then
+// it was the first ones that came late.
+constexpr int kAlike = 5;
 constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 62;
 constexpr Duration kFarthest{kFarthest_ns / 2};  // for an offset: added to a stamp it still fits
 // So long what is known of the clocks becomes better by leaps.
@@ -26,7 +29,7 @@ std::optional<Instant> StampMapper::place(std::int64_t stamp_ns, Instant arrived
                                           std::int64_t utc_ns) {
   if (by_arrival_) return place_by(std::nullopt, stamp_ns, arrived);
   if (is_sane(stamp_ns))
-    return judge(instant_from_ns(stamp_ns), Duration{to_ns(arrived) - utc_ns}, arrived);
+    return judge(instant_from_ns(stamp_ns), Duration{to_ns(arrived) - utc_ns}, arrived, false);
   ++refused_;
   return std::nullopt;
 }
@@ -41,19 +44,25 @@ std::optional<Instant> StampMapper::place_by(std::optional<Duration> known, std:
   const Duration by_arrivals = arrivals_.update(stamp, arrived);
   const bool is_known = known && !by_arrival_ && *known<kFarthest&& * known> - kFarthest;
   const Duration offset = is_known ? *known : by_arrivals;
-  return judge(stamp, without_steps(offset, stamp), arrived);
+  return judge(stamp, without_steps(offset, stamp), arrived, !is_known);
 }
 
-std::optional<Instant> StampMapper::judge(Instant stamp, Duration offset, Instant arrived) {
+std::optional<Instant> StampMapper::judge(Instant stamp, Duration offset, Instant arrived,
+                                          bool by_arrival_now) {
   const Instant placed = stamp + offset;
   if (placed >= arrived - kOldest && placed <= arrived + kMostAhead) {
-    refused_in_a_row_ = 0;
+    refused_in_a_row_ = refused_alike_ = 0;
     return placed;
   }
   ++refused_;
-  if (++refused_in_a_row_ >= kPatience) {
+  const Duration difference = arrived - stamp;
+  const bool alike =
+      difference < last_refused_ + kMostAhead && difference > last_refused_ - kMostAhead;
+  refused_alike_ = alike ? refused_alike_ + 1 : 1;
+  last_refused_ = difference;
+  if (++refused_in_a_row_ >= kPatience || (by_arrival_now && refused_alike_ >= kAlike)) {
     start_again();
-    by_arrival_ = true;
+    by_arrival_ = by_arrival_ || !by_arrival_now;
   }
   return std::nullopt;
 }
@@ -74,7 +83,7 @@ Duration StampMapper::without_steps(Duration wanted, Instant stamp) {
 }
 
 void StampMapper::start_again() {
-  refused_in_a_row_ = 0;
+  refused_in_a_row_ = refused_alike_ = 0;
   arrivals_.start_again();
   added_.reset();
 }

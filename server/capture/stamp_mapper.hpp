@@ -33,13 +33,16 @@ class StampMapper final {
   [[nodiscard]] double drift() const { return arrivals_.drift(); }
 
  private:
-  [[nodiscard]] std::optional<Instant> judge(Instant stamp, Duration offset, Instant arrived);
+  [[nodiscard]] std::optional<Instant> judge(Instant stamp, Duration offset, Instant arrived,
+                                             bool by_arrival_now);
   [[nodiscard]] Duration without_steps(Duration wanted, Instant stamp);
   void start_again();
 
   bool by_arrival_;
   std::uint64_t refused_{0};
   int refused_in_a_row_{0};
+  Duration last_refused_{};  ///< When it arrived − its stamp.
+  int refused_alike_{0};     ///< In a row, with the same difference.
   ArrivalOffset arrivals_;
   std::optional<Duration> added_;  ///< To the newest stamp.
   Instant began_{};                ///< Stamps, of the sender.

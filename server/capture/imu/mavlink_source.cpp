@@ -38,13 +38,14 @@ class MavlinkSource final : public SensorSource {
 
  private:
   void take(const ByteLink::Piece& piece, Instant now) {
-    const auto frames = vehicle_.frames().frames();
+    const auto frames = vehicle_.frames().frames() + vehicle_.frames().others();
     const auto broken = vehicle_.frames().broken();
     vehicle_.receive(piece.bytes, piece.bytes.empty() ? last_ : piece.from, now);
     if (!piece.bytes.empty()) last_ = piece.from;
     const auto printable = std::count_if(piece.bytes.begin(), piece.bytes.end(), is_printable);
     watch_.add(piece.bytes.size(), static_cast<std::size_t>(printable),
-               vehicle_.frames().frames() - frames, vehicle_.frames().broken() - broken, now);
+               vehicle_.frames().frames() + vehicle_.frames().others() - frames,
+               vehicle_.frames().broken() - broken, now);
     if (const auto news = watch_.take_news()) log::warning("capture", link_.name() + ": " + *news);
     while (const auto news = vehicle_.take_news())
       log::write(news->is_bad ? log::Level::kWarning : log::Level::kInfo, "capture",

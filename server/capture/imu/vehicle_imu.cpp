@@ -103,7 +103,7 @@ void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
     return;
   }
   DeviceClock& clock = reading->counts_ms ? milliseconds_ : microseconds_;
-  const auto offset = sync_.offset(arrived);
+  const auto offset = sync_.offset(arrived, clock.drift());
   const auto known = offset ? std::optional(-offset->to_autopilot) : std::nullopt;
   const auto at = clock.place(reading->count, arrived, known);
   if (clock.by_arrival() && !std::exchange(told_foreign_clock_, true))

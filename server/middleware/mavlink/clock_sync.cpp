@@ -32,11 +32,13 @@ bool ClockSync::answer(const Timesync& answer, Instant now) {
   return true;
 }
 
-std::optional<ClockSync::Offset> ClockSync::offset(Instant now) const {
+std::optional<ClockSync::Offset> ClockSync::offset(Instant now, double drift) const {
   std::optional<Offset> best;
   for (const auto& one : measured_) {
     if (!one || now - one->at > kMemory) continue;
-    if (!best || one->offset.doubt < best->doubt) best = one->offset;
+    if (best && one->offset.doubt >= best->doubt) continue;
+    best = one->offset;
+    best->to_autopilot += from_seconds(drift * to_seconds(now - one->at));
   }
   return best;
 }

@@ -22,8 +22,10 @@ class ClockSync final {
     Duration to_autopilot{};  ///< Its clock − ours.
     Duration doubt{};         ///< Half the round trip: the truth is not further away.
   };
-  /// nullopt: no answer within the last ten seconds.
-  [[nodiscard]] std::optional<Offset> offset(Instant now) const;
+  /// @param drift  of its clock against ours, seconds a second, by which an older answer is carried
+  /// on
+  /// @return nullopt: no answer within the last ten seconds
+  [[nodiscard]] std::optional<Offset> offset(Instant now, double drift = 0) const;
 
  private:
   struct Measured {

@@ -95,7 +95,10 @@ bool is_intact(std::span<const std::byte> in, const Shape& shape, std::uint8_t s
   return u8(in, at) == (sum.value() & 0xff) && u8(in, at + 1) == sum.value() >> 8;
 }
 
-enum class Step { kFrame, kPassed, kCutOff };
+// In noise a frame begins where another one ended once in 128 times.
+constexpr int kBelieved = 4;
+
+enum class Step { kFrame, kOther, kNoise, kCutOff };
 
 /// One step through `in`: a frame, or something passed over, or what may become a frame.
 Step step(std::span<const std::byte>& in, Frame& frame, std::uint64_t& broken) {
@@ -107,10 +110,10 @@ Step step(std::span<const std::byte>& in, Frame& frame, std::uint64_t& broken) {
   broken += is_wrong ? 1 : 0;
   if (!shape || is_wrong) {
     in = in.subspan(1);
-    return Step::kPassed;
+    return Step::kNoise;
   }
   in = in.subspan(shape->whole);
-  if (!seed) return Step::kPassed;  // not for us; its length has to be believed
+  if (!seed) return Step::kOther;  // not for us; its length has to be believed
   frame = {shape->message, shape->system, shape->component,
            bytes.subspan(shape->header, shape->payload)};
   return Step::kFrame;
@@ -168,7 +171,9 @@ std::optional<Frame> FrameStream::next() {
     const Step taken = step(in, frame, broken_);
     begin_ = end_ - in.size();
     if (taken == Step::kCutOff) return std::nullopt;
-    if (taken == Step::kPassed) continue;
+    in_a_row_ = taken == Step::kNoise ? 0 : std::min(in_a_row_ + 1, kBelieved);
+    if (taken == Step::kOther && in_a_row_ == kBelieved) ++others_;
+    if (taken != Step::kFrame) continue;
     ++frames_;
     return frame;
   }

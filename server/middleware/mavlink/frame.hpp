@@ -73,6 +73,9 @@ class FrameStream final {
   void clear() { begin_ = end_ = 0; }
 
   [[nodiscard]] std::uint64_t frames() const { return frames_; }  ///< Of messages we know.
+  /// … of others, whose checksum nobody knows here: believed when several frames follow each other
+  /// without a byte between, as they never do by chance.
+  [[nodiscard]] std::uint64_t others() const { return others_; }
   [[nodiscard]] std::uint64_t broken() const { return broken_; }  ///< … with a wrong checksum.
 
  private:
@@ -85,6 +88,8 @@ class FrameStream final {
   std::size_t end_{0};
   std::uint64_t frames_{0};
   std::uint64_t broken_{0};
+  std::uint64_t others_{0};
+  int in_a_row_{0};  ///< Frames of any message without a byte between.
 };
 
 }  // namespace fiducap::mavlink

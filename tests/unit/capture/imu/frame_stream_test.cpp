@@ -64,6 +64,17 @@ TEST(FrameStream, AFrameWithAFlippedBitIsCountedAndTheNextIsFound) {
   EXPECT_GE(stream.broken(), 1u);
 }
 
+TEST(FrameStream, OtherMessagesAreBelievedWhenTheyFollowEachOther) {
+  FrameStream stream;
+  std::vector<std::byte> bytes;
+  for (int i = 0; i < 100; ++i) {
+    const auto one = from_hex(golden::kAttitude);
+    bytes.insert(bytes.end(), one.begin(), one.end());
+  }
+  EXPECT_TRUE(messages_in(stream, bytes, 13).empty());
+  EXPECT_EQ(stream.others(), 97u);
+}
+
 TEST(FrameStream, AnEndlessFloodTakesNoMoreMemory) {
   std::mt19937 random(1);
   std::vector<std::byte> flood(100'000);
@@ -74,6 +85,7 @@ TEST(FrameStream, AnEndlessFloodTakesNoMoreMemory) {
   stream.add(flood, [&](const Frame&) { ++frames; });
   EXPECT_EQ(allocations.count(), 0u);
   EXPECT_EQ(frames, 0u);
+  EXPECT_EQ(stream.others(), 0u);
   stream.clear();
   EXPECT_EQ(messages_in(stream, example(), 3), kMessages);
 }

@@ -102,5 +102,17 @@ TEST(ClockSync, ForgetsAfterTenSecondsOfSilence) {
   EXPECT_FALSE(sync.offset(now + 11s));
 }
 
+TEST(ClockSync, AnOlderAnswerIsCarriedOnByTheDrift) {
+  ClockSync sync;
+  const Instant asked = instant_from_ns(5'000'000'000);
+  const auto question = sync.question(asked);
+  ASSERT_TRUE(question);
+  ASSERT_TRUE(sync.answer({9'000'000'000, question->ts1_ns}, asked));
+  const Instant later = asked + std::chrono::seconds(8);
+  EXPECT_EQ(sync.offset(later)->to_autopilot, std::chrono::seconds(4));
+  EXPECT_EQ(sync.offset(later, 50e-6)->to_autopilot,
+            std::chrono::seconds(4) + std::chrono::microseconds(400));
+}
+
 }  // namespace
 }  // namespace fiducap::mavlink
