@@ -1,16 +1,24 @@
 #include "detection/detector_config.hpp"
 
-#include "detection/tag_family.hpp"
+#include "capture/recording/recording.hpp"
+#include "detection/tag_family_list.hpp"
 
 namespace fiducap {
 
 std::vector<ConfigError> TagSetConfig::check() const {
   Checker checker{"tags."};
-  checker.require(is_tag_family(family), "family", family, "must be one of " + tag_family_names())
+  checker.require(is_tag_family(family), "family", family, tag_family_rule(family))
       .positive("size_m", size_m)
       .within("max_hamming", max_hamming, 0, 3);
   for (const auto& [id, size] : sizes_m) checker.positive("sizes_m." + std::to_string(id), size);
   return checker.errors;
+}
+
+TagSetConfig tags_of(const RecordingInfo& recording) {
+  TagSetConfig tags{listed_tag_family(recording.tag_family), recording.tag_size_m,
+                    recording.tag_sizes_m, recording.ignore_tags};
+  if (recording.max_hamming) tags.max_hamming = *recording.max_hamming;
+  return tags;
 }
 
 std::vector<ConfigError> DetectorConfig::check() const {
