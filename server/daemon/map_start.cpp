@@ -10,6 +10,7 @@
 #include "base/log.hpp"
 #include "base/so3.hpp"
 #include "daemon/system_clock.hpp"
+#include "detection/tag_family_list.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "mapping/store/map_repair.hpp"
 
@@ -59,6 +60,8 @@ Expected<void> check_against(const TagMap& map, const MapSettings& settings,
                     "; use another map.store",
                 settings.store.empty() ? settings.file : settings.store);
   }
+  if (const std::string warning = tag_family_warning(tags.family); !warning.empty())
+    log::warning("detection", warning);
   if (map.reference_tag && settings.reference_tag && map.reference_tag != settings.reference_tag) {
     log::warning("mapping", "the stored map hangs on tag " + std::to_string(*map.reference_tag) +
                                 ", map.reference_tag = " + std::to_string(*settings.reference_tag) +

@@ -12,9 +12,6 @@ namespace fiducap {
 namespace {
 
 constexpr int kPointsPerSide = 16;
-// tag36h11; other families have wider modules.
-constexpr double kModules = 8;
-constexpr double kHalfModule = 1 / kModules;  // as a share of the way from the middle
 constexpr double kClipped = 250;
 // Modules above this are wide: nothing beyond the quiet zone reaches the side. A wall at the
 // sensor's end does all of it below kBareQuiet_px.
@@ -99,8 +96,10 @@ struct Step {
   int points{};
 };
 
+/// @param half_module  outwards into the white, as a share of the way from the middle; negative
+///                     where that is inside
 Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-               const Eigen::Vector2d& middle) {
+               const Eigen::Vector2d& middle, double half_module) {
   Step step;
   const Eigen::Vector2d along = (to - from).normalized();
   const Eigen::Vector2d normal(-along.y(), along.x());
@@ -109,13 +108,13 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
     const Eigen::Vector2d px = (1 - share) * from + share * to;
     const auto one = gray_at(image, px + normal);
     const auto other = gray_at(image, px - normal);
-    const auto white = gray_at(image, px + kHalfModule * (px - middle));
-    const auto black = gray_at(image, px - kHalfModule * (px - middle));
+    const auto white = gray_at(image, px + half_module * (px - middle));
+    const auto black = gray_at(image, px - half_module * (px - middle));
     if (!one || !other || !white || !black) continue;
     step.across += std::abs(*one - *other);
     step.total += *white - *black;
     step.clipped += *white >= kClipped ? 1 : 0;
-    const auto wall = gray_at(image, px + 3 * kHalfModule * (px - middle));
+    const auto wall = gray_at(image, px + 3 * half_module * (px - middle));
     step.glaring += wall && *wall >= kClipped ? 1 : 0;
     ++step.points;
   }
@@ -123,11 +122,11 @@ Step step_over(const GrayImage& image, const Eigen::Vector2d& from, const Eigen:
 }
 
 /// Of the side from corner i on.
-double module_across(const std::array<Eigen::Vector2d, 4>& px, std::size_t i) {
+double module_across(const std::array<Eigen::Vector2d, 4>& px, std::size_t i, int modules) {
   const Eigen::Vector2d along = px[(i + 1) % 4] - px[i];
   const Eigen::Vector2d inwards = 0.25 * (px[0] + px[1] + px[2] + px[3]) - px[i];
   const double length_px = std::max(1.0, along.norm());
-  return 2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / length_px / kModules;
+  return 2 * std::abs(along.x() * inwards.y() - along.y() * inwards.x()) / length_px / modules;
 }
 
 /// How much of a wall's light gets across a quiet zone, 0 … 1.
@@ -199,14 +198,16 @@ SideSigma sigma_of(const Side& side, double measured_sharpness, double clipped_s
 }  // namespace
 
 std::array<TagSide, 4> look_at_sides(const GrayImage& image,
-                                     const std::array<Eigen::Vector2d, 4>& corners_px) {
+                                     const std::array<Eigen::Vector2d, 4>& corners_px, int modules,
+                                     bool is_white_inside) {
+  const double half_module = (is_white_inside ? -1.0 : 1.0) / modules;
   const Eigen::Vector2d middle =
       0.25 * (corners_px[0] + corners_px[1] + corners_px[2] + corners_px[3]);
   std::array<Step, 4> steps;
   double total = 0;
   int points = 0;
   for (std::size_t i = 0; i < 4; ++i) {
-    steps[i] = step_over(image, corners_px[i], corners_px[(i + 1) % 4], middle);
+    steps[i] = step_over(image, corners_px[i], corners_px[(i + 1) % 4], middle, half_module);
     if (steps[i].points == 0) return {};
     total += steps[i].total;
     points += steps[i].points;
@@ -216,7 +217,7 @@ std::array<TagSide, 4> look_at_sides(const GrayImage& image,
   std::array<TagSide, 4> out;
   for (std::size_t i = 0; i < 4; ++i) {
     out[i].sharpness = std::min(1.0, steps[i].across / steps[i].points / contrast);
-    const double glare = reach_of_wall(module_across(corners_px, i)) *
+    const double glare = reach_of_wall(module_across(corners_px, i, modules)) *
                          static_cast<double>(steps[i].glaring) / steps[i].points;
     out[i].clipped = std::max(static_cast<double>(steps[i].clipped) / steps[i].points, glare);
   }
@@ -227,7 +228,7 @@ double least_sharpness(const std::array<TagSide, 4>& sides) {
   return std::min({sides[0].sharpness, sides[1].sharpness, sides[2].sharpness, sides[3].sharpness});
 }
 
-std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise) {
+std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise, int modules) {
   const TagOutline outline = outline_of(tag.corners_px);
   if (!(tag.sharpness > 0) || !(outline.width_px > 0)) return {};
   const auto& px = tag.corners_px;
@@ -242,7 +243,7 @@ std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise)
     const Eigen::Vector2d along = (px[(i + 1) % 4] - px[i]).cwiseAbs();
     side.length_px = std::max(1.0, along.norm());
     side.crossed_px = along.minCoeff();
-    side.module_px = std::max(kLeastModule_px, module_across(px, i));
+    side.module_px = std::max(kLeastModule_px, module_across(px, i, modules));
     const TagSide& seen = tag.sides[i];
     const bool is_told = seen.sharpness > 0;
     out[i] = sigma_of(side, is_told ? seen.sharpness : tag.sharpness, seen.clipped);
@@ -252,10 +253,11 @@ std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise)
 }
 
 std::array<SideSigma, 4> with_what_lasts(std::array<SideSigma, 4> sides,
-                                         const std::array<Eigen::Vector2d, 4>& corners_px) {
+                                         const std::array<Eigen::Vector2d, 4>& corners_px,
+                                         int modules) {
   for (std::size_t i = 0; i < 4; ++i) {
     if (!(sides[i].shift_px > 0)) continue;
-    const double module_px = module_across(corners_px, i);
+    const double module_px = module_across(corners_px, i, modules);
     const double narrow =
         std::clamp((kUnpulled_px - module_px) / (kUnpulled_px - kNarrowest_px), 0.0, 1.0);
     sides[i].shift_px = std::hypot(sides[i].shift_px, kLastingShift_px * narrow);

@@ -6,12 +6,18 @@
 
 namespace fiducap {
 
+/// Along the edge of a tag36h11; TagFamilyFacts has those of others.
+inline constexpr int kUsualModules = 8;
+
 /// How well the sides of a tag were to be seen, for `TagSighting::sides`: the mean step over two
 /// pixels across a side as a share of the step from print to quiet zone. 1 is sharp; motion blur of
 /// b pixels across a side gives about 2 / b. Does not depend on how well the room is lit.
+/// @param is_white_inside  of families with a reversed border
 /// @return zeros where there is nothing to measure
-[[nodiscard]] std::array<TagSide, 4> look_at_sides(
-    const GrayImage& image, const std::array<Eigen::Vector2d, 4>& corners_px);
+[[nodiscard]] std::array<TagSide, 4> look_at_sides(const GrayImage& image,
+                                                   const std::array<Eigen::Vector2d, 4>& corners_px,
+                                                   int modules = kUsualModules,
+                                                   bool is_white_inside = false);
 
 /// Of the side where it is least, for `TagSighting::sharpness`.
 [[nodiscard]] double least_sharpness(const std::array<TagSide, 4>& sides);
@@ -31,12 +37,14 @@ namespace fiducap {
 /// knows of them.
 /// @param pixel_noise  CornerFrame::pixel_noise
 /// @return zeros for a sighting whose source did not measure its sharpness
-[[nodiscard]] std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise);
+[[nodiscard]] std::array<SideSigma, 4> side_sigmas(const TagSighting& tag, double pixel_noise,
+                                                   int modules = kUsualModules);
 
 /// The same with what stays while a tag is seen from there, as a filter should believe it: of
 /// narrow modules, how far their neighbours pull them, which goes by lens and motion.
 [[nodiscard]] std::array<SideSigma, 4> with_what_lasts(
-    std::array<SideSigma, 4> sides, const std::array<Eigen::Vector2d, 4>& corners_px);
+    std::array<SideSigma, 4> sides, const std::array<Eigen::Vector2d, 4>& corners_px,
+    int modules = kUsualModules);
 
 /// 1-sigma of each coordinate of a corner in the mean over the tag, raw pixels; 0: not known.
 [[nodiscard]] double corner_sigma_px(const std::array<Eigen::Vector2d, 4>& corners_px,

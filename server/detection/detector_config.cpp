@@ -1,6 +1,7 @@
 #include "detection/detector_config.hpp"
 
-#include "detection/tag_family.hpp"
+#include "capture/recording/recording.hpp"
+#include "detection/tag_family_list.hpp"
 
 namespace fiducap {
 
@@ -11,7 +12,7 @@ constexpr double kSurelyMillimetres = 5;
 
 std::vector<ConfigError> TagSetConfig::check() const {
   Checker checker{"tags."};
-  checker.require(is_tag_family(family), "family", family, "must be one of " + tag_family_names())
+  checker.require(is_tag_family(family), "family", family, tag_family_rule(family))
       .positive("size_m", size_m)
       .require(!(size_m >= kSurelyMillimetres), "size_m", size_m,
                "must be in metres: 160 mm is 0.16")
@@ -22,6 +23,13 @@ std::vector<ConfigError> TagSetConfig::check() const {
         .require(!(size >= kSurelyMillimetres), field, size, "must be in metres: 160 mm is 0.16");
   }
   return checker.errors;
+}
+
+TagSetConfig tags_of(const RecordingInfo& recording) {
+  TagSetConfig tags{listed_tag_family(recording.tag_family), recording.tag_size_m,
+                    recording.tag_sizes_m, recording.ignore_tags};
+  if (recording.max_hamming) tags.max_hamming = *recording.max_hamming;
+  return tags;
 }
 
 std::vector<ConfigError> DetectorConfig::check() const {

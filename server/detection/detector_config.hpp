@@ -8,6 +8,8 @@
 
 namespace fiducap {
 
+struct RecordingInfo;
+
 /// What is printed in the room.
 struct TagSetConfig {
   std::string family{"tag36h11"};
@@ -23,6 +25,9 @@ struct TagSetConfig {
   }
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
+
+/// As a recording says it.
+[[nodiscard]] TagSetConfig tags_of(const RecordingInfo& recording);
 
 struct DetectorConfig {
   double decimate{2.0};  ///< Of whole images: 1 sees smaller tags at five times the cost.

@@ -4,6 +4,7 @@
 
 #include "detection/corner_sigma.hpp"
 #include "detection/side_bend.hpp"
+#include "detection/tag_family_list.hpp"
 
 namespace fiducap {
 
@@ -58,6 +59,8 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
   out.exposed_at = frame.exposed_at;
   out.clock_shift = frame.clock_shift;
   out.tags.clear();
+  const TagFamilyFacts* family = find_tag_family(tags.family);
+  const int modules = family != nullptr ? family->edge_modules : kUsualModules;
   for (const TagSighting& sighting : frame.tags) {
     if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end())
       continue;
@@ -72,7 +75,8 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
     tag.edge_m = tags.edge_of(sighting.tag_id);
     const auto raw_px = frame.fitted_straight_sides ? unbend_corners(camera, sighting.corners_px)
                                                     : sighting.corners_px;
-    tag.sides = with_what_lasts(side_sigmas(sighting, frame.pixel_noise), sighting.corners_px);
+    tag.sides = with_what_lasts(side_sigmas(sighting, frame.pixel_noise, modules),
+                                sighting.corners_px, modules);
     tag.corner_sigma_px = corner_sigma_px(sighting.corners_px, tag.sides);
     for (std::size_t i = 0; i < 4; ++i)
       tag.rows[i] = raw_px[i].y() / std::max(1, camera.height - 1) - 0.5;

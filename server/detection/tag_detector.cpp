@@ -9,6 +9,7 @@ extern "C" {
 
 #include "base/assert.hpp"
 #include "detection/corner_sigma.hpp"
+#include "detection/negative_patch.hpp"
 #include "detection/side_fit.hpp"
 #include "detection/tag_family.hpp"
 
@@ -61,11 +62,12 @@ TagSighting to_sighting(const apriltag_detection_t& d, const ImageRegion& region
 class TagDetector::Impl {
  public:
   Impl(const TagSetConfig& tags, const DetectorConfig& config)
-      : family_(family_of(tags)), min_margin_(config.min_decision_margin) {
-    // Families with a white border have bits around it instead of a quiet zone.
-    fits_sides_ = config.fit_sides && !family_.has_reversed_border();
+      : family_(family_of(tags)),
+        min_margin_(std::max(config.min_decision_margin, family_.facts().least_margin)),
+        fits_sides_(config.fit_sides) {
     detector_ = apriltag_detector_create();
-    apriltag_detector_add_family_bits(detector_, family_.handle(), config.max_hamming);
+    apriltag_detector_add_family_bits(detector_, family_.handle(),
+                                      std::min(config.max_hamming, family_.facts().most_corrected));
     detector_->nthreads = config.threads;
     detector_->quad_sigma = static_cast<float>(config.blur_sigma_px);
     detector_->refine_edges = config.refine_edges;
@@ -90,15 +92,7 @@ class TagDetector::Impl {
       if (static_cast<double>(d->decision_margin) < min_margin_) continue;
       TagSighting sighting = to_sighting(*d, region);
       if (!is_whole(sighting, region)) continue;
-      const auto fitted =
-          fits_sides_ ? fit_sides(image, sighting.corners_px, family_.edge_width()) : std::nullopt;
-      if (fitted) sighting.corners_px = fitted->corners_px;
-      sighting.sides = look_at_sides(image, sighting.corners_px);
-      sighting.sharpness = least_sharpness(sighting.sides);
-      for (std::size_t k = 0; fits_sides_ && k < 4; ++k) {
-        TagSide& side = sighting.sides[k];
-        if (fitted ? fitted->guessed[k] : side.sharpness < kSmearedSharpness) side.sharpness = 0;
-      }
+      refine(image, sighting);
       out.push_back(sighting);
     }
     apriltag_detections_destroy(found);
@@ -109,9 +103,35 @@ class TagDetector::Impl {
   }
 
  private:
+  /// Corners where the sides are, and how well those were to be seen.
+  void refine(const GrayImage& image, TagSighting& sighting) {
+    const auto fitted = fits_sides_ ? fit(image, sighting.corners_px) : std::nullopt;
+    if (fitted) sighting.corners_px = fitted->corners_px;
+    sighting.sides = look_at_sides(image, sighting.corners_px, family_.edge_width(),
+                                   family_.has_reversed_border());
+    sighting.sharpness = least_sharpness(sighting.sides);
+    for (std::size_t k = 0; fits_sides_ && k < 4; ++k) {
+      TagSide& side = sighting.sides[k];
+      if (fitted ? fitted->guessed[k] : side.sharpness < kSmearedSharpness) side.sharpness = 0;
+    }
+  }
+
+  std::optional<FittedSides> fit(const GrayImage& image,
+                                 std::array<Eigen::Vector2d, 4> corners_px) {
+    const int modules = family_.edge_width();
+    if (!family_.has_reversed_border()) return fit_sides(image, corners_px, modules);
+    negative_.cut(image, corners_px, modules);
+    for (Eigen::Vector2d& px : corners_px) px -= negative_.origin_px();
+    auto fitted = fit_sides(negative_.image(), corners_px, modules);
+    if (!fitted) return std::nullopt;
+    for (Eigen::Vector2d& px : fitted->corners_px) px += negative_.origin_px();
+    return fitted;
+  }
+
   TagFamily family_;
   double min_margin_;
-  bool fits_sides_{false};
+  bool fits_sides_;
+  NegativePatch negative_;
   apriltag_detector_t* detector_{nullptr};
 };
 

@@ -120,8 +120,7 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
   Checker checker{prefix};
   checker
       .require(contains(room_presets(), room.preset), "preset", room.preset, one_of(room_presets()))
-      .require(is_tag_family(room.family), "family", room.family,
-               "must be one of " + tag_family_names())
+      .require(is_tag_family(room.family), "family", room.family, tag_family_rule(room.family))
       .positive("tag_size_m", room.tag_size_m)
       .within("gravity_m_s2", room.gravity_m_s2, 0, 30)
       .within("daylight.factor", room.daylight.factor, 1, 100)
@@ -143,8 +142,8 @@ std::vector<ConfigError> check(const RoomConfig& room, const std::string& prefix
   const auto family = TagFamily::named(room.family);
   if (!family) return checker.errors;
   for (const RecordedTag& tag : tags_of(room)) {
-    checker.require(tag.tag_id >= 0 && tag.tag_id < family->ids(), "tags", tag.tag_id,
-                    "must be an id of " + room.family + ", below " + std::to_string(family->ids()));
+    const std::string fault = family->fault_of(tag.tag_id);
+    checker.require(fault.empty(), "tags", tag.tag_id, fault);
   }
   return checker.errors;
 }

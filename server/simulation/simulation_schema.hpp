@@ -1,5 +1,6 @@
 #pragma once
 
+#include "detection/tag_family_list.hpp"
 #include "simulation/simulation_config.hpp"
 
 /// Keys of a configuration about the room and its robots, see daemon/config/config_schema.hpp.
@@ -22,6 +23,7 @@ template <class V>
 void describe(V& v, RoomConfig& c) {
   v.value("preset", c.preset);
   v.value("family", c.family);
+  c.family = listed_tag_family(c.family);
   v.value("tag_size_m", c.tag_size_m);
   v.list("tags", c.tags);
   v.value("gravity_m_s2", c.gravity_m_s2);

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/closest_word.hpp"
+#include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
@@ -259,7 +260,8 @@ void add_tags(CLI::App& app, CommandLine& line) {
   verb->add_option("--paper", a.paper, "a4, a3 or letter")
       ->check(CLI::IsMember({"a4", "a3", "letter"}))
       ->capture_default_str();
-  verb->add_option("--family", a.family, "Tag family")->capture_default_str();
+  verb->add_option("--family", a.family, "Tag family: " + tag_family_names())
+      ->capture_default_str();
   verb->add_option("--out", a.out, "The PDF")->capture_default_str();
   verb->footer(
       "Print at 100 %, then measure the ruler on the sheet.\n"

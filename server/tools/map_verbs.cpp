@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "detection/tag_family.hpp"
+#include "detection/tag_family_list.hpp"
 #include "mapping/formats/map_format.hpp"
 #include "tools/positive_number.hpp"
 
@@ -192,7 +192,9 @@ void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen) {
                   "Family of the tags, where the file does not say it; tag36h11 when not given")
       ->check(CLI::Validator(
           [](std::string& name) {
-            return is_tag_family(name) ? std::string() : "known are " + tag_family_names();
+            if (!is_tag_family(name)) return tag_family_rule(name);
+            name = listed_tag_family(name);
+            return std::string();
           },
           "NAME"));
   put->add_option("--comment", a.comment, "What the history shall say about it");

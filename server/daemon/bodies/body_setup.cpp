@@ -7,6 +7,7 @@
 #include "base/log.hpp"
 #include "capture/lens/camera_calibration_file.hpp"
 #include "capture/lens/kalibr_file.hpp"
+#include "detection/tag_family_list.hpp"
 #include "simulation/simulation.hpp"
 
 namespace fiducap {
@@ -133,8 +134,9 @@ std::vector<KnownTag> tag_priors(const RecordingInfo& recording) {
 
 void warn_about_tags(const std::string& body, const RecordingInfo& recording,
                      const TagSetConfig& tags) {
-  const bool same = recording.tag_family == tags.family && recording.tag_size_m == tags.size_m &&
-                    recording.tag_sizes_m == tags.sizes_m && recording.ignore_tags == tags.ignore;
+  const bool same = listed_tag_family(recording.tag_family) == tags.family &&
+                    recording.tag_size_m == tags.size_m && recording.tag_sizes_m == tags.sizes_m &&
+                    recording.ignore_tags == tags.ignore;
   if (same) return;
   std::ostringstream text;
   text << body << ": the recording says: tags.family = " << recording.tag_family

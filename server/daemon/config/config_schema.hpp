@@ -3,6 +3,7 @@
 #include "capture/imu/imu_part.hpp"
 #include "daemon/config/config_file.hpp"
 #include "daemon/config/config_words.hpp"
+#include "detection/tag_family_list.hpp"
 
 /// What a configuration file may say, one description per struct. A visitor V reads, prints or
 /// lists the same fields:
@@ -19,6 +20,7 @@ namespace fiducap {
 template <class V>
 void describe(V& v, TagSetConfig& c) {
   v.value("family", c.family);
+  c.family = listed_tag_family(c.family);
   v.value("size_m", c.size_m);
   v.value("sizes_m", c.sizes_m);
   v.value("ignore", c.ignore);

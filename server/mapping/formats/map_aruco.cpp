@@ -5,6 +5,7 @@
 
 #include <Eigen/SVD>
 
+#include "detection/tag_family_list.hpp"
 #include "mapping/formats/map_doubts.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/text_number.hpp"
@@ -155,9 +156,10 @@ double scale_of(const YamlPlace& unit, const std::vector<std::pair<Marker, YamlP
 std::string family_of(const std::string& dictionary, std::vector<std::string>& remarks) {
   for (const Dictionary& one : kDictionaries)
     if (dictionary == one.aruco || dictionary == one.opencv) return one.family;
+  if (const TagFamilyFacts* listed = find_tag_family(dictionary)) return std::string(listed->name);
   if (!dictionary.empty()) {
     remarks.push_back("the dictionary " + dictionary +
-                      " is no family of AprilTags: tags of these ids must hang there instead");
+                      " is no family that is read here: tags of these ids must hang there instead");
   }
   return {};
 }
@@ -190,7 +192,8 @@ ImportedMap read_aruco(const YamlPlace& top, const MapImportOptions& options) {
 std::string aruco_name(const std::string& family) {
   for (const Dictionary& one : kDictionaries)
     if (family == one.family) return one.aruco;
-  return {};
+  const TagFamilyFacts* listed = find_tag_family(family);
+  return listed != nullptr && listed->dictionary >= 0 ? family : std::string();
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "base/yaml_text.hpp"
+#include "detection/tag_family_list.hpp"
 #include "mapping/formats/imported_tags.hpp"
 #include "mapping/formats/text_number.hpp"
 
@@ -225,7 +226,7 @@ TagMap read_map(const YAML::Node& root) {
                 "format_version = " + std::to_string(version) + ": this Fiducap reads 1"};
   }
   TagMap map;
-  map.family = top.text("family");
+  map.family = listed_tag_family(top.text("family"));
   if (top.has("reference_tag")) map.reference_tag = top.number<int>("reference_tag");
   if (top.has("version")) map.version = top.number<std::int64_t>("version");
   if (top.has("parent")) map.parent = top.number<std::int64_t>("parent");

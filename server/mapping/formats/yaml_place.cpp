@@ -6,6 +6,7 @@
 #include <unordered_map>
 
 #include "base/yaml_text.hpp"
+#include "detection/tag_family_list.hpp"
 #include "mapping/formats/map_doubts.hpp"
 #include "mapping/formats/map_exchange.hpp"
 #include "mapping/formats/text_number.hpp"
@@ -179,7 +180,7 @@ void ForeignTags::add(const KnownTag& tag, const YamlPlace& place) {
 
 ImportedMap ForeignTags::take(std::string family, std::vector<std::string> remarks) {
   ImportedMap imported;
-  imported.map.family = std::move(family);
+  imported.map.family = listed_tag_family(std::move(family));
   imported.map.tags = tags_.take();
   imported.remarks = std::move(remarks);
   return imported;

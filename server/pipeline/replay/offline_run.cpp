@@ -297,8 +297,7 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
   setup.odometry = info.odometry;
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
-  setup.tags = {info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags};
-  if (info.max_hamming) setup.tags.max_hamming = *info.max_hamming;
+  setup.tags = tags_of(info);
   setup.gauge.reference_tag = info.reference_tag;
   for (const RecordedTag& tag : info.known_tags) {
     const bool fixed =

@@ -11,6 +11,7 @@
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_streams.hpp"
 #include "detection/observe.hpp"
+#include "detection/tag_family_list.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "pipeline/replay/offline_run.hpp"
 
@@ -45,6 +46,7 @@ class RecordingChecker final {
                                        Duration shift);
   Expected<void> read_samples();
   void look_at(const SensorSample& sample);
+  void judge_family();
   void judge_imu_file();
   void judge_images();
   void judge_order();
@@ -80,6 +82,7 @@ class RecordingChecker final {
 Expected<RecordingReport> RecordingChecker::check() {
   if (const auto read = read_stamps(); !read) return tl::unexpected(read.error());
   if (const auto read = read_samples(); !read) return tl::unexpected(read.error());
+  judge_family();
   judge_imu_file();
   judge_images();
   judge_clocks();
@@ -220,6 +223,15 @@ std::string empty_text(const RecordedStream& stream, const char* what) {
   if (stream.unreadable > 1)
     return stream.file + ": no line of it begins with a stamp in nanoseconds ('" + found + "')";
   return stream.file + ": has no " + what;
+}
+
+/// Corners come as they are; in images, nobody could look for tags.
+void RecordingChecker::judge_family() {
+  const std::string& family = setup_.tags.family;
+  if (is_tag_family(family)) return;
+  bool any_images = false;
+  for (std::size_t k = 0; k < info_.cameras.size(); ++k) any_images = any_images || has_images(k);
+  find(any_images, "mav0/tags.yaml: family = " + family + ": " + tag_family_rule(family));
 }
 
 void RecordingChecker::judge_imu_file() {

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "capture/lens/lens_name.hpp"
+#include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibration_picture.hpp"
 #include "tools/calibrate/calibration_views.hpp"
 #include "tools/whole_file.hpp"
@@ -61,17 +62,12 @@ Expected<CalibrationTargets> choose_targets(const CalibrateCameraArguments& argu
     return targets;
   }
   targets.tags.size_m = kUsualTag_mm / 1000;
-  if (const auto& recording = images.recording()) {
-    targets.tags.family = recording->tag_family;
-    targets.tags.size_m = recording->tag_size_m;
-    targets.tags.sizes_m = recording->tag_sizes_m;
-    targets.tags.ignore = recording->ignore_tags;
-  }
+  if (const auto& recording = images.recording()) targets.tags = tags_of(*recording);
   if (arguments.tag_mm > 0) {
     targets.tags.size_m = arguments.tag_mm / 1000;
     targets.tags.sizes_m.clear();
   }
-  if (!arguments.family.empty()) targets.tags.family = arguments.family;
+  if (!arguments.family.empty()) targets.tags.family = listed_tag_family(arguments.family);
   if (const auto faults = targets.tags.check(); !faults.empty())
     return fail(ErrorCode::kInvalid, faults.front().text());
   return targets;

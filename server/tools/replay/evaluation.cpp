@@ -93,10 +93,7 @@ void compare(const RecordingInfo& info, const RunResults& run, const Reference& 
 /// The frames of a recording with the detections that anybody may use.
 class UsableCorners final {
  public:
-  explicit UsableCorners(const RecordingInfo& info)
-      : tags_{info.tag_family, info.tag_size_m, info.tag_sizes_m, info.ignore_tags} {
-    if (info.max_hamming) tags_.max_hamming = *info.max_hamming;
-  }
+  explicit UsableCorners(const RecordingInfo& info) : tags_(tags_of(info)) {}
 
   CornerFrame of(SensorSample sample) {
     if (const auto* image = std::get_if<CameraFrame>(&sample)) {

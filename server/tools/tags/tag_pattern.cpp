@@ -10,10 +10,8 @@ Expected<std::vector<TagPattern>> tag_patterns(const std::string& name,
   if (!family) return tl::unexpected(family.error());
   std::vector<TagPattern> patterns;
   for (const int id : ids) {
-    if (id < 0 || id >= family->ids())
-      return fail(ErrorCode::kInvalid, name + " has the ids 0 to " +
-                                           std::to_string(family->ids() - 1) + ", not " +
-                                           std::to_string(id));
+    if (const std::string fault = family->fault_of(id); !fault.empty())
+      return fail(ErrorCode::kInvalid, "id " + std::to_string(id) + ": " + fault);
     TagPattern pattern{
         id, family->width(), family->edge_width(), family->has_reversed_border(), {}};
     for (const std::uint8_t module : family->modules(id)) pattern.black.push_back(module == 0);

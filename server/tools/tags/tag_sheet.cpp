@@ -19,8 +19,10 @@ constexpr double kGap_mm = 6;      // between two tags, room for the cut marks
 constexpr double kLabel_mm = 9;    // strip above each tag: arrow and words
 constexpr double kFooter_mm = 26;  // ruler and note
 constexpr double kCutMark_mm = 2.5;
+constexpr double kSizeMark_mm = 1.8;
 constexpr double kHairline_mm = 0.15;
-constexpr int kMaxIds = 10000;
+constexpr int kLargestId = 65535;  // no family has more
+constexpr std::size_t kMaxIds = 10000;
 
 std::string number(double value) {
   std::array<char, 32> text{};
@@ -94,6 +96,14 @@ void draw_cut_marks(PdfPage& page, PdfPage::Point corner, double side) {
   }
 }
 
+/// Where a ruler must show the tag's size: marks below it and left of it, in line with the edge.
+void draw_size_marks(PdfPage& page, PdfPage::Point zone, double side, double size_mm) {
+  for (const double from : {(side - size_mm) / 2, (side + size_mm) / 2}) {
+    page.line({zone.x + from, zone.y - 0.5}, {zone.x + from, zone.y - kSizeMark_mm}, kHairline_mm);
+    page.line({zone.x - 0.5, zone.y + from}, {zone.x - kSizeMark_mm, zone.y + from}, kHairline_mm);
+  }
+}
+
 void draw_label(PdfPage& page, PdfPage::Point zone, double side, const std::string& words) {
   const double base = zone.y + side + 3.2;
   const double arrow = std::min(4.0, side / 6);
@@ -111,6 +121,7 @@ void draw_tag(PdfPage& page, const TagPattern& pattern, PdfPage::Point zone, con
   const double ring = (zone_modules(pattern) - pattern.modules) / 2.0 * module;
   page.fill(black_runs(pattern, {zone.x + ring, zone.y + ring}, module));
   draw_cut_marks(page, zone, layout.zone_mm);
+  draw_size_marks(page, zone, layout.zone_mm, order.size_mm);
   draw_label(page, zone, layout.zone_mm,
              "UP   id " + std::to_string(pattern.tag_id) + "   " + order.family + "   " +
                  number(order.size_mm) + " mm");
@@ -136,7 +147,7 @@ void draw_ruler(PdfPage& page) {
             "mm long.");
   page.text({left.x - 24, kMargin_mm + 0.5}, 2.4,
             "Keep the white zone inside the cut marks. Glue flat on something stiff. Arrow = upper "
-            "edge.");
+            "edge. A tag's size is from mark to mark below it.");
 }
 
 }  // namespace
@@ -166,10 +177,13 @@ Expected<std::vector<int>> parse_id_list(std::string_view text) {
     if (parsed.ec == std::errc{} && parsed.ptr != end && *parsed.ptr == '-')
       parsed = std::from_chars(parsed.ptr + 1, end, last);
     if (parsed.ec != std::errc{} || parsed.ptr != end || first < 0 || last < first ||
-        last >= kMaxIds)
+        last > kLargestId)
       return bad(part);
     for (int id = first; id <= last; ++id)
       if (seen.insert(id).second) ids.push_back(id);
+    if (ids.size() > kMaxIds)
+      return fail(ErrorCode::kInvalid, "'" + std::string(text) + "' are more than " +
+                                           std::to_string(kMaxIds) + " tags: take fewer");
     if (comma == std::string_view::npos) return ids;
     rest.remove_prefix(comma + 1);
   }

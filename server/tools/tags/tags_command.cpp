@@ -2,6 +2,7 @@
 
 #include <filesystem>
 
+#include "detection/tag_family_list.hpp"
 #include "tools/tags/tag_sheet.hpp"
 #include "tools/whole_file.hpp"
 
@@ -17,7 +18,7 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
                          : ids.error());
     return kExitUsage;
   }
-  const TagSheetOrder order{arguments.family, *ids, arguments.size_mm, *paper};
+  const TagSheetOrder order{listed_tag_family(arguments.family), *ids, arguments.size_mm, *paper};
   const auto pdf = tag_sheet_pdf(order);
   if (!pdf) return report(terminal, pdf.error());
   const std::string stub = std::filesystem::path(arguments.out).replace_extension(".yaml").string();
@@ -29,6 +30,8 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
                << order.size_mm << " mm, " << paper->name << "\n"
                << stub << ": family and sizes for the server's configuration\n"
                << "Print at 100 % and measure the ruler: it must be 100 mm long.\n";
+  if (const std::string warning = tag_family_warning(order.family); !warning.empty())
+    terminal.err << warning << "\n";
   return kExitOk;
 }
 

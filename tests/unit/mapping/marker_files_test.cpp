@@ -262,7 +262,7 @@ TEST(MapAruco, MistakesAreNamed) {
 TEST(MapAruco, OtherDictionariesAreRemarked) {
   const auto map = read_markers(replaced(kMarkers, "TAG36h11", "ARUCO_MIP_36h12"));
   ASSERT_TRUE(map);
-  EXPECT_THAT(map->remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is no family of AprilTags")));
+  EXPECT_THAT(map->remarks, Contains(HasSubstr("ARUCO_MIP_36h12 is no family that is read here")));
   EXPECT_THAT(map->remarks, Contains(HasSubstr("tag36h11 is assumed")));
 }
 
