@@ -9,11 +9,21 @@ namespace {
 
 void add_imu(CLI::App& calibrate, CalibrateImuArguments& a, ChosenVerb& chosen) {
   auto* verb = calibrate.add_subcommand(
-      "imu", "IMU noise from a recording at rest: Allan deviation, white noise, bias walk");
+      "imu",
+      "IMU noise from a recording at rest (Allan deviation, white noise, bias walk); with --poses "
+      "bias, scale and misalignment from many attitudes");
   verb->add_option("RECORDING", a.recording,
                    "Folder in the EuRoC/ASL layout; mav0/imu0/data.csv is enough")
       ->required();
-  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg")->capture_default_str();
+  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg, or imu_correction.yaml")
+      ->capture_default_str();
+  auto* poses = verb->add_flag("--poses", a.poses,
+                               "The IMU was put down in 20 to 40 attitudes, two seconds each, and "
+                               "turned by hand between them");
+  verb->add_option("--gravity", a.gravity_m_s2, "Where it was recorded, m/s²")
+      ->check(kPositive)
+      ->needs(poses)
+      ->capture_default_str();
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
       "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the "
