@@ -7,15 +7,17 @@
 
 #include "calibration/intrinsics/bundle.hpp"
 #include "calibration/intrinsics/lens_fit.hpp"
+#include "calibration/intrinsics/lens_shape.hpp"
+#include "calibration/intrinsics/lens_terms.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr std::size_t kLeastViews = 5;
 constexpr std::size_t kLeastPoints = 60;
-// k3 is estimated where it is this many sigma from zero; it bends the image outside of what was
-// seen.
-constexpr double kThirdRadial_sigma = 5;
+// Lenses that leave as little as this much more than the best one are as good: the one with fewer
+// numbers is taken.
+constexpr double kAsGood = 1.01;
 
 const char* words_for(Distortion kind) {
   return kind == Distortion::kEquidistant ? "equidistant" : "radial-tangential";
@@ -34,16 +36,6 @@ std::size_t views_used(const CalibrationData& data) {
                     [](const CalibrationView& view) { return !view.sightings.empty(); }));
 }
 
-LensFit with_third_radial(LensFit fit) {
-  if (fit.state.camera.distortion != Distortion::kRadialTangential) return fit;
-  LensFit freer = fit_third_radial(fit);
-  const auto sure = uncertainty_of(freer.data, freer.state, freer.free, freer.sigma_px);
-  const double k3 = freer.state.camera.coefficients[4];
-  const bool significant =
-      sure.determined && std::abs(k3) > kThirdRadial_sigma * std::sqrt(sure.covariance(8, 8));
-  return significant ? freer : fit;
-}
-
 std::optional<LensFit> fit_lens(const CalibrationData& data, Distortion kind, bool join,
                                 const std::function<void(const std::string&)>& progress) {
   progress(std::string("fitting a ") + words_for(kind) + " lens");
@@ -53,11 +45,12 @@ std::optional<LensFit> fit_lens(const CalibrationData& data, Distortion kind, bo
     progress(std::string("fitting a ") + words_for(kind) + " lens and the places of the tags");
     fit = fit_joined(*fit);
   }
-  return with_third_radial(std::move(*fit));
+  return with_supported_terms(std::move(*fit));
 }
 
 LensTrial trial_of(const LensFit& fit) {
-  return {fit.state.camera.distortion, fit.free.size() == kLensNumbers, fit.sigma_px};
+  return {fit.state.camera.distortion, fit.free, fit.sigma_px,
+          can_be_a_lens(shape_of(fit.state.camera))};
 }
 
 /// A lens that had to throw away what another could explain is worse than its residuals.
@@ -66,8 +59,31 @@ double badness(const LensFit& fit, std::size_t most_points) {
          static_cast<double>(std::max<std::size_t>(count_points(fit.data), 1));
 }
 
+/// The one that can be a lens before one that cannot, the one that explains more before the other,
+/// and of those that explain as much the simpler one.
+std::size_t best_of(const std::vector<LensFit>& fits, std::size_t most_points) {
+  const auto sound = [](const LensFit& fit) { return can_be_a_lens(shape_of(fit.state.camera)); };
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < fits.size(); ++i) {
+    const LensFit& a = fits[i];
+    const LensFit& b = fits[best];
+    if (sound(a) != sound(b)) {
+      best = sound(a) ? i : best;
+      continue;
+    }
+    const double ratio = badness(a, most_points) / badness(b, most_points);
+    const bool as_good = ratio < kAsGood && ratio > 1 / kAsGood;
+    if (as_good ? a.free.size() < b.free.size() : ratio < 1) best = i;
+  }
+  return best;
+}
+
 IntrinsicsCalibration result_of(LensFit fit) {
   IntrinsicsCalibration out;
+  out.held_out = hold_out(fit);
+  out.shape = look_at_shape(fit.data, fit.state, fit.free);
+  for (const int t : fit.misfits)
+    out.misfits.push_back(fit.data.targets[static_cast<std::size_t>(t)].name);
   out.residuals = residuals(fit.data, fit.state);
   out.uncertainty = uncertainty_of(fit.data, fit.state, fit.free, fit.sigma_px);
   out.sigma_px = fit.sigma_px;
@@ -108,9 +124,7 @@ Expected<IntrinsicsCalibration> calibrate_intrinsics(
     return fail(ErrorCode::kInvalid,
                 "no camera explains these " + what_there_is(data) +
                     ": is the target what was said (family, rows, columns, gap), and is it flat?");
-  std::stable_sort(fits.begin(), fits.end(), [&](const LensFit& a, const LensFit& b) {
-    return badness(a, most_points) < badness(b, most_points);
-  });
+  std::swap(fits.front(), fits[best_of(fits, most_points)]);
   std::vector<LensTrial> trials;
   for (const LensFit& fit : fits) trials.push_back(trial_of(fit));
   IntrinsicsCalibration best = result_of(std::move(fits.front()));

@@ -4,13 +4,14 @@
 #include <vector>
 
 #include "calibration/intrinsics/image_map.hpp"
+#include "calibration/intrinsics/lens_shape.hpp"
 
 namespace fiducap {
 
 enum class IntrinsicsGrade {
   kGood,
-  kWeak,     ///< Works, and `advice` says what would make it better.
-  kUseless,  ///< Must not be used.
+  kWeak,     ///< Usable; `advice` names what is weak and what would make it better.
+  kUseless,  ///< Refused: must not be used. `advice` says what is wrong and what to do.
 };
 
 /// What a person wants to know of a calibration.
@@ -21,11 +22,15 @@ struct IntrinsicsVerdict {
   int images{};
   std::size_t sightings{};
   std::size_t points{};
-  double covered{};          ///< Share of the image's cells with points.
+  double covered{};          ///< Share of the image with points: of all of it, whatever the lens.
   double seen_angle_rad{};   ///< Widest angle off the axis at which a point was.
   double image_angle_rad{};  ///< Widest angle of the image itself, as far as the lens model goes.
-  double tilted{};       ///< Share of sightings turned by more than 25° against the line of sight.
-  double focal_sigma{};  ///< 1-sigma of the focal lengths, relative.
+  double tilted{};        ///< Share of sightings turned by more than 25° against the image plane.
+  double tilt_rad{};      ///< Nine tenths of the sightings are turned by less.
+  double depth_spread{};  ///< Distance that nine tenths are nearer than, over that of one tenth.
+  double focal_sigma{};   ///< 1-sigma of the focal lengths, relative.
+  double centre_sigma{};  ///< 1-sigma of the principal point, in image widths.
+  LensShape shape;        ///< What the lens does to the image.
   double uncertainty_median_px{};  ///< Over the image, see ImageCell::uncertainty_px.
   double uncertainty_worst_px{};
   double reprojection_rms_px{};  ///< Per point.

@@ -16,6 +16,10 @@ struct LensUncertainty {
   /// lens, over what white noise of `sigma_px` would do; 1 is white. Errors that the corners of an
   /// image share make it grow. The covariance has it in when it is above 1.
   double correlation{1};
+  /// The same for the focal lengths alone, in sigma: large when images were taken with several
+  /// focal lengths, each explained by another distance.
+  double focal_scatter{1};
+  double condition{1};     ///< Of the normal equations, their diagonal scaled to 1.
   bool determined{false};  ///< False: the normal equations are singular; the rest means nothing.
 };
 

@@ -140,6 +140,23 @@ std::size_t total_sightings(const CalibrationData& data) {
   return total;
 }
 
+/// Targets that lost most of their sightings.
+std::vector<int> misfits_of(const CalibrationData& kept, const CalibrationData& all) {
+  constexpr int kLeastSightings = 3;
+  const auto counts = [](const CalibrationData& data) {
+    std::vector<int> out(data.targets.size(), 0);
+    for (const CalibrationView& view : data.views)
+      for (const TargetSighting& s : view.sightings) ++out[static_cast<std::size_t>(s.target)];
+    return out;
+  };
+  const auto left = counts(kept);
+  const auto there = counts(all);
+  std::vector<int> out;
+  for (std::size_t t = 0; t < there.size(); ++t)
+    if (there[t] >= kLeastSightings && 2 * left[t] < there[t]) out.push_back(static_cast<int>(t));
+  return out;
+}
+
 /// The stages from one focal length; few images.
 std::optional<LensFit> start_from(const CalibrationData& data, const CameraModel& camera) {
   LensFit fit;
@@ -194,6 +211,7 @@ LensFit fit_joined(const LensFit& loose) {
   settle(fit, false);
   const double limit =
       std::max(kDisagreeRatio * loose.sigma_px, loose.sigma_px + kDisagreeLeast_px);
+  fit.misfits = misfits_of(fit.data, loose.data);
   const bool lost_many = count_points(fit.data) * 10 < count_points(loose.data) * 8;
   fit.joined_sigma_px = fit.sigma_px;
   fit.joined = fit.sigma_px <= limit && !lost_many;
@@ -201,6 +219,7 @@ LensFit fit_joined(const LensFit& loose) {
   LensFit apart = loose;
   apart.disagree = true;
   apart.joined_sigma_px = fit.sigma_px;
+  apart.misfits = fit.misfits;
   return apart;
 }
 
@@ -209,6 +228,17 @@ LensFit fit_third_radial(const LensFit& fit) {
   freer.free = {0, 1, 2, 3, 4, 5, 6, 7, 8};
   settle(freer, !fit.joined);
   return freer;
+}
+
+LensFit refit(const LensFit& fit, const std::vector<int>& free) {
+  LensFit simpler = fit;
+  simpler.free = free;
+  for (int i = 4; i < kLensNumbers; ++i)
+    if (std::find(free.begin(), free.end(), i) == free.end())
+      simpler.state.camera.coefficients[static_cast<std::size_t>(i - 4)] = 0;
+  adjust(simpler.data, {free}, simpler.state);
+  measure(simpler);
+  return simpler;
 }
 
 }  // namespace fiducap

@@ -17,6 +17,8 @@ struct LensFit {
   bool joined{false};
   bool disagree{false};      ///< Targets were to be joined, but contradict each other.
   double joined_sigma_px{};  ///< What joining them left; 0: not tried.
+  std::vector<int> misfits;  ///< Targets of which joining them threw out most sightings, or all
+                             ///< that do not fit when it failed.
 };
 
 /// From nothing to a fit in which every sighting stands for itself.
@@ -29,5 +31,9 @@ struct LensFit {
 
 /// Frees the third radial coefficient as well.
 [[nodiscard]] LensFit fit_third_radial(const LensFit& fit);
+
+/// The same sightings with fewer numbers free; coefficients that are not are zero.
+/// @param free  ascending, part of `fit.free`
+[[nodiscard]] LensFit refit(const LensFit& fit, const std::vector<int>& free);
 
 }  // namespace fiducap

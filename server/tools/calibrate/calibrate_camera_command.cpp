@@ -1,36 +1,19 @@
 #include "tools/calibrate/calibrate_camera_command.hpp"
 
-#include <array>
 #include <charconv>
-#include <cmath>
 #include <filesystem>
-#include <numbers>
 
-#include <nlohmann/json.hpp>
-
-#include "capture/lens/lens_name.hpp"
 #include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibration_picture.hpp"
 #include "tools/calibrate/calibration_views.hpp"
+#include "tools/calibrate/camera_report.hpp"
+#include "tools/calibrate/corner_file.hpp"
 #include "tools/whole_file.hpp"
 
 namespace fiducap {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kUsualTag_mm = 160;
-
-std::array<const char*, kLensNumbers> number_names(Distortion kind) {
-  if (kind == Distortion::kEquidistant)
-    return {"fu", "fv", "cu", "cv", "k1", "k2", "k3", "k4", "-"};
-  return {"fu", "fv", "cu", "cv", "k1", "k2", "p1", "p2", "k3"};
-}
-
-const char* word_for(IntrinsicsGrade grade) {
-  return grade == IntrinsicsGrade::kGood   ? "good"
-         : grade == IntrinsicsGrade::kWeak ? "weak"
-                                           : "useless";
-}
 
 /// "9x6" → columns and rows of inner corners.
 Expected<Checkerboard> read_checkerboard(const CalibrateCameraArguments& arguments) {
@@ -81,14 +64,9 @@ IntrinsicsOptions options_of(const CalibrateCameraArguments& arguments) {
   return options;
 }
 
-/// What a run has to show.
-struct Outcome {
-  std::size_t images{};
-  std::size_t with_target{};
-  IntrinsicsCalibration calibration;
-  ImageMap map;
-  IntrinsicsVerdict verdict;
-};
+const std::string& input_of(const CalibrateCameraArguments& arguments) {
+  return arguments.corners.empty() ? arguments.input : arguments.corners;
+}
 
 Error nothing_seen(const CollectedViews& seen, const CalibrateCameraArguments& arguments) {
   const std::string target = arguments.checkerboard.empty()
@@ -99,163 +77,84 @@ Error nothing_seen(const CollectedViews& seen, const CalibrateCameraArguments& a
           arguments.input};
 }
 
-Expected<Outcome> calibrate(const CalibrateCameraArguments& arguments, const Terminal& terminal) {
+Expected<CollectedViews> look_at_images(const CalibrateCameraArguments& arguments,
+                                        ProgressLine& line) {
   auto images =
       CalibrationImages::open(arguments.input, static_cast<std::size_t>(arguments.camera));
   if (!images) return tl::unexpected(images.error());
   const auto targets = choose_targets(arguments, *images);
   if (!targets) return tl::unexpected(targets.error());
-  ProgressLine line(terminal);
   const std::string of =
       images->total() > 0 ? " of " + std::to_string(images->total()) : std::string();
-  const auto seen = collect_views(*images, *targets, [&](std::size_t looked, std::size_t found) {
+  auto seen = collect_views(*images, *targets, [&](std::size_t looked, std::size_t found) {
     line.show("looking for targets: " + std::to_string(looked) + of + " images, " +
               std::to_string(found) + " with");
   });
+  if (seen && seen->data.views.empty()) return tl::unexpected(nothing_seen(*seen, arguments));
+  return seen;
+}
+
+/// "1280x720" → width and height.
+bool read_size(const std::string& text, int& width, int& height) {
+  constexpr int kLargest_px = 65535;
+  const char* end = text.data() + text.size();
+  const auto w = std::from_chars(text.data(), end, width);
+  if (w.ec != std::errc() || w.ptr == end || *w.ptr != 'x') return false;
+  const auto h = std::from_chars(w.ptr + 1, end, height);
+  const auto fits = [](int n) { return n > 0 && n <= kLargest_px; };
+  return h.ec == std::errc() && h.ptr == end && fits(width) && fits(height);
+}
+
+Expected<CollectedViews> look_at_corners(const CalibrateCameraArguments& arguments) {
+  CornerFileChoice choice;
+  choice.path = arguments.corners;
+  choice.camera = arguments.camera;
+  choice.set = arguments.set;
+  if (!read_size(arguments.size, choice.width, choice.height))
+    return fail(ErrorCode::kInvalid,
+                "must be WIDTHxHEIGHT of the images in pixels, e.g. 1280x720 (corners do not tell "
+                "it); is '" +
+                    arguments.size + "'",
+                "--size");
+  choice.board.tag_m = (arguments.tag_mm > 0 ? arguments.tag_mm : kUsualTag_mm) / 1000;
+  if (!arguments.board.empty()) {
+    auto board = read_board_description(arguments.board);
+    if (!board) return tl::unexpected(board.error());
+    choice.board = std::move(*board);
+  }
+  auto data = read_corner_file(choice);
+  if (!data) return tl::unexpected(data.error());
+  CollectedViews seen;
+  seen.images = data->views.size();
+  seen.data = std::move(*data);
+  return seen;
+}
+
+Expected<CameraOutcome> calibrate(const CalibrateCameraArguments& arguments,
+                                  const Terminal& terminal) {
+  ProgressLine line(terminal);
+  if (arguments.input.empty() && arguments.corners.empty())
+    return fail(ErrorCode::kInvalid,
+                "needs pictures, a video or a recording, or --corners with a CSV file",
+                "calibrate camera");
+  const auto seen =
+      arguments.corners.empty() ? look_at_images(arguments, line) : look_at_corners(arguments);
   if (!seen) return tl::unexpected(seen.error());
-  if (seen->data.views.empty()) return tl::unexpected(nothing_seen(*seen, arguments));
   const auto data = select_views(seen->data, static_cast<std::size_t>(arguments.views));
   auto result = calibrate_intrinsics(data, options_of(arguments),
                                      [&](const std::string& what) { line.show(what); });
   if (!result) {
     Error error = result.error();
-    if (error.context.empty()) error.context = arguments.input;
+    if (error.context.empty()) error.context = input_of(arguments);
     return tl::unexpected(error);
   }
-  Outcome out{seen->images, seen->data.views.size(), std::move(*result), {}, {}};
+  CameraOutcome out{seen->images, seen->data.views.size(), std::move(*result), {}, {}};
   out.map = make_image_map(out.calibration);
   out.verdict = judge(out.calibration, out.map);
   return out;
 }
 
-nlohmann::ordered_json numbers_json(const IntrinsicsCalibration& c) {
-  nlohmann::ordered_json out;
-  const auto names = number_names(c.state.camera.distortion);
-  const LensVector values = numbers_of(c.state.camera);
-  for (const int i : c.free)
-    out[names[static_cast<std::size_t>(i)]] = {
-        {"value", values(i)}, {"sigma", std::sqrt(c.uncertainty.covariance(i, i))}};
-  return out;
-}
-
-nlohmann::ordered_json cells_json(const ImageMap& map) {
-  nlohmann::ordered_json cells = nlohmann::ordered_json::array();
-  for (const ImageCell& cell : map.cells)
-    cells.push_back({{"centre_px", {cell.centre_px.x(), cell.centre_px.y()}},
-                     {"corners", cell.points},
-                     {"reprojection_rms_px", cell.rms_px},
-                     {"reprojection_mean_px", {cell.mean_px.x(), cell.mean_px.y()}},
-                     {"uncertainty_px", cell.in_lens ? nlohmann::ordered_json(cell.uncertainty_px)
-                                                     : nlohmann::ordered_json(nullptr)}});
-  return {{"columns", map.columns}, {"rows", map.rows}, {"cells", cells}};
-}
-
-std::string json_report(const Outcome& o) {
-  const IntrinsicsCalibration& c = o.calibration;
-  const IntrinsicsVerdict& v = o.verdict;
-  nlohmann::ordered_json trials = nlohmann::ordered_json::array();
-  for (const LensTrial& trial : c.trials)
-    trials.push_back({{"lens", name_of(trial.distortion)},
-                      {"k3", trial.third_radial},
-                      {"sigma_px", trial.sigma_px}});
-  const nlohmann::ordered_json report{
-      {"verdict", word_for(v.grade)},
-      {"advice", v.advice},
-      {"lens", name_of(c.state.camera.distortion)},
-      {"resolution", {c.data.width, c.data.height}},
-      {"numbers", numbers_json(c)},
-      {"images", {{"looked_at", o.images}, {"with_target", o.with_target}, {"used", v.images}}},
-      {"sightings", {{"used", v.sightings}, {"rejected", c.rejected}}},
-      {"targets_stood_still", c.targets_stood_still},
-      {"targets_disagree", c.targets_disagree},
-      {"noise_if_they_stood_still_px", c.joined_sigma_px},
-      {"covered", v.covered},
-      {"seen_angle_deg", v.seen_angle_rad / kDegree},
-      {"image_angle_deg", v.image_angle_rad / kDegree},
-      {"tilted", v.tilted},
-      {"reprojection_rms_px", v.reprojection_rms_px},
-      {"noise_px", c.sigma_px},
-      {"noise_correlation", c.uncertainty.correlation},
-      {"misfit_px", v.misfit_px},
-      {"uncertainty_px", {{"median", v.uncertainty_median_px}, {"worst", v.uncertainty_worst_px}}},
-      {"lenses_tried", trials},
-      {"map", cells_json(o.map)}};
-  return report.dump(2) + "\n";
-}
-
-void print_lens(const Terminal& terminal, const IntrinsicsCalibration& c) {
-  terminal.out << "  lens " << name_of(c.state.camera.distortion);
-  for (std::size_t i = 0; i < c.trials.size(); ++i)
-    terminal.out << (i == 0 ? ": " : "; " + name_of(c.trials[i].distortion) + ": ")
-                 << fixed(c.trials[i].sigma_px, 3) << " px unexplained";
-  terminal.out << "\n";
-  const auto names = number_names(c.state.camera.distortion);
-  const LensVector values = numbers_of(c.state.camera);
-  for (const int i : c.free) {
-    const int decimals = i < 4 ? 3 : 5;
-    terminal.out << "    " << names[static_cast<std::size_t>(i)] << "  "
-                 << fixed(values(i), decimals) << " ± "
-                 << fixed(std::sqrt(c.uncertainty.covariance(i, i)), decimals)
-                 << (i < 4 ? " px" : "") << "\n";
-  }
-}
-
-void print_report(const Terminal& terminal, const Outcome& o, const std::string& input) {
-  const IntrinsicsCalibration& c = o.calibration;
-  const IntrinsicsVerdict& v = o.verdict;
-  terminal.out << input << ": " << o.images << " images, " << o.with_target << " with targets, "
-               << v.images << " used (sharp and different), " << v.sightings << " sightings, "
-               << c.rejected << " rejected\n";
-  print_lens(terminal, c);
-  if (c.targets_stood_still)
-    terminal.out << "  the tags stand still relative to each other; that was used\n";
-  if (c.targets_disagree)
-    terminal.out << "  taken together the tags leave " << fixed(c.joined_sigma_px, 2)
-                 << " px (moved, not flat, or sizes not as said): each sighting by itself\n";
-  terminal.out << "  coverage " << fixed(100 * v.covered, 0) << " % of the image, up to "
-               << fixed(v.seen_angle_rad / kDegree, 0) << "° of "
-               << fixed(v.image_angle_rad / kDegree, 0) << "° off the axis; "
-               << fixed(100 * v.tilted, 0) << " % of the sightings tilted\n"
-               << "  reprojection " << fixed(v.reprojection_rms_px, 3) << " px RMS\n"
-               << "  directions uncertain by " << fixed(v.uncertainty_median_px, 3)
-               << " px in half of the image, " << fixed(v.uncertainty_worst_px, 3)
-               << " px at worst\n";
-  const std::string words = v.grade == IntrinsicsGrade::kGood   ? "good enough"
-                            : v.grade == IntrinsicsGrade::kWeak ? "usable, could be better"
-                                                                : "do not use, record again";
-  terminal.out << "verdict: " << words << "\n";
-  for (const std::string& advice : v.advice) terminal.out << "  - " << advice << "\n";
-}
-
 }  // namespace
-
-std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
-                           const IntrinsicsVerdict& verdict) {
-  const CameraModel& camera = calibration.state.camera;
-  const LensVector values = numbers_of(camera);
-  const auto names = number_names(camera.distortion);
-  std::string sigmas;
-  for (const int i : calibration.free)
-    sigmas += std::string(" ") + names[static_cast<std::size_t>(i)] + " " +
-              fixed(std::sqrt(calibration.uncertainty.covariance(i, i)), i < 4 ? 4 : 6);
-  // OpenCV's order k1 k2 p1 p2 k3; EuRoC leaves k3 out where it is zero.
-  const int coefficients =
-      camera.distortion == Distortion::kRadialTangential && values(8) != 0 ? 5 : 4;
-  const auto list = [&](int first, int count, int decimals) {
-    std::string text = "[";
-    for (int i = first; i < first + count; ++i)
-      text += (i == first ? "" : ", ") + fixed(values(i), decimals);
-    return text + "]";
-  };
-  return "# Intrinsics by fiducap calibrate camera; verdict: " +
-         std::string(word_for(verdict.grade)) + "\n# " + std::to_string(verdict.images) +
-         " images, reprojection " + fixed(verdict.reprojection_rms_px, 3) + " px RMS, coverage " +
-         fixed(100 * verdict.covered, 0) + " %\n# 1-sigma:" + sigmas +
-         "\ncamera_model: pinhole\nresolution: [" + std::to_string(camera.width) + ", " +
-         std::to_string(camera.height) + "]\nintrinsics: " + list(0, 4, 6) +
-         "\ndistortion_model: " + name_of(camera.distortion) +
-         "\ndistortion_coefficients: " + list(4, coefficients, 9) + "\n";
-}
 
 int run_calibrate_camera(const CalibrateCameraArguments& arguments, const Terminal& terminal) {
   const auto outcome = calibrate(arguments, terminal);
@@ -263,20 +162,22 @@ int run_calibrate_camera(const CalibrateCameraArguments& arguments, const Termin
   const std::filesystem::path out(arguments.out);
   const std::string picture = (out / "camera.svg").string();
   const std::string file = (out / "camera.yaml").string();
-  const bool useful = outcome->verdict.grade != IntrinsicsGrade::kUseless;
+  const bool refused = outcome->verdict.grade == IntrinsicsGrade::kUseless;
+  const bool wanted = !refused || arguments.force;
   auto written = write_whole_file(
       picture, calibration_svg(outcome->calibration, outcome->map, outcome->verdict));
-  if (written && useful)
+  if (written && wanted)
     written = write_whole_file(file, to_camera_yaml(outcome->calibration, outcome->verdict));
   if (!written) return report(terminal, written.error());
   if (arguments.json)
-    terminal.out << json_report(*outcome);
+    terminal.out << to_camera_json(*outcome);
   else
-    print_report(terminal, *outcome, arguments.input);
-  if (!useful)
+    print_camera_report(terminal, *outcome, input_of(arguments));
+  if (!wanted)
     return report(terminal, {ErrorCode::kInvalid,
-                             "no calibration written; " + picture + " shows what is missing",
-                             arguments.input});
+                             "no calibration written; " + picture +
+                                 " shows what is missing (--force writes it all the same)",
+                             input_of(arguments)});
   if (!arguments.json)
     terminal.out << "written: " << file << " (bodies: cameras: calibration), " << picture << "\n";
   return kExitOk;

@@ -2,13 +2,16 @@
 
 #include <string>
 
-#include "calibration/intrinsics/intrinsics_verdict.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
 
 struct CalibrateCameraArguments {
-  std::string input;         ///< Folder of pictures, video file or recording.
+  std::string input;      ///< Folder of pictures, video file or recording; empty with `corners`.
+  std::string corners{};  ///< CSV of corners that another program found, see corner_file.hpp; …
+  std::string board{};    ///< … what they are of, see board_description.hpp; empty: tags …
+  std::string size{};     ///< … and the size of the images, WIDTHxHEIGHT.
+  std::string set{};      ///< Of a file of corners that holds several.
   std::string checkerboard;  ///< COLUMNSxROWS of inner corners; empty: tags.
   double square_mm{30};
   double tag_mm{0};      ///< 0: what a recording says, else 160.
@@ -18,16 +21,12 @@ struct CalibrateCameraArguments {
   int camera{0};
   int views{120};
   std::string out{"calibration"};
+  bool force{false};  ///< Write camera.yaml although the verdict refuses it.
   bool json{false};
 };
 
 /// `fiducap calibrate camera`: writes camera.yaml and camera.svg. @return exit code
 [[nodiscard]] int run_calibrate_camera(const CalibrateCameraArguments& arguments,
                                        const Terminal& terminal);
-
-/// EuRoC's sensor.yaml without a place on a body, as read_camera_calibration reads it; comments say
-/// how sure it is.
-[[nodiscard]] std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
-                                         const IntrinsicsVerdict& verdict);
 
 }  // namespace fiducap

@@ -8,6 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "calibration/imu/multi_pose_imu.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_streams.hpp"
 #include "pipeline/imu_plausibility.hpp"
@@ -144,6 +145,76 @@ void print_table(const StaticImuNoise& r, const std::string& folder, const Termi
                << (to / "allan.svg").string() << "\n";
 }
 
+std::string percent_list(const Eigen::Matrix3d& M, const Eigen::Vector3d& sigma) {
+  std::string text;
+  for (int i = 0; i < 3; ++i)
+    text += (i == 0 ? "" : "  ") + fixed(100 * (M(i, i) - 1), 3) + " ± " + fixed(100 * sigma(i), 3);
+  return text;
+}
+
+nlohmann::ordered_json rows_json(const Eigen::Matrix3d& M) {
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (int i = 0; i < 3; ++i) rows.push_back({M(i, 0), M(i, 1), M(i, 2)});
+  return rows;
+}
+
+nlohmann::ordered_json list_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+std::string poses_json(const MultiPoseImu& r) {
+  const ImuCorrection& c = r.correction;
+  const nlohmann::ordered_json report{
+      {"seconds", r.seconds},
+      {"rests", r.rests},
+      {"turns", r.turns},
+      {"accel_bias_m_s2", list_json(c.accel_bias_m_s2)},
+      {"accel_bias_sigma_m_s2", list_json(r.accel_bias_sigma_m_s2)},
+      {"accel_matrix", rows_json(c.accel_matrix)},
+      {"accel_scale_sigma", list_json(r.accel_scale_sigma)},
+      {"gyro_bias_rad_s", list_json(c.gyro_bias_rad_s)},
+      {"gyro_matrix", rows_json(c.gyro_matrix)},
+      {"gyro_scale_sigma", list_json(r.gyro_scale_sigma)},
+      {"gravity_rms_m_s2", {{"before", r.gravity_rms_before}, {"after", r.gravity_rms_after}}},
+      {"up_rms_rad", {{"before", r.up_rms_before}, {"after", r.up_rms_after}}}};
+  return report.dump(2) + "\n";
+}
+
+void print_poses(const MultiPoseImu& r, const std::string& file, const Terminal& terminal) {
+  constexpr double kDegrees = 180 / 3.14159265358979;
+  const ImuCorrection& c = r.correction;
+  const auto listed = [](const Eigen::Vector3d& v, int decimals) {
+    return fixed(v.x(), decimals) + "  " + fixed(v.y(), decimals) + "  " + fixed(v.z(), decimals);
+  };
+  terminal.out << r.rests << " attitudes at rest, " << r.turns << " turns between them, in "
+               << fixed(r.seconds / 60, 1) << " min\n"
+               << "  accelerometer bias, m/s²: " << listed(c.accel_bias_m_s2, 4) << "\n"
+               << "  accelerometer scale, % off: "
+               << percent_list(c.accel_matrix, r.accel_scale_sigma) << "\n"
+               << "  gyro bias, rad/s: " << listed(c.gyro_bias_rad_s, 5) << "\n"
+               << "  gyro scale, % off: " << percent_list(c.gyro_matrix, r.gyro_scale_sigma) << "\n"
+               << "  |f| against gravity: " << fixed(r.gravity_rms_before, 4)
+               << " m/s² RMS as read, " << fixed(r.gravity_rms_after, 4) << " corrected\n"
+               << "  up carried by the gyro: " << fixed(r.up_rms_before * kDegrees, 2)
+               << "° RMS as read, " << fixed(r.up_rms_after * kDegrees, 2) << "° corrected\n"
+               << "written: " << file << "\n";
+}
+
+int run_poses(const CalibrateImuArguments& arguments, const std::vector<ImuSample>& samples,
+              const Terminal& terminal) {
+  const auto result = calibrate_multi_pose(samples, arguments.gravity_m_s2, arguments.recording);
+  if (!result) return report(terminal, result.error());
+  const std::string file = (std::filesystem::path(arguments.out) / "imu_correction.yaml").string();
+  const std::string heading = "IMU correction by fiducap calibrate imu --poses, from " +
+                              std::to_string(result->rests) + " attitudes at rest";
+  if (auto written = write_whole_file(file, to_imu_correction_yaml(result->correction, heading));
+      !written)
+    return report(terminal, written.error());
+  if (arguments.json)
+    terminal.out << poses_json(*result);
+  else
+    print_poses(*result, file, terminal);
+  return kExitOk;
+}
+
 }  // namespace
 
 std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& heading) {
@@ -166,6 +237,7 @@ std::string to_kalibr_imu(const StaticImuNoise& result, const std::string& headi
 int run_calibrate_imu(const CalibrateImuArguments& arguments, const Terminal& terminal) {
   const auto samples = read_imu(arguments.recording, terminal);
   if (!samples) return report(terminal, samples.error());
+  if (arguments.poses) return run_poses(arguments, *samples, terminal);
   const auto result = identify_static_imu(*samples, arguments.recording);
   if (!result) return report(terminal, result.error());
   const std::filesystem::path to(arguments.out);

@@ -11,9 +11,12 @@ struct CalibrateImuArguments {
   std::string recording;
   std::string out{"calibration"};
   bool json{false};
+  bool poses{false};  ///< Many attitudes at rest instead of one: bias, scale, misalignment.
+  double gravity_m_s2{9.81};
 };
 
-/// `fiducap calibrate imu`: writes imu.yaml and allan.svg. @return exit code
+/// `fiducap calibrate imu`: writes imu.yaml and allan.svg, with `poses` imu_correction.yaml.
+/// @return exit code
 [[nodiscard]] int run_calibrate_imu(const CalibrateImuArguments& arguments,
                                     const Terminal& terminal);
 

@@ -9,11 +9,21 @@ namespace {
 
 void add_imu(CLI::App& calibrate, CalibrateImuArguments& a, ChosenVerb& chosen) {
   auto* verb = calibrate.add_subcommand(
-      "imu", "IMU noise from a recording at rest: Allan deviation, white noise, bias walk");
+      "imu",
+      "IMU noise from a recording at rest (Allan deviation, white noise, bias walk); with --poses "
+      "bias, scale and misalignment from many attitudes");
   verb->add_option("RECORDING", a.recording,
                    "Folder in the EuRoC/ASL layout; mav0/imu0/data.csv is enough")
       ->required();
-  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg")->capture_default_str();
+  verb->add_option("--out", a.out, "Folder for imu.yaml and allan.svg, or imu_correction.yaml")
+      ->capture_default_str();
+  auto* poses = verb->add_flag("--poses", a.poses,
+                               "The IMU was put down in 20 to 40 attitudes, two seconds each, and "
+                               "turned by hand between them");
+  verb->add_option("--gravity", a.gravity_m_s2, "Where it was recorded, m/s²")
+      ->check(kPositive)
+      ->needs(poses)
+      ->capture_default_str();
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
       "Record: let the IMU warm up, put it on a solid table away from fans, and do not touch the "
@@ -73,25 +83,40 @@ void add_camera_target_options(CLI::App& verb, CalibrateCameraArguments& a) {
                 "but slowly)");
 }
 
+void add_corner_options(CLI::App& verb, CLI::Option& input, CalibrateCameraArguments& a) {
+  auto* corners = verb.add_option("--corners", a.corners,
+                                  "Instead of INPUT: CSV of corners that another program found "
+                                  "(image,tag,corner,u,v or image,point,u,v)")
+                      ->excludes(&input);
+  verb.add_option("--board", a.board,
+                  "What the corners are of: tags:MM, points:COLUMNSxROWS:MM, "
+                  "charuco:COLUMNSxROWS:SQUARE_MM:MARKER_MM[:white], "
+                  "grid:COLUMNSxROWS:TAG_MM:GAP_MM; default: tags of --tag-mm")
+      ->needs(corners);
+  verb.add_option("--size", a.size, "Of the images, WIDTHxHEIGHT, e.g. 1280x720")->needs(corners);
+  verb.add_option("--set", a.set, "Of a file of corners with several sets")->needs(corners);
+}
+
 void add_camera(CLI::App& calibrate, CalibrateCameraArguments& a, ChosenVerb& chosen) {
   auto* verb = calibrate.add_subcommand("camera",
                                         "Focal length, principal point and distortion of a camera, "
                                         "from pictures of tags or of a checkerboard");
-  verb->add_option(
-          "INPUT", a.input,
-          "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)")
-      ->required();
+  auto* input = verb->add_option(
+      "INPUT", a.input,
+      "Folder of pictures, video file, or recording (EuRoC/ASL layout, images or corners)");
+  add_corner_options(*verb, *input, a);
   add_camera_target_options(*verb, a);
   verb->add_option("--lens", a.lens, "auto tries both and takes the one that explains the pictures")
       ->check(CLI::IsMember({"auto", "radial-tangential", "equidistant"}))
       ->capture_default_str();
-  verb->add_option("--camera", a.camera, "Which camera of a recording")
+  verb->add_option("--camera", a.camera, "Which camera of a recording or of a file of corners")
       ->check(CLI::Range(0, 63))
       ->capture_default_str();
   verb->add_option("--views", a.views, "Most pictures used, those that differ most")
       ->check(CLI::Range(5, 2000))
       ->capture_default_str();
   verb->add_option("--out", a.out, "Folder for camera.yaml and camera.svg")->capture_default_str();
+  verb->add_flag("--force", a.force, "Write camera.yaml although the verdict refuses it");
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
       "Record: any tags that stand still (a sheet of `fiducap tags sheet` on a flat board, tags on "
@@ -102,11 +127,13 @@ void add_camera(CLI::App& calibrate, CalibrateCameraArguments& a, ChosenVerb& ch
       "picture, light the room:\n"
       "blur and rolling shutters spoil corners. 50 different views are plenty. Then look at "
       "camera.svg.\n"
-      "Exit code 1 and no camera.yaml when the result must not be used; verdict `weak` says what "
-      "to do better.\n"
+      "Exit code 1 and no camera.yaml when the result is refused; verdict `weak` says what to do "
+      "better.\n"
       "Then: bodies: cameras: calibration: calibration/camera.yaml\n"
       "Example:\n  fiducap calibrate camera pictures/ --tag-mm 80\n"
-      "  fiducap calibrate camera board.mp4 --checkerboard 9x6 --square-mm 30 --out calibration");
+      "  fiducap calibrate camera board.mp4 --checkerboard 9x6 --square-mm 30 --out calibration\n"
+      "  fiducap calibrate camera --corners corners.csv --board charuco:5x7:36.2:18.3 --size "
+      "1600x1200");
   verb->callback([&] { chosen = [&](const Terminal& t) { return run_calibrate_camera(a, t); }; });
 }
 

@@ -62,7 +62,7 @@ class Picture final {
   [[nodiscard]] std::string heading() const {
     const bool good = v_.grade == IntrinsicsGrade::kGood;
     const bool weak = v_.grade == IntrinsicsGrade::kWeak;
-    const std::string word = good ? "good enough" : weak ? "usable, could be better" : "do not use";
+    const std::string word = good ? "good enough" : weak ? "usable, could be better" : "refused";
     const CameraModel& camera = c_.state.camera;
     return svg_box(kGap, 16, 14, 14,
                    filled(good   ? kColors[0]

@@ -88,6 +88,10 @@ class CalibrationScene final {
             distance * ray};
   }
 
+  [[nodiscard]] const Pose& place_of(int target) const {
+    return X_BT_[static_cast<std::size_t>(target)];
+  }
+
   CalibrationData data;
 
  private:

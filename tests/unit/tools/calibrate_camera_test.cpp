@@ -46,6 +46,7 @@ class CalibrateCamera : public ::testing::TestWithParam<Distortion> {
   void photograph(const CameraModel& camera, int images, double reach, double tilt_rad) {
     simulation::CameraSimulation settings;
     settings.pixel_noise = 2;
+    settings.exposure_s = exposure_s_;
     simulation::StillCamera photographer(camera, settings);
     CalibrationScene scene(camera, 3);
     const auto tags = board();
@@ -53,8 +54,10 @@ class CalibrateCamera : public ::testing::TestWithParam<Distortion> {
     std::vector<std::uint8_t> scratch;
     for (int i = 0; i < images; ++i) {
       const Pose X_WV = scene.board_pose(reach, tilt_rad).inverse();
-      const auto image = photographer.photograph(simulation::EvenMotion(X_WV), tags,
-                                                 static_cast<std::uint64_t>(i));
+      const auto image = photographer.photograph(
+          simulation::EvenMotion(X_WV, Eigen::Vector3d::Zero(),
+                                 blur_rad_s_ * Eigen::Vector3d(std::sin(i), std::cos(i), 0.3)),
+          tags, static_cast<std::uint64_t>(i));
       const std::string name = std::to_string(1000 + i) + ".png";
       ASSERT_TRUE(write_gray_file(std::filesystem::path(pictures_) / name, scratch, *image));
     }
@@ -70,6 +73,8 @@ class CalibrateCamera : public ::testing::TestWithParam<Distortion> {
 
   TemporaryFolder folder_;
   std::string pictures_{folder_.file("pictures")};
+  double blur_rad_s_{0};  ///< How fast the camera turns, and …
+  double exposure_s_{0.005};
   CalibrateCameraArguments arguments_;
   std::ostringstream out_;
   std::ostringstream err_;
@@ -165,6 +170,42 @@ TEST_P(CalibrateCameraInput, PicturesWithoutATagSaySo) {
   arguments_.family = "tag25h9";
   EXPECT_EQ(calibrate(), kExitFailed);
   EXPECT_THAT(err_.str(), HasSubstr("no tag of 20 px"));
+}
+
+TEST_P(CalibrateCameraInput, WhatIsRefusedIsWrittenOnlyByForce) {
+  photograph(truth(), 12, 0.1, 0.05);
+  EXPECT_EQ(calibrate(), kExitFailed);
+  EXPECT_THAT(err_.str(), HasSubstr("--force"));
+  EXPECT_FALSE(std::filesystem::exists(folder_.file("out") + "/camera.yaml"));
+  EXPECT_EQ(nlohmann::json::parse(out_.str())["verdict"], "useless");
+  arguments_.force = true;
+  out_.str("");
+  EXPECT_EQ(calibrate(), kExitOk);
+  const auto file = read_whole_file(folder_.file("out") + "/camera.yaml");
+  ASSERT_TRUE(file);
+  EXPECT_THAT(*file, HasSubstr("verdict: useless"));
+  EXPECT_THAT(*file, HasSubstr("intrinsics_sigma: {focal: "));
+  EXPECT_TRUE(read_camera_calibration(folder_.file("out") + "/camera.yaml"));
+}
+
+TEST_P(CalibrateCameraInput, CornersNeedTheSizeOfTheirImages) {
+  arguments_.corners = folder_.write("corners.csv", "image,tag,corner,u,v\n");
+  arguments_.input.clear();
+  for (const char* wrong : {"", "640", "640x", "x480", "640x480x3", "0x480"}) {
+    err_.str("");
+    arguments_.size = wrong;
+    EXPECT_EQ(run_calibrate_camera(arguments_, {out_, err_}), kExitFailed) << wrong;
+    EXPECT_THAT(err_.str(), HasSubstr("--size")) << wrong;
+  }
+}
+
+TEST_P(CalibrateCameraInput, BlurredPicturesAreNotCalledGood) {
+  blur_rad_s_ = 1.5;
+  exposure_s_ = 0.02;
+  photograph(truth(), 40, 0.95, 0.8);
+  const int code = calibrate();
+  if (code != kExitOk) return;
+  EXPECT_NE(nlohmann::json::parse(out_.str())["verdict"], "good");
 }
 
 TEST_P(CalibrateCameraInput, AnUnknownFamilyIsRefused) {

@@ -1,0 +1,75 @@
+// Curves of real IMUs, at rest for two hours, with what another program (imu_utils) reads from
+// them.
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <iostream>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "base/yaml_section.hpp"
+#include "calibration/imu/allan_deviation.hpp"
+#include "support/shared_data.hpp"
+
+namespace fiducap {
+namespace {
+
+std::vector<double> numbers_of_file(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::vector<double> values;
+  for (double value = 0; file >> value;) values.push_back(value);
+  return values;
+}
+
+/// Their curves end at a third of the recording.
+std::vector<AllanPoint> curve_of(const std::vector<double>& tau_s,
+                                 const std::vector<double>& deviation, double unit) {
+  std::vector<AllanPoint> points;
+  const double seconds = 3 * tau_s.back();
+  for (std::size_t i = 0; i < std::min(tau_s.size(), deviation.size()); ++i)
+    points.push_back(
+        {tau_s[i], deviation[i] * unit, std::max(1.0, 1.5 * (seconds / tau_s[i] - 2))});
+  return points;
+}
+
+class AllanCurves : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(ImuUtils, AllanCurves, ::testing::Values("16448", "A3", "N3", "BMI160"));
+
+TEST_P(AllanCurves, WhiteNoiseIsReadAsOthersReadIt) {
+  const auto data = shared_data();
+  if (!data) GTEST_SKIP() << kNoSharedData;
+  const std::string name = GetParam();
+  const std::filesystem::path folder = *data / "imu/allan_imu_utils/data";
+  const auto theirs = YamlSection::load(folder / (name + "_imu_param.yaml"));
+  ASSERT_TRUE(theirs) << theirs.error().text();
+  constexpr double kDegreePerHour = std::numbers::pi / 180 / 3600;
+  for (const bool gyro : {true, false})
+    for (const char axis : {'x', 'y', 'z'}) {
+      const std::string stem = "data_" + name + (gyro ? "_gyr_" : "_acc_");
+      const auto points =
+          curve_of(numbers_of_file(folder / (stem + "t.txt")),
+                   numbers_of_file(folder / (stem + axis + ".txt")), gyro ? kDegreePerHour : 1);
+      ASSERT_GE(points.size(), 50U) << stem << axis;
+      const AxisNoise ours = fit_noise(points);
+      const YamlSection their_axis =
+          theirs->section(gyro ? "Gyr" : "Acc").section(std::string(1, axis) + "-axis");
+      const double white = their_axis.required_number(gyro ? "gyr_n" : "acc_n");
+      const double flat = their_axis.required_number(gyro ? "gyr_w" : "acc_w");
+      double lowest = points.front().deviation;
+      for (const AllanPoint& p : points) lowest = std::min(lowest, ours.deviation(p.tau_s));
+      std::cout << "| " << name << (gyro ? " gyro " : " accel ") << axis << " | " << white << " | "
+                << ours.white << " ± " << ours.white_sigma << " | " << flat << " | " << lowest
+                << " | " << (ours.walk_seen ? ours.walk : 0.0) << " |\n";
+      // They read one point of a curve that more than white noise has bent by then.
+      constexpr double kWhite = 0.15;
+      EXPECT_NEAR(ours.white / white, 1, kWhite) << stem << axis;
+      constexpr double kFlat = 0.25;
+      EXPECT_NEAR(lowest / flat, 1, kFlat) << stem << axis;
+    }
+}
+
+}  // namespace
+}  // namespace fiducap
