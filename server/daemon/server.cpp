@@ -22,6 +22,7 @@
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
+#include "daemon/views/view_desk.hpp"
 #include "daemon/watch/health_watch.hpp"
 #include "middleware/membership.hpp"
 #include "scene/scene.hpp"
@@ -97,6 +98,7 @@ class Server::Impl final {
   dds::Membership membership_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
+  std::optional<ViewDesk> views_;  ///< Only with a page that may show cameras.
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
   std::optional<RefinementLoop> refinement_;  ///< Only when the map is refined.
@@ -108,7 +110,7 @@ class Server::Impl final {
   ServerPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
-  std::jthread paging_;
+  std::jthread paging_, viewing_;
   std::jthread keeping_;
   std::jthread refining_;
   std::jthread recording_;
@@ -235,6 +237,8 @@ void Server::Impl::build_scene(const std::vector<Body>& bodies) {
 }
 
 void Server::Impl::build_workers(std::vector<Body> bodies) {
+  if (web::shows_cameras(config_.streaming.web))
+    views_.emplace(config_.tags, config_.detector, clock_);
   const SharedParts shared{*map_, *scene_, clock_, recorder_, events_};
   ServerConfig recorded = config_;
   recorded.operators = {};
@@ -249,8 +253,10 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
     recorded.bodies[i].cameras.clear();  // as they are used, with what was learned about them
     for (const CameraMount& mount : sensors.cameras)
       recorded.bodies[i].cameras.push_back({.mount = mount});
+    auto views = views_ ? std::optional(views_->add(config.id, sensors)) : std::nullopt;
     bodies_.add(std::make_unique<BodyWorker>(
-        BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].source)},
+        BodyParts{
+            i, config.id, config.name, std::move(setup), std::move(bodies[i].source), {}, views},
         shared));
   }
   recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); },
@@ -258,8 +264,9 @@ void Server::Impl::build_workers(std::vector<Body> bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
-                                [this] { return membership_.join(); }});
+  auto ports =
+      start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
+                       [this] { return membership_.join(); }, views_ ? &*views_ : nullptr});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   frames_.on_delivered(
@@ -286,6 +293,7 @@ void Server::Impl::start_threads() {
       pages_.run();
     });
   }
+  if (views_) viewing_ = named("views", [this](std::stop_token stop) { views_->run(stop); });
   if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
   if (refinement_)
     refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });
