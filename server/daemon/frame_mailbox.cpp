@@ -3,8 +3,6 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include <array>
-#include <atomic>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/posix/stream_descriptor.hpp>
 #include <cerrno>
@@ -12,6 +10,7 @@
 #include <system_error>
 #include <utility>
 
+#include "base/newest_value.hpp"
 #include "streaming/net/standing_wait.hpp"
 
 namespace fiducap {
@@ -37,9 +36,9 @@ class FrameMailbox::Impl final : public net::StandingWait,
   }
 
   void put(std::shared_ptr<const SceneFrame> frame) {
-    places_[writing_] = std::move(frame);
-    writing_ = offered_.exchange(writing_ | kFresh, std::memory_order_acq_rel) & kPlace;
-    places_[writing_].reset();  // the frame that nobody fetched, if there was one
+    newest_.writing() = std::move(frame);
+    newest_.offer();
+    newest_.writing().reset();  // the frame that nobody fetched, if there was one
     const std::uint64_t one = 1;
     // The counter cannot fill up: the reader sets it back to zero, and 2^64 frames take a while.
     [[maybe_unused]] const auto written = ::write(wakeup_fd_, &one, sizeof one);
@@ -61,22 +60,15 @@ class FrameMailbox::Impl final : public net::StandingWait,
   void deliver() {
     std::uint64_t count{};
     [[maybe_unused]] const auto read = ::read(wakeup_fd_, &count, sizeof count);
-    if ((offered_.load(std::memory_order_acquire) & kFresh) == 0) return;
-    reading_ = offered_.exchange(reading_, std::memory_order_acq_rel) & kPlace;
-    const std::shared_ptr<const SceneFrame> frame = std::move(places_[reading_]);
+    if (!newest_.fetch()) return;
+    const std::shared_ptr<const SceneFrame> frame = std::move(newest_.reading());
     if (frame && receiver_) receiver_(frame);
   }
 
   boost::asio::posix::stream_descriptor wakeup_;
   int wakeup_fd_;
   Receiver receiver_;
-  // Each thread has a place of its own and changes it for the third, which is on offer.
-  static constexpr unsigned kPlace = 3;
-  static constexpr unsigned kFresh = 4;  // not fetched yet
-  std::array<std::shared_ptr<const SceneFrame>, 3> places_;
-  unsigned writing_{0};
-  std::atomic<unsigned> offered_{1};
-  unsigned reading_{2};
+  NewestValue<std::shared_ptr<const SceneFrame>> newest_;
   net::PendingWait waiting_;
 };
 

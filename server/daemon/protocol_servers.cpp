@@ -19,7 +19,8 @@ ProtocolContext context_in(StreamLoop& loop, StreamLoop& other, const ProtocolPa
   };
   return {loop.io(),       parts.model,    parts.desk,
           parts.events,    parts.clock,    parts.config.streaming.rate_hz,
-          FIDUCAP_VERSION, parts.join_dds, clients};
+          FIDUCAP_VERSION, parts.join_dds, clients,
+          parts.views};
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "daemon/config/config_file.hpp"
 #include "daemon/stream_loop.hpp"
 #include "middleware/participant.hpp"
+#include "streaming/camera_views.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/operator_desk.hpp"
 
@@ -26,6 +27,7 @@ struct ProtocolParts {
   const EventBoard& events;
   const Clock& clock;
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
+  CameraViews* views{};  ///< nullptr: there are no pictures.
 };
 
 /// Starts every enabled protocol in its loop. One of `streaming.optional` that cannot

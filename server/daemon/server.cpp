@@ -22,6 +22,7 @@
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
+#include "daemon/views/view_desk.hpp"
 #include "daemon/watch/health_watch.hpp"
 #include "middleware/membership.hpp"
 #include "scene/scene.hpp"
@@ -83,6 +84,7 @@ class Server::Impl final {
   BodyOpening opening_;
   std::optional<MapBuilder> map_;
   std::optional<Scene> scene_;
+  std::optional<ViewDesk> views_;  ///< Only with a page that may show cameras.
   BodyThreads bodies_;
   std::optional<MapKeeper> keeper_;
   std::optional<RefinementLoop> refinement_;  ///< Only when the map is refined.
@@ -94,7 +96,7 @@ class Server::Impl final {
   ServerPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
-  std::jthread paging_;
+  std::jthread paging_, viewing_;
   std::jthread keeping_;
   std::jthread refining_;
   std::jthread recording_;
@@ -155,6 +157,8 @@ void Server::Impl::build_scene(const Bodies& bodies) {
 }
 
 void Server::Impl::build_workers(Bodies bodies) {
+  if (web::shows_cameras(config_.streaming.web))
+    views_.emplace(config_.tags, config_.detector, clock_);
   const SharedParts shared{*map_, *scene_, clock_, recorder_, events_};
   ServerConfig recorded = config_;
   recorded.operators = {};
@@ -171,8 +175,10 @@ void Server::Impl::build_workers(Bodies bodies) {
       const auto source = k < config.cameras.size() ? config.cameras[k].source : std::nullopt;
       recorded.bodies[i].cameras.push_back({.mount = sensors.cameras[k], .source = source});
     }
+    auto views = views_ ? std::optional(views_->add(config.id, sensors)) : std::nullopt;
     bodies_.add(std::make_unique<BodyWorker>(
-        BodyParts{i, config.id, config.name, std::move(setup), std::move(bodies[i].sources)},
+        BodyParts{
+            i, config.id, config.name, std::move(setup), std::move(bodies[i].sources), {}, views},
         shared));
   }
   recorder_.set_surroundings({print_config(recorded), [this] { return map_->published(); },
@@ -180,8 +186,9 @@ void Server::Impl::build_workers(Bodies bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
-                                [this] { return membership_.join(); }});
+  auto ports =
+      start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
+                       [this] { return membership_.join(); }, views_ ? &*views_ : nullptr});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   frames_.on_delivered(
@@ -209,6 +216,7 @@ void Server::Impl::start_threads() {
       pages_.run();
     });
   }
+  if (views_) viewing_ = named("views", [this](std::stop_token stop) { views_->run(stop); });
   if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
   if (refinement_)
     refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });

@@ -53,6 +53,17 @@ bool see_through(const CameraModel& camera, TagObservation& tag) {
   return undistort_corners(raw_px, camera, tag);
 }
 
+Refusal refusal_of(const TagSighting& sighting, const TagSetConfig& tags,
+                   const DetectorConfig& config) {
+  if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end())
+    return Refusal::kIgnored;
+  if (sighting.hamming > tags.max_hamming) return Refusal::kCorrectedBits;
+  // 0: the source has no margin to judge by.
+  if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin)
+    return Refusal::kLowMargin;
+  return Refusal::kNone;
+}
+
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out) {
   out.camera = frame.camera;
@@ -62,12 +73,7 @@ void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetCo
   const TagFamilyFacts* family = find_tag_family(tags.family);
   const int modules = family != nullptr ? family->edge_modules : kUsualModules;
   for (const TagSighting& sighting : frame.tags) {
-    if (std::find(tags.ignore.begin(), tags.ignore.end(), sighting.tag_id) != tags.ignore.end())
-      continue;
-    if (sighting.hamming > tags.max_hamming) continue;
-    // 0: the source has no margin to judge by.
-    if (sighting.decision_margin > 0 && sighting.decision_margin < config.min_decision_margin)
-      continue;
+    if (refusal_of(sighting, tags, config) != Refusal::kNone) continue;
     TagObservation tag;
     tag.tag_id = sighting.tag_id;
     tag.hamming = sighting.hamming;

@@ -13,6 +13,11 @@ namespace fiducap {
 void observe(const CornerFrame& frame, const CameraModel& camera, const TagSetConfig& tags,
              const DetectorConfig& config, TagObservations& out);
 
+/// Why a sighting is not to be used, as far as it tells itself.
+enum class Refusal { kNone, kIgnored, kCorrectedBits, kLowMargin };
+[[nodiscard]] Refusal refusal_of(const TagSighting& sighting, const TagSetConfig& tags,
+                                 const DetectorConfig& config);
+
 /// Takes another lens out of the corners of a tag than observe() did.
 /// @return false: they lie outside of it, or form no tag there
 [[nodiscard]] bool see_through(const CameraModel& camera, TagObservation& tag);

@@ -88,6 +88,12 @@ class BodyPipeline final {
   [[nodiscard]] const BodyFilter& filter() const { return *filter_; }
   /// Whether cameras and gyro see the same turns, and by how much a clock has jumped.
   [[nodiscard]] const RotationAgreement& agreement() const { return agreement_; }
+  /// Where tags were looked for in the last image; empty: in all of it, or it came with corners.
+  [[nodiscard]] std::span<const ExpectedTag> expected() const {
+    return search_ ? search_->expected() : std::span<const ExpectedTag>();
+  }
+  [[nodiscard]] std::span<const FoundMismatch> mismatches() const { return found_; }
+  [[nodiscard]] const LateImages& late() const { return late_; }
   /// No image has come so far whose tags had to be found.
   [[nodiscard]] bool source_gives_corners() const { return !search_; }
 

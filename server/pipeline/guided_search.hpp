@@ -31,6 +31,8 @@ class GuidedSearch final {
   void learn(const std::optional<BodyEstimate>& estimate,
              std::span<const ExtrinsicsEstimate> cameras);
 
+  /// Where tags were looked for in the last image; empty: in all of it.
+  [[nodiscard]] std::span<const ExpectedTag> expected() const { return expected_; }
   [[nodiscard]] const SearchStatistics& statistics() const { return search_.statistics(); }
   /// nullopt: points are not followed.
   [[nodiscard]] std::optional<PointStatistics> points() const;

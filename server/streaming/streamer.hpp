@@ -19,6 +19,7 @@ class io_context;
 
 namespace fiducap {
 
+class CameraViews;
 class OperatorDesk;
 namespace dds {
 class Participant;
@@ -70,6 +71,7 @@ struct ProtocolContext {
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds{};
   /// Of all protocols; of those on the other thread as they were a moment ago.
   std::function<std::vector<ClientStatus>()> clients{};
+  CameraViews* views{};  ///< nullptr: there are no pictures. For one protocol only.
 };
 
 }  // namespace fiducap

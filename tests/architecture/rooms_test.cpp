@@ -60,7 +60,8 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"streaming/web", {"conventions", "native", "net"}},  // its control channel
     {"daemon/recording", {}},
     {"daemon/config", {"recording"}},
-    {"daemon/bodies", {"config", "recording"}},
+    {"daemon/bodies", {"config", "recording", "views"}},
+    {"daemon/views", {}},
     {"daemon/watch", {"bodies"}},
     {"daemon/review", {"bodies", "config"}},
     {"tools/tags", {}},

@@ -57,7 +57,13 @@ export async function startServer(...options) {
     clearTimeout(late);
   };
   const tell = (line) => child.stdin.write(`${line}\n`);
-  return { port, stop, tell };
+  /** What it prints to that. */
+  const ask = (line) =>
+    new Promise((resolve) => {
+      child.stdout.once('data', (text) => resolve(String(text).trim()));
+      tell(line);
+    });
+  return { port, stop, tell, ask };
 }
 
 /** A page that is live, and what went wrong in it. */

@@ -1,10 +1,11 @@
 // The web room with three fake robots in a fake hall of 24 tags, for the browser test and for
 // working on the page:
 //   page_test_server [--port N] [--root FOLDER] [--bodies N] [--trouble 1]
-//                    [--store FOLDER [--token TOKEN]]
+//                    [--store FOLDER [--token TOKEN]] [--cameras loopback|operator|everyone|off]
 // With a folder for the store the map is a real one, and who knows the token may change it.
 // Prints the port, serves until its input ends. Lines of the input change what it tells:
 //   begin SUBJECT KIND TEXT…  begins a condition, with a remedy; `end SUBJECT KIND` ends it.
+//   pictures  prints how many pictures of cameras were made
 #include <unistd.h>
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -25,6 +26,7 @@
 #include "base/event_board.hpp"
 #include "base/log.hpp"
 #include "base/so3.hpp"
+#include "fake_cameras.hpp"
 #include "served_map.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -148,8 +150,13 @@ class Hall final {
  public:
   /// @param map  nullptr: one that never changes
   Hall(boost::asio::io_context& io, web::WebServer& server, std::shared_ptr<const SceneModel> model,
-       bool troubled, const ServedMap* map)
-      : timer_(io), server_(server), model_(std::move(model)), served_(map), troubled_(troubled) {}
+       bool troubled, const ServedMap* map, FakeCameras& cameras)
+      : timer_(io),
+        server_(server),
+        model_(std::move(model)),
+        served_(map),
+        cameras_(cameras),
+        troubled_(troubled) {}
 
   void run() {
     timer_.expires_after(kPeriod);
@@ -185,6 +192,7 @@ class Hall final {
       log::info("mapping", "tag " + std::to_string(number_ / 700 % 24) + " refined");
     if (number_ % 2300 == 0) log::warning("capture", "drone: image 31 ms late, dropped");
     server_.publish(frame);
+    if (number_ % 10 == 0) cameras_.expose();
   }
 
   SteadyClock clock_;
@@ -192,6 +200,7 @@ class Hall final {
   web::WebServer& server_;
   std::shared_ptr<const SceneModel> model_;
   const ServedMap* served_;
+  FakeCameras& cameras_;
   std::shared_ptr<const TagMap> map_{hall()};
   std::uint64_t number_{0};
   bool troubled_;
@@ -215,7 +224,7 @@ std::vector<TagFit> fits(Instant now) {
   return all;
 }
 
-void obey(std::istream& line, EventBoard& events) {
+void obey(std::istream& line, EventBoard& events, const ViewDesk& views) {
   std::string command, subject, kind, text;
   line >> command >> subject >> kind >> std::ws;
   std::getline(line, text);
@@ -227,6 +236,9 @@ void obey(std::istream& line, EventBoard& events) {
                   .remedy = "Do something about it"});
   }
   if (command == "end") events.end(subject, kind, "it is over");
+  if (command != "pictures") return;
+  std::printf("%llu\n", static_cast<unsigned long long>(views.pictures()));
+  std::fflush(stdout);
 }
 
 }  // namespace
@@ -244,6 +256,8 @@ int main(int argc, char** argv) {
     if (option == "--token") token = argv[i + 1];
     if (option == "--root") config.root = argv[i + 1];
     if (option == "--trouble") troubled = std::string_view(argv[i + 1]) == "1";
+    for (const auto& word : web::kViewRules)
+      if (option == "--cameras" && word.text == argv[i + 1]) config.camera_views = word.value;
     if (option == "--bodies") bodies = std::atoi(argv[i + 1]);
   }
   boost::asio::io_context io;
@@ -253,6 +267,8 @@ int main(int argc, char** argv) {
   web::WebSources sources;
   EventBoard events(utc_now_ns);
   sources.events = &events;
+  FakeCameras cameras(bodies, clock);
+  sources.views = &cameras.desk();
   sources.version = "0.1.0";
   sources.map_mode = [] { return std::string("mapping"); };
   sources.map_versions = [] {
@@ -291,7 +307,7 @@ int main(int argc, char** argv) {
   std::printf("%d\n", server->port());
   std::fflush(stdout);
 
-  Hall hall(io, *server, model, troubled, served ? &*served : nullptr);
+  Hall hall(io, *server, model, troubled, served ? &*served : nullptr, cameras);
   hall.run();
   boost::asio::posix::stream_descriptor input(io, ::dup(STDIN_FILENO));
   boost::asio::streambuf heard;
@@ -300,7 +316,7 @@ int main(int argc, char** argv) {
                                   [&](boost::system::error_code error, std::size_t) {
                                     if (!error) {
                                       std::istream line(&heard);
-                                      obey(line, events);
+                                      obey(line, events, cameras.desk());
                                       return read();
                                     }
                                     hall.stop();

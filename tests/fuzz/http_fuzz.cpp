@@ -1,6 +1,6 @@
 // Bytes of a stranger to the page's port, through the session that serves it. The first byte
-// chooses: requests in one piece, in two, frames of a live socket behind a sound upgrade, or what
-// two messages of an operator's socket hold.
+// chooses: requests in one piece, in two, frames of a live socket behind a sound upgrade, what two
+// messages of an operator's socket hold, or frames of a socket with pictures.
 #include <sys/socket.h>
 
 #include <boost/asio/io_context.hpp>
@@ -10,6 +10,7 @@
 #include "streaming/web/web_session.hpp"
 #include "support/fake_clock.hpp"
 #include "support/fake_desk.hpp"
+#include "support/fake_views.hpp"
 #include "support/scene_builder.hpp"
 #include "unit/streaming/web/temporary_page.hpp"
 
@@ -42,6 +43,7 @@ struct Page {
   FakeClock clock{instant_from_ns(1'000'000'000)};
   TemporaryPage files;
   FakeDesk operators;
+  FakeViews views;
   std::shared_ptr<SceneFrame> frame = make_scene_frame({"arm", "drone"});
   std::shared_ptr<WebDesk> desk =
       std::make_shared<WebDesk>(config(), sources(), frame->model, clock);
@@ -54,6 +56,7 @@ struct Page {
   [[nodiscard]] WebSources sources() {
     WebSources sources;
     sources.desk = &operators;
+    sources.views = &views;
     sources.clients = [] { return std::vector<ClientStatus>(); };
     sources.map_mode = [] { return std::string("frozen"); };
     return sources;
@@ -77,6 +80,8 @@ class Stranger final {
     ::close(ends_[0]);
     run();
     fuzz::require(page_.desk->feed().connections().empty());
+    fuzz::require(page_.desk->view_feed().connections().empty());
+    for (const auto& [camera, wish] : page_.views.watched) fuzz::require(!wish.has_value());
   }
   Stranger(const Stranger&) = delete;
   Stranger& operator=(const Stranger&) = delete;
@@ -108,11 +113,14 @@ class Stranger final {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static Page page;
-  const fuzz::Chosen input(data, size, 4);
+  const fuzz::Chosen input(data, size, 5);
   Stranger stranger(page);
   const bool is_live = input.which == 2, is_operator = input.which == 3;
-  if (is_live || is_operator) {
-    const auto upgrade = upgrade_to(is_live ? "/api/v1/live" : "/api/v1/control");
+  const bool is_viewer = input.which == 4;
+  if (is_live || is_operator || is_viewer) {
+    const auto upgrade = upgrade_to(is_live     ? "/api/v1/live"
+                                    : is_viewer ? "/api/v1/views"
+                                                : "/api/v1/control");
     stranger.say(std::as_bytes(std::span(upgrade)));
     fuzz::require(stranger.hear().starts_with("HTTP/1.1 101 "));
   }
@@ -125,10 +133,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   };
   say(input.bytes.first(cut));
   page.desk->feed().publish(page.frame);
+  for (std::size_t i = 0; i < page.views.all.size(); ++i) page.views.make(i, "a picture");
+  page.desk->view_feed().tick(page.clock.now());
   stranger.tick();
   say(input.bytes.subspan(cut));
   const auto answer = stranger.hear();
-  if (!is_live && !is_operator) fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
+  if (!is_live && !is_operator && !is_viewer)
+    fuzz::require(answer.empty() || answer.starts_with("HTTP/1.1 "));
   fuzz::require(page.operators.changes.empty() && !page.operators.under_way);  // none by luck
   return 0;
 }

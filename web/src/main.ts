@@ -1,4 +1,5 @@
 import { BodiesTable } from './bodies_table';
+import type { CamerasPanel } from './cameras_panel';
 import { StripChart, type ChartQuantity } from './chart';
 import { ClientsPanel } from './clients_panel';
 import { Connection, liveUrl, type LinkState } from './connection';
@@ -30,6 +31,7 @@ class Page {
     compared: (diff) => this.scene?.setChanges(diff?.changes ?? []),
     chosen: (tag) => this.scene?.chooseTag(tag),
   });
+  private cameras: CamerasPanel | null = null;
   private hello: Hello | null = null;
   private map: TagMap | null = null;
   private chosen: number | null = null;
@@ -41,6 +43,7 @@ class Page {
   opened(): void {
     this.log.restart();
     this.versions.restart();
+    this.cameras?.restart();
   }
 
   receive(message: Message): void {
@@ -78,6 +81,7 @@ class Page {
     document.title = `${hello.server} – Fiducap`;
     if (!sameBodies) {
       this.bodies.setBodies(hello.bodies);
+      this.cameras?.setBodies(hello.bodies);
       this.scene?.setBodies(hello.bodies);
       this.chart.setBodies(hello.bodies);
       this.showFollowing(false);
@@ -97,6 +101,7 @@ class Page {
 
   private onFrame(frame: Frame): void {
     this.versions.tellTime(frame.utcMs);
+    this.cameras?.tellTime(frame.utcMs);
     this.bodies.update(frame.bodies);
     this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
     this.chart.add(frame.utcMs, frame.bodies);
@@ -151,6 +156,17 @@ class Page {
   private showList(chosen: string): void {
     showList(chosen);
     if (chosen === 'versions') void this.versions.refresh();
+    void this.showCameras(chosen === 'cameras');
+  }
+
+  /** Most visitors never look at pictures: what shows them comes when somebody does. */
+  private async showCameras(shown: boolean): Promise<void> {
+    if (shown && !this.cameras) {
+      const { CamerasPanel } = await import('./cameras_panel');
+      this.cameras ??= new CamerasPanel(byId('cameras'), document.baseURI, () => this.commands.token, () => this.showList('versions'));
+      this.cameras.setBodies(this.hello?.bodies ?? []);
+    }
+    this.cameras?.show(document.body.dataset.list === 'cameras');
   }
 
   private showRoom(from: 'oblique' | 'top'): void {
@@ -167,9 +183,9 @@ class Page {
   }
 }
 
-/** Log, events and map share a place; bodies give the map some of theirs. */
+/** Log, events, map and cameras share a place; bodies give the larger ones some of theirs. */
 function showList(chosen: string): void {
-  byId('bodies').classList.toggle('brief', chosen === 'versions');
+  byId('bodies').classList.toggle('brief', chosen === 'versions' || chosen === 'cameras');
   for (const button of document.querySelectorAll<HTMLButtonElement>('[data-list]')) {
     const shown = button.dataset.list === chosen;
     button.setAttribute('aria-pressed', String(shown));

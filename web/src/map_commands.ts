@@ -19,7 +19,7 @@ export class MapCommands {
   readonly head = element('div', 'operator');
   private readonly why = element('p', 'why');
   private readonly form = element('form', 'token');
-  private readonly token = element('input');
+  private readonly typed = element('input');
   private readonly lock = button('Lock', 'Forget the token', () => this.forgetToken());
   private readonly mode = button('Freeze', '', () => void this.changeMode());
   private readonly outcome = element('p', 'outcome');
@@ -35,12 +35,12 @@ export class MapCommands {
     private readonly url: string,
     private readonly send: typeof command = command,
   ) {
-    this.token.type = 'password';
-    this.token.autocomplete = 'off';
-    this.token.placeholder = 'Operator’s token';
-    this.token.title = TOKEN;
-    this.token.setAttribute('aria-label', 'Operator’s token');
-    this.form.append(this.token, element('button', '', 'Unlock'));
+    this.typed.type = 'password';
+    this.typed.autocomplete = 'off';
+    this.typed.placeholder = 'Operator’s token';
+    this.typed.title = TOKEN;
+    this.typed.setAttribute('aria-label', 'Operator’s token');
+    this.form.append(this.typed, element('button', '', 'Unlock'));
     this.form.addEventListener('submit', (event) => {
       event.preventDefault();
       void this.unlock();
@@ -55,6 +55,11 @@ export class MapCommands {
     );
     this.head.append(line, deeds, this.outcome);
     this.show();
+  }
+
+  /** Once it was typed; stays in the page. */
+  get token(): string | null {
+    return this.key;
   }
 
   /** Buttons that need the token. */
@@ -147,14 +152,14 @@ export class MapCommands {
   }
 
   private async unlock(): Promise<void> {
-    const typed = this.token.value;
+    const typed = this.typed.value;
     if (typed === '') return;
     this.say('busy', 'Asking the server …');
     const outcome = await this.send(this.url, typed, { do: 'check' });
     this.say(outcome.done ? '' : 'bad', outcome.done ? '' : `Not unlocked: ${outcome.text}.`);
     if (!outcome.done) return;
     this.key = typed;
-    this.token.value = '';
+    this.typed.value = '';
     this.show();
   }
 

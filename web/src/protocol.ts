@@ -1,4 +1,5 @@
 // The server's messages (server/streaming/web/codec.hpp), checked before anything else sees them.
+import { fields, list, number, numberOrNull, oneOf, text, tuple, type Fields } from './fields';
 
 export type BodyState = 'searching' | 'tracking' | 'coasting' | 'lost';
 export type TagState = 'local' | 'calibrated' | 'surveyed' | 'quarantined';
@@ -171,44 +172,6 @@ export interface Events {
 }
 
 export type Message = Hello | Events | TagMap | TagFits | Frame | Clients | Log;
-
-type Fields = Record<string, unknown>;
-
-function fields(value: unknown, what: string): Fields {
-  if (typeof value !== 'object' || value === null || Array.isArray(value)) throw new Error(`${what}: expected an object`);
-  return value as Fields;
-}
-
-function list<T>(value: unknown, what: string, one: (item: unknown) => T): T[] {
-  if (!Array.isArray(value)) throw new Error(`${what}: expected a list`);
-  return value.map(one);
-}
-
-function number(value: unknown, what: string): number {
-  if (typeof value !== 'number' || !Number.isFinite(value)) throw new Error(`${what}: expected a number`);
-  return value;
-}
-
-function numberOrNull(value: unknown): number | null {
-  return typeof value === 'number' && Number.isFinite(value) ? value : null;
-}
-
-function text(value: unknown, what: string): string {
-  if (typeof value !== 'string') throw new Error(`${what}: expected a text`);
-  return value;
-}
-
-function oneOf<T extends string>(value: unknown, known: readonly T[], what: string): T {
-  const found = known.find((name) => name === value);
-  if (found === undefined) throw new Error(`${what}: ${String(value)} is none of ${known.join(', ')}`);
-  return found;
-}
-
-/** A tuple of finite numbers; anything else is null: half a position is none. */
-function tuple<T extends number[]>(value: unknown, length: number): T | null {
-  if (!Array.isArray(value) || value.length !== length) return null;
-  return value.every((item) => typeof item === 'number' && Number.isFinite(item)) ? (value as T) : null;
-}
 
 function parsePose(body: Fields): BodyPose | null {
   const p = tuple<Vector3>(body.p, 3);

@@ -47,6 +47,7 @@ BodyWorker::BodyWorker(BodyParts parts, const SharedParts& shared)
       shared_(shared),
       setup_(std::move(parts.setup)),
       make_filter_(std::move(parts.make_filter)),
+      views_(std::move(parts.views)),
       pipeline_(make_pipeline()),
       inbox_(images_that_wait(setup_)),
       pause_(kShortestPause),
@@ -179,7 +180,11 @@ void BodyWorker::work_on_what_is_due() {
     }
     shared_.recorder.take(index_, *sample);
     const MapView view = pipeline_->next_is_image() ? shared_.map.view(id_) : MapView{};
-    if (const BodyUpdate* update = pipeline_->take(view)) publish(*update, view);
+    if (views_) views_->note(*sample);
+    const BodyUpdate* update = pipeline_->take(view);
+    if (update == nullptr) continue;
+    publish(*update, view);
+    if (views_) views_->show(*pipeline_, *update, *view.map);
   }
 }
 

@@ -20,6 +20,7 @@
 #include "daemon/bodies/body_reader.hpp"
 #include "daemon/bodies/body_statistics.hpp"
 #include "daemon/recording/session_recorder.hpp"
+#include "daemon/views/body_views.hpp"
 #include "mapping/map_builder.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "scene/scene.hpp"
@@ -34,6 +35,7 @@ struct BodyParts {
   PipelineSetup setup;
   std::vector<BodySource> sources;
   std::function<std::unique_ptr<BodyFilter>()> make_filter{};  ///< Empty: as the setup says.
+  std::optional<BodyViews> views{};                            ///< nullopt: nobody can watch.
 };
 
 /// What all bodies share.
@@ -104,6 +106,7 @@ class BodyWorker final {
   SharedParts shared_;
   const PipelineSetup setup_;
   std::function<std::unique_ptr<BodyFilter>()> make_filter_;
+  std::optional<BodyViews> views_;
   mutable std::mutex pipeline_mutex_;       ///< Held to replace it, and by others to read.
   std::unique_ptr<BodyPipeline> pipeline_;  ///< nullptr: made with the next sample.
   BodyInbox inbox_;

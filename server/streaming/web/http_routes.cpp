@@ -145,6 +145,7 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
   if (path == "/api/v1/state") return json_response(200, sources.state(), request);
   if (path == "/healthz") return health_response(sources.health(), request);
   if (path == "/metrics") return metrics_response(sources, request);
+  if (path == kViewsPath) return json_response(200, sources.views(), request);
   if (path == "/api/v1/map/versions") return json_response(200, sources.versions(), request);
   if (path.starts_with(kDiffPath))
     return diff_response(path.substr(kDiffPath.size()), sources, request);

@@ -21,6 +21,8 @@ inline constexpr std::string_view kLivePath = "/api/v1/live";
 /// The control channel of the native protocol (`proto/fiducap/v1/control.proto`), its bytes in
 /// binary messages.
 inline constexpr std::string_view kControlPath = "/api/v1/control";
+/// Pictures of cameras; a plain request is told who gets them, and of which cameras.
+inline constexpr std::string_view kViewsPath = "/api/v1/views";
 
 /// What a route looks at. Views live as long as the request.
 struct HttpRequest {
@@ -57,6 +59,7 @@ struct RouteSources {
   std::function<Content()> state;  ///< JSON of `/api/v1/state`
   std::function<Health()> health;
   std::function<Content(MetricsFormat)> metrics;
+  std::function<Content()> views{};     ///< JSON of `/api/v1/views`
   std::function<Content()> versions{};  ///< JSON of `/api/v1/map/versions`
   /// JSON of `/api/v1/map/diff/BEFORE/AFTER`. @return nullopt: it is being read
   std::function<Expected<std::optional<Content>>(std::int64_t before, std::int64_t after)> diff{};
@@ -68,7 +71,8 @@ struct RouteSources {
 [[nodiscard]] HttpResponse later_response(int status, std::string text);
 
 /// GET and HEAD of the page, `/api/v1/state`, `/api/v1/map/versions`, `/api/v1/map/diff/A/B`,
-/// `/metrics` and `/healthz`; everything else is an error status with one plain line.
+/// `/api/v1/views`, `/metrics` and `/healthz`; everything else is an error status with one plain
+/// line.
 [[nodiscard]] HttpResponse answer(const HttpRequest& request, const PageFiles& page,
                                   const RouteSources& sources);
 

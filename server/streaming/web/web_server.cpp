@@ -31,6 +31,7 @@ class PageServer final : public Streamer {
     port_ = *port;
     tcp_.start([this](Instant now) {
       desk_->feed().tick(now);
+      desk_->view_feed().tick(now);
       pump_all();
     });
     return {};
@@ -41,11 +42,14 @@ class PageServer final : public Streamer {
   void publish(const std::shared_ptr<const SceneFrame>& frame) override {
     desk_->feed().publish(frame);
     desk_->feed().tick(desk_->now());
+    desk_->view_feed().tick(desk_->now());
     pump_all();
   }
   void append_clients(std::vector<ClientStatus>& out) const override {
     for (const auto& connection : desk_->feed().connections())
       out.push_back(connection->status(desk_->now()));
+    for (const auto& viewer : desk_->view_feed().connections())
+      out.push_back(viewer->status(desk_->now()));
   }
   void stop() override { tcp_.stop(); }
 

@@ -8,6 +8,7 @@
 
 #include "base/clock.hpp"
 #include "base/expected.hpp"
+#include "streaming/camera_views.hpp"
 #include "streaming/operator_desk.hpp"
 #include "streaming/streamer.hpp"
 #include "streaming/web/web_config.hpp"
@@ -27,6 +28,7 @@ struct WebSources {
   std::function<std::string()> map_mode;  ///< `mapping` or `frozen`, as it is now.
   const EventBoard* events{};             ///< nullptr: nothing is told.
   OperatorDesk* desk{};                   ///< Takes commands; nullptr: nobody does.
+  CameraViews* views{};                   ///< nullptr: there are no pictures.
   /// How well the map's tags are seen; called once a second.
   std::function<std::vector<TagFit>()> tag_fits{};
   /// Of the stored map, as OperatorDesk::map_versions and map_version say; empty: there are none.
@@ -37,7 +39,8 @@ struct WebSources {
 using WebServer = Streamer;
 
 /// HTTP (page, `/api/v1/state` JSON, `/healthz`, `/metrics`) and WebSockets (`/api/v1/live` speaks,
-/// `/api/v1/control` takes commands of who knows the operator's token), same origin.
+/// `/api/v1/control` takes commands of who knows the operator's token, `/api/v1/views` has pictures
+/// of cameras), same origin.
 /// @return Error with a remedy when the address cannot be bound.
 [[nodiscard]] Expected<std::unique_ptr<WebServer>> start_web_server(
     boost::asio::io_context& io, const WebConfig& config, WebSources sources,
@@ -51,6 +54,7 @@ using WebServer = Streamer;
   sources.version = context.version;
   sources.events = &context.events;
   sources.desk = &context.desk;
+  sources.views = context.views;
   sources.map_mode = [&desk = context.desk] {
     return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
   };

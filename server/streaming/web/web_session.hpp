@@ -15,6 +15,7 @@
 #include "streaming/web/http_routes.hpp"
 #include "streaming/web/live_feed.hpp"
 #include "streaming/web/page_files.hpp"
+#include "streaming/web/view_feed.hpp"
 
 namespace fiducap::web {
 
@@ -31,16 +32,19 @@ class WebDesk final {
           const Clock& clock)
       : page_(PageFiles::load(page_root(config.root))),
         operators_(sources.desk),
+        view_feed_(config.camera_views, sources.views),
         feed_(config, std::move(sources), std::move(model)),
         most_pages_(static_cast<std::size_t>(config.max_clients)),
         names_(own_names(config)),
         clock_(clock) {}
 
-  [[nodiscard]] HttpResponse answer(const HttpRequest& request) {
+  /// @param views  what who asks may see of cameras
+  [[nodiscard]] HttpResponse answer(const HttpRequest& request, const ViewAccess& views) {
     return web::answer(
         request, page_,
         {[this] { return feed_.state(now()); }, [this] { return feed_.health(now()); },
          [this](MetricsFormat format) { return feed_.metrics(format, now()); },
+         [&] { return plain_content(encode_view_list(views, view_feed_.cameras())); },
          [this] { return feed_.versions(now()); },
          [this](std::int64_t before, std::int64_t after) { return feed_.diff(before, after); }});
   }
@@ -59,6 +63,14 @@ class WebDesk final {
     if (place.instead_of) feed_.dismiss_newest_of(*place.instead_of);
     return feed_.join(peer, now());
   }
+  /// @param speaks_for_another  see ViewFeed
+  [[nodiscard]] ViewAccess view_access(const net::Peer& peer, bool speaks_for_another) const {
+    const bool has_token = operators_ != nullptr && !operators_->token().empty();
+    return view_feed_.access(peer, speaks_for_another, has_token);
+  }
+  /// @return nullptr: he may not, or there is no place
+  [[nodiscard]] std::shared_ptr<ViewConnection> join_views(const net::Peer& peer,
+                                                           bool speaks_for_another);
   /// A command channel for this address, and a place for it, also from the address with the most.
   /// @return nullptr: nobody takes commands, or there is no place
   [[nodiscard]] std::unique_ptr<native::ControlConversation> begin_control(WebSession& session);
@@ -66,6 +78,7 @@ class WebDesk final {
   [[nodiscard]] bool takes_commands() const { return operators_ != nullptr; }
   [[nodiscard]] bool has_page() const { return !page_.empty(); }
   [[nodiscard]] LiveFeed& feed() { return feed_; }
+  [[nodiscard]] ViewFeed& view_feed() { return view_feed_; }
   [[nodiscard]] const LiveFeed& feed() const { return feed_; }
   [[nodiscard]] Instant now() const { return clock_.now(); }
 
@@ -83,6 +96,7 @@ class WebDesk final {
 
   PageFiles page_;
   OperatorDesk* operators_;
+  ViewFeed view_feed_;
   LiveFeed feed_;
   std::size_t most_pages_;
   std::vector<std::string> names_;
@@ -94,7 +108,7 @@ class WebDesk final {
 };
 
 /// One TCP connection: HTTP requests until it ends or becomes a socket that speaks, or one that
-/// takes commands. Beast stays in the one source file.
+/// takes commands, or has pictures. Beast stays in beast_session.hpp and its sources.
 class WebSession : public net::Session {
  public:
   using Session::Session;
