@@ -74,11 +74,40 @@ PartsFit fit_parts(std::span<const AllanPoint> points, std::span<const double> w
   return best;
 }
 
-/// var(σ̂²) = 2 σ⁴ / freedom. Neighbours on the plot share their data: the weights are spread over
-/// them.
-double weight_of(const AllanPoint& point, double variance) {
-  constexpr double kShared = 1 / kPointsPerOctave;
-  return kShared * point.freedom / (2 * variance * variance);
+constexpr double kShared = 1 / kPointsPerOctave;
+
+/// var(σ̂²) = σ⁴ (2 / freedom + model²). Neighbours on the plot share their data: the weights are
+/// spread over them.
+/// @param model  how far the three parts are off the true curve, relative: filters, vibration
+double weight_of(const AllanPoint& point, double variance, double model) {
+  return kShared / ((2 / point.freedom + model * model) * variance * variance);
+}
+
+/// Weights by the fitted curve: by the points themselves, low ones would pull it down.
+PartsFit fit_with(std::span<const AllanPoint> points, double model) {
+  std::vector<double> weights;
+  for (const AllanPoint& p : points)
+    weights.push_back(weight_of(p, p.deviation * p.deviation + 1e-300, model));
+  PartsFit fit = fit_parts(points, weights);
+  for (int round = 0; round < 5; ++round) {
+    for (std::size_t i = 0; i < points.size(); ++i)
+      weights[i] = weight_of(points[i], shape(points[i].tau_s).dot(fit.parts) + 1e-300, model);
+    fit = fit_parts(points, weights);
+  }
+  return fit;
+}
+
+/// The shortest averages are known so well that they would bend the whole curve to their side where
+/// a sensor is not of the three parts alone. So the parts may be off by as much as the points
+/// demand.
+PartsFit fit_as_well_as_it_goes(std::span<const AllanPoint> points) {
+  // Points that the model explains cost `kShared` each, ± what three parts take.
+  const double usual = 2 * kShared * static_cast<double>(points.size());
+  constexpr double kLargest = 0.5;
+  PartsFit fit = fit_with(points, 0);
+  for (double model = 0.01; fit.cost > usual && model < kLargest; model *= 1.3)
+    fit = fit_with(points, model);
+  return fit;
 }
 
 double root(double square) { return std::sqrt(std::max(0.0, square)); }
@@ -125,16 +154,7 @@ std::vector<AllanPoint> allan_deviation(std::span<const double> values, double r
 
 AxisNoise fit_noise(std::span<const AllanPoint> points) {
   FIDUCAP_ASSERT(points.size() >= 4);
-  std::vector<double> weights;
-  for (const AllanPoint& p : points)
-    weights.push_back(weight_of(p, p.deviation * p.deviation + 1e-300));
-  PartsFit fit = fit_parts(points, weights);
-  // Weights by the fitted curve: by the points themselves, low ones would pull it down.
-  for (int round = 0; round < 5; ++round) {
-    for (std::size_t i = 0; i < points.size(); ++i)
-      weights[i] = weight_of(points[i], shape(points[i].tau_s).dot(fit.parts) + 1e-300);
-    fit = fit_parts(points, weights);
-  }
+  const PartsFit fit = fit_as_well_as_it_goes(points);
   AxisNoise noise;
   noise.white = root(fit.parts(0));
   noise.flicker = root(fit.parts(1));

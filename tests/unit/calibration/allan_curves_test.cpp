@@ -38,7 +38,7 @@ std::vector<AllanPoint> curve_of(const std::vector<double>& tau_s,
 class AllanCurves : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(ImuUtils, AllanCurves, ::testing::Values("16448", "A3", "N3", "BMI160"));
 
-TEST_P(AllanCurves, WhiteNoiseIsReadAsOthersReadIt) {
+TEST_P(AllanCurves, AreReadAsOthersReadThem) {
   const auto data = shared_data();
   if (!data) GTEST_SKIP() << kNoSharedData;
   const std::string name = GetParam();
@@ -56,18 +56,20 @@ TEST_P(AllanCurves, WhiteNoiseIsReadAsOthersReadIt) {
       const AxisNoise ours = fit_noise(points);
       const YamlSection their_axis =
           theirs->section(gyro ? "Gyr" : "Acc").section(std::string(1, axis) + "-axis");
-      const double white = their_axis.required_number(gyro ? "gyr_n" : "acc_n");
+      // The file of the BMI160 has the spread of samples, at 200 Hz; the others a density.
+      const double per_density = name == "BMI160" ? std::sqrt(200.0) : 1;
+      const double white = their_axis.required_number(gyro ? "gyr_n" : "acc_n") / per_density;
       const double flat = their_axis.required_number(gyro ? "gyr_w" : "acc_w");
       double lowest = points.front().deviation;
       for (const AllanPoint& p : points) lowest = std::min(lowest, ours.deviation(p.tau_s));
       std::cout << "| " << name << (gyro ? " gyro " : " accel ") << axis << " | " << white << " | "
-                << ours.white << " ± " << ours.white_sigma << " | " << flat << " | " << lowest
-                << " | " << (ours.walk_seen ? ours.walk : 0.0) << " |\n";
-      // They read one point of a curve that more than white noise has bent by then.
-      constexpr double kWhite = 0.15;
-      EXPECT_NEAR(ours.white / white, 1, kWhite) << stem << axis;
-      constexpr double kFlat = 0.25;
-      EXPECT_NEAR(lowest / flat, 1, kFlat) << stem << axis;
+                << ours.white << " ± " << ours.white_sigma << " | " << ours.deviation(1) << " | "
+                << flat << " | " << lowest << " | " << (ours.walk_seen ? ours.walk : 0.0) << " |\n";
+      // They read single points of the measured curve, at 1 s and where it is lowest; ours is the
+      // smooth curve of three parts, which no real sensor follows better than this.
+      constexpr double kPoint = 0.3;
+      EXPECT_NEAR(ours.deviation(1) / white, 1, kPoint) << stem << axis;
+      EXPECT_NEAR(lowest / flat, 1, kPoint) << stem << axis;
     }
 }
 
