@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,18 +14,45 @@
 
 namespace fiducap {
 
-/// A video file, a V4L2 device or a GStreamer pipeline, read through OpenCV. One camera, no IMU.
+/// Who decides how long a V4L2 device exposes.
+enum class ExposureMode {
+  kManual,  ///< We do: `exposure_s`. 0: it is left as it is.
+  kAuto,    ///< The device does, and keeps its rate in the dark.
+  kAsIs,    ///< Whoever set it before; it is not touched.
+};
+
+namespace words {
+inline constexpr std::array<Word<ExposureMode>, 3> kExposureMode{{{"manual", ExposureMode::kManual},
+                                                                  {"auto", ExposureMode::kAuto},
+                                                                  {"as_is", ExposureMode::kAsIs}}};
+}  // namespace words
+
+/// A camera by itself: a V4L2 device, a GStreamer pipeline, libcamera, RTSP or a video file. No
+/// IMU.
+///
+/// The settings from `format` to `power_line` are those of V4L2 devices: set, read back, and what
+/// the device made of them is said. Each is `as_is` (not touched) or what stands beside it.
 struct CameraDeviceConfig {
-  std::string
-      open;      ///< `/dev/video0` or `0`; a video file; or a GStreamer pipeline ending in appsink.
-  int width{0};  ///< Asked of a device; 0: as it comes. Must match the calibration.
+  /// `/dev/video0`, `0` or `/dev/v4l/by-id/…`; `libcamera:` or `libcamera:NAME`; `rtsp://…`; a
+  /// GStreamer pipeline ending in appsink; or a video file.
+  std::string open;
+  int width{
+      0};  ///< Asked of a device; 0: as calibrated, or as it comes. Must match the calibration.
   int height{0};
-  double rate_hz{0};       ///< Asked of a device, or overrides the rate of a file; 0: as it comes.
-  double exposure_s{0.0};  ///< The stamp of a live image is arrival − latency_s − exposure_s / 2.
-  double latency_s{0.0};   ///< End of exposure → arrival.
+  double rate_hz{0};       ///< Asked of a device (0: the highest), or overrides the rate of a file.
+  double exposure_s{0.0};  ///< Set on a V4L2 device (`exposure`), else what it is known to be.
+  double latency_s{0.0};   ///< End of exposure → stamp. Without a kernel's stamp: → arrival.
   bool paced{true};        ///< File: deliver at its own rate (false: as fast as it is read).
   bool loop{false};        ///< File: start again at the end.
   Duration time_shift{0};  ///< Added to the stamp (CameraMount::time_shift).
+
+  std::string format{"auto"};  ///< GREY, MJPEG, YUYV, Y10, …; `auto`: the quickest, as measured.
+  ExposureMode exposure{ExposureMode::kManual};
+  std::string gain{"as_is"};           ///< `auto`, or a number of the device.
+  std::string white_balance{"as_is"};  ///< `auto`, or kelvin.
+  std::string focus{"as_is"};          ///< `auto`, or a number of the device: 0 is far away.
+  std::string trigger{"as_is"};        ///< `off`, `on`, or a number of the device.
+  std::string power_line{"as_is"};     ///< Against flicker: `off`, `auto`, `50`, `60`.
 
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };
@@ -36,8 +64,15 @@ void describe(V& v, CameraDeviceConfig& c) {
   v.value("width", c.width);
   v.value("height", c.height);
   v.value("rate_hz", c.rate_hz);
+  v.value("format", c.format);
+  v.word("exposure", c.exposure, words::kExposureMode);
   v.value("exposure_s", c.exposure_s);
   v.value("latency_s", c.latency_s);
+  v.value("gain", c.gain);
+  v.value("white_balance", c.white_balance);
+  v.value("focus", c.focus);
+  v.value("trigger", c.trigger);
+  v.value("power_line", c.power_line);
   v.value("loop", c.loop);
 }
 
@@ -46,11 +81,11 @@ void describe(V& v, CameraDeviceConfig& c) {
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
 
-/// A video file, not a device or pipeline.
+/// A video file: it ends, and does not come back.
 [[nodiscard]] bool is_file(const CameraDeviceConfig& config);
 
-/// A file ends with nullopt, a device or pipeline that gives nothing more with an Error. A stop is
-/// seen between two images: a V4L2 device that hangs is given up by OpenCV after 10 s.
+/// A file ends with nullopt, everything else that gives nothing more with an Error. A V4L2 device
+/// sees a stop within a tenth of a second, the others between two images.
 /// @param camera  width 0: not calibrated yet, any size will do
 /// @return Error naming device, wanted and given size when it cannot be opened.
 [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open_camera_device(

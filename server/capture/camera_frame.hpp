@@ -20,6 +20,9 @@ struct CameraFrame {
   /// So much of `exposed_at` is what the body's filter learned about the clock
   /// (SampleMerger::set_clock_shift).
   Duration clock_shift{0};
+  /// Images since the one before this that were taken and did not come, or came damaged; as far as
+  /// the source can tell.
+  std::uint32_t lost_before{0};
 };
 
 /// How one side of a tag showed.

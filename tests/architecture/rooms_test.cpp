@@ -27,6 +27,8 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"capture/imu", {"ros"}},
     {"capture/recording", {"lens"}},
     {"capture/ros", {"lens"}},
+    {"capture/v4l2", {"lens"}},
+    {"capture/video", {"lens"}},
     {"detection/points", {}},
     {"detection/tracking", {}},
     {"estimation/imu", {}},

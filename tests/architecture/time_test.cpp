@@ -27,9 +27,9 @@ const std::set<std::string> kReadMachineClocks{
 /// `now()` of the handed-in Clock: sources, which stamp and pace; sockets, which pass the time on
 /// to the conversations they carry; the daemon.
 bool may_ask(const std::filesystem::path& path) {
-  static const std::set<std::string> kSources{"camera_device", "recording_source", "ros_source",
-                                              "line_source",   "mavlink_source",   "iio_source",
-                                              "px4_source"};
+  static const std::set<std::string> kSources{
+      "live_video", "mode_choice", "recording_source", "ros_source", "v4l2_camera",
+      "video_file", "line_source", "mavlink_source",   "iio_source", "px4_source"};
   static const std::vector<std::string> kSockets{"server",    "session",   "desk",
                                                  "discovery", "listeners", "connect_back"};
   const std::string stem = path.stem().string();
