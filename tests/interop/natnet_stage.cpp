@@ -1,8 +1,8 @@
 // A NatNet server with poses known by construction, for clients that are not part of this project:
 //
 //   natnet_stage [address=127.0.0.1] [unicast=1] [port=1510] [data_port=1511]
-//   [multicast_command_port=0]
-//                [bodies=3] [rate=100] [seconds=10] [bitstream=3.1] [up=y] [target=ip:port]
+//                [multicast=0] [bodies=3] [rate=100] [seconds=10] [bitstream=3.1] [up=y]
+//                [target=ip:port]
 //
 // Body k (from 1) is called `body<k>`. In frame n it is at (0.01 k, 0.001 (n mod 1000), 1.5) in the
 // workspace, turned by 0.01 k rad about (1, 2, 3). Body 3 is lost in every second hundred of
@@ -119,8 +119,7 @@ int run(std::map<std::string, std::string> given) {
   config.unicast = number("unicast", 1) != 0;
   config.port = static_cast<std::uint16_t>(number("port", config.port));
   config.data_port = static_cast<std::uint16_t>(number("data_port", config.data_port));
-  config.multicast_command_port = static_cast<std::uint16_t>(number("multicast_command_port", 0));
-  config.multicast = config.multicast_command_port != 0;
+  config.multicast = number("multicast", 0) != 0;
   if (given.count("bitstream") != 0) config.bitstream = given["bitstream"];
   if (given.count("target") != 0) config.targets = {given["target"]};
   if (given["up"] == "z") config.up = UpAxis::kZ;

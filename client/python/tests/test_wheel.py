@@ -4,10 +4,12 @@ import base64
 import csv
 import hashlib
 import io
+import os
 import pathlib
 import sys
 import tempfile
 import unittest
+import unittest.mock
 import zipfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -20,8 +22,30 @@ class WheelTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        self.library = self.folder / "libfiducap.so.1"
+        self.library.write_bytes(b"not really one")
+        self.use(self.library)
+
+    def use(self, library):
+        """What $FIDUCAP_LIBRARY says."""
+        patch = unittest.mock.patch.dict(os.environ, FIDUCAP_LIBRARY=str(library))
+        patch.start()
+        self.addCleanup(patch.stop)
+
+    def test_holds_the_library_for_machines_like_this_one(self):
+        name = wheel_builder.build_wheel(str(self.folder))
+        self.assertRegex(name, r"^fiducap-[0-9.]+-py3-none-linux_\w+\.whl$")
+        with zipfile.ZipFile(self.folder / name) as wheel:
+            self.assertEqual(wheel.read("fiducap/libfiducap.so.1"), self.library.read_bytes())
+
+    def test_without_a_library_it_says_how_to_build_one(self):
+        self.use(self.folder / "nowhere.so")
+        with self.assertRaises(SystemExit) as end:
+            wheel_builder.build_wheel(str(self.folder))
+        self.assertIn("./dev build", str(end.exception))
 
     def test_holds_every_module_and_lists_each_file_with_its_hash(self):
+        self.use("system")
         name = wheel_builder.build_wheel(str(self.folder))
         self.assertRegex(name, r"^fiducap-[0-9.]+-py3-none-any\.whl$")
         with zipfile.ZipFile(self.folder / name) as wheel:
@@ -44,7 +68,7 @@ class WheelTest(unittest.TestCase):
         name = wheel_builder.build_sdist(str(self.folder))
         with tarfile.open(self.folder / name) as archive:
             names = [pathlib.PurePosixPath(entry).name for entry in archive.getnames()]
-        for needed in ("pyproject.toml", "wheel_builder.py", "PKG-INFO", "client.py"):
+        for needed in ("pyproject.toml", "wheel_builder.py", "PKG-INFO", "client.py", "libfiducap.so.1"):
             self.assertIn(needed, names)
 
 

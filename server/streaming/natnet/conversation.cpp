@@ -1,5 +1,6 @@
 #include "streaming/natnet/conversation.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/log.hpp"
@@ -33,15 +34,13 @@ Conversation::Conversation(const NatNetConfig& config, std::shared_ptr<const Sce
   server_.desk = desk;
   server_.rate_hz = rate_hz;
   use(std::move(model));
-  for (const auto& target : config.targets) {
-    if (const auto peer = parse_peer(target))
-      registry_.add_fixed(*peer, config.default_bitstream(), epoch);
-  }
+  for (const Peer& listener : config.listeners())
+    registry_.add_fixed(listener, config.default_bitstream(), epoch);
 }
 
-void Conversation::set_ports(std::uint16_t port, std::uint16_t multicast_command_port) {
+void Conversation::set_ports(std::uint16_t port, std::uint16_t unicast_port) {
   server_.config.port = port;
-  server_.config.multicast_command_port = multicast_command_port;
+  server_.config.unicast_port = unicast_port;
 }
 
 void Conversation::use(std::shared_ptr<const SceneModel> model) {
@@ -54,14 +53,20 @@ void Conversation::use(std::shared_ptr<const SceneModel> model) {
 Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, const Peer& from,
                                           Channel channel, Instant now) {
   Turn turn{from, channel, now, guard_.heard(from, datagram.size(), now), nullptr};
+  asked_for_group_ = false;
   const auto request = decode_request(datagram);
   if (!request) {
     ++unanswered_.malformed;
     return {};
   }
-  if (channel == Channel::kUnicast) turn.subscriber = registry_.find(from);
+  turn.subscriber = registry_.find(from);
+  quiet_.heard(from);
   if (turn.subscriber != nullptr) turn.subscriber->heard_at = now;
   const Bytes answer = std::visit([&](const auto& what) { return on(what, turn); }, *request);
+  // Who only looks who is there wants no frames yet.
+  asked_for_group_ = channel == Channel::kMulticast && turn.before.trusted &&
+                     turn.subscriber == nullptr && !answer.empty() &&
+                     !std::holds_alternative<DiscoveryRequest>(*request);
   if (answer.empty() || guard_.may_answer(from, answer.size(), turn.before.trusted, now))
     return answer;
   ++unanswered_.too_much;
@@ -71,9 +76,13 @@ Conversation::Bytes Conversation::receive(std::span<const std::byte> datagram, c
 Conversation::Bytes Conversation::on(const ConnectRequest& request, Turn& turn) {
   const Bitstream version = version_for(request.versions, turn);
   guard_.promise(turn.from, version);
-  if (turn.channel == Channel::kMulticast) return info(version, turn);
+  if (turn.channel == Channel::kMulticast) {
+    if (request.versions.wanted && turn.before.trusted) quiet_.asked(turn.from, turn.now);
+    return info(version, turn);
+  }
   // An empty one is also what clients send that only ask, and then take the next datagram for an
   // answer.
+  if (request.empty) warn_listener(turn);
   if (!request.empty) subscribe(turn, version, request.name, turn.now + kHold);
   if (turn.subscriber != nullptr) {
     turn.subscriber->version = version;
@@ -87,7 +96,7 @@ Conversation::Bytes Conversation::on(const DiscoveryRequest& request, Turn& turn
 }
 
 Conversation::Bytes Conversation::on(const KeepAliveRequest& request, Turn& turn) {
-  if (turn.channel == Channel::kMulticast) return {};
+  if (!server_.config.unicast) return {};
   // After a restart of the server a client goes on with these; it keeps reading the version it was
   // told then.
   const bool told = turn.before.version != Bitstream{};
@@ -127,9 +136,10 @@ Conversation::Bytes Conversation::on(const CommandRequest& request, Turn& turn) 
                text_of(turn.from) +
                    ": its NatNet library is too old for this server, it needs 4.1 or later");
   }
-  auto answer = words_.answer(
-      request.text, server_,
-      {turn.from, turn.channel == Channel::kMulticast, version_of(turn), turn.subscriber});
+  auto answer =
+      words_.answer(request.text, server_,
+                    {turn.from, turn.channel == Channel::kMulticast && turn.subscriber == nullptr,
+                     version_of(turn), turn.subscriber});
   if (answer.switch_to) switch_to(*answer.switch_to, turn);
   if (answer.leaves && turn.subscriber != nullptr && registry_.remove(turn.from)) {
     log::info("natnet", text_of(turn.from) + " left");
@@ -167,6 +177,44 @@ void Conversation::refuse(const Turn& turn) {
                          net::text_of(net::usual_network_of(turn.from)) + "]");
 }
 
+/// Who asks in this way listens at the data port only.
+void Conversation::warn_listener(const Turn& turn) {
+  if (server_.config.multicast || !turn.before.trusted) return;
+  const auto is_served = [&](const Subscriber& one) {
+    return one.fixed && one.peer.same_address(turn.from);
+  };
+  if (std::ranges::any_of(registry_.all(), is_served)) return;
+  if (!guard_.may_complain(turn.from, turn.now)) return;
+  const std::string port = std::to_string(server_.config.data_port);
+  log::warning("natnet", text_of(turn.from) +
+                             " asked as clients do that then only listen at port " + port +
+                             ": no frames come there. Switch streaming.natnet.multicast on, "
+                             "or set streaming.natnet.targets: [\"" +
+                             net::address_text(turn.from) + ":" + port + "\"]");
+}
+
+void Conversation::refused_answer(const Peer& peer, Instant now) {
+  if (registry_.remove(peer)) log::info("natnet", text_of(peer) + " is gone: its port is closed");
+  if (!guard_.may_complain(peer, now)) return;
+  log::info("natnet",
+            text_of(peer) + " asked and ended before the answer came: its port is closed");
+}
+
+std::size_t Conversation::expire(Instant now) {
+  while (const auto peer = quiet_.next(now)) {
+    if (!guard_.may_complain(*peer, now)) continue;
+    log::warning(
+        "natnet",
+        text_of(*peer) +
+            " was told to join the group and went away, as the "
+            "vendor's library does in unicast mode. Set it to multicast, or to " +
+            (server_.config.unicast ? "port " + std::to_string(server_.config.unicast_port) +
+                                          " (streaming.natnet.unicast_port)"
+                                    : std::string("unicast with streaming.natnet.unicast: true")));
+  }
+  return registry_.expire(now);
+}
+
 void Conversation::switch_to(Bitstream version, Turn& turn) {
   guard_.promise(turn.from, version);
   if (turn.subscriber == nullptr) return;
@@ -181,7 +229,7 @@ Bitstream Conversation::version_for(const ClientVersions& versions, const Turn& 
 
 Bitstream Conversation::version_of(const Turn& turn) const {
   if (turn.subscriber != nullptr) return turn.subscriber->version;
-  const bool told = turn.channel == Channel::kUnicast && turn.before.version != Bitstream{};
+  const bool told = turn.before.version != Bitstream{};
   return told ? turn.before.version : server_.config.default_bitstream();
 }
 

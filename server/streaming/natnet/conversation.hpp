@@ -10,6 +10,7 @@
 #include "streaming/natnet/answer.hpp"
 #include "streaming/natnet/command_words.hpp"
 #include "streaming/natnet/frame_encoder.hpp"
+#include "streaming/natnet/quiet_connects.hpp"
 #include "streaming/natnet/reflection_guard.hpp"
 #include "streaming/natnet/registry.hpp"
 #include "streaming/natnet/request.hpp"
@@ -17,8 +18,8 @@
 
 namespace fiducap::natnet {
 
-/// Which of the two command ports a request came to: clients are told whether they have to join the
-/// group.
+/// Which of the two command ports a request came to: at that of multicast, clients are told to join
+/// the group. Who sends keep-alives there gets frames of its own all the same.
 enum class Channel { kUnicast, kMulticast };
 
 /// Requests that got no answer, by reason.
@@ -51,22 +52,28 @@ class Conversation final {
   [[nodiscard]] std::span<const std::byte> receive(std::span<const std::byte> datagram,
                                                    const Peer& from, Channel channel, Instant now);
 
+  /// The last datagram was that of a client that is served by the group.
+  [[nodiscard]] bool asked_for_group() const { return asked_for_group_; }
+
   /// The frame that `frame_for` and `multicast_frame` are about from now on.
   void take(std::shared_ptr<const SceneFrame> frame, Instant now);
   /// @return empty: nothing for this client now
   [[nodiscard]] std::span<const std::byte> frame_for(const Subscriber& subscriber, Instant now);
   [[nodiscard]] std::span<const std::byte> multicast_frame(Instant now);
 
-  /// Whoever was silent for too long goes. @return how many clients went
-  std::size_t expire(Instant now) { return registry_.expire(now); }
+  /// Whoever was silent for too long goes; who went away for a reason is told of. @return how many
+  /// clients went
+  std::size_t expire(Instant now);
   /// Its port is closed, as its machine says.
   bool gone(const Peer& peer) { return registry_.remove(peer); }
+  /// An answer came back: nobody listens where it was asked from. Said once in a while.
+  void refused_answer(const Peer& peer, Instant now);
   [[nodiscard]] std::span<Subscriber> subscribers() { return registry_.all(); }
   [[nodiscard]] std::span<const Subscriber> subscribers() const { return registry_.all(); }
   [[nodiscard]] const Unanswered& unanswered() const { return unanswered_; }
   [[nodiscard]] const ServerView& server() const { return server_; }
   /// The ports really bound, for what clients are told. @pre before the first request
-  void set_ports(std::uint16_t port, std::uint16_t multicast_command_port);
+  void set_ports(std::uint16_t port, std::uint16_t unicast_port);
 
  private:
   struct Turn {
@@ -89,6 +96,7 @@ class Conversation final {
 
   void use(std::shared_ptr<const SceneModel> model);
   void refuse(const Turn& turn);
+  void warn_listener(const Turn& turn);
   void subscribe(Turn& turn, Bitstream version, const std::string& name, Instant frames_from);
   void switch_to(Bitstream version, Turn& turn);
   [[nodiscard]] Bitstream version_for(const ClientVersions& versions, const Turn& turn) const;
@@ -100,12 +108,14 @@ class Conversation final {
   ServerView server_;
   Registry registry_;
   ReflectionGuard guard_;
+  QuietConnects quiet_;
   CommandWords words_;
   FrameEncoder encoder_;
   bool loaded_{false};                          ///< The encoder has server_.frame.
   std::array<Datagram, kModelLayouts> models_;  ///< Encoded when first asked for.
   Datagram answer_;
   Unanswered unanswered_;
+  bool asked_for_group_{false};
   Instant model_changed_until_{};
   bool recording_{false};
   Instant recording_asked_at_{};

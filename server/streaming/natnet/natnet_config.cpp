@@ -13,9 +13,18 @@ constexpr std::size_t kMostNetworks = 64;
 
 bool is_address(const std::string& text) { return parse_address(text).has_value(); }
 
+bool is_group(std::uint32_t address) { return address >= kFirstGroup && address <= kLastGroup; }
+
 bool is_group(const std::string& text) {
   const auto address = parse_address(text);
-  return address && *address >= kFirstGroup && *address <= kLastGroup;
+  return address && is_group(*address);
+}
+
+/// @return nothing when `text` is no target, or one of the other kind
+std::optional<Peer> target_in(const std::string& text, bool group) {
+  const auto target = parse_peer(text);
+  if (!target || is_group(target->ipv4()) != group) return std::nullopt;
+  return target;
 }
 
 }  // namespace
@@ -30,9 +39,9 @@ std::vector<ConfigError> NatNetConfig::check() const {
                "must be an IPv4 address, e.g. 127.0.0.1 or 0.0.0.0 for all")
       .require(unicast || multicast, "unicast", "false",
                "must be on when multicast is off: nobody would get frames")
-      .require(!unicast || !multicast || port != multicast_command_port || port == 0,
-               "multicast_command_port", multicast_command_port,
-               "must differ from port: clients are told by it what kind of server this is")
+      .require(!unicast || !multicast || port != unicast_port || port == 0, "unicast_port",
+               unicast_port,
+               "must differ from port: clients are told by it whether to join a group")
       .require(is_group(multicast_group), "multicast_group", multicast_group,
                "must be a multicast address, 224.0.0.0 to 239.255.255.255")
       .require(!multicast || data_port != 0, "data_port", data_port,
@@ -53,6 +62,10 @@ std::vector<ConfigError> NatNetConfig::check() const {
     rules.require(parse_peer(target).has_value(), "targets", target,
                   "must be ip:port, e.g. 10.0.0.7:1511");
   }
+  rules.require(multicast || groups().empty() || parse_address(address).value_or(0) != 0 ||
+                    !multicast_interface.empty(),
+                "multicast_interface", multicast_interface,
+                "must name a card: targets has a group, and address is that of none");
   rules.require(networks.size() <= kMostNetworks, "networks", networks.size(),
                 "must be at most 64");
   for (const auto& network : networks) {
@@ -62,22 +75,38 @@ std::vector<ConfigError> NatNetConfig::check() const {
   return rules.errors;
 }
 
+std::vector<Peer> NatNetConfig::groups() const {
+  std::vector<Peer> all;
+  if (const auto address = parse_address(multicast_group); multicast && address)
+    all.emplace_back(*address, data_port);
+  for (const auto& text : targets) {
+    if (const auto group = target_in(text, true)) all.push_back(*group);
+  }
+  return all;
+}
+
+std::vector<Peer> NatNetConfig::listeners() const {
+  std::vector<Peer> all;
+  for (const auto& text : targets) {
+    if (const auto listener = target_in(text, false)) all.push_back(*listener);
+  }
+  return all;
+}
+
 std::vector<net::Network> NatNetConfig::trusted_networks() const {
   std::vector<net::Network> all;
   for (const auto& text : networks) {
     if (const auto network = net::parse_network(text)) all.push_back(*network);
   }
-  for (const auto& text : targets) {
-    if (const auto target = parse_peer(text)) all.push_back({target->address, 128});
-  }
+  for (const Peer& listener : listeners()) all.push_back({listener.address, 128});
   return all;
 }
 
 ServedProtocol NatNetConfig::served() const {
   // Of its data port it only needs to send, not to listen.
   std::vector<PortUse> ports;
-  if (unicast) ports.push_back({port, true});
-  if (multicast) ports.push_back({multicast_command_port, true});
+  ports.push_back({port, true});
+  if (unicast && multicast) ports.push_back({unicast_port, true});
   return {"natnet", enabled, address, std::move(ports), axes(), when_invalid};
 }
 

@@ -21,23 +21,28 @@ using net::Peer;
 struct NatNetConfig {
   bool enabled{false};
   std::string address{"127.0.0.1"};  ///< IPv4. 0.0.0.0: all interfaces.
-  std::uint16_t port{1510};          ///< Commands of unicast clients. 0: any free one.
+  std::uint16_t port{1510};          ///< Commands. 0: any free one.
   std::uint16_t data_port{1511};     ///< Where multicast frames go; clients are told.
-  /// A client must be told whether its server is a multicast one, so these have a command port of
-  /// their own.
-  bool multicast{false};
-  std::uint16_t multicast_command_port{1520};  ///< May be 1510 when `unicast` is off.
+  /// As the commercial server's default: clients at `port` are told to join the group. Off: they
+  /// are told that each gets frames of its own.
+  bool multicast{true};
+  /// Whoever sends keep-alives at `port` gets frames of its own.
   bool unicast{true};
+  /// With both: the vendor's library in unicast mode goes away when it hears of a group; here it is
+  /// told of none.
+  std::uint16_t unicast_port{1520};
   std::string multicast_group{"239.255.42.99"};
-  std::string multicast_interface;  ///< Address of the card frames leave by; empty: `address`.
+  /// Address of the card that multicast frames leave by; empty: this machine, and each card where
+  /// somebody asked.
+  std::string multicast_interface;
   int multicast_ttl{1};
   std::string bitstream{"3.1"};  ///< For clients that do not say; 3.1 is what most of them read.
   UpAxis up{conventions_of("natnet").axes.up};
   AxesScope scope{conventions_of("natnet").axes.scope};
   WhenInvalid when_invalid{conventions_of("natnet").when_invalid};
   NameAliases aliases;
-  std::vector<std::string>
-      targets;  ///< `ip:port` that get frames without asking, for clients that only listen.
+  std::vector<std::string> targets;  ///< `ip:port` that get frames without asking, for clients that
+                                     ///< only listen; a multicast group as well.
   /// Who may be a client beside the networks that this machine is attached to, e.g. 10.1.0.0/16:
   /// NatNet proves no address, and frames go to whoever asks.
   std::vector<std::string> networks;
@@ -54,7 +59,11 @@ struct NatNetConfig {
   /// Commas separate the fields of commands: a body with one in its name could not be addressed.
   [[nodiscard]] NameRule name_rule() const;
   [[nodiscard]] std::vector<ConfigError> check() const;
-  /// `networks` and the addresses of `targets`, which may ask, too.
+  /// Where multicast frames go: the group, and those of `targets`.
+  [[nodiscard]] std::vector<Peer> groups() const;
+  /// The other `targets`.
+  [[nodiscard]] std::vector<Peer> listeners() const;
+  /// `networks` and the addresses of `listeners`, which may ask, too.
   [[nodiscard]] std::vector<net::Network> trusted_networks() const;
   /// Where it listens and what its clients receive.
   [[nodiscard]] ServedProtocol served() const;
@@ -66,9 +75,9 @@ void describe(V& v, NatNetConfig& c) {
   v.value("address", c.address);
   v.value("port", c.port);
   v.value("data_port", c.data_port);
-  v.value("unicast", c.unicast);
   v.value("multicast", c.multicast);
-  v.value("multicast_command_port", c.multicast_command_port);
+  v.value("unicast", c.unicast);
+  v.value("unicast_port", c.unicast_port);
   v.value("multicast_group", c.multicast_group);
   v.value("multicast_interface", c.multicast_interface);
   v.value("multicast_ttl", c.multicast_ttl);

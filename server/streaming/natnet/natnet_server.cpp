@@ -6,6 +6,7 @@
 
 #include "base/log.hpp"
 #include "streaming/natnet/conversation.hpp"
+#include "streaming/natnet/group_sender.hpp"
 #include "streaming/natnet/wire.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/udp_server.hpp"
@@ -19,46 +20,22 @@ constexpr std::size_t kLongestDatagram = 65536;
 constexpr int kSendBuffer = 16 << 20;
 constexpr std::string_view kKey = "streaming.natnet";
 
-/// Where else DISCOVERY by broadcast arrives when only `address` is listened on: its subnet's
-/// broadcast address, and 255.255.255.255 unless it is the loopback. Empty for 0.0.0.0, which hears
-/// everything.
+/// Where else DISCOVERY by broadcast arrives when only `address` is listened on: 255.255.255.255
+/// and its subnet's broadcast address. Empty for 0.0.0.0, which hears everything.
 std::vector<std::string> broadcast_addresses(const std::string& address) {
   const auto own = parse_address(address);
   if (!own || *own == 0) return {};
-  if (Peer{*own, 0}.is_loopback()) return {"127.255.255.255"};
+  if (Peer{*own, 0}.is_loopback()) return {"127.255.255.255", "255.255.255.255"};
   std::vector<std::string> all = net::subnet_broadcasts(*own);
   all.insert(all.begin(), "255.255.255.255");
   return all;
-}
-
-/// The address of the card that multicast frames leave by: the one configured, or the one listened
-/// on, or the only one.
-/// @return Error naming the choices when there are several: guessing wrong looks like "nothing
-/// arrives"
-Expected<std::uint32_t> multicast_interface(const NatNetConfig& config) {
-  constexpr std::uint32_t kLoopback = 0x7f000001;
-  const auto named = parse_address(config.multicast_interface.empty() ? config.address
-                                                                      : config.multicast_interface);
-  if (named && *named != 0) return *named;
-  std::vector<net::Card> able = net::network_cards();
-  std::erase_if(able, [](const net::Card& card) { return !card.multicast; });
-  if (able.empty()) return kLoopback;
-  if (able.size() == 1) return able.front().address;
-  std::string choices;
-  for (const net::Card& card : able) {
-    choices += (choices.empty() ? "" : ", ") + net::address_text({card.address, 0}) + " (" +
-               card.name + ")";
-  }
-  return fail(
-      ErrorCode::kInvalid,
-      "this machine has several network cards; set it to the one the clients are on: " + choices,
-      "streaming.natnet.multicast_interface");
 }
 
 Expected<net::UdpServer> open_command_port(boost::asio::io_context& io,
                                            const net::BindTarget& target) {
   net::UdpOptions options{"natnet", kLongestDatagram};
   options.fragments = true;  // a MODELDEF longer than the MTU
+  options.reports_refusals = true;
   return net::UdpServer::open(io, target, options);
 }
 
@@ -69,28 +46,22 @@ Expected<net::UdpServer> open_frame_port(boost::asio::io_context& io, const NatN
   options.fragments = true;
   options.reports_refusals = true;
   options.send_buffer_bytes = kSendBuffer;
-  auto port = net::UdpServer::open(io, {config.address, 0, kKey}, options);
-  if (!port || !config.multicast) return port;
-  const auto card = multicast_interface(config);
-  if (!card) return tl::unexpected(card.error());
-  if (const auto error = port->use_multicast(*card, config.multicast_ttl)) {
-    return fail(ErrorCode::kUnavailable,
-                "cannot send multicast by this interface (" + error.message() +
-                    "); set it to the address of one that can (`ip maddr` lists them)",
-                "streaming.natnet.multicast_interface");
-  }
-  return port;
+  return net::UdpServer::open(io, {config.address, 0, kKey}, options);
+}
+
+std::string groups_text(const GroupSender& sender) {
+  std::string text;
+  for (const Peer& group : sender.groups()) text += (text.empty() ? "" : " and ") + text_of(group);
+  return text;
 }
 
 class NatNetServer final : public NatNetStreamer {
  public:
-  NatNetServer(net::UdpServer frames, Conversation conversation, const NatNetConfig& config,
+  NatNetServer(net::UdpServer frames, GroupSender groups, Conversation conversation,
                const Clock& clock)
       : clock_(clock),
         conversation_(std::move(conversation)),
-        group_(config.multicast
-                   ? parse_peer(config.multicast_group + ":" + std::to_string(config.data_port))
-                   : std::nullopt),
+        groups_(std::move(groups)),
         frames_(std::move(frames)) {
     addressees_.reserve(conversation_.subscribers().size());
   }
@@ -98,52 +69,43 @@ class NatNetServer final : public NatNetStreamer {
   /// The command ports of both channels, and sockets that only hear broadcasts.
   [[nodiscard]] Expected<void> listen(boost::asio::io_context& io, const NatNetConfig& config);
   [[nodiscard]] std::string_view protocol() const override { return "natnet"; }
-  [[nodiscard]] std::uint16_t port() const override { return port(Channel::kUnicast); }
-  [[nodiscard]] std::uint16_t multicast_command_port() const override {
-    return port(Channel::kMulticast);
-  }
-  [[nodiscard]] std::uint16_t port(Channel channel) const {
-    const auto& port = command_port(channel);
-    return port ? port->port() : std::uint16_t{0};
+  [[nodiscard]] std::uint16_t port() const override { return commands_ ? commands_->port() : 0; }
+  [[nodiscard]] std::uint16_t unicast_port() const override {
+    return unicast_ ? unicast_->port() : 0;
   }
   void publish(const std::shared_ptr<const SceneFrame>& frame) override;
   void append_clients(std::vector<ClientStatus>& out) const override;
   void stop() override;
 
  private:
-  [[nodiscard]] const std::optional<net::UdpServer>& command_port(Channel channel) const {
-    return channel == Channel::kUnicast ? unicast_ : multicast_;
-  }
   Expected<void> listen(boost::asio::io_context& io, const net::BindTarget& target, Channel channel,
                         std::optional<net::UdpServer>& commands);
   void answer(const net::UdpServer::Datagram& request, Channel channel, net::UdpServer& from);
   void forget_the_gone(Instant now);
+  void hear_refusals(net::UdpServer& commands, Instant now);
   void count_sent();
 
   const Clock& clock_;
   Conversation conversation_;
-  std::optional<Peer> group_;
+  GroupSender groups_;
   std::vector<std::size_t> addressees_;  ///< Places of subscribers in the batch under way.
-  std::uint64_t group_sent_{0};
-  std::uint64_t group_dropped_{0};
-  std::optional<Instant> group_since_;
+  std::optional<Instant> first_frame_at_;
   bool stopped_{false};
   net::UdpServer frames_;
-  std::optional<net::UdpServer> unicast_;
-  std::optional<net::UdpServer> multicast_;
+  std::optional<net::UdpServer> commands_;
+  std::optional<net::UdpServer> unicast_;  ///< For clients that must hear of no group.
   std::vector<net::UdpServer> broadcasts_;
 };
 
 Expected<void> NatNetServer::listen(boost::asio::io_context& io, const NatNetConfig& config) {
-  Expected<void> done;
-  if (config.unicast)
-    done = listen(io, {config.address, config.port, kKey}, Channel::kUnicast, unicast_);
-  if (done && config.multicast) {
-    done =
-        listen(io, {config.address, config.multicast_command_port, kKey, "multicast_command_port"},
-               Channel::kMulticast, multicast_);
+  Expected<void> done =
+      listen(io, {config.address, config.port, kKey},
+             config.multicast ? Channel::kMulticast : Channel::kUnicast, commands_);
+  if (done && config.multicast && config.unicast) {
+    const std::uint16_t second = config.port == 0 ? std::uint16_t{0} : config.unicast_port;
+    done = listen(io, {config.address, second, kKey, "unicast_port"}, Channel::kUnicast, unicast_);
   }
-  if (done) conversation_.set_ports(port(), multicast_command_port());
+  if (done) conversation_.set_ports(port(), unicast_port());
   return done;
 }
 
@@ -157,12 +119,21 @@ Expected<void> NatNetServer::listen(boost::asio::io_context& io, const net::Bind
     answer(request, channel, *commands);
   };
   commands->start(handler);
+  const bool own_only = Peer{parse_address(target.address).value_or(0), 0}.is_loopback();
   for (const auto& address : broadcast_addresses(target.address)) {
     // Discovery by broadcast is a comfort; without it a client is told the address.
     auto heard = open_command_port(io, {address, commands->port(), kKey});
     if (!heard) continue;
     broadcasts_.push_back(std::move(*heard));
-    broadcasts_.back().start(handler);
+    // A client of this machine asks its network; others of that network are not served.
+    if (!own_only) {
+      broadcasts_.back().start(handler);
+      continue;
+    }
+    broadcasts_.back().start([handler](const net::UdpServer::Datagram& request) {
+      // Answered from the address that is served, not from that of the card it came in by.
+      if (net::is_this_machine(request.from)) handler({request.bytes, request.from, 0});
+    });
   }
   return {};
 }
@@ -171,6 +142,10 @@ void NatNetServer::answer(const net::UdpServer::Datagram& request, Channel chann
                           net::UdpServer& from) {
   const auto answer = conversation_.receive(request.bytes, request.from, channel, clock_.now());
   if (!answer.empty()) from.send(answer, request.from, request.to);
+  if (conversation_.asked_for_group() && groups_.asked_at(request.to)) {
+    log::info("natnet", net::address_text(request.from) + " asked: frames go to " +
+                            groups_text(groups_) + " by " + groups_.cards_text());
+  }
 }
 
 void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
@@ -187,16 +162,22 @@ void NatNetServer::publish(const std::shared_ptr<const SceneFrame>& frame) {
     frames_.add(bytes, subscribers[i].peer);
     addressees_.push_back(i);
   }
-  if (group_) {
-    if (!group_since_) group_since_ = now;
-    frames_.add(conversation_.multicast_frame(now), *group_);
+  if (groups_.has_groups()) {
+    if (!first_frame_at_) first_frame_at_ = now;
+    groups_.send(conversation_.multicast_frame(now));
   }
   if (frames_.batch().size() == 0) return;
   frames_.send_batch();
   count_sent();
 }
 
+void NatNetServer::hear_refusals(net::UdpServer& commands, Instant now) {
+  while (const auto peer = commands.next_refused()) conversation_.refused_answer(*peer, now);
+}
+
 void NatNetServer::forget_the_gone(Instant now) {
+  if (commands_) hear_refusals(*commands_, now);
+  if (unicast_) hear_refusals(*unicast_, now);
   while (const auto peer = frames_.next_refused()) {
     if (conversation_.gone(*peer))
       log::info("natnet", text_of(*peer) + " is gone: its port is closed");
@@ -212,7 +193,6 @@ void NatNetServer::count_sent() {
     Subscriber& to = subscribers[addressees_[i]];
     ++(frames_.batch().sent(i) ? to.frames_sent : to.frames_dropped);
   }
-  if (group_) ++(frames_.batch().sent(addressees_.size()) ? group_sent_ : group_dropped_);
 }
 
 void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
@@ -226,28 +206,28 @@ void NatNetServer::append_clients(std::vector<ClientStatus>& out) const {
     out.push_back({"natnet", text_of(one.peer) + " udp", std::move(detail), one.frames_sent,
                    one.frames_dropped, to_seconds(now - one.since)});
   }
-  if (!group_) return;
-  out.push_back({"natnet", text_of(*group_) + " multicast",
-                 "bitstream " + config.bitstream + ", " + axes, group_sent_, group_dropped_,
-                 group_since_ ? to_seconds(now - *group_since_) : 0.0});
+  const std::string cards = groups_.cards_text();
+  if (!groups_.has_groups() || cards.empty()) return;
+  out.push_back({"natnet", groups_text(groups_) + " multicast",
+                 "by " + cards + ", bitstream " + config.bitstream + ", " + axes, groups_.sent(),
+                 groups_.dropped(), first_frame_at_ ? to_seconds(now - *first_frame_at_) : 0.0});
 }
 
 void NatNetServer::stop() {
   stopped_ = true;
+  if (commands_) commands_->stop();
   if (unicast_) unicast_->stop();
-  if (multicast_) multicast_->stop();
   for (auto& one : broadcasts_) one.stop();
 }
 
 std::string where_text(const NatNetConfig& config, const NatNetServer& server) {
-  const auto command_port = [&](Channel channel) {
-    return config.address + ":" + std::to_string(server.port(channel)) + " (UDP, ";
-  };
-  std::string text;
-  if (config.unicast) text = command_port(Channel::kUnicast) + "unicast)";
-  if (!config.multicast) return text;
-  return text + (config.unicast ? " and on " : "") + command_port(Channel::kMulticast) +
-         "multicast to " + config.multicast_group + ":" + std::to_string(config.data_port) + ")";
+  const std::string commands = config.address + ":" + std::to_string(server.port()) + " (UDP)";
+  if (!config.multicast) return commands + ", to each client";
+  std::string text =
+      commands + ", to " + config.multicast_group + ":" + std::to_string(config.data_port);
+  if (server.unicast_port() == 0) return text;
+  return text + " and to each client that keeps alive; port " +
+         std::to_string(server.unicast_port()) + " tells of no group";
 }
 
 }  // namespace
@@ -263,10 +243,12 @@ Expected<std::unique_ptr<NatNetStreamer>> start_natnet_server(
   }
   auto frames = open_frame_port(io, config);
   if (!frames) return tl::unexpected(frames.error());
+  auto groups = GroupSender::open(io, config);
+  if (!groups) return tl::unexpected(groups.error());
   Conversation conversation(config, std::move(model), desk, rate_hz, net::random_word(),
                             net::TrustedNetworks(config.trusted_networks()), clock.now());
-  auto server =
-      std::make_unique<NatNetServer>(std::move(*frames), std::move(conversation), config, clock);
+  auto server = std::make_unique<NatNetServer>(std::move(*frames), std::move(*groups),
+                                               std::move(conversation), clock);
   if (auto listening = server->listen(io, config); !listening) {
     return tl::unexpected(listening.error());
   }

@@ -17,8 +17,8 @@ namespace fiducap::natnet {
 /// What the hub owns.
 class NatNetStreamer : public Streamer {
  public:
-  /// Where it really listens; 0: that channel is off. `port` is the one for unicast.
-  [[nodiscard]] virtual std::uint16_t multicast_command_port() const = 0;
+  /// The second command port, where clients are told of no group; 0: there is none.
+  [[nodiscard]] virtual std::uint16_t unicast_port() const = 0;
 };
 
 /// NatNet: commands in by UDP, frames out by UDP, to each client that asked or to a multicast

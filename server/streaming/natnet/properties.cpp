@@ -72,11 +72,10 @@ std::optional<std::string> server_property(const std::string& name, const Server
   if (is_one_of(name, {"bitstream", "bitstreamversion", "natnetversion"})) return config.bitstream;
   if (is_one_of(name, {"name", "application"})) return "Fiducap";
   if (name == "dataport") return std::to_string(config.data_port);
-  if (name == "commandport")
-    return std::to_string(config.unicast ? config.port : config.multicast_command_port);
+  if (name == "commandport") return std::to_string(config.port);
   if (is_one_of(name, {"multicastaddress", "multicastinterface", "multicastgroup"}))
     return config.multicast_group;
-  if (name == "transmissiontype") return config.unicast ? "Unicast" : "Multicast";
+  if (name == "transmissiontype") return config.multicast ? "Multicast" : "Unicast";
   return std::nullopt;
 }
 

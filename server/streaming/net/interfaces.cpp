@@ -4,6 +4,7 @@
 #include <net/if.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <memory>
 
@@ -33,6 +34,14 @@ std::vector<Card> network_cards() {
                      (one->ifa_flags & IFF_MULTICAST) != 0});
   }
   return found;
+}
+
+bool is_this_machine(const Peer& peer) {
+  if (peer.is_loopback()) return true;
+  const auto cards = network_cards();
+  return std::any_of(cards.begin(), cards.end(), [&](const Card& card) {
+    return peer.same_address(Peer{card.address, 0});
+  });
 }
 
 std::string host_name() {

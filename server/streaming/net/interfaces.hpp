@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "streaming/net/peer.hpp"
+
 namespace fiducap::net {
 
 /// An IPv4 network card that is up, not the loopback.
@@ -15,6 +17,8 @@ struct Card {
 };
 
 [[nodiscard]] std::vector<Card> network_cards();
+/// Is it an IPv4 address of this machine?
+[[nodiscard]] bool is_this_machine(const Peer& peer);
 /// This machine's, as it calls itself.
 [[nodiscard]] std::string host_name();
 /// Where broadcasts of its networks go that a socket bound to `own` does not hear; e.g.

@@ -152,6 +152,14 @@ std::error_code UdpServer::use_multicast(std::uint32_t interface, int ttl) {
   return done ? std::error_code{} : std::error_code{errno, std::generic_category()};
 }
 
+void UdpServer::join(const Peer& group, std::uint32_t interface) {
+  ip_mreqn membership{};
+  membership.imr_multiaddr.s_addr = htonl(group.ipv4());
+  membership.imr_address.s_addr = htonl(interface);
+  ::setsockopt(state_->socket.native_handle(), IPPROTO_IP, IP_ADD_MEMBERSHIP, &membership,
+               sizeof(membership));
+}
+
 void UdpServer::send(std::span<const std::byte> bytes, const Peer& to, std::uint32_t from) {
   SocketAddress address(to, state_->ipv4);
   iovec piece{const_cast<std::byte*>(bytes.data()), bytes.size()};  // sendmsg only reads

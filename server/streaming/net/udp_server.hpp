@@ -54,6 +54,9 @@ class UdpServer final {
   /// @param interface  IPv4 address of the card that multicast leaves by; 0: the system chooses
   /// @return what the system says when it cannot
   [[nodiscard]] std::error_code use_multicast(std::uint32_t interface, int ttl);
+  /// Takes in what comes to a group by a card, in the name of this machine: sockets of others that
+  /// are bound to its port hear it, too. A comfort; does nothing where it cannot.
+  void join(const Peer& group, std::uint32_t interface);
   /// A datagram that the socket does not take is lost like any other.
   /// @param from  our own address that it leaves from, as in Datagram; 0: the system chooses
   void send(std::span<const std::byte> bytes, const Peer& to, std::uint32_t from = 0);

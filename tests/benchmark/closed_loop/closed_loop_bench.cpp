@@ -84,7 +84,7 @@ std::string config_text(const std::vector<Robot>& all, const std::string& map_fi
       "}\nstreaming: {rate_hz: 200, vrpn: {enabled: false}, web: {enabled: false}, native: "
       "{port: " +
       std::to_string(kPort) +
-      "}, natnet: {enabled: true, up: z, port: " + std::to_string(kNatNetPort) +
+      "}, natnet: {enabled: true, up: z, multicast: false, port: " + std::to_string(kNatNetPort) +
       ", data_port: 0}}\nbodies:\n";
   for (const Robot& robot : all) text += std::string("  - name: ") + robot.name + kBody;
   return text;

@@ -78,7 +78,7 @@ class Stage final {
     native.port = 0;
     natnet::NatNetConfig natnet;
     natnet.port = 0;
-    natnet.data_port = 0;
+    natnet.multicast = false;
     natnet.bitstream = "4.1";
     vicon::ViconConfig vicon;
     vicon.port = 0;

@@ -40,6 +40,24 @@ foreach(shared OFF ON)
   run("running the C++ stranger" ${stranger}/in_cpp)
   run("running the C stranger" ${stranger}/in_c)
 
+  if(NOT shared)
+    # As where protobuf's headers and CMake files are not; a C project asks for nothing else.
+    foreach(only "" c)
+      set(stranger ${WORK}/stranger_in_c_${only})
+      run("find_package in C (components: '${only}')" ${CMAKE_COMMAND}
+          -S ${SOURCE}/tests/interop/client_package/c_only -B ${stranger} -DCMAKE_PREFIX_PATH=${moved} -DONLY=${only}
+          -DCMAKE_DISABLE_FIND_PACKAGE_Protobuf=ON "-DCMAKE_C_FLAGS=-Wall -Wextra -pedantic -std=c99")
+      run("building in C" ${CMAKE_COMMAND} --build ${stranger})
+      run("running the program in C" ${stranger}/in_c)
+    endforeach()
+    execute_process(COMMAND ${CMAKE_COMMAND} -S ${SOURCE}/tests/interop/client_package/c_only -B ${WORK}/refused
+      -DCMAKE_PREFIX_PATH=${moved} -DONLY=client -DCMAKE_DISABLE_FIND_PACKAGE_Protobuf=ON
+      RESULT_VARIABLE code OUTPUT_QUIET ERROR_VARIABLE output)
+    if(code EQUAL 0 OR NOT output MATCHES "libprotobuf-dev")
+      message(FATAL_ERROR "the C++ client without protobuf: expected a refusal with the remedy, came (${code}):\n${output}")
+    endif()
+  endif()
+
   find_program(PKG_CONFIG NAMES pkg-config pkgconf)
   if(NOT PKG_CONFIG)
     message(STATUS "pkg-config is not here: not checked")

@@ -46,8 +46,38 @@ TEST_F(ConversationTest, EachPortSaysWhatKindOfServerItIs) {
 TEST_F(ConversationTest, MulticastClientsAreAllToldTheSameVersionAndNotRemembered) {
   EXPECT_EQ(version_in(say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast)),
             (Bitstream{3, 1}));
-  EXPECT_TRUE(say(message(Message::kKeepAlive), kClient, Channel::kMulticast).empty());
   EXPECT_TRUE(conversation_->subscribers().empty());
+}
+
+TEST_F(ConversationTest, WhoKeepsAliveAtTheGroupsPortGetsFramesAsItWasTold) {
+  (void)say(connect({4, 2}, {4, 1}), kClient, Channel::kMulticast);
+  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
+  ASSERT_EQ(conversation_->subscribers().size(), 1U);
+  EXPECT_EQ(conversation_->subscribers()[0].version, (Bitstream{3, 1}));
+  next_frame();
+  EXPECT_FALSE(frame_of().empty());
+  config_.unicast = false;
+  start();
+  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
+  EXPECT_TRUE(conversation_->subscribers().empty());
+}
+
+TEST_F(ConversationTest, OnlyAClientThatWantsFramesAsksForTheGroup) {
+  const auto asks = [&](const Bytes& datagram, const Peer& from, Channel channel) {
+    (void)say(datagram, from, channel);
+    return conversation_->asked_for_group();
+  };
+  constexpr Peer kStranger{0xcb007107, 40003};
+  const Bytes listener = message(Message::kConnect);
+  EXPECT_TRUE(asks(listener, kClient, Channel::kMulticast));
+  EXPECT_TRUE(asks(message(Message::kRequestModel), kOther, Channel::kMulticast));
+  EXPECT_FALSE(asks(listener, kClient, Channel::kUnicast));
+  EXPECT_FALSE(asks(message(Message::kDiscovery), kClient, Channel::kMulticast));
+  EXPECT_FALSE(asks(listener, kStranger, Channel::kMulticast)) << "of no network of this machine";
+  EXPECT_FALSE(asks({}, kClient, Channel::kMulticast));
+  (void)say(message(Message::kKeepAlive), kClient, Channel::kMulticast);
+  EXPECT_FALSE(asks(message(Message::kRequestModel), kClient, Channel::kMulticast))
+      << "it gets its own";
 }
 
 TEST_F(ConversationTest, FramesStartWithTheFirstKeepAlive) {

@@ -51,15 +51,29 @@ TEST(NatNetConfig, TrustsItsNetworksAndItsTargets) {
 
 TEST(NatNetConfig, TheTwoCommandPortsDiffer) {
   NatNetConfig config;
-  config.multicast = true;
-  config.multicast_command_port = config.port;
-  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.multicast_command_port"));
+  config.unicast_port = config.port;
+  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast_port"));
   config.unicast = false;
   EXPECT_TRUE(config.check().empty());
   config.data_port = 0;
   EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.data_port"));
   config.multicast = false;
   EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.unicast"));
+}
+
+TEST(NatNetConfig, ATargetMayBeAGroup) {
+  NatNetConfig config;
+  config.targets = {"224.0.0.1:9000", "10.0.0.7:1511"};
+  EXPECT_THAT(faults(config), testing::IsEmpty());
+  EXPECT_THAT(config.groups(), testing::ElementsAre(*parse_peer("239.255.42.99:1511"),
+                                                    *parse_peer("224.0.0.1:9000")));
+  EXPECT_THAT(config.listeners(), testing::ElementsAre(*parse_peer("10.0.0.7:1511")));
+  config.multicast = false;
+  EXPECT_THAT(config.groups(), testing::ElementsAre(*parse_peer("224.0.0.1:9000")));
+  config.address = "0.0.0.0";
+  EXPECT_THAT(faults(config), testing::ElementsAre("streaming.natnet.multicast_interface"));
+  config.multicast_interface = "10.0.0.5";
+  EXPECT_THAT(faults(config), testing::IsEmpty());
 }
 
 TEST(Peer, ReadsWhatItWrites) {

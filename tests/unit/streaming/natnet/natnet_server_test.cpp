@@ -110,12 +110,15 @@ TEST_F(NatNetServerTest, ListsWhatItsClientsReceive) {
   join(client);
   publish();
   const auto all = clients();
-  ASSERT_EQ(all.size(), 1U);
+  ASSERT_EQ(all.size(), 2U);
   EXPECT_EQ(all[0].protocol, "natnet");
   EXPECT_EQ(all[0].peer, "127.0.0.1:" + std::to_string(client.port()) + " udp");
-  EXPECT_EQ(all[0].detail, "Ping, bitstream 3.1, y-up m");
+  EXPECT_EQ(all[0].detail, "bitstream 3.1, y-up m");
   EXPECT_EQ(all[0].frames_sent, 1U);
   EXPECT_EQ(all[0].frames_dropped, 0U);
+  EXPECT_EQ(all[1].peer, "239.255.42.99:1511 multicast");
+  EXPECT_EQ(all[1].detail, "by 127.0.0.1, bitstream 3.1, y-up m");
+  EXPECT_EQ(all[1].frames_sent, 1U);
 }
 
 TEST_F(NatNetServerTest, HearsDiscoveryByBroadcastOnTheLoopback) {
@@ -141,7 +144,7 @@ TEST_F(NatNetServerTest, AClientWhoseSocketIsClosedIsForgottenAndOthersLoseNothi
     publish();
     EXPECT_EQ(id_of(wait_for(stays)), Message::kFrame) << i;
   }
-  EXPECT_EQ(clients().size(), 1U);
+  EXPECT_EQ(clients().size(), 2U) << "the one that stays, and the group";
 }
 
 TEST_F(NatNetServerTest, AThousandBodiesArriveInOneDatagram) {
@@ -149,10 +152,10 @@ TEST_F(NatNetServerTest, AThousandBodiesArriveInOneDatagram) {
   start();
   Client client(io_);
   client.socket().set_option(asio::socket_base::receive_buffer_size(1 << 20));
-  client.send(connect({4, 1}, {4, 1}), server_->port());
+  client.send(connect({4, 1}, {4, 1}), server_->unicast_port());
   EXPECT_EQ(id_of(wait_for(client)), Message::kServerInfo);
-  client.send(message(Message::kKeepAlive), server_->port());
-  client.send(message(Message::kRequestModel), server_->port());
+  client.send(message(Message::kKeepAlive), server_->unicast_port());
+  client.send(message(Message::kRequestModel), server_->unicast_port());
   EXPECT_EQ(id_of(wait_for(client)), Message::kModel);
   for (int i = 0; i < 20; ++i) {
     publish();
@@ -170,38 +173,84 @@ TEST_F(NatNetServerTest, SixtyFourClientsOfOneComputerAllGetEveryFrame) {
   }
 }
 
-TEST_F(NatNetServerTest, MulticastFramesReachTheGroup) {
-  config_.multicast = true;
-  config_.multicast_command_port = 0;
-  udp::socket member(io_);
-  member.open(udp::v4());
-  member.set_option(udp::socket::reuse_address(true));
-  member.bind({asio::ip::address_v4::any(), 0});
-  const auto group = asio::ip::make_address_v4(config_.multicast_group);
-  boost::system::error_code error;
-  member.set_option(asio::ip::multicast::join_group(group, asio::ip::address_v4::loopback()),
-                    error);
-  if (error) GTEST_SKIP() << "no multicast here: " << error.message();
-  config_.data_port = member.local_endpoint().port();
+TEST_F(NatNetServerTest, TwoPortsTellTwoKindsOfServer) {
   start();
-  ASSERT_NE(server_->multicast_command_port(), 0);
+  ASSERT_NE(server_->unicast_port(), 0);
   Client client(io_);
-  client.send(ping(), server_->multicast_command_port());
-  const Bytes info = wait_for(client);
-  ASSERT_EQ(id_of(info), Message::kServerInfo);
-  EXPECT_EQ(info[kHeaderSize + 274], std::byte{1});
-  publish();
-  member.non_blocking(true);
-  Bytes buffer(65536);
-  std::size_t size = 0;
-  const auto end = std::chrono::steady_clock::now() + kPatience;
-  while (size == 0 && std::chrono::steady_clock::now() < end) {
-    size = member.receive(asio::buffer(buffer), 0, error);
-    if (error) size = 0;
+  client.send(ping(), server_->port());
+  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{1});
+  client.send(ping(), server_->unicast_port());
+  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{0});
+  server_.reset();
+  config_.multicast = false;
+  start();
+  EXPECT_EQ(server_->unicast_port(), 0);
+  client.send(ping(), server_->port());
+  EXPECT_EQ(wait_for(client).at(kHeaderSize + 274), std::byte{0});
+}
+
+/// Bound to the port of the group as a client of another program would.
+class Listener {
+ public:
+  explicit Listener(asio::io_context& io) : socket_(io) {
+    socket_.open(udp::v4());
+    socket_.set_option(udp::socket::reuse_address(true));
+    socket_.bind({asio::ip::address_v4::any(), 0});
+    socket_.non_blocking(true);
   }
-  buffer.resize(size);
-  ASSERT_GE(size, kHeaderSize);
-  EXPECT_EQ(bodies_in(buffer).size(), 2U);
+  [[nodiscard]] bool join(const std::string& group, const char* card) {
+    boost::system::error_code error;
+    socket_.set_option(asio::ip::multicast::join_group(asio::ip::make_address_v4(group),
+                                                       asio::ip::make_address_v4(card)),
+                       error);
+    return !error;
+  }
+  [[nodiscard]] std::uint16_t port() const { return socket_.local_endpoint().port(); }
+  /// Datagrams that came, until none has come for a moment.
+  std::size_t count(Bytes& last) {
+    std::size_t n = 0;
+    auto until = std::chrono::steady_clock::now() + kPatience;
+    while (std::chrono::steady_clock::now() < until) {
+      Bytes buffer(65536);
+      boost::system::error_code error;
+      buffer.resize(socket_.receive(asio::buffer(buffer), 0, error));
+      if (error) continue;
+      ++n;
+      last = buffer;
+      until = std::chrono::steady_clock::now() + std::chrono::milliseconds(50);
+    }
+    return n;
+  }
+
+ private:
+  udp::socket socket_;
+};
+
+TEST_F(NatNetServerTest, ALocalClientThatNeverAsksHearsTheGroupWhicheverCardItJoinedOn) {
+  for (const char* card : {"127.0.0.1", "0.0.0.0", ""}) {
+    Listener listener(io_);
+    // On a machine without any network the system knows no card for a group.
+    if (*card != '\0' && !listener.join(config_.multicast_group, card)) continue;
+    config_.data_port = listener.port();
+    server_.reset();
+    start();
+    publish();
+    Bytes frame;
+    EXPECT_EQ(listener.count(frame), 1U) << "joined on " << card;
+    ASSERT_GE(frame.size(), kHeaderSize);
+    EXPECT_EQ(bodies_in(frame).size(), 2U);
+  }
+}
+
+TEST_F(NatNetServerTest, AGroupAmongTheTargetsGetsFramesToo) {
+  Listener listener(io_);
+  config_.multicast = false;
+  config_.targets = {"224.0.0.1:" + std::to_string(listener.port())};
+  start();
+  publish();
+  Bytes frame;
+  EXPECT_EQ(listener.count(frame), 1U);
+  EXPECT_EQ(clients().at(0).peer, config_.targets[0] + " multicast");
 }
 
 TEST_F(NatNetServerTest, SaysWhatToDoWhenAPortIsTaken) {
