@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "capture/camera_device.hpp"
 #include "daemon/bodies/reopening_source.hpp"
 
 namespace fiducap {
@@ -19,6 +20,22 @@ bool knows_lenses(const BodySetup& setup) {
 
 Error about(const BodyConfig& config, const Error& error) {
   return {error.code, config.name + ": " + error.text(), {}};
+}
+
+/// What images are held against: the calibrated size, and the rate that was asked of a device.
+std::vector<ImageWatch::Promise> promises_of(const BodyConfig& config, const BodySetup& setup) {
+  std::vector<ImageWatch::Promise> all;
+  const auto& cameras = setup.sensors.cameras;
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    ImageWatch::Promise promise{{cameras[k].model.width, cameras[k].model.height}, 0};
+    if (config.source.type == SourceType::kCamera && !is_file(config.source.camera))
+      promise.rate_hz = config.source.camera.rate_hz;
+    const auto own = k < config.cameras.size() ? config.cameras[k].source : std::nullopt;
+    if (own && own->type == CameraSourceType::kCamera && !is_file(own->camera))
+      promise.rate_hz = own->camera.rate_hz;
+    all.push_back(promise);
+  }
+  return all;
 }
 
 /// The others of its body go on without it.
@@ -69,7 +86,7 @@ Expected<BodyOpening::Body> BodyOpening::open_body(const BodyConfig& config,
     if (source || again) ++opened_;
     if (source && !again) body.truth = truth_of(**source, config_);
     body.sources.push_back({keep_open(config, part, body.setup, std::move(source)), name_of(part),
-                            gives_images(part)});
+                            gives_images(part), promises_of(config, body.setup)});
   }
   return body;
 }

@@ -24,7 +24,9 @@ BodyReader::BodyReader(BodySource source, std::string body, Take take, EventBoar
       body_(std::move(body)),
       take_(std::move(take)),
       events_(events),
-      clock_(clock) {}
+      clock_(clock) {
+  for (const ImageWatch::Promise& promise : source_.promises) watches_.emplace_back(promise);
+}
 
 void BodyReader::read(std::stop_token stop) {
   Duration pause = kFirstPause;
@@ -67,7 +69,27 @@ void BodyReader::read_samples(std::stop_token stop) {
     }
     if (std::exchange(failed_, false))
       events_.end(body_, "source_failed", "its " + source_.name + " gives samples again");
+    if (const auto* image = std::get_if<CameraFrame>(&**sample)) look_at(*image);
     if (!take_(std::move(**sample))) return;
+  }
+}
+
+void BodyReader::look_at(const CameraFrame& image) {
+  const auto camera = static_cast<std::size_t>(image.camera);
+  if (image.camera < 0 || camera >= watches_.size() || !image.image) return;
+  const bool is_only = watches_.size() == 1;
+  const std::string whose =
+      is_only ? "its camera: " : "its camera " + std::to_string(camera) + ": ";
+  for (const ImageDoubt& doubt : watches_[camera].take(image)) {
+    const std::string kind =
+        std::string(name_of(doubt.fault)) + (is_only ? "" : "_" + std::to_string(camera));
+    events_.set(doubt.holds,
+                {.severity = Severity::kWarning,
+                 .subject = body_,
+                 .kind = kind,
+                 .text = whose + doubt.text,
+                 .remedy = doubt.remedy},
+                whose + doubt.text);
   }
 }
 

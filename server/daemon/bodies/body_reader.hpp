@@ -5,9 +5,11 @@
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "base/clock.hpp"
 #include "base/event_board.hpp"
+#include "capture/image_watch.hpp"
 #include "capture/sensor_source.hpp"
 
 namespace fiducap {
@@ -18,10 +20,13 @@ struct BodySource {
   std::string name{"source"};  ///< In words, after `its`.
   /// When the last of these has ended, so has the body.
   bool gives_images{true};
+  /// What its images are held against, by camera of the body; those of others are not watched.
+  std::vector<ImageWatch::Promise> promises{};
 };
 
 /// Waits for one source of a body and passes on what it gives: a plain function for a thread to
-/// run. What the source throws is said, and it is read on, after pauses that grow to half a minute.
+/// run. Images that are wrong (black, frozen, half, too few) are said. What the source throws is
+/// said, and it is read on, after pauses that grow to half a minute.
 class BodyReader final {
  public:
   /// @return false: nothing is taken any more
@@ -38,6 +43,7 @@ class BodyReader final {
 
  private:
   void read_samples(std::stop_token stop);
+  void look_at(const CameraFrame& image);
   void say_that_it_failed(const char* why);
 
   BodySource source_;
@@ -46,7 +52,8 @@ class BodyReader final {
   EventBoard& events_;
   const Clock& clock_;
   std::atomic<bool> reading_{true};
-  bool failed_{false};  ///< And no sample since.
+  bool failed_{false};               ///< And no sample since.
+  std::vector<ImageWatch> watches_;  ///< By camera of the body.
 };
 
 }  // namespace fiducap

@@ -66,8 +66,8 @@ TEST_F(JpegImageTest, EncodesWhatAnybodyCanRead) {
   ASSERT_EQ(read.rows, 200);
   constexpr double kCompression_gray = 6;  // of quality 80
   for (int u = 0; u < 320; u += 7)
-    EXPECT_NEAR(read.at<std::uint8_t>(100, u), image.pixels[static_cast<std::size_t>(100 * 320 + u)],
-                kCompression_gray);
+    EXPECT_NEAR(read.at<std::uint8_t>(100, u),
+                image.pixels[static_cast<std::size_t>(100 * 320 + u)], kCompression_gray);
   encode_jpeg({}, bytes);
   EXPECT_TRUE(bytes.empty());
 }

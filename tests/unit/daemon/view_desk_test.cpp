@@ -49,8 +49,8 @@ class ViewDeskTest : public testing::Test {
     return desk_.take(0);
   }
   static Json header(const std::string& message) {
-    return Json::parse(message.substr(4, static_cast<unsigned char>(message[0]) |
-                                             static_cast<unsigned char>(message[1]) << 8));
+    return Json::parse(message.substr(
+        4, static_cast<unsigned char>(message[0]) | static_cast<unsigned char>(message[1]) << 8));
   }
 
   FakeClock clock_{at_ms(60'000)};
