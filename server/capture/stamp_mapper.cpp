@@ -16,7 +16,7 @@ constexpr int kPatience = 50;
 constexpr int kAlike = 5;
 constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 62;
 constexpr Duration kFarthest{kFarthest_ns / 2};  // for an offset: added to a stamp it still fits
-// So long what is known of the clocks becomes better by leaps.
+// So long what is known of the clocks becomes better by leaps: what had waited comes first.
 constexpr Duration kSettling = std::chrono::seconds(1);
 // Afterwards by so much per second, but at once if it was wrong by more than this.
 constexpr double kQuickest = 0.02;
@@ -44,7 +44,7 @@ std::optional<Instant> StampMapper::place_by(std::optional<Duration> known, std:
   const Duration by_arrivals = arrivals_.update(stamp, arrived);
   const bool is_known = known && !by_arrival_ && *known<kFarthest&& * known> - kFarthest;
   const Duration offset = is_known ? *known : by_arrivals;
-  return judge(stamp, without_steps(offset, stamp), arrived, !is_known);
+  return judge(stamp, without_steps(offset, stamp, arrived), arrived, !is_known);
 }
 
 std::optional<Instant> StampMapper::judge(Instant stamp, Duration offset, Instant arrived,
@@ -67,11 +67,14 @@ std::optional<Instant> StampMapper::judge(Instant stamp, Duration offset, Instan
   return std::nullopt;
 }
 
-Duration StampMapper::without_steps(Duration wanted, Instant stamp) {
-  if (!added_) began_ = newest_ = stamp;
+Duration StampMapper::without_steps(Duration wanted, Instant stamp, Instant arrived) {
+  if (!added_) {
+    began_ = arrived;
+    newest_ = stamp;
+  }
   const Duration passed = std::max(stamp - newest_, Duration{0});
-  const bool steps =
-      !added_ || stamp - began_ < kSettling || wanted - *added_ > kStep || *added_ - wanted > kStep;
+  const bool steps = !added_ || arrived - began_ < kSettling || wanted - *added_ > kStep ||
+                     *added_ - wanted > kStep;
   if (steps) {
     added_ = wanted;
   } else {

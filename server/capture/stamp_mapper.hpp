@@ -35,7 +35,7 @@ class StampMapper final {
  private:
   [[nodiscard]] std::optional<Instant> judge(Instant stamp, Duration offset, Instant arrived,
                                              bool by_arrival_now);
-  [[nodiscard]] Duration without_steps(Duration wanted, Instant stamp);
+  [[nodiscard]] Duration without_steps(Duration wanted, Instant stamp, Instant arrived);
   void start_again();
 
   bool by_arrival_;
@@ -45,8 +45,8 @@ class StampMapper final {
   int refused_alike_{0};     ///< In a row, with the same difference.
   ArrivalOffset arrivals_;
   std::optional<Duration> added_;  ///< To the newest stamp.
-  Instant began_{};                ///< Stamps, of the sender.
-  Instant newest_{};
+  Instant began_{};                ///< When the first message arrived.
+  Instant newest_{};               ///< Stamp.
 };
 
 }  // namespace fiducap

@@ -376,7 +376,7 @@ void BodyPipeline::note_imu() {
 void BodyPipeline::note_imu_faults() {
   while (const auto fault = plausibility_.take_news()) {
     note(is_fatal(*fault) ? BodyEvent::Kind::kImuUnusable : BodyEvent::Kind::kImuDoubtful);
-    update_.events.back().text = text_of(*fault);
+    update_.events.back().text = plausibility_.text(*fault);
   }
   if (!plausibility_.take_all_clear()) return;
   say(BodyEvent::Kind::kImuPlausible, "the IMU's readings are plausible again");

@@ -126,7 +126,7 @@ class BodyPipeline final {
       search_;  // built with the first image: recordings of corners need none
   std::optional<SegmentRecorder> segments_;
   TagDoubts doubts_;
-  ImuPlausibility plausibility_;
+  ImuPlausibility plausibility_{setup_.sensors.imu ? setup_.sensors.imu->rate_hz : 0};
   RotationAgreement agreement_;
   PoseTrust trust_;
   bool disagreement_told_{false};  ///< While poses were not shown.

@@ -27,7 +27,7 @@ struct BodyEvent {
     kImuSilent,      ///< Images come, IMU readings do not: `text` says what follows.
     kImuBack,        ///< … and they come again.
     kImuUnusable,    ///< Its readings cannot be in the right unit: `text` says what they look like.
-    kImuDoubtful,    ///< They look odd: `text` says how.
+    kImuDoubtful,    ///< They look odd, or come oddly: `text` says how.
     kImuPlausible,   ///< … and are as they should be again.
     kTurnsDisagree,  ///< Images contradict gyro or estimate, poses are withheld: `text` says how.
     kTurnsAgree,     ///< … and does so no more.

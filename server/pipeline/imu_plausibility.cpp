@@ -62,15 +62,21 @@ std::string_view text_of(ImuFault fault) {
     case ImuFault::kRateInDegreesPerSecond:
       return "the gyro seems to give degrees per second: its turns are 57 times those that the "
              "tags show; expected are rad/s. Multiply its readings by 0.0174533";
+    case ImuFault::kFlow:
+      return "the IMU's readings do not come as they should";
   }
   return {};
 }
 
-bool is_fatal(ImuFault fault) { return fault != ImuFault::kForceUnlikely; }
+bool is_fatal(ImuFault fault) {
+  return fault != ImuFault::kForceUnlikely && fault != ImuFault::kFlow;
+}
 
 void ImuPlausibility::add(const ImuSample& imu) {
   if (last_at_ && imu.sampled_at - *last_at_ > kPause) judge_anew();
   last_at_ = imu.sampled_at;
+  flow_.add(imu);
+  if (flow_.fault() != flow_fault_) judge_flow();
   if (forces_ < kForces && (!last_force_at_ || imu.sampled_at - *last_force_at_ >= kForceStep)) {
     last_force_at_ = imu.sampled_at;
     forces_m_s2_[forces_++] = imu.f_B.norm();
@@ -121,10 +127,17 @@ void ImuPlausibility::judge_rates() {
   }
 }
 
+void ImuPlausibility::judge_flow() {
+  flow_fault_ = flow_.fault();
+  flow_news_ = flow_fault_.has_value();
+  if (!flow_fault_) say_what_is_left();
+}
+
 void ImuPlausibility::say_what_is_left() {
   force_news_ = force_fault_;
   rate_news_ = rate_fault_;
-  all_clear_ = !force_fault_ && !rate_fault_;
+  flow_news_ = flow_fault_.has_value();
+  all_clear_ = !force_fault_ && !rate_fault_ && !flow_fault_;
 }
 
 bool ImuPlausibility::rates_are_judged() const {
@@ -163,7 +176,12 @@ void ImuPlausibility::compare(const Look& before, const Look& now, const CameraM
 
 std::optional<ImuFault> ImuPlausibility::take_news() {
   if (force_news_) return std::exchange(force_news_, std::nullopt);
-  return std::exchange(rate_news_, std::nullopt);
+  if (rate_news_) return std::exchange(rate_news_, std::nullopt);
+  return std::exchange(flow_news_, false) ? std::optional(ImuFault::kFlow) : std::nullopt;
+}
+
+std::string ImuPlausibility::text(ImuFault fault) const {
+  return fault == ImuFault::kFlow ? flow_.text() : std::string(text_of(fault));
 }
 
 }  // namespace fiducap

@@ -96,6 +96,7 @@ TEST(Time, IsNotWaitedForByUnitTests) {
   // Of programs with the label `loopback`.
   const std::set<std::string> real_time{
       "tests/unit/capture/imu/imu_source_test.cpp",
+      "tests/unit/capture/imu/px4_source_test.cpp",
       "tests/unit/client/c_api_test.cpp",
       "tests/unit/client/client_reading_test.cpp",
       "tests/unit/client/client_server_test.cpp",

@@ -14,6 +14,8 @@ constexpr Duration kHeartbeatPeriod = std::chrono::seconds(1);
 constexpr Duration kMessageGone = std::chrono::seconds(1);
 // Nobody is spoken to for longer than he spoke.
 constexpr Duration kListens = std::chrono::seconds(10);
+// An autopilot may answer anything.
+constexpr Duration kFarthestClock{std::int64_t{1} << 61};
 // Answers to one piece: a flood of questions gets no flood of answers.
 constexpr std::size_t kMostAnswers = 512;
 
@@ -37,11 +39,11 @@ void VehicleImu::receive(std::span<const std::byte> bytes, const LinkPeer& from,
 
 void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant arrived) {
   const bool is_ours = choice_.hear(frame, from, arrived);
-  if (const auto news = choice_.take_news()) news_.push_back({*news});
+  if (const auto news = choice_.take_news()) tell(*news);
   if (!is_ours) return;
   if (std::exchange(turn_, choice_.turn()) != choice_.turn()) {
     begin_anew();
-    news_.push_back({"takes the IMU of " + choice_.text_of_vehicle(), false});
+    tell("takes the IMU of " + choice_.text_of_vehicle(), false);
   }
   if (is_message(frame, MessageId::kTimesync)) {
     take_timesync(frame, arrived);
@@ -104,17 +106,19 @@ void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
   }
   DeviceClock& clock = reading->counts_ms ? milliseconds_ : microseconds_;
   const auto offset = sync_.offset(arrived, clock.drift());
-  const auto known = offset ? std::optional(-offset->to_autopilot) : std::nullopt;
+  const bool is_sane =
+      offset && offset->to_autopilot > -kFarthestClock && offset->to_autopilot < kFarthestClock;
+  const auto known = is_sane ? std::optional(-offset->to_autopilot) : std::nullopt;
   const auto at = clock.place(reading->count, arrived, known);
   if (clock.by_arrival() && !std::exchange(told_foreign_clock_, true))
-    news_.push_back(
-        {"its readings are not stamped with the clock that it answers TIMESYNC with: "
-         "they are placed by arrival"});
+    tell(
+        "its readings are not stamped with the clock that it answers TIMESYNC with: "
+        "they are placed by arrival");
   if (const auto restarts = microseconds_.restarts() + milliseconds_.restarts();
       std::exchange(restarts_, restarts) != restarts) {
     sync_ = {};
     requests_.begin_anew();
-    news_.push_back({"the autopilot's clock has started again: it has restarted"});
+    tell("the autopilot's clock has started again: it has restarted");
   }
   if (!at || (last_sampled_ && *at <= *last_sampled_)) return;
   last_sampled_ = at;
@@ -163,12 +167,18 @@ void VehicleImu::speak(Instant now, std::vector<std::byte>& out) {
   requests_.append_due({vehicle.system, vehicle.component}, vehicle.autopilot, taken_, now, from,
                        out);
   sequence_ = from.sequence;
-  if (const auto news = requests_.take_news()) news_.push_back({*news});
+  if (const auto news = requests_.take_news()) tell(*news);
 }
 
 std::optional<LinkPeer> VehicleImu::address(Instant now) const {
   const auto& vehicle = choice_.vehicle();
   return vehicle && now - vehicle->heard_at < kListens ? std::optional(vehicle->at) : std::nullopt;
+}
+
+void VehicleImu::tell(const std::string& text, bool is_bad) {
+  News& news = news_.emplace_back();
+  news.text = text;
+  news.is_bad = is_bad;
 }
 
 std::optional<VehicleImu::News> VehicleImu::take_news() {

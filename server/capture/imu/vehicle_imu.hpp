@@ -64,6 +64,7 @@ class VehicleImu final {
   [[nodiscard]] int rank_of(MessageId message) const;
   [[nodiscard]] bool is_taken(MessageId message, Instant arrived);
   void begin_anew();
+  void tell(const std::string& text, bool is_bad = true);
   [[nodiscard]] Sender next_sender();
 
   MavlinkImuConfig config_;

@@ -38,7 +38,11 @@ std::optional<ClockSync::Offset> ClockSync::offset(Instant now, double drift) co
     if (!one || now - one->at > kMemory) continue;
     if (best && one->offset.doubt >= best->doubt) continue;
     best = one->offset;
-    best->to_autopilot += from_seconds(drift * to_seconds(now - one->at));
+    // Wraps as well.
+    const auto carried = from_seconds(drift * to_seconds(now - one->at)).count();
+    best->to_autopilot =
+        Duration{static_cast<std::int64_t>(static_cast<std::uint64_t>(best->to_autopilot.count()) +
+                                           static_cast<std::uint64_t>(carried))};
   }
   return best;
 }

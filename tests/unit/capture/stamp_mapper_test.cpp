@@ -165,6 +165,21 @@ TEST(StampMapper, FirstMessagesThatCameLateDelayNothing) {
   EXPECT_LE(refused, 5);
 }
 
+TEST(StampMapper, WhatHadWaitedForSecondsDelaysNothing) {
+  DriftingSender sender{0, 0.0001};
+  StampMapper mapper(false);
+  const Instant opened = kStart + 3s;
+  for (int i = 0; i < 1000; ++i) {
+    auto message = sender.next();
+    message.arrived = std::max(message.arrived, opened);  // all at once at first
+    const auto placed = mapper.place(message.stamp_ns, message.arrived, 0);
+    if (message.measured < opened + 1s) continue;
+    ASSERT_TRUE(placed);
+    EXPECT_LT(*placed - message.measured - sender.quickest, 100us);
+    EXPECT_GT(*placed - message.measured - sender.quickest, -100us);
+  }
+}
+
 TEST(StampMapper, AKnownClockGoesBeforeArrivals) {
   DriftingSender sender{0, 0.003, 20ms};
   StampMapper mapper(true);

@@ -38,6 +38,8 @@ class ImuPlausibilityTest : public testing::Test {
   }
 
   void start_again() { plausibility_ = {}; }
+  void start_again(double promised_hz) { plausibility_ = ImuPlausibility(promised_hz); }
+  [[nodiscard]] std::string text(ImuFault fault) const { return plausibility_.text(fault); }
   void pause(double seconds) { tick_ += static_cast<int>(seconds * 200); }
   /// What a body's pipeline does for every sample.
   void take(const ImuSample& imu, const TagObservations& seen) {
@@ -147,6 +149,16 @@ TEST_F(ImuPlausibilityTest, JudgesAnewAfterAPauseTheImuMayBeAnother) {
   pause(2);
   EXPECT_THAT(run(30),
               UnorderedElementsAre(ImuFault::kForceInG, ImuFault::kRateInDegreesPerSecond));
+}
+
+TEST_F(ImuPlausibilityTest, SaysHowReadingsComeAndWhenThatIsOver) {
+  start_again(2000);  // ten times what comes
+  EXPECT_THAT(run(16), ElementsAre(ImuFault::kFlow));
+  EXPECT_NE(text(ImuFault::kFlow).find("gives 200 readings a second, 2000 are configured"),
+            std::string::npos);
+  EXPECT_FALSE(is_fatal(ImuFault::kFlow));
+  EXPECT_THAT(run(30), IsEmpty()) << "once";
+  EXPECT_EQ(all_clears_, 0);
 }
 
 TEST_F(ImuPlausibilityTest, AStillBodyAllocatesNothing) {
