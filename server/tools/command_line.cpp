@@ -7,6 +7,7 @@
 #include "base/closest_word.hpp"
 #include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibrate_verbs.hpp"
+#include "tools/camera/camera_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
 #include "tools/live/control_command.hpp"
 #include "tools/live/events_command.hpp"
@@ -34,6 +35,7 @@ struct CommandLine {
   MapVerbs map;
   TagSheetArguments tag_sheet;
   CalibrateArguments calibrate;
+  CameraArguments camera;
   SimulateArguments simulate;
   ChosenVerb chosen;
 };
@@ -341,6 +343,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_evaluate(app, line);
   add_map(app, line.map, line.chosen);
   add_tags(app, line);
+  add_camera_verbs(app, line.camera, line.chosen);
   add_calibrate(app, line.calibrate, line.chosen);
   add_simulate(app, line);
   if (const auto wrong = wrong_verb(app, argc, argv)) {

@@ -69,6 +69,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"tools/tags", {}},
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},
+    {"tools/camera", {}},
     {"tools/live", {}},
     {"tools/doctor", {"live"}},
 };
