@@ -23,7 +23,7 @@ constexpr double kLeastContrast = 6;   // of what is a square at all
 constexpr double kStraight = 0.05;     // of the perimeter: how far a side may bend
 constexpr double kLeastWidth = 0.3;    // between opposite sides, of the longest one
 constexpr int kWindow_px = 23;         // of the local threshold; odd
-constexpr double kOffset = 7;          // grays below its window's mean is dark
+constexpr double kOffset = 4;          // grays below its window's mean is dark
 
 using Corners = std::array<Eigen::Vector2d, 4>;
 
@@ -53,17 +53,20 @@ double gray_at(const GrayImage& image, const Eigen::Vector2d& px) {
 }
 
 /// How much brighter it is outside of the sides than inside, grays: the mean over points at a share
-/// of the way to the middle.
+/// of the way to the middle, but clear of the pixels that the sides run through.
 double contrast_of(const GrayImage& image, const Corners& quad, double share) {
   constexpr int kPoints = 6;  // per side
+  constexpr double kClear_px = 1.5;
   const Eigen::Vector2d middle = centre_of(quad);
   double sum = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     for (int k = 0; k < kPoints; ++k) {
       const double at = (k + 1.0) / (kPoints + 1);
       const Eigen::Vector2d px = (1 - at) * quad[i] + at * quad[(i + 1) % 4];
-      sum +=
-          gray_at(image, px + share * (px - middle)) - gray_at(image, px - share * (px - middle));
+      const double away_px = (px - middle).norm();
+      const Eigen::Vector2d off =
+          (px - middle) * std::max(share, kClear_px / std::max(kClear_px, away_px));
+      sum += gray_at(image, px + off) - gray_at(image, px - off);
     }
   }
   return sum / (4 * kPoints);

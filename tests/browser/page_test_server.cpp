@@ -263,11 +263,11 @@ int main(int argc, char** argv) {
   boost::asio::io_context io;
   const SteadyClock clock;
   const auto model = robots(bodies);
+  FakeCameras cameras(bodies, clock);
   std::unique_ptr<web::WebServer> server;
   web::WebSources sources;
   EventBoard events(utc_now_ns);
   sources.events = &events;
-  FakeCameras cameras(bodies, clock);
   sources.views = &cameras.desk();
   sources.version = "0.1.0";
   sources.map_mode = [] { return std::string("mapping"); };

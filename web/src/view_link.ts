@@ -90,6 +90,8 @@ export class ViewLink {
     if (reply.challenge) return socket.send(encodeRequest(token, reply.challenge, 1, { do: 'check' }));
     this.admitted = reply.result === RESULT.done;
     if (this.admitted) return this.tell();
+    this.wishes = []; // asking again and again would shut the operator out
+    this.hangUp();
     this.events.trouble(`No pictures: ${reply.text}.`);
   }
 

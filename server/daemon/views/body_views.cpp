@@ -7,7 +7,7 @@ namespace fiducap {
 
 namespace {
 
-constexpr double kEarly = 0.25;  // of the wished period: an image this early is in time
+constexpr double kEarly = 0.05;  // of the wished period: an image this early is in time
 constexpr double kSmooth = 0.2;  // share of the newest of the times between two images
 constexpr double kPause_s = 5;   // a longer one says nothing of the rate
 

@@ -8,7 +8,7 @@ namespace fiducap::web {
 namespace {
 
 // As early as this is in time: pictures come by the images' own beat.
-constexpr double kEarly = 0.25;  // of the period
+constexpr double kEarly = 0.05;  // of the period
 
 }  // namespace
 

@@ -162,7 +162,7 @@ void BeastSession::on_wish(ErrorCodeOf error, std::size_t) {
   const auto wishes = stream_.got_text() ? parse_wishes(text)
                                          : fail(ErrorCode::kInvalid, "expected a wish as text");
   if (!wishes) {
-    desk_->view_feed().wish(*view_, {});
+    leave_places();
     const websocket::close_reason why(websocket::close_code::policy_error,
                                       wishes.error().what.substr(0, kLongestReason));
     return stream_.async_close(why, on(&BeastSession::end_of));
@@ -185,8 +185,10 @@ void BeastSession::prove_view() {
 void BeastSession::on_view_reply(ErrorCodeOf error, std::size_t) {
   replies_.clear();
   if (error) return end();
-  if (hangs_up_)
+  if (hangs_up_) {
+    leave_places();
     return stream_.async_close(websocket::close_code::policy_error, on(&BeastSession::end_of));
+  }
   stream_.async_read(buffer_, on(&BeastSession::on_wish));
 }
 

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -179,7 +180,7 @@ TEST_F(ViewDeskTest, TheThreadMakesPicturesUntilItIsStopped) {
   std::jthread making([&](std::stop_token stop) { desk_.run(std::move(stop)); });
   expose(1000);
   CameraViews::Picture picture;
-  while (!(picture = desk_.take(0))) std::this_thread::yield();
+  while (!(picture = desk_.take(0))) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_GT(picture->size(), 1000u);
   making.request_stop();
   making.join();

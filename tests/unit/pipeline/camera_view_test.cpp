@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
+#include <cmath>
 
 #include "support/allocation_counter.hpp"
 

@@ -97,6 +97,8 @@ class ViewSocketTest : public testing::Test {
   std::unique_ptr<WebServer> server_;
 };
 
+// A close by policy (1008), without words.
+const std::string kClosed = "\x88\x02\x03\xf0";
 // A proxy on this machine passes on what somebody elsewhere asks.
 constexpr const char* kProxied = "X-Forwarded-For: 10.0.0.9\r\n";
 
@@ -171,7 +173,7 @@ TEST_F(ViewSocketTest, AWrongTokenShowsNothingAndFiveKeepTheAddressOut) {
     ASSERT_TRUE(peer.wait_for_upgrade());
     peer.say(proof_of("a guess", reply(peer).hello().challenge()));
     EXPECT_EQ(reply(peer).result(), v1::ControlReply::RESULT_FORBIDDEN);
-    EXPECT_TRUE(peer.wait_for_close());
+    EXPECT_TRUE(peer.wait_for(kClosed));
   }
   auto peer = client();
   upgrade(peer, kProxied);
@@ -186,7 +188,7 @@ TEST_F(ViewSocketTest, AWishBeforeTheProofEndsTheConversation) {
   upgrade(peer, kProxied);
   ASSERT_TRUE(peer.wait_for_upgrade());
   say(peer, "1/0/640/10/0");
-  EXPECT_TRUE(peer.wait_for_close());
+  EXPECT_TRUE(peer.wait_for(kClosed));
   EXPECT_EQ(views_.asked, 0);
 }
 
