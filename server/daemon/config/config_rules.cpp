@@ -4,6 +4,7 @@
 
 #include "capture/sample_merger.hpp"
 #include "daemon/config/config_file.hpp"
+#include "scene/body_name.hpp"
 
 namespace fiducap {
 
@@ -81,10 +82,9 @@ bool lens_is_elsewhere(const SourceConfig& source, const CameraConfig& camera) {
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  const auto name_fault = body_name_fault(body.name);
   Checker rules{prefix};
-  rules
-      .require(is_body_name(body.name), "name", '"' + body.name + '"',
-               "must have 1 to 63 of a-z A-Z 0-9 _ - .")
+  rules.require(!name_fault, "name", shown_name(body.name), name_fault.value_or(""))
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
                "must be robocentric or world")
