@@ -1,13 +1,13 @@
 #include "daemon/control_desk.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <ctime>
 #include <utility>
 
 #include "base/log.hpp"
 #include "daemon/operator_token.hpp"
 #include "daemon/system_clock.hpp"
+#include "scene/body_name.hpp"
 
 namespace fiducap {
 
@@ -33,13 +33,6 @@ std::vector<ConfigError> OperatorConfig::check() const {
       .require(token.empty() || token_file.empty(), "token_file", token_file,
                "says the token a second time: keep one of token and token_file")
       .errors;
-}
-
-bool is_body_name(const std::string& name) {
-  const auto good = [](unsigned char c) {
-    return std::isalnum(c) != 0 || c == '_' || c == '-' || c == '.';
-  };
-  return !name.empty() && name.size() <= 63 && std::all_of(name.begin(), name.end(), good);
 }
 
 ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
@@ -90,12 +83,11 @@ Expected<void> ControlDesk::set_enabled(int body_id, bool enabled) {
 Expected<void> ControlDesk::rename(int body_id, const std::string& name) {
   const auto body = index_of(body_id);
   if (!body) return tl::unexpected(body.error());
-  if (!is_body_name(name))
-    return fail(ErrorCode::kInvalid, "a body's name must have 1 to 63 of a-z A-Z 0-9 _ - .",
-                "\"" + name + "\"");
+  if (const auto fault = body_name_fault(name))
+    return fail(ErrorCode::kInvalid, "a body's name " + *fault, shown_name(name));
   for (const Scene::Listed& other : scene_.list())
     if (other.description.id != body_id && other.description.name == name)
-      return fail(ErrorCode::kInvalid, "another body has this name", "\"" + name + "\"");
+      return fail(ErrorCode::kInvalid, "another body has this name", shown_name(name));
   scene_.rename(*body, name);
   events_.rename(configured_names_.at(*body), name);
   log::info("daemon",

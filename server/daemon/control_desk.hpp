@@ -18,9 +18,6 @@ struct OperatorConfig {
   [[nodiscard]] std::vector<ConfigError> check() const;
 };
 
-/// 1 to 63 of a-z A-Z 0-9 _ - . so that every protocol can carry the name.
-[[nodiscard]] bool is_body_name(const std::string& name);
-
 /// What clients may change, carried out on the scene, the map and the recorder.
 class ControlDesk final : public OperatorDesk {
  public:

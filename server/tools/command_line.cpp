@@ -229,7 +229,7 @@ void add_control(CLI::App& app, CommandLine& line) {
   for_body("disable", "Stream a body no more; it is followed on", run_control_disable);
   for_body("rename", "Give a body another name until the server ends", run_control_rename,
            " rover scout")
-      ->add_option("NAME", a.name, "1 to 63 of a-z A-Z 0-9 _ - .")
+      ->add_option("NAME", a.name, "letters of any script, digits, spaces, _ - . + ( )")
       ->required();
   add_control_verb(*control, line, "freeze", "The map moves no more", run_control_freeze);
   add_control_verb(*control, line, "map", "The map grows and is refined", run_control_map);

@@ -6,6 +6,7 @@
 #include "capture/imu/imu_part.hpp"
 #include "capture/sample_merger.hpp"
 #include "daemon/config/config_file.hpp"
+#include "scene/body_name.hpp"
 
 namespace fiducap {
 
@@ -104,10 +105,9 @@ void check_camera(Errors& all, const BodyConfig& body, std::size_t camera,
 }
 
 void check_body(Errors& all, const BodyConfig& body, const std::string& prefix) {
+  const auto name_fault = body_name_fault(body.name);
   Checker rules{prefix};
-  rules
-      .require(is_body_name(body.name), "name", '"' + body.name + '"',
-               "must have 1 to 63 of a-z A-Z 0-9 _ - .")
+  rules.require(!name_fault, "name", shown_name(body.name), name_fault.value_or(""))
       .require(body.id >= 1, "id", body.id, "must be >= 1")
       .require(body.filter == "robocentric" || body.filter == "world", "filter", body.filter,
                "must be robocentric or world")

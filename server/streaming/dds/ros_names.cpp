@@ -8,6 +8,8 @@ namespace fiducap::dds {
 
 namespace {
 
+constexpr std::size_t kLongestName = 100;
+
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -27,7 +29,7 @@ std::string as_ros_name(const std::string& name) {
 }  // namespace
 
 bool is_ros_name(std::string_view name) {
-  return !name.empty() && name.size() <= 100 && is_letter(name.front()) &&
+  return !name.empty() && name.size() <= kLongestName && is_letter(name.front()) &&
          name.find("__") == std::string_view::npos &&
          std::all_of(name.begin(), name.end(),
                      [](char c) { return is_letter(c) || is_digit(c) || c == '_'; });
@@ -54,17 +56,10 @@ bool is_ros_frame(std::string_view name) {
 }
 
 std::vector<std::string> ros_names(const SceneModel& model, const NameAliases& aliases) {
-  std::vector<std::string> names;
-  names.reserve(model.bodies.size());
-  for (const auto& known : client_names(model, conventions_of("ros2").names, aliases)) {
-    const std::string plain = as_ros_name(known);
-    std::string name = plain;
-    for (int again = 2; std::find(names.begin(), names.end(), name) != names.end(); ++again) {
-      name = plain + "_" + std::to_string(again);
-    }
-    names.push_back(std::move(name));
-  }
-  return names;
+  std::vector<std::string> fit;
+  for (const BodyDescription& body : model.bodies)
+    fit.push_back(as_ros_name(client_name(body.name, conventions_of("ros2").names, aliases)));
+  return told_apart(model, aliases, fit, kLongestName);
 }
 
 }  // namespace fiducap::dds

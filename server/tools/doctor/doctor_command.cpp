@@ -112,7 +112,9 @@ void look_at_protocols(Report& findings, const StreamingConfig& streaming,
   for (const ServedProtocol& protocol : served_protocols(streaming)) {
     const std::string name(protocol.name);
     if (!protocol.enabled) {
-      findings.note(name + ": switched off (streaming." + name + ".enabled)");
+      const std::string ports = protocol.ports.empty() ? "" : " at " + ports_text(protocol);
+      findings.note(name + ": switched off, its clients find nobody" + ports + " (streaming." +
+                    name + ".enabled: true)");
       continue;
     }
     const auto faults = faults_of(protocol, listening, interfaces);

@@ -251,8 +251,10 @@ INSTANTIATE_TEST_SUITE_P(
         BadValue{"{streaming: {dds: {aliases: {a: \"\"}}}, bodies: [{name: a, source: {type: "
                  "recording, folder: x}}]}",
                  "streaming.dds.aliases.a = \"\": must not be empty"},
-        BadValue{"bodies: [{name: a b, source: {type: recording, folder: x}}]",
-                 "bodies.0.name = \"a b\": must have"},
+        BadValue{"bodies: [{name: a/b, source: {type: recording, folder: x}}]",
+                 "bodies.0.name = \"a/b\": must not have /"},
+        BadValue{"bodies: [{name: \"a\\u202Eb\", source: {type: recording, folder: x}}]",
+                 "bodies.0.name = \"a\\u202eb\": must not have characters that are not seen"},
         BadValue{"bodies: [{name: a, source: {type: recording}}]",
                  "bodies.0.source.folder = \"\": must name"},
         BadValue{"bodies: [{name: a, source: {type: simulator}}]", "bodies.0.cameras = []"},

@@ -63,6 +63,8 @@ TEST_F(ControlDeskTest, RefusesNamesThatNoProtocolOrNobodyElseCanBear) {
   EXPECT_FALSE(desk_.rename(4, "a@b"));
   EXPECT_FALSE(desk_.rename(4, std::string(64, 'a')));
   EXPECT_EQ(desk_.bodies()[0].name, "drone-2");
+  EXPECT_TRUE(desk_.rename(4, "Größe 1"));
+  EXPECT_EQ(desk_.bodies()[0].name, "Größe 1");
 }
 
 TEST_F(ControlDeskTest, EventsOfARenamedBodyBearItsNewName) {

@@ -2,6 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+#include <set>
+
+#include "streaming/conventions/protocol_conventions.hpp"
+
 namespace fiducap {
 namespace {
 
@@ -15,9 +21,25 @@ SceneModel model_of(const std::vector<std::string>& names) {
 TEST(ClientNames, WhatTheRuleForbidsBecomesAnUnderscore) {
   const NameRule ros{20, "-./", true, false};
   EXPECT_EQ(client_name("left-arm v2.1", ros), "left_arm_v2_1");
-  EXPECT_EQ(client_name("größe", ros), "gr____e");
+  EXPECT_EQ(client_name("Größe 1", ros), "Groesse_1");
+  EXPECT_EQ(client_name("日 1", ros), "u65e5_1");
+  EXPECT_EQ(client_name("gr\xf6\xdf"
+                        "e",
+                        {}),
+            "gr__e")
+      << "no UTF-8";
   EXPECT_EQ(client_name("größe", {}), "größe");
   EXPECT_EQ(client_name("a\nb\x7f", {}), "a_b_");
+}
+
+TEST(ClientNames, AWireThatCarriesUtf8ShowsTheTrueName) {
+  const auto by = [](std::string_view protocol) {
+    return client_name("Größe 1", conventions_of(protocol).names);
+  };
+  for (const auto* true_to_it : {"vrpn", "natnet", "qualisys", "native"})
+    EXPECT_EQ(by(true_to_it), "Größe 1") << true_to_it;
+  for (const auto* in_ascii : {"vicon", "ros2", "px4"})
+    EXPECT_EQ(by(in_ascii), "Groesse_1") << in_ascii;
 }
 
 TEST(ClientNames, AnAliasStandsForTheNameAndObeysTheRuleToo) {
@@ -37,9 +59,48 @@ TEST(ClientNames, NeverEmpty) {
 
 TEST(ClientNames, StayDistinctAfterCuttingAndReplacing) {
   EXPECT_EQ(client_names(model_of({"arm-1", "arm.1", "arm_1"}), {127, "-."}),
-            (std::vector<std::string>{"arm_1", "arm_1_2", "arm_1_3"}));
+            (std::vector<std::string>{"arm_1_2", "arm_1_3", "arm_1"}))
+      << "who fits as it is keeps its name";
   EXPECT_EQ(client_names(model_of({"walker-left", "walker-right"}), {7}),
             (std::vector<std::string>{"walker-", "walke_2"}));
+}
+
+const std::vector<std::string> kAlphabet{"a", "b", "_",  "-", ".",  " ", "1",
+                                         "2", "ö", "oe", "ß", "日", "(", "+"};
+
+/// Names of few letters, so that many become equal; all different.
+std::vector<std::string> names_of(std::mt19937& dice, std::size_t n) {
+  std::set<std::string> names;
+  while (names.size() < n) {
+    std::string name;
+    for (std::size_t left = 1 + dice() % 4; left > 0; --left)
+      name += kAlphabet[dice() % kAlphabet.size()];
+    names.insert(name);
+  }
+  std::vector<std::string> all(names.begin(), names.end());
+  std::shuffle(all.begin(), all.end(), dice);
+  return all;
+}
+
+TEST(ClientNames, NoTwoBodiesGetOneNameInAnyProtocolAndRunsAgree) {
+  std::mt19937 dice(7);
+  for (int round = 0; round < 50; ++round) {
+    const SceneModel model = model_of(names_of(dice, 100));
+    for (const auto& protocol : kProtocolConventions) {
+      if (protocol.names.max_bytes == 0) continue;  // MAVLink has no names
+      for (const std::size_t most : {protocol.names.max_bytes, std::size_t{6}}) {
+        NameRule rule = protocol.names;
+        rule.max_bytes = most;
+        const auto names = client_names(model, rule);
+        EXPECT_EQ(std::set(names.begin(), names.end()).size(), names.size()) << protocol.protocol;
+        EXPECT_EQ(client_names(model, rule), names);
+        for (const auto& name : names) {
+          EXPECT_LE(name.size(), most);
+          EXPECT_EQ(client_name(name, rule), name) << "fits, and is whole UTF-8";
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -25,13 +25,17 @@ TEST(RosNames, AnAliasStandsForTheName) {
               ElementsAre("cf_7", "arm"));
 }
 
-TEST(RosNames, WhatRosForbidsBecomesAnUnderscore) {
-  EXPECT_THAT(ros_names(model_of({"big-drone.v2", "7up", "_x__y_", "ä"})),
-              ElementsAre("big_drone_v2", "body_7up", "body_x_y", "body"));
+TEST(RosNames, WhatRosForbidsBecomesAnUnderscoreLettersStayReadable) {
+  EXPECT_THAT(ros_names(model_of({"big-drone.v2", "7up", "_x__y_", "Größe 1", "日", "(+)"})),
+              ElementsAre("big_drone_v2", "body_7up", "body_x_y", "Groesse_1", "u65e5", "body"));
+  std::string longest;
+  while (longest.size() + 2 <= 63) longest += "щ";
+  EXPECT_TRUE(is_ros_name(ros_names(model_of({longest})).front()));
 }
 
 TEST(RosNames, EqualNamesAreToldApart) {
-  EXPECT_THAT(ros_names(model_of({"a-b", "a.b", "a_b"})), ElementsAre("a_b", "a_b_2", "a_b_3"));
+  EXPECT_THAT(ros_names(model_of({"a-b", "a.b", "a_b"})), ElementsAre("a_b_2", "a_b_3", "a_b"))
+      << "who is one already keeps its name";
 }
 
 TEST(RosNames, AreLegalAndDistinctWhateverTheBodiesAreCalled) {
