@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <exception>
 #include <iostream>
+#include <optional>
 #include <utility>
 
 #include "base/log.hpp"
@@ -36,7 +37,37 @@ int tell(const fiducap::ConfigReview& review, bool as_json) {
   return 0;
 }
 
-int serve(fiducap::ServerConfig config, bool exit_at_end) {
+/// What is served, and how.
+struct Wish {
+  fiducap::ServerConfig config;
+  bool exit_at_end{false};
+  std::optional<fiducap::SetupOptions> setup{};
+};
+
+fiducap::ServerOptions options_of(const Wish& wish) {
+  fiducap::ServerOptions options;
+  options.exit_at_end = wish.exit_at_end;
+  options.setup = wish.setup;
+  options.stop_on_signals = true;
+  options.give_up = [] {
+    fiducap::log::flush(std::chrono::milliseconds(500));
+    std::_Exit(3);
+  };
+  return options;
+}
+
+/// Only pages, until there is a configuration.
+Wish set_up(const std::string& file, bool offers_simulation, const std::vector<std::string>& sets) {
+  auto config = fiducap::load_config("", sets);
+  Wish wish{config ? std::move(*config) : fiducap::ServerConfig{}, false,
+            fiducap::SetupOptions{file, offers_simulation}};
+  wish.config.streaming.vrpn.enabled = wish.config.streaming.native.enabled = false;
+  return wish;
+}
+
+/// @return exit code; nullopt: a configuration was made and is to be served
+std::optional<int> serve(Wish wish) {
+  fiducap::ServerConfig& config = wish.config;
   auto token = fiducap::operator_token(config.operators, std::getenv("CREDENTIALS_DIRECTORY"));
   if (!token) {
     std::cerr << token.error().text() << "\n";
@@ -48,20 +79,14 @@ int serve(fiducap::ServerConfig config, bool exit_at_end) {
   std::signal(SIGPIPE, SIG_IGN);  // who reads the log may go, the server stays
   std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk
   fiducap::log::set_level(config.log_level);
-  fiducap::ServerOptions options;
-  options.exit_at_end = exit_at_end;
-  options.stop_on_signals = true;
-  options.give_up = [] {
-    fiducap::log::flush(std::chrono::milliseconds(500));
-    std::_Exit(3);
-  };
-  auto server = fiducap::Server::build(config, options, clock);
+  auto server = fiducap::Server::build(config, options_of(wish), clock);
   if (!server) {
     fiducap::log::error("daemon", server.error().text());
     return 1;
   }
   const auto end = (*server)->run();
   if (end == fiducap::ServerEnd::kClean) return 0;
+  if (end == fiducap::ServerEnd::kSetUp) return std::nullopt;
   fiducap::log::flush(std::chrono::milliseconds(500));
   std::_Exit(end == fiducap::ServerEnd::kLost ? 1 : 0);  // what hangs must not hold us
 }
@@ -70,10 +95,18 @@ int serve(fiducap::ServerConfig config, bool exit_at_end) {
 
 int main(int argc, char** argv) {
   CLI::App app{"Fiducap server: motion capture from printed tags."};
-  std::string file;
+  std::string file, setup;
   std::vector<std::string> sets;
+  bool simulated = false;
   bool exit_at_end = false, check = false, print = false, as_json = false;
-  app.add_option("--config", file, "configuration, YAML")->required();
+  auto* config_file = app.add_option("--config", file, "configuration, YAML");
+  auto* setup_file =
+      app.add_option("--setup", setup,
+                     "make this configuration on the page, step by step; then serve it")
+          ->excludes(config_file);
+  app.add_flag("--simulated", simulated,
+               "with --setup: offer a simulated robot beside this machine's cameras")
+      ->needs(setup_file);
   app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
       ->allow_extra_args(false);
   app.add_flag(
@@ -86,12 +119,17 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", FIDUCAP_VERSION);
   try {
     app.parse(argc, argv);
+    if (file.empty() && setup.empty()) throw CLI::RequiredError("--config or --setup");
+    if (!setup.empty()) {
+      if (const auto code = serve(set_up(setup, simulated, sets))) return *code;
+      file = setup;
+    }
     auto config = fiducap::load_config(file, sets);
     if (!config && check) return tell({.faults = config.error()}, as_json);
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
     if (check) return tell(fiducap::review(*config), as_json);
-    return serve(std::move(*config), exit_at_end);
+    return *serve({std::move(*config), exit_at_end});
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : 2;
   } catch (const std::exception& failure) {

@@ -20,7 +20,7 @@ ProtocolContext context_in(StreamLoop& loop, StreamLoop& other, const ProtocolPa
   return {loop.io(),       parts.model,    parts.desk,
           parts.events,    parts.clock,    parts.config.streaming.rate_hz,
           FIDUCAP_VERSION, parts.join_dds, clients,
-          parts.views};
+          parts.views,     parts.setup};
 }
 
 }  // namespace

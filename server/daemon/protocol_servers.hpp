@@ -11,6 +11,7 @@
 #include "streaming/camera_views.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/operator_desk.hpp"
+#include "streaming/setup_desk.hpp"
 
 namespace fiducap {
 
@@ -28,6 +29,7 @@ struct ProtocolParts {
   const Clock& clock;
   std::function<Expected<std::shared_ptr<dds::Participant>>()> join_dds;
   CameraViews* views{};  ///< nullptr: there are no pictures.
+  SetupDesk* setup{};    ///< nullptr: no set-up goes on.
 };
 
 /// Starts every enabled protocol in its loop. One of `streaming.optional` that cannot

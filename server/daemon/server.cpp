@@ -1,6 +1,7 @@
 #include "daemon/server.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <exception>
 #include <optional>
 #include <thread>
@@ -18,6 +19,7 @@
 #include "daemon/publisher.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "daemon/refinement_loop.hpp"
+#include "daemon/setup/setup_room.hpp"
 #include "daemon/signal_wait.hpp"
 #include "daemon/stream_loop.hpp"
 #include "daemon/system_clock.hpp"
@@ -67,6 +69,7 @@ class Server::Impl final {
  private:
   using Bodies = std::vector<BodyOpening::Body>;
 
+  void build_setup();
   void build_scene(const Bodies& bodies);
   void build_workers(Bodies bodies);
   Expected<void> build_streaming();
@@ -96,7 +99,9 @@ class Server::Impl final {
   ServerPorts ports_;
   std::optional<Publisher> publisher_;
   std::optional<HealthWatch> watch_;
-  std::jthread paging_, viewing_;
+  std::optional<SetupRoom> setup_;
+  std::atomic<bool> is_set_up_{false};
+  std::jthread paging_, viewing_, setting_up_;
   std::jthread keeping_;
   std::jthread refining_;
   std::jthread recording_;
@@ -105,7 +110,7 @@ class Server::Impl final {
 };
 
 Expected<void> Server::Impl::build() {
-  if (config_.bodies.empty())
+  if (config_.bodies.empty() && !options_.setup)
     return fail(ErrorCode::kInvalid, "bodies = []: must have at least one body");
   auto start = open_start_map(config_.map, config_.tags, events_);
   if (!start) return tl::unexpected(start.error());
@@ -126,6 +131,7 @@ Expected<void> Server::Impl::build() {
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,
                     events_, [this] { return bodies_.learned(); });
   }
+  build_setup();
   build_scene(*bodies);
   build_workers(std::move(*bodies));
   desk_.emplace(config_.operators, *scene_, *map_, recorder_, events_,
@@ -136,6 +142,16 @@ Expected<void> Server::Impl::build() {
     if (!opened && opened.error().code == ErrorCode::kInvalid) return opened;
   }
   return build_streaming();
+}
+
+void Server::Impl::build_setup() {
+  if (!options_.setup) return;
+  setup_.emplace(SetupSurroundings{options_.setup->file, options_.setup->offers_simulation, clock_,
+                                   [this] { return membership_.join(); },
+                                   [this] {
+                                     is_set_up_ = true;
+                                     stop();
+                                   }});
 }
 
 void Server::Impl::build_scene(const Bodies& bodies) {
@@ -186,9 +202,9 @@ void Server::Impl::build_workers(Bodies bodies) {
 }
 
 Expected<void> Server::Impl::build_streaming() {
-  auto ports =
-      start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
-                       [this] { return membership_.join(); }, views_ ? &*views_ : nullptr});
+  auto ports = start_protocols({frames_, pages_, config_, scene_->model(), *desk_, events_, clock_,
+                                [this] { return membership_.join(); }, views_ ? &*views_ : nullptr,
+                                setup_ ? &*setup_ : nullptr});
   if (!ports) return tl::unexpected(ports.error());
   ports_ = *ports;
   frames_.on_delivered(
@@ -217,6 +233,7 @@ void Server::Impl::start_threads() {
     });
   }
   if (views_) viewing_ = named("views", [this](std::stop_token stop) { views_->run(stop); });
+  if (setup_) setting_up_ = named("set-up", [this](std::stop_token stop) { setup_->run(stop); });
   if (keeper_) keeping_ = named("map", [this](std::stop_token stop) { keeper_->run(stop); });
   if (refinement_)
     refining_ = named("refine", [this](std::stop_token stop) { refinement_->run(stop); });
@@ -232,10 +249,12 @@ ServerEnd Server::Impl::run() {
     signals_->resume();
   }
   start_threads();
-  log::info("daemon", "serving " + std::to_string(config_.bodies.size()) + " bodies" +
-                          (ports_.web == 0 ? ""
-                                           : ", page on http://" + config_.streaming.web.address +
-                                                 ":" + std::to_string(ports_.web) + "/"));
+  const std::string what = setup_ ? "set-up of " + options_.setup->file
+                                  : "serving " + std::to_string(config_.bodies.size()) + " bodies";
+  log::info("daemon",
+            what + (ports_.web == 0 ? ""
+                                    : ", page on http://" + config_.streaming.web.address + ":" +
+                                          std::to_string(ports_.web) + "/"));
   serve();
   return shut_down();
 }
@@ -269,6 +288,10 @@ ServerEnd Server::Impl::shut_down() {
   watching_.join();
   publishing_.request_stop();
   const bool all = bodies_.stop(kSourcePatience);
+  if (setting_up_.joinable()) {
+    setting_up_.request_stop();
+    setting_up_.join();
+  }
   publishing_.join();
   if (paging_.joinable()) {
     paging_.request_stop();
@@ -283,6 +306,7 @@ ServerEnd Server::Impl::shut_down() {
   log::info("daemon", std::to_string(publisher_->frames()) + " frames published, " +
                           std::to_string(publisher_->missed()) + " ticks missed; stopped");
   if (!stored || !recorded) return ServerEnd::kLost;
+  if (is_set_up_) return ServerEnd::kSetUp;
   return all ? ServerEnd::kClean : ServerEnd::kLeftBehind;
 }
 

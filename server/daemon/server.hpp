@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "base/clock.hpp"
@@ -12,7 +13,14 @@
 
 namespace fiducap {
 
+/// There is no configuration yet: it is made on the page.
+struct SetupOptions {
+  std::string file;               ///< That is to be written.
+  bool offers_simulation{false};  ///< A simulated robot stands beside this machine's cameras.
+};
+
 struct ServerOptions {
+  std::optional<SetupOptions> setup{};  ///< The configuration may have no bodies then.
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
   /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as
@@ -30,6 +38,7 @@ struct ServerOptions {
 enum class ServerEnd {
   kClean,
   kLeftBehind,  ///< A source does not let go of its device; everything is stored.
+  kSetUp,       ///< The configuration has been made: it is to be served now.
   kLost,        ///< So does a disk, with what waited for it; that was said.
 };
 

@@ -21,6 +21,7 @@ namespace fiducap {
 
 class CameraViews;
 class OperatorDesk;
+class SetupDesk;
 namespace dds {
 class Participant;
 }
@@ -72,6 +73,7 @@ struct ProtocolContext {
   /// Of all protocols; of those on the other thread as they were a moment ago.
   std::function<std::vector<ClientStatus>()> clients{};
   CameraViews* views{};  ///< nullptr: there are no pictures. For one protocol only.
+  SetupDesk* setup{};    ///< nullptr: no set-up goes on.
 };
 
 }  // namespace fiducap

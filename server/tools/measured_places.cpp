@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 

@@ -66,6 +66,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"daemon/views", {}},
     {"daemon/watch", {"bodies"}},
     {"daemon/review", {"bodies", "config"}},
+    {"daemon/setup", {"bodies", "config"}},
     {"tools/tags", {}},
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},

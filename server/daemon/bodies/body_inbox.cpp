@@ -56,11 +56,20 @@ void BodyInbox::close() {
   filled_.notify_one();
 }
 
+void BodyInbox::wake() {
+  {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
+  }
+  filled_.notify_one();
+}
+
 bool BodyInbox::take(std::vector<Delivery>& out, std::stop_token stop) {
   out.clear();
   std::unique_lock lock(mutex_);
-  filled_.wait(lock, stop, [this] { return !waiting_.empty() || finished_ || closed_; });
-  if (closed_ || stop.stop_requested() || waiting_.empty()) return false;
+  filled_.wait(lock, stop, [this] { return !waiting_.empty() || finished_ || closed_ || woken_; });
+  const bool woken = std::exchange(woken_, false);
+  if (closed_ || stop.stop_requested() || (waiting_.empty() && !woken)) return false;
   if (out.capacity() < waiting_.capacity()) out.reserve(waiting_.capacity());
   out.swap(waiting_);
   images_ = 0;

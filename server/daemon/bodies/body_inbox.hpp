@@ -34,6 +34,8 @@ class BodyInbox final {
   void finish();
   /// Nothing will be taken any more.
   void close();
+  /// Lets take() return once, also without samples.
+  void wake();
   /// Waits for samples and swaps them into `out`, which is emptied first.
   /// @return false when exhausted, closed or stopped
   [[nodiscard]] bool take(std::vector<Delivery>& out, std::stop_token stop);
@@ -52,6 +54,7 @@ class BodyInbox final {
   std::uint64_t images_dropped_{0};
   std::uint64_t overflows_{0};
   bool finished_{false};
+  bool woken_{false};
   bool closed_{false};
 };
 

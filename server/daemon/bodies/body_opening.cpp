@@ -67,7 +67,7 @@ Expected<std::vector<BodyOpening::Body>> BodyOpening::open_all(const StartMap& s
     if (!body) return tl::unexpected(body.error());
     bodies.push_back(std::move(*body));
   }
-  if (opened_ == 0) return tl::unexpected(*first_failure_);
+  if (opened_ == 0 && first_failure_) return tl::unexpected(*first_failure_);
   return bodies;
 }
 

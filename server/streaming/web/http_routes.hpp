@@ -31,6 +31,7 @@ struct HttpRequest {
   std::string_view if_none_match{};
   std::string_view accept_encoding{};
   std::string_view accept{};
+  std::string_view setup{};  ///< `X-Fiducap-Setup`, which pages from elsewhere cannot send.
 };
 
 struct HttpResponse {

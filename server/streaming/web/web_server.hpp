@@ -29,6 +29,7 @@ struct WebSources {
   const EventBoard* events{};             ///< nullptr: nothing is told.
   OperatorDesk* desk{};                   ///< Takes commands; nullptr: nobody does.
   CameraViews* views{};                   ///< nullptr: there are no pictures.
+  SetupDesk* setup{};                     ///< nullptr: no set-up goes on.
   /// How well the map's tags are seen; called once a second.
   std::function<std::vector<TagFit>()> tag_fits{};
   /// Of the stored map, as OperatorDesk::map_versions and map_version say; empty: there are none.
@@ -55,6 +56,7 @@ using WebServer = Streamer;
   sources.events = &context.events;
   sources.desk = &context.desk;
   sources.views = context.views;
+  sources.setup = context.setup;
   sources.map_mode = [&desk = context.desk] {
     return std::string(desk.map_mode() == MapMode::kFrozen ? "frozen" : "mapping");
   };

@@ -65,12 +65,16 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
                 false);
   }
   if (socket) return upgrade(*socket);
-  send(desk_->answer(
-           {view_of(request.method_string()), view_of(request.target()),
-            view_of(request[http::field::if_none_match]),
-            view_of(request[http::field::accept_encoding]), view_of(request[http::field::accept])},
-           desk_->view_access(peer(), speaks_for_another())),
-       request.keep_alive());
+  const HttpRequest asked{view_of(request.method_string()),
+                          view_of(request.target()),
+                          view_of(request[http::field::if_none_match]),
+                          view_of(request[http::field::accept_encoding]),
+                          view_of(request[http::field::accept]),
+                          view_of(request["X-Fiducap-Setup"])};
+  const bool for_another = speaks_for_another();
+  if (is_setup(path_of(asked.target)))
+    return send(desk_->answer_setup(asked, peer(), for_another), request.keep_alive());
+  send(desk_->answer(asked, desk_->view_access(peer(), for_another)), request.keep_alive());
 }
 
 void BeastSession::refuse(ErrorCodeOf error) {

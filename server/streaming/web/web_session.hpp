@@ -15,6 +15,7 @@
 #include "streaming/web/http_routes.hpp"
 #include "streaming/web/live_feed.hpp"
 #include "streaming/web/page_files.hpp"
+#include "streaming/web/setup_routes.hpp"
 #include "streaming/web/view_feed.hpp"
 
 namespace fiducap::web {
@@ -32,6 +33,7 @@ class WebDesk final {
           const Clock& clock)
       : page_(PageFiles::load(page_root(config.root))),
         operators_(sources.desk),
+        setup_(sources.setup),
         view_feed_(config.camera_views, sources.views),
         feed_(config, std::move(sources), std::move(model)),
         most_pages_(static_cast<std::size_t>(config.max_clients)),
@@ -68,6 +70,11 @@ class WebDesk final {
     const bool has_token = operators_ != nullptr && !operators_->token().empty();
     return view_feed_.access(peer, speaks_for_another, has_token);
   }
+  /// Of a set-up, which is this machine's business only.
+  [[nodiscard]] HttpResponse answer_setup(const HttpRequest& request, const net::Peer& peer,
+                                          bool speaks_for_another) {
+    return web::answer_setup(request, setup_, peer.is_loopback() && !speaks_for_another);
+  }
   /// @return nullptr: he may not, or there is no place
   [[nodiscard]] std::shared_ptr<ViewConnection> join_views(const net::Peer& peer,
                                                            bool speaks_for_another);
@@ -96,6 +103,7 @@ class WebDesk final {
 
   PageFiles page_;
   OperatorDesk* operators_;
+  SetupDesk* setup_;
   ViewFeed view_feed_;
   LiveFeed feed_;
   std::size_t most_pages_;

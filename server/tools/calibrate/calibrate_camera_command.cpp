@@ -8,7 +8,7 @@
 #include "tools/calibrate/calibration_views.hpp"
 #include "tools/calibrate/camera_report.hpp"
 #include "tools/calibrate/corner_file.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

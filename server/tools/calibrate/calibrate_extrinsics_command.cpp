@@ -10,7 +10,7 @@
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "daemon/system_clock.hpp"
 #include "tools/usable_recording.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -13,7 +13,7 @@
 #include "capture/recording/recording_streams.hpp"
 #include "pipeline/imu_plausibility.hpp"
 #include "tools/calibrate/svg_chart.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

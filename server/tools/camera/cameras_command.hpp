@@ -1,6 +1,6 @@
 #pragma once
 
-#include "tools/camera/camera_list.hpp"
+#include "capture/v4l2/camera_list.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {

@@ -8,7 +8,7 @@
 #include "detection/tag_detector.hpp"
 #include "tools/replay/run_files.hpp"
 #include "tools/tags/map_file.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

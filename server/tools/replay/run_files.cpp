@@ -12,7 +12,7 @@
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "tools/replay/tum_file.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

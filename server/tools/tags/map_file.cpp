@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "mapping/formats/map_yaml.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 

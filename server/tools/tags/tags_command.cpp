@@ -4,7 +4,7 @@
 
 #include "detection/tag_family_list.hpp"
 #include "tools/tags/tag_sheet.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 

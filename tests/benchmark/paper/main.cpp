@@ -12,7 +12,7 @@
 #include "base/log.hpp"
 #include "estimation/table.hpp"
 #include "paper/experiments.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap::bench {
 namespace {

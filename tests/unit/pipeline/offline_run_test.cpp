@@ -11,7 +11,7 @@
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
 #include "tools/replay/replay_command.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -12,7 +12,7 @@
 #include "capture/recording/gray_file.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 #include "unit/calibration/calibration_scene.hpp"
 #include "unit/simulation/still_camera.hpp"
 

@@ -11,7 +11,7 @@
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/calibrate/calibrate_imu_command.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "support/temporary_folder.hpp"
 #include "tools/live/watch_command.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -15,7 +15,7 @@
 #include "tools/command_line.hpp"
 #include "tools/tags/map_file.hpp"
 #include "tools/terminal.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "mapping/store/sqlite_file.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

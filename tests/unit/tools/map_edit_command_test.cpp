@@ -7,7 +7,7 @@
 
 #include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {

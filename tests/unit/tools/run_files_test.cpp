@@ -8,7 +8,7 @@
 #include "base/so3.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/evaluation.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -14,7 +14,7 @@
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/replay_command.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

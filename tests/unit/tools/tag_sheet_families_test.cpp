@@ -11,7 +11,7 @@
 #include "detection/tag_family.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/tags/tag_sheet.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -15,7 +15,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "support/temporary_folder.hpp"
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/whole_file.hpp"
+#include "base/whole_file.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/camera/camera_list.hpp"
+#include "capture/v4l2/camera_list.hpp"
 
 #include <algorithm>
 #include <fstream>

@@ -1,0 +1,69 @@
+#include "daemon/setup/setup_files.hpp"
+
+#include <sys/stat.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+
+#include "base/whole_file.hpp"
+#include "capture/v4l2/camera_list.hpp"
+#include "streaming/net/peer.hpp"
+
+namespace fiducap {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string fresh_token() {
+  const auto key = net::random_key();
+  std::array<char, 33> text{};
+  std::snprintf(text.data(), text.size(), "%016llx%016llx", static_cast<unsigned long long>(key[0]),
+                static_cast<unsigned long long>(key[1]));
+  return text.data();
+}
+
+/// An earlier one is kept: somebody may know it.
+Expected<void> write_token(const std::string& file) {
+  std::error_code ignored;
+  if (fs::exists(file, ignored)) return {};
+  const auto before = ::umask(0077);
+  auto written = write_whole_file(file, fresh_token() + "\n");
+  ::umask(before);
+  return written;
+}
+
+}  // namespace
+
+std::string token_file_of(const std::string& file) {
+  return fs::path(file).replace_extension(".token").string();
+}
+
+std::vector<FoundCamera> found_cameras() {
+  std::vector<FoundCamera> all;
+  for (const ListedCamera& camera : list_cameras({})) {
+    all.push_back({camera.open(), camera.name + " (" + camera.device + ")",
+                   camera.closed ? camera.closed->text() : ""});
+  }
+  return all;
+}
+
+std::string setup_preview(const std::string& file, const SetupResult& result) {
+  const std::string name = fs::path(file).filename().string();
+  const std::string store = fs::path(name).replace_extension(".sqlite").string();
+  return setup_text(result, store, token_file_of(name));
+}
+
+Expected<void> write_setup(const std::string& file, const SetupResult& result, bool replace) {
+  std::error_code ignored;
+  if (!replace && fs::exists(file, ignored))
+    return fail(ErrorCode::kInvalid, "is there already: replace it?", file);
+  const std::string text = setup_preview(file, result);
+  const auto read = parse_config(text, file);
+  if (!read) return fail(ErrorCode::kInvalid, read.error().front().text(), file);
+  if (auto token = write_token(token_file_of(file)); !token) return token;
+  return write_whole_file(file, text);
+}
+
+}  // namespace fiducap

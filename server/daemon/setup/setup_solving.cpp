@@ -1,0 +1,144 @@
+// What a set-up makes of what it has collected.
+#include <utility>
+
+#include "base/text.hpp"
+#include "calibration/intrinsics/intrinsics_calibration.hpp"
+#include "calibration/intrinsics/intrinsics_verdict.hpp"
+#include "daemon/setup/setup_guide.hpp"
+
+namespace fiducap {
+
+namespace {
+
+constexpr std::size_t kMoreViews = 12;
+// Of a place measured by hand, searched around it.
+constexpr double kMountReach_m = 0.03;
+constexpr double kMountReach_rad = 0.15;
+constexpr double kClockReach_s = 0.12;
+constexpr double kTooDark = 60;     // gray that 99 % of an image are below
+constexpr double kTooBright = 0.2;  // share of pixels at the upper end
+constexpr double kOutOfFocus_px = 3.5;
+constexpr double kSmeared_px = 3;
+
+SetupVerdict refused(const Error& error) { return {false, true, error.text(), {}}; }
+
+std::string lens_text(const IntrinsicsCalibration& lens, const IntrinsicsVerdict& verdict) {
+  return std::to_string(lens.data.views.size()) + " views, " +
+         fixed(verdict.reprojection_rms_px, 2) + " px, " + fixed(100 * verdict.covered, 0) +
+         " % of the image";
+}
+
+}  // namespace
+
+void SetupGuide::judge_picture() {
+  SetupPicture picture;
+  const GrayImage& image = *image_.image;
+  picture.width = image.width;
+  picture.height = image.height;
+  if (picture_) picture.rate_hz = picture_->rate_hz;
+  if (last_image_at_ && image_.exposed_at > *last_image_at_) {
+    constexpr double kNewest = 0.1;
+    const double rate = 1 / to_seconds(image_.exposed_at - *last_image_at_);
+    picture.rate_hz += (picture.rate_hz == 0 ? 1 : kNewest) * (rate - picture.rate_hz);
+  }
+  last_image_at_ = image_.exposed_at;
+  picture.measures = measure(image);
+  picture.blur = blur_of(corners_.tags);
+  picture.tags = corners_.tags.size();
+  if (picture.measures.white < kTooDark) {
+    picture.verdict = "Too dark: more light, a longer exposure or more gain.";
+  } else if (picture.measures.bright_share > kTooBright) {
+    picture.verdict = "Too bright: a shorter exposure.";
+  } else if (picture.blur.tags > 0 && picture.blur.focus_px > kOutOfFocus_px) {
+    picture.verdict = "Out of focus: turn the lens until the edges of a tag are sharp.";
+  } else if (picture.blur.tags > 0 && picture.blur.motion_px > kSmeared_px) {
+    picture.verdict = "Smeared by motion: a shorter exposure, and more light.";
+  } else {
+    picture.is_good = true;
+    picture.verdict = picture.tags > 0
+                          ? "Well exposed and sharp."
+                          : "Well exposed. Hold a tag before it to see how sharp it is.";
+  }
+  picture_ = std::move(picture);
+}
+
+/// A lens that is good ends the step; one that is weak asks for more, and may be taken.
+void SetupGuide::solve_lens() {
+  is_solving_ = true;
+  show_();
+  const auto solved = calibrate_intrinsics(lens_->data(), {}, [](const std::string&) {});
+  is_solving_ = false;
+  if (!solved) {
+    verdict_ = refused(solved.error());
+    return lens_->ask_for_more(kMoreViews, solved.error().what);
+  }
+  const IntrinsicsVerdict judged = judge(*solved, make_image_map(*solved));
+  const bool usable = judged.grade != IntrinsicsGrade::kUseless;
+  verdict_ = SetupVerdict{judged.grade == IntrinsicsGrade::kGood, !usable,
+                          lens_text(*solved, judged), judged.advice};
+  if (usable) {
+    CameraMount& mount = result_.camera.mount;
+    mount.model = solved->state.camera;
+    mount.focal_sigma = mount.centre_sigma_px = mount.k1_sigma = 0;
+    result_.lens_from = "calibrated, " + verdict_->summary;
+  }
+  if (!verdict_->is_good)
+    lens_->ask_for_more(kMoreViews, judged.advice.empty() ? "" : judged.advice.front());
+  show_();
+}
+
+void SetupGuide::solve_rest() {
+  const auto noise = rest_.result();
+  if (!noise) {
+    verdict_ = refused(noise.error());
+    return show_();
+  }
+  const double gyro_range = result_.imu->gyro_range_rad_s;
+  const double accel_range = result_.imu->accel_range_m_s2;
+  result_.imu = noise->noise;
+  result_.imu->gyro_range_rad_s = gyro_range;
+  result_.imu->accel_range_m_s2 = accel_range;
+  result_.imu_from = "measured at rest, " + fixed(noise->seconds, 0) + " s";
+  verdict_ = SetupVerdict{true,
+                          false,
+                          fixed(noise->rate_hz, 1) + " Hz, gyro " +
+                              fixed(1e3 * noise->noise.gyro_noise_rad_s_rtHz, 3) +
+                              " mrad/s/√Hz, accelerometer " +
+                              fixed(1e3 * noise->noise.accel_noise_m_s2_rtHz, 2) + " mm/s²/√Hz",
+                          {}};
+  show_();
+}
+
+void SetupGuide::solve_wave() {
+  is_solving_ = true;
+  show_();
+  OfflineSetup setup;
+  CameraMount mount = result_.camera.mount;
+  if (picture_ && picture_->rate_hz > 0) mount.rate_hz = picture_->rate_hz;
+  setup.sensors.cameras = {mount};
+  setup.sensors.imu = result_.imu;
+  setup.tags = result_.tags;
+  const CalibrationOptions options{kMountReach_m, kMountReach_rad, kClockReach_s, true};
+  const auto solved = calibrate_camera_imu(setup, wave_.samples(), options);
+  is_solving_ = false;
+  if (!solved) {
+    verdict_ = refused(solved.error());
+    return show_();
+  }
+  const auto weak = weaknesses_of(*solved);
+  const CameraVerdict& camera = solved->verdicts.front();
+  verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
+                          "the camera sits " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
+                              fixed(camera.moved_rad * 180 / M_PI, 1) +
+                              " degrees from where it was told; its stamps are " +
+                              fixed(1e3 * solved->time.shift_s, 2) + " ms early",
+                          weak};
+  if (verdict_->is_refused) return show_();
+  result_.camera.mount = solved->cameras.front();
+  result_.camera.mount.time_shift_sigma_s = solved->time.sigma_s;
+  result_.mount_from = "calibrated by waving, " + fixed(solved->statistics.data_s, 0) + " s, " +
+                       fixed(solved->statistics.reprojection_median_px, 2) + " px";
+  show_();
+}
+
+}  // namespace fiducap
