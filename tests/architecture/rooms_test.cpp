@@ -61,8 +61,9 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"daemon/watch", {"bodies"}},
     {"daemon/review", {"bodies", "config"}},
     {"tools/tags", {}},
-    {"tools/replay", {"tags"}},
-    {"tools/calibrate", {}},
+    {"tools/plot", {}},
+    {"tools/replay", {"plot", "tags"}},
+    {"tools/calibrate", {"plot"}},
     {"tools/live", {}},
     {"tools/doctor", {"live"}},
 };
