@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include "base/closest_word.hpp"
 #include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/camera/camera_verbs.hpp"
@@ -19,6 +18,7 @@
 #include "tools/replay/replay_command.hpp"
 #include "tools/replay/simulate_command.hpp"
 #include "tools/tags/tags_command.hpp"
+#include "tools/wrong_words.hpp"
 
 namespace fiducap {
 namespace {
@@ -50,7 +50,7 @@ void add_replay(CLI::App& app, CommandLine& line) {
       ->required();
   verb->add_option("--out", a.out,
                    "Folder for <recording>.tum and .covariance.csv, map.csv, extrinsics.yaml, "
-                   "events.csv and report.json; an earlier run in it is replaced")
+                   "events.csv, report.json and plots.html; an earlier run in it is replaced")
       ->required();
   verb->add_flag("--together", a.together,
                  "Several recordings as several robots, in order of time, over one live map");
@@ -73,6 +73,7 @@ void add_replay(CLI::App& app, CommandLine& line) {
                    "Override one key of the configuration; may be given several times")
       ->allow_extra_args(false);
   verb->add_flag("--anyway", a.anyway, "Run also what `fiducap check` calls unusable");
+  verb->add_flag("!--no-plots", a.plots, "Leave plots.html out");
   verb->add_flag("--json", a.json, "Print report.json instead of words");
   verb->footer(
       "Example:\n"
@@ -88,6 +89,7 @@ void add_check(CLI::App& app, CommandLine& line) {
       "check", "Can this recording be used? Stamps, clocks, units of the IMU, order of corners");
   verb->add_option("RECORDING", line.check.recordings, "Folders in the EuRoC/ASL layout")
       ->required();
+  verb->add_flag("--json", line.check.json, "One JSON object for scripts");
   verb->footer("Fails when a recording is unusable.\nExample:\n  fiducap check recordings/hall");
   verb->callback(
       [&line] { line.chosen = [&line](const Terminal& t) { return run_check(line.check, t); }; });
@@ -102,11 +104,14 @@ void add_evaluate(CLI::App& app, CommandLine& line) {
           "The replay's <recording>.tum; map.csv and extrinsics.yaml are read from beside it")
       ->required();
   verb->add_option("RECORDING", a.recording, "The recording it was made from")->required();
+  verb->add_option("--plot", a.plot,
+                   "Draw errors, map and reprojection: .html (one page) or .svg (the pictures)");
   verb->add_flag("--json", a.json, "Numbers for scripts");
   verb->footer(
       "Poses are compared in the axes of the reference tag, nothing is fitted, the first 5 s are "
       "left out.\n"
-      "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json");
+      "Example:\n  fiducap evaluate results/hall.tum recordings/hall --json\n"
+      "  fiducap evaluate results/hall.tum recordings/hall --plot hall.html");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_evaluate(a, t); }; });
 }
 
@@ -155,6 +160,7 @@ void add_doctor(CLI::App& app, CommandLine& line) {
       ->allow_extra_args(false);
   verb->add_option("--server", a.server, "HOST or HOST:PORT of the native protocol")
       ->capture_default_str();
+  verb->add_flag("--json", a.json, "One JSON object for scripts");
   verb->footer("Example:\n  fiducap doctor --config config/demo.yaml");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_doctor(a, t); }; });
 }
@@ -265,6 +271,7 @@ void add_tags(CLI::App& app, CommandLine& line) {
   verb->add_option("--family", a.family, "Tag family: " + tag_family_names())
       ->capture_default_str();
   verb->add_option("--out", a.out, "The PDF")->capture_default_str();
+  verb->add_flag("--json", a.json, "One JSON object for scripts");
   verb->footer(
       "Print at 100 %, then measure the ruler on the sheet.\n"
       "Example:\n  fiducap tags sheet --ids 0-11 --size-mm 160 --paper a4 --out tags.pdf");
@@ -291,32 +298,10 @@ void add_simulate(CLI::App& app, CommandLine& line) {
   verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
       ->excludes(images);
   verb->add_flag("!--no-imu", a.imu, "A robot without IMU");
+  verb->add_flag("--json", a.json, "One JSON object for scripts");
   verb->footer(
       "Example:\n  fiducap simulate --out recordings/table --room table --seconds 60 --seed 7");
   verb->callback([&] { line.chosen = [&](const Terminal& t) { return run_simulate(a, t); }; });
-}
-
-std::vector<std::string> verbs_of(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const CLI::App* verb : app.get_subcommands({})) names.push_back(verb->get_name());
-  return names;
-}
-
-/// A verb that there is not, with the one that was likely meant: CLI11 would complain of arguments
-/// that were not expected.
-std::optional<std::string> wrong_verb(const CLI::App& app, int argc, const char* const* argv) {
-  const CLI::App* at = &app;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const auto verbs = verbs_of(*at);
-    if (word.empty() || word.front() == '-' || verbs.empty()) return std::nullopt;
-    if (std::find(verbs.begin(), verbs.end(), word) == verbs.end()) {
-      const std::string name = at == &app ? "fiducap" : "fiducap " + at->get_name();
-      return name + " " + word + ": there is no such verb; it " + must_be_one_of(verbs, word);
-    }
-    at = at->get_subcommand(word);
-  }
-  return std::nullopt;
 }
 
 }  // namespace
@@ -346,7 +331,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_camera_verbs(app, line.camera, line.chosen);
   add_calibrate(app, line.calibrate, line.chosen);
   add_simulate(app, line);
-  if (const auto wrong = wrong_verb(app, argc, argv)) {
+  if (const auto wrong = wrong_word(app, argc, argv)) {
     terminal.err << *wrong << "\n";
     return kExitUsage;
   }

@@ -21,6 +21,7 @@ CLI::App* add_store_verb(CLI::App& map, const MapLine& line, Arguments& argument
                          int (*run)(const Arguments&, const Terminal&)) {
   auto* verb = map.add_subcommand(name, what);
   verb->add_option("--store", arguments.store, store)->required();
+  verb->add_flag("--json", arguments.json, "One JSON object for scripts");
   verb->footer(footer);
   verb->callback([line, &arguments, run] {
     line.chosen = [&arguments, run](const Terminal& t) { return run(arguments, t); };
@@ -198,19 +199,16 @@ void add_map(CLI::App& app, MapVerbs& verbs, ChosenVerb& chosen) {
           },
           "NAME"));
   put->add_option("--comment", a.comment, "What the history shall say about it");
-  auto* log = add_map_verb(*map, line, "log", "All versions, newest first",
-                           "log --store hall.map --json", run_map_log);
-  log->add_flag("--json", a.json, "For scripts");
+  add_map_verb(*map, line, "log", "All versions, newest first", "log --store hall.map --json",
+               run_map_log);
   auto* diff =
       add_map_verb(*map, line, "diff", "How far tags moved between two versions, in mm and degrees",
                    "diff --store hall.map --from 3 --to 7", run_map_diff);
   diff->add_option("--from", a.before, "The older version; the parent of --to when not given");
   diff->add_option("--to", a.after, "The newer version; the newest when not given");
-  diff->add_flag("--json", a.json, "For scripts");
   auto* show = add_map_verb(*map, line, "show", "The tags of one version",
                             "show --store hall.map --version 3", run_map_show);
   show->add_option("--version", a.version, "Which version; the newest when not given");
-  show->add_flag("--json", a.json, "For scripts");
   add_map_history(*map, line);
   add_map_align(*map, line);
   add_map_edit(*map, line);

@@ -99,7 +99,7 @@ class BodyNotes final {
     OfflineStatistics& s = result_.statistics;
     ++s.frames;
     s.frames_with_tags += update.seen.tags.empty() ? 0 : 1;
-    images_.emplace_back(update.seen.exposed_at, !update.seen.tags.empty());
+    result_.images.push_back({update.seen.exposed_at, static_cast<int>(update.seen.tags.size())});
     s.tags_rejected += report.tags_rejected;
     s.tags_used += report.tags_used;
     s.nis_sum += report.nis;
@@ -220,17 +220,16 @@ class BodyNotes final {
     OfflineStatistics& s = result_.statistics;
     s.frames_with_pose = s.frames_with_tags_and_pose = 0;
     auto pose = result_.trajectory.begin();
-    for (const auto& [at, has_tags] : images_) {
+    for (const auto& [at, tags] : result_.images) {
       while (pose != result_.trajectory.end() && pose->at < at) ++pose;
       if (pose == result_.trajectory.end() || pose->at != at) continue;
       ++s.frames_with_pose;
-      s.frames_with_tags_and_pose += has_tags ? 1 : 0;
+      s.frames_with_tags_and_pose += tags > 0 ? 1 : 0;
     }
   }
 
   const OfflineSetup& setup_;
   ImageLog log_;
-  std::vector<std::pair<Instant, bool>> images_;  ///< All, and whether tags were in them.
   std::vector<double> reprojections_px_;
   std::optional<Instant> first_;
   std::optional<Instant> last_;

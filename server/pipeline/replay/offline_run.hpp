@@ -53,6 +53,12 @@ struct StampedCovariance {
   Matrix6d covariance{Matrix6d::Zero()};
 };
 
+/// One image, and in how much of it there was something to see.
+struct SeenImage {
+  Instant at{};
+  int tags{};
+};
+
 /// What nothing ties to the workspace: a part of the way, and the tags seen there, in axes of their
 /// own.
 struct OfflinePart {
@@ -74,6 +80,7 @@ struct OfflineResult {
   std::vector<ExtrinsicsEstimate> extrinsics;
   std::vector<std::string> doubts;  ///< About tags that do not fit together, in words (TagDoubts).
   std::vector<BodyEvent> events;    ///< What happened to the estimate, in order.
+  std::vector<SeenImage> images;    ///< All of them, in order.
   OfflineStatistics statistics;
 };
 

@@ -8,19 +8,18 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "calibration/imu/multi_pose_imu.hpp"
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_streams.hpp"
 #include "pipeline/imu_plausibility.hpp"
-#include "tools/calibrate/svg_chart.hpp"
-#include "base/whole_file.hpp"
+#include "tools/plot/line_plot.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr std::array<const char*, kImuAxes> kNames{"gyro x",  "gyro y",  "gyro z",
                                                    "accel x", "accel y", "accel z"};
-constexpr std::array<const char*, 3> kColors{"#c0392b", "#1e8449", "#2255a4"};
 
 std::string scientific(double value) {
   std::array<char, 32> text{};
@@ -49,45 +48,52 @@ Expected<std::vector<ImuSample>> read_imu(const std::string& folder, const Termi
   return samples;
 }
 
-LogLogChart chart(const StaticImuNoise& result, std::size_t first, const std::string& title,
-                  const std::string& unit) {
-  LogLogChart chart{title, "averaging time τ, s", "Allan deviation, " + unit, {}};
+PlotPanel panel_of(const StaticImuNoise& result, std::size_t first, const std::string& label) {
+  PlotPanel panel{label};
+  panel.logarithmic = true;
   for (std::size_t axis = first; axis < first + 3; ++axis) {
-    ChartSeries measured{kNames[axis], kColors[axis - first], false, {}};
-    ChartSeries fitted{std::string(kNames[axis]) + ": fit", kColors[axis - first], true, {}};
+    const char* color = kPlotColors[axis - first];
+    PlotLine measured{kNames[axis], color, {}, false, 2};
+    PlotLine fitted{std::string(kNames[axis]) + ": fit", color, {}, true, 1.3};
     for (const AllanPoint& p : result.plot[axis]) {
       measured.points.emplace_back(p.tau_s, p.deviation);
       fitted.points.emplace_back(p.tau_s, result.axes[axis].deviation(p.tau_s));
     }
-    chart.series.push_back(std::move(measured));
-    chart.series.push_back(std::move(fitted));
+    panel.lines.push_back(std::move(measured));
+    panel.lines.push_back(std::move(fitted));
   }
-  return chart;
+  return panel;
 }
 
 /// The two straight lines that are read: slope −1/2 through (1 s, N), slope +1/2 through (3 s, K).
-void add_lines(LogLogChart& chart, const std::vector<AllanPoint>& plot, double white, double walk,
+void add_lines(PlotPanel& panel, const std::vector<AllanPoint>& plot, double white, double walk,
                bool walk_seen) {
-  ChartSeries down{"slope −1/2, read at 1 s", "#777", true, {}};
-  ChartSeries up{
-      walk_seen ? "slope +1/2, read at 3 s" : "slope +1/2, upper bound", "#b8860b", true, {}};
+  PlotLine down{"slope −1/2, read at 1 s", kPlotGray, {}, true, 1.3};
+  PlotLine up{walk_seen ? "slope +1/2, read at 3 s" : "slope +1/2, upper bound",
+              kPlotColors[4],
+              {},
+              true,
+              1.3};
   for (const AllanPoint& p : plot) {
     down.points.emplace_back(p.tau_s, white / std::sqrt(p.tau_s));
     const double rise = walk * std::sqrt(p.tau_s / 3);
     if (rise > plot.back().deviation / 10) up.points.emplace_back(p.tau_s, rise);
   }
-  chart.series.push_back(std::move(down));
-  chart.series.push_back(std::move(up));
+  panel.lines.push_back(std::move(down));
+  panel.lines.push_back(std::move(up));
 }
 
 std::string allan_svg(const StaticImuNoise& result) {
-  LogLogChart gyro = chart(result, 0, "Gyroscope", "rad/s");
-  LogLogChart accel = chart(result, 3, "Accelerometer", "m/s²");
-  add_lines(gyro, result.plot[0], result.noise.gyro_noise_rad_s_rtHz,
+  LinePlot plot{"Allan deviation of the IMU at rest", "averaging time τ, s"};
+  plot.logarithmic = true;
+  plot.panel_height = 300;
+  plot.panels = {panel_of(result, 0, "gyroscope, rad/s"),
+                 panel_of(result, 3, "accelerometer, m/s²")};
+  add_lines(plot.panels[0], result.plot[0], result.noise.gyro_noise_rad_s_rtHz,
             result.noise.gyro_walk_rad_s2_rtHz, result.gyro_walk_seen);
-  add_lines(accel, result.plot[3], result.noise.accel_noise_m_s2_rtHz,
+  add_lines(plot.panels[1], result.plot[3], result.noise.accel_noise_m_s2_rtHz,
             result.noise.accel_walk_m_s3_rtHz, result.accel_walk_seen);
-  return to_svg({gyro, accel});
+  return to_svg(plot);
 }
 
 std::string json_report(const StaticImuNoise& r) {

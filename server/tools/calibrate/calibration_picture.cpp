@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tools/calibrate/svg_parts.hpp"
+#include "tools/plot/svg_parts.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {

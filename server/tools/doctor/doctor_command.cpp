@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
-#include <iomanip>
+
+#include <nlohmann/json.hpp>
 
 #include "fiducap/client.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
@@ -18,22 +19,26 @@ constexpr std::chrono::milliseconds kPatience{1500};
 constexpr std::string_view kGood = "  ok  ";
 constexpr std::string_view kWarn = "  !   ";
 constexpr std::string_view kBad = "  !!  ";
+constexpr std::string_view kNote = "      ";
 
-/// Counts what needs a remedy while it speaks.
+/// Counts what needs a remedy while it speaks; for scripts it says all at the end.
 class Report final {
  public:
-  explicit Report(std::ostream& out) : out_(out) {}
-  void title(std::string_view text) { out_ << text << "\n"; }
-  void good(const std::string& text) { out_ << kGood << text << "\n"; }
+  Report(std::ostream& out, bool json) : out_(out), is_json_(json) {}
+  void title(std::string_view text) {
+    sections_.push_back({{"title", text}, {"findings", nlohmann::ordered_json::array()}});
+    if (!is_json_) out_ << text << "\n";
+  }
+  void good(const std::string& text) { say("ok", kGood, text); }
   void warn(const std::string& text) {
-    out_ << kWarn << text << "\n";
+    say("warning", kWarn, text);
     ++warnings_;
   }
   void bad(const std::string& text) {
-    out_ << kBad << text << "\n";
+    say("fault", kBad, text);
     ++bad_;
   }
-  void note(const std::string& text) { out_ << "      " << text << "\n"; }
+  void note(const std::string& text) { say("note", kNote, text); }
   void add(const Findings& findings) {
     for (const Finding& one : findings) {
       const std::string text = one.text + (one.remedy.empty() ? "" : " – " + one.remedy);
@@ -45,14 +50,29 @@ class Report final {
   }
   /// @return exit code
   int conclude() {
+    const int exit_code = bad_ == 0 ? kExitOk : kExitFailed;
+    if (is_json_) {
+      const nlohmann::ordered_json json{
+          {"faults", bad_}, {"warnings", warnings_}, {"sections", sections_}};
+      out_ << json.dump(2) << "\n";
+      return exit_code;
+    }
     if (bad_ > 0) out_ << bad_ << " findings need a remedy (!!).\n";
     if (warnings_ > 0) out_ << warnings_ << " things could be better (!).\n";
     if (bad_ + warnings_ == 0) out_ << "All is well.\n";
-    return bad_ == 0 ? kExitOk : kExitFailed;
+    return exit_code;
   }
 
  private:
+  /// Under the last title.
+  void say(const char* grade, std::string_view mark, const std::string& text) {
+    sections_.back()["findings"].push_back({{"grade", grade}, {"text", text}});
+    if (!is_json_) out_ << mark << text << "\n";
+  }
+
   std::ostream& out_;
+  bool is_json_;
+  nlohmann::ordered_json sections_ = nlohmann::ordered_json::array();
   int bad_{0};
   int warnings_{0};
 };
@@ -270,7 +290,7 @@ int run_doctor(const DoctorArguments& arguments, const Terminal& terminal) {
                  << "'\n";
     return kExitUsage;
   }
-  Report findings(terminal.out);
+  Report findings(terminal.out, arguments.json);
   const ServerFacts facts = gather_facts(*config, address->host);
   const auto interfaces = network_interfaces();
   look_at_network(findings, interfaces);

@@ -14,6 +14,7 @@ struct DoctorArguments {
   std::string config;  ///< Of the server; empty: defaults.
   std::vector<std::string> sets;
   std::string server{"127.0.0.1"};  ///< HOST or HOST:PORT of the native protocol.
+  bool json{false};
 };
 
 /// `fiducap doctor`: why a client sees nothing, and what is wrong with a server. Looks at the

@@ -1,5 +1,7 @@
 #include "tools/replay/check_command.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "pipeline/replay/recording_check.hpp"
 
 namespace fiducap {
@@ -18,25 +20,59 @@ void print_stream(const Terminal& terminal, const RecordedStream& stream) {
   terminal.out << "\n";
 }
 
-int check(const std::string& folder, const Terminal& terminal) {
-  const auto info = read_recording_info(folder);
-  if (!info) return report(terminal, info.error());
-  const auto checked = check_recording(*info);
-  if (!checked) return report(terminal, checked.error());
+void print_report(const Terminal& terminal, const std::string& folder,
+                  const RecordingReport& checked) {
   terminal.out << folder << "\n";
-  for (const RecordedStream& stream : checked->streams) print_stream(terminal, stream);
-  for (const RecordingFinding& finding : checked->findings)
+  for (const RecordedStream& stream : checked.streams) print_stream(terminal, stream);
+  for (const RecordingFinding& finding : checked.findings)
     terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
-  if (checked->findings.empty()) terminal.out << "  nothing to object to\n";
-  return checked->is_usable() ? kExitOk : kExitFailed;
+  if (checked.findings.empty()) terminal.out << "  nothing to object to\n";
+}
+
+nlohmann::ordered_json check_json(const std::string& folder, const RecordingReport& checked) {
+  nlohmann::ordered_json streams = nlohmann::ordered_json::array();
+  for (const RecordedStream& stream : checked.streams)
+    streams.push_back({{"file", stream.file},
+                       {"lines", stream.stamps},
+                       {"left_out", stream.left_out},
+                       {"unreadable", stream.unreadable},
+                       {"seconds", stream.stamps > 0 ? to_seconds(stream.last - stream.first) : 0},
+                       {"step_s", to_seconds(stream.step)}});
+  nlohmann::ordered_json findings = nlohmann::ordered_json::array();
+  for (const RecordingFinding& finding : checked.findings)
+    findings.push_back({{"unusable", finding.unusable}, {"text", finding.text}});
+  return {{"recording", folder},
+          {"usable", checked.is_usable()},
+          {"streams", streams},
+          {"findings", findings}};
+}
+
+Expected<RecordingReport> check(const std::string& folder) {
+  const auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
+  return check_recording(*info);
 }
 
 }  // namespace
 
 int run_check(const CheckArguments& arguments, const Terminal& terminal) {
   int exit_code = kExitOk;
-  for (const std::string& folder : arguments.recordings)
-    if (check(folder, terminal) != kExitOk) exit_code = kExitFailed;
+  nlohmann::ordered_json recordings = nlohmann::ordered_json::array();
+  for (const std::string& folder : arguments.recordings) {
+    const auto checked = check(folder);
+    if (!checked || !checked->is_usable()) exit_code = kExitFailed;
+    if (!checked) {
+      report(terminal, checked.error());
+      recordings.push_back(
+          {{"recording", folder}, {"usable", false}, {"error", checked.error().text()}});
+    } else if (arguments.json) {
+      recordings.push_back(check_json(folder, *checked));
+    } else {
+      print_report(terminal, folder, *checked);
+    }
+  }
+  if (arguments.json)
+    terminal.out << nlohmann::ordered_json{{"recordings", recordings}}.dump(2) << "\n";
   return exit_code;
 }
 

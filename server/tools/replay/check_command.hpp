@@ -9,6 +9,7 @@ namespace fiducap {
 
 struct CheckArguments {
   std::vector<std::string> recordings;
+  bool json{false};
 };
 
 /// `fiducap check`: what is in a recording, and what is wrong with it. @return exit code

@@ -1,8 +1,11 @@
 #include "tools/replay/evaluate_command.hpp"
 
+#include <filesystem>
 #include <numbers>
 
 #include <nlohmann/json.hpp>
+
+#include "tools/replay/evaluation_plots.hpp"
 
 namespace fiducap {
 namespace {
@@ -76,6 +79,18 @@ bool has_poses(const Evaluation& e) {
   return e.reprojection.frames_with_tags_and_pose > 0 || (e.pose && e.pose->samples > 0);
 }
 
+Expected<void> write_pictures(const EvaluateArguments& arguments, const RunResults& run,
+                              const Evaluation& evaluation, const Terminal& terminal) {
+  const auto covariances = covariances_beside(arguments.tum);
+  if (!covariances) return tl::unexpected(covariances.error());
+  const std::filesystem::path tum(arguments.tum);
+  const PlotPage page =
+      evaluation_plots("Evaluation of " + tum.stem().string(), run, *covariances, evaluation);
+  if (auto written = write_plots(arguments.plot, page); !written) return written;
+  if (!arguments.json) terminal.out << "  pictures in    " << arguments.plot << "\n";
+  return {};
+}
+
 }  // namespace
 
 std::string evaluation_text(const Evaluation& e) {
@@ -124,11 +139,19 @@ std::string evaluation_json(const Evaluation& e) {
 }
 
 int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
+  if (!arguments.plot.empty())
+    if (auto sound = check_plot_path(arguments.plot); !sound)
+      return report(terminal, sound.error());
   const auto info = read_recording_info(arguments.recording);
   if (!info) return report(terminal, info.error());
   const auto run = read_run(arguments.tum, info->cameras.size());
   if (!run) return report(terminal, run.error());
-  const auto evaluation = evaluate(*run, arguments.recording);
+  const auto evaluation = [&] {
+    ProgressLine progress(terminal);
+    return evaluate(*run, arguments.recording, [&](double data_s) {
+      progress.show("evaluating " + info->name + ": " + fixed(data_s, 1) + " s of data");
+    });
+  }();
   if (!evaluation) return report(terminal, evaluation.error());
   if (!has_poses(*evaluation))
     return report(terminal, {ErrorCode::kInvalid,
@@ -136,6 +159,9 @@ int run_evaluate(const EvaluateArguments& arguments, const Terminal& terminal) {
                              "the run of another recording?",
                              arguments.tum});
   terminal.out << (arguments.json ? evaluation_json(*evaluation) : evaluation_text(*evaluation));
+  if (!arguments.plot.empty())
+    if (auto drawn = write_pictures(arguments, *run, *evaluation, terminal); !drawn)
+      return report(terminal, drawn.error());
   if (const auto mismatch = mismatch_of(*evaluation))
     return report(terminal, {ErrorCode::kInvalid, *mismatch, arguments.recording});
   return kExitOk;

@@ -10,6 +10,7 @@ namespace fiducap {
 struct EvaluateArguments {
   std::string tum;
   std::string recording;
+  std::string plot;  ///< Pictures go there, .svg or .html; empty: none.
   bool json{false};
 };
 

@@ -68,6 +68,23 @@ std::optional<PoseErrors> extrinsics_errors(const std::vector<Pose>& estimated,
   return sum.result();
 }
 
+std::vector<StampedPose> poses_of(const Reference& reference) {
+  std::vector<StampedPose> poses;
+  for (const TruthSample& sample : reference.poses) poses.push_back({sample.at, sample.X_WB});
+  return poses;
+}
+
+/// Truth as the run would have it, if both agreed about the reference tag.
+void trace_reference(const Reference& reference, const Pose& ours, const Pose& theirs,
+                     EvaluationTraces& traces) {
+  const Pose X_ours_theirs = ours * theirs.inverse();
+  traces.X_WA = ours;
+  traces.reference_path = poses_of(reference);
+  for (StampedPose& pose : traces.reference_path) pose.X_WB = X_ours_theirs * pose.X_WB;
+  traces.reference_map = reference.map;
+  for (TagPlace& tag : traces.reference_map) tag.X_WT = X_ours_theirs * tag.X_WT;
+}
+
 void compare(const RecordingInfo& info, const RunResults& run, const Reference& reference,
              Evaluation& evaluation) {
   evaluation.against = reference.against;
@@ -78,9 +95,13 @@ void compare(const RecordingInfo& info, const RunResults& run, const Reference& 
   const Pose& ours = find_tag(run.map, *evaluation.reference_tag)->X_WT;
   const Pose& theirs = find_tag(reference.map, *evaluation.reference_tag)->X_WT;
   evaluation.map = map_errors(run.map, reference.map, *evaluation.reference_tag);
+  trace_reference(reference, ours, theirs, evaluation.traces);
   if (reference.poses.empty()) return;
   const Instant from = reference.poses.front().at + kSettling;
   evaluation.pose = pose_errors(run.trajectory, reference.poses, ours, theirs, from);
+  evaluation.traces.settled_at = from;
+  evaluation.traces.differences =
+      pose_differences(run.trajectory, reference.poses, ours, theirs, from);
   if (info.imu) {
     const bool along_x = heading_along_x(theirs);
     evaluation.levelled_pose = pose_errors(run.trajectory, reference.poses, levelled(ours, along_x),
@@ -116,15 +137,9 @@ class UsableCorners final {
   std::optional<TagDetector> detector_;
 };
 
-std::vector<StampedPose> poses_of(const Reference& reference) {
-  std::vector<StampedPose> poses;
-  for (const TruthSample& sample : reference.poses) poses.push_back({sample.at, sample.X_WB});
-  return poses;
-}
-
 /// Run and truth against the corners that were seen.
 Expected<void> reproject(RecordingInfo info, const RunResults& run, const Reference& reference,
-                         Evaluation& evaluation) {
+                         Evaluation& evaluation, const EvaluationProgress& progress) {
   info.imu.reset();
   const SystemClock clock;
   const auto source = open_recording(info, {}, clock);
@@ -142,6 +157,7 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
   const std::vector<StampedPose> true_poses = poses_of(reference);
   ReprojectionMeter truth(std::move(true_cameras), true_poses, reference.map);
   UsableCorners corners(info);
+  EvaluationTraces& traces = evaluation.traces;
   for (;;) {
     auto sample = (*source)->next({});
     if (!sample) return tl::unexpected(sample.error());
@@ -150,7 +166,12 @@ Expected<void> reproject(RecordingInfo info, const RunResults& run, const Refere
     const CornerFrame frame = corners.of(std::move(**sample));
     meter.add(frame);
     truth.add(frame);
+    traces.first_image = std::min(traces.first_image, frame.exposed_at);
+    traces.last_image = std::max(traces.last_image, frame.exposed_at);
+    if (progress) progress(to_seconds(frame.exposed_at - traces.first_image));
   }
+  traces.reprojection_px = meter.errors_px();
+  traces.truth_reprojection_px = truth.errors_px();
   evaluation.reprojection = meter.summary();
   if (truth.summary().scored > 0) evaluation.truth_reprojection = truth.summary();
   return {};
@@ -210,14 +231,15 @@ Expected<RunResults> read_run(const std::string& tum, std::size_t cameras) {
   return run;
 }
 
-Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording) {
+Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording,
+                              const EvaluationProgress& progress) {
   const auto info = read_recording_info(recording);
   if (!info) return tl::unexpected(info.error());
   const auto reference = read_reference(recording);
   if (!reference) return tl::unexpected(reference.error());
   Evaluation evaluation;
   compare(*info, run, *reference, evaluation);
-  if (auto done = reproject(*info, run, *reference, evaluation); !done)
+  if (auto done = reproject(*info, run, *reference, evaluation, progress); !done)
     return tl::unexpected(done.error());
   return evaluation;
 }

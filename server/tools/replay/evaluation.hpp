@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,6 +32,20 @@ struct RunResults {
 /// @param tum  `<body>.tum`; `map.csv` and `extrinsics.yaml` are taken from beside it
 [[nodiscard]] Expected<RunResults> read_run(const std::string& tum, std::size_t cameras);
 
+/// What the numbers of an evaluation were made of, for pictures.
+struct EvaluationTraces {
+  Instant first_image{Instant::max()};
+  Instant last_image{Instant::min()};
+  std::optional<Instant> settled_at;          ///< From here on poses are compared.
+  std::vector<PoseDifference> differences;    ///< In the axes of the reference tag …
+  Pose X_WA;                                  ///< … which the run has here.
+  std::vector<double> reprojection_px;        ///< One per scored detection …
+  std::vector<double> truth_reprojection_px;  ///< … and of the truth's own.
+  /// Truth, or the other program's answer, in the workspace of the run.
+  std::vector<StampedPose> reference_path;
+  std::vector<TagPlace> reference_map;
+};
+
 /// How good a run is. Poses are compared in the axes of the reference tag, as each side places that
 /// tag; nothing is fitted.
 struct Evaluation {
@@ -50,6 +65,7 @@ struct Evaluation {
   /// Of the truth's own poses, tags and extrinsics, where the recording has them all.
   std::optional<ReprojectionSummary> truth_reprojection;
   int image_width_px{};  ///< Of the widest camera.
+  EvaluationTraces traces;
 };
 
 /// The part before this is left out of pose errors: a filter may need a moment to find its biases.
@@ -59,7 +75,11 @@ inline constexpr Duration kSettling = std::chrono::seconds(5);
 /// they do
 [[nodiscard]] std::optional<std::string> mismatch_of(const Evaluation& evaluation);
 
+/// Called now and then with the seconds of data that were looked at.
+using EvaluationProgress = std::function<void(double data_s)>;
+
 /// @return Error when the recording cannot be read
-[[nodiscard]] Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording);
+[[nodiscard]] Expected<Evaluation> evaluate(const RunResults& run, const std::string& recording,
+                                            const EvaluationProgress& progress = {});
 
 }  // namespace fiducap

@@ -8,7 +8,7 @@
 #include "daemon/system_clock.hpp"
 #include "pipeline/replay/map_build.hpp"
 #include "tools/replay/map_build_text.hpp"
-#include "tools/replay/replay_command.hpp"
+#include "tools/replay/replay_inputs.hpp"
 #include "tools/tags/map_command.hpp"
 #include "tools/tags/map_file.hpp"
 #include "tools/usable_recording.hpp"

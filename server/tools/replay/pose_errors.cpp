@@ -14,6 +14,20 @@ namespace {
 
 constexpr Duration kMaxTruthGap = std::chrono::milliseconds(50);
 
+/// Every estimate from `from` on that has a truth, both in axes A.
+template <typename Take>
+void for_each_pair(std::span<const StampedPose> estimates, std::span<const TruthSample> truth,
+                   const Pose& estimated_X_WA, const Pose& true_X_WA, Instant from,
+                   const Take& take) {
+  const Pose estimated_X_AW = estimated_X_WA.inverse();
+  const Pose true_X_AW = true_X_WA.inverse();
+  for (const StampedPose& estimate : estimates) {
+    if (estimate.at < from) continue;
+    if (const auto true_X_WB = truth_at(truth, estimate.at))
+      take(estimate.at, estimated_X_AW * estimate.X_WB, true_X_AW * *true_X_WB);
+  }
+}
+
 }  // namespace
 
 void ErrorSum::add(const Pose& estimated, const Pose& truth) {
@@ -55,15 +69,24 @@ std::optional<Pose> truth_at(std::span<const TruthSample> truth, Instant at) {
 
 PoseErrors pose_errors(std::span<const StampedPose> estimates, std::span<const TruthSample> truth,
                        const Pose& estimated_X_WA, const Pose& true_X_WA, Instant from) {
-  const Pose estimated_X_AW = estimated_X_WA.inverse();
-  const Pose true_X_AW = true_X_WA.inverse();
   ErrorSum sum;
-  for (const StampedPose& estimate : estimates) {
-    if (estimate.at < from) continue;
-    if (const auto true_X_WB = truth_at(truth, estimate.at))
-      sum.add(estimated_X_AW * estimate.X_WB, true_X_AW * *true_X_WB);
-  }
+  for_each_pair(
+      estimates, truth, estimated_X_WA, true_X_WA, from,
+      [&](Instant, const Pose& estimate, const Pose& true_pose) { sum.add(estimate, true_pose); });
   return sum.result();
+}
+
+std::vector<PoseDifference> pose_differences(std::span<const StampedPose> estimates,
+                                             std::span<const TruthSample> truth,
+                                             const Pose& estimated_X_WA, const Pose& true_X_WA,
+                                             Instant from) {
+  std::vector<PoseDifference> differences;
+  for_each_pair(estimates, truth, estimated_X_WA, true_X_WA, from,
+                [&](Instant at, const Pose& estimate, const Pose& true_pose) {
+                  differences.push_back({at, estimate.p - true_pose.p,
+                                         log_so3(estimate.q * true_pose.q.conjugate())});
+                });
+  return differences;
 }
 
 PoseErrors map_errors(std::span<const TagPlace> estimated, std::span<const TagPlace> truth,

@@ -44,6 +44,19 @@ class ErrorSum final {
                                      std::span<const TruthSample> truth, const Pose& estimated_X_WA,
                                      const Pose& true_X_WA, Instant from);
 
+/// What `pose_errors` adds up: estimate less truth, both vectors in axes A.
+struct PoseDifference {
+  Instant at{};
+  Eigen::Vector3d p{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d rotation{Eigen::Vector3d::Zero()};  ///< Rotation vector from truth to estimate.
+};
+
+/// @return one per estimate that has a truth, by time; parameters as those of pose_errors
+[[nodiscard]] std::vector<PoseDifference> pose_differences(std::span<const StampedPose> estimates,
+                                                           std::span<const TruthSample> truth,
+                                                           const Pose& estimated_X_WA,
+                                                           const Pose& true_X_WA, Instant from);
+
 /// A tag's pose in the map.
 struct TagPlace {
   int tag_id{};

@@ -57,6 +57,8 @@ class ReprojectionMeter final {
   /// @param frame  usable detections only
   void add(const CornerFrame& frame);
   [[nodiscard]] ReprojectionSummary summary() const;
+  /// Of every scored detection, in order.
+  [[nodiscard]] const std::vector<double>& errors_px() const { return errors_px_; }
 
  private:
   struct Part {

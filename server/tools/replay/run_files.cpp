@@ -11,6 +11,7 @@
 #include "base/text.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
+#include "tools/replay/covariance_file.hpp"
 #include "tools/replay/tum_file.hpp"
 #include "base/whole_file.hpp"
 
@@ -34,11 +35,12 @@ nlohmann::ordered_json cpu_report(const OfflineStatistics& s) {
 }
 
 constexpr const char* kReport = "report.json";
+constexpr const char* kPlots = "plots.html";
 
 /// Files that a run may write, whatever the bodies are called.
 bool is_of_a_run(const fs::path& file) {
   const std::string name = file.filename().string();
-  return name == "map.csv" || name == "events.csv" || name == kReport ||
+  return name == "map.csv" || name == "events.csv" || name == kReport || name == kPlots ||
          name.ends_with("extrinsics.yaml") || name.ends_with(".tum") ||
          name.ends_with(".covariance.csv") || name.ends_with(".part.csv");
 }
@@ -54,22 +56,6 @@ std::optional<std::vector<std::string>> files_listed(const fs::path& folder) {
   for (const auto& file : json["files"])
     if (file.is_string()) files.push_back(file.get<std::string>());
   return files;
-}
-
-std::string covariance_csv(const OfflineResult& result) {
-  std::string text = "#t_ns";
-  for (int row = 0; row < 6; ++row)
-    for (int column = row; column < 6; ++column)
-      text += ",P" + std::to_string(row) + std::to_string(column);
-  text += '\n';
-  for (const StampedCovariance& at : result.covariances) {
-    text += std::to_string(to_ns(at.at));
-    for (int row = 0; row < 6; ++row)
-      for (int column = row; column < 6; ++column)
-        text += ',' + shortest(at.covariance(row, column));
-    text += '\n';
-  }
-  return text;
 }
 
 std::string event_line(Instant at, const std::string& body, std::string_view event, int tag_id,
@@ -122,7 +108,7 @@ void add_body_files(const RunBody& body, bool alone, Files& files) {
   for (const ExtrinsicsEstimate& camera : result.extrinsics)
     cameras.push_back({camera.X_BV, camera.lens.offset});
   files.emplace_back(body.name + ".tum", to_tum(result.trajectory));
-  files.emplace_back(body.name + ".covariance.csv", covariance_csv(result));
+  files.emplace_back(body.name + ".covariance.csv", to_covariance_csv(result.covariances));
   files.emplace_back(alone ? "extrinsics.yaml" : body.name + ".extrinsics.yaml",
                      to_extrinsics_yaml(cameras));
   if (!result.live.empty()) files.emplace_back(body.name + ".live.tum", to_tum(result.live));
@@ -306,7 +292,7 @@ Expected<void> check_same_run(const std::string& tum) {
 }
 
 Expected<void> write_run_files(const std::string& folder, std::span<const RunBody> bodies,
-                               const OfflineSession& session) {
+                               const OfflineSession& session, const std::string& plots) {
   const fs::path to(folder);
   if (const auto earlier = files_listed(to)) {
     std::error_code ignored;
@@ -317,6 +303,7 @@ Expected<void> write_run_files(const std::string& folder, std::span<const RunBod
   for (const RunBody& body : bodies) add_body_files(body, bodies.size() == 1, files);
   files.emplace_back("map.csv", map_to_csv(run_map(bodies)));
   files.emplace_back("events.csv", events_csv(bodies, session));
+  if (!plots.empty()) files.emplace_back(kPlots, plots);
   nlohmann::ordered_json report = report_of(bodies, session);
   report["files"] = nlohmann::ordered_json::array();
   for (const auto& [name, content] : files) report["files"].push_back(name);

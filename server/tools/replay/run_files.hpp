@@ -29,9 +29,11 @@ struct RunBody {
 /// `<body>.tum`, `<body>.covariance.csv`, with truth `<body>.truth.tum`, with several bodies
 /// `<body>.extrinsics.yaml`, else `extrinsics.yaml`; parts (part_name); `map.csv`, `events.csv`,
 /// and `report.json`, which lists them.
+/// @param plots  `plots.html`; empty: there is none
 [[nodiscard]] Expected<void> write_run_files(const std::string& folder,
                                              std::span<const RunBody> bodies,
-                                             const OfflineSession& session);
+                                             const OfflineSession& session,
+                                             const std::string& plots = {});
 /// @return Error when report.json beside a trajectory says that it belongs to another run.
 [[nodiscard]] Expected<void> check_same_run(const std::string& tum);
 

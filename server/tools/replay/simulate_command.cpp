@@ -5,6 +5,8 @@
 #include <numbers>
 #include <random>
 
+#include <nlohmann/json.hpp>
+
 #include "base/so3.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "simulation/simulation.hpp"
@@ -122,6 +124,14 @@ Expected<int> simulate(const SimulateArguments& arguments, const Terminal& termi
 int run_simulate(const SimulateArguments& arguments, const Terminal& terminal) {
   const auto frames = simulate(arguments, terminal);
   if (!frames) return report(terminal, frames.error());
+  if (arguments.json) {
+    const nlohmann::ordered_json json{{"recording", arguments.out},   {"frames", *frames},
+                                      {"images", arguments.images},   {"imu", arguments.imu},
+                                      {"seconds", arguments.seconds}, {"room", arguments.room},
+                                      {"seed", arguments.seed}};
+    terminal.out << json.dump(2) << "\n";
+    return kExitOk;
+  }
   terminal.out << arguments.out << ": " << *frames
                << (arguments.images ? " images" : " frames of corners") << " in "
                << fixed(arguments.seconds, 0) << " s, room '" << arguments.room << "', seed "

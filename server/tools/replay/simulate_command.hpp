@@ -18,6 +18,7 @@ struct SimulateArguments {
   bool imu{true};
   double speed{1.0};
   double corner_noise_px{0.4};
+  bool json{false};
 };
 
 /// `fiducap simulate`: a recording with truth. The calibration in it is off by 5 mm and 0.5

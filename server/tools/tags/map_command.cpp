@@ -88,6 +88,13 @@ std::string map_json(const TagMap& map) {
   return json.dump(2) + "\n";
 }
 
+nlohmann::ordered_json health_json(const std::string& store, const MapStoreHealth& health) {
+  return {{"file", store},
+          {"sound", health.is_sound()},
+          {"versions", health.sound},
+          {"faults", health.sentences()}};
+}
+
 void print_map(std::ostream& out, const TagMap& map) {
   out << "version " << map.version << ", " << map.family << ", " << map.tags.size() << " tags, "
       << utc_text(map.created_utc_ns) << (map.comment.empty() ? "" : ", ") << map.comment << "\n"
@@ -132,6 +139,13 @@ Expected<TagMap> store_next_version(const std::string& path, TagMap map, const s
   return store->commit(map, comment);
 }
 
+std::string version_json(const std::string& file, const TagMap& map) {
+  const nlohmann::ordered_json json{{"file", file},         {"version", map.version},
+                                    {"parent", map.parent}, {"tags", map.tags.size()},
+                                    {"hash", map.hash},     {"comment", map.comment}};
+  return json.dump(2) + "\n";
+}
+
 Expected<TagMap> stored_version(const std::string& path, std::optional<std::int64_t> version,
                                 const Terminal& terminal) {
   const auto store = open_existing(path);
@@ -149,8 +163,11 @@ int run_map_export(const MapArguments& arguments, const Terminal& terminal) {
   const auto remarks = write_map_file(arguments.file, *map, format_of(arguments), field);
   if (!remarks) return report(terminal, remarks.error());
   print_remarks(terminal, arguments.file, *remarks);
-  terminal.out << arguments.file << ": version " << map->version << ", " << map->tags.size()
-               << " tags\n";
+  if (arguments.json)
+    terminal.out << version_json(arguments.file, *map);
+  else
+    terminal.out << arguments.file << ": version " << map->version << ", " << map->tags.size()
+                 << " tags\n";
   return kExitOk;
 }
 
@@ -166,8 +183,11 @@ int run_map_import(const MapArguments& arguments, const Terminal& terminal) {
   const auto stored =
       store_next_version(arguments.store, std::move(imported->map), comment, terminal);
   if (!stored) return report(terminal, stored.error());
-  terminal.out << arguments.store << ": version " << stored->version << ", " << stored->tags.size()
-               << " tags, hash " << stored->hash << "\n";
+  if (arguments.json)
+    terminal.out << version_json(arguments.store, *stored);
+  else
+    terminal.out << arguments.store << ": version " << stored->version << ", "
+                 << stored->tags.size() << " tags, hash " << stored->hash << "\n";
   return kExitOk;
 }
 
@@ -250,6 +270,10 @@ int run_map_show(const MapArguments& arguments, const Terminal& terminal) {
 int run_map_check(const MapArguments& arguments, const Terminal& terminal) {
   const auto health = check_map_store(arguments.store);
   if (!health) return report(terminal, health.error());
+  if (arguments.json) {
+    terminal.out << health_json(arguments.store, *health).dump(2) << "\n";
+    return health->is_sound() ? kExitOk : kExitFailed;
+  }
   terminal.out << arguments.store << ": " << health->sound.size()
                << " versions are as they were stored"
                << (health->sound.empty() ? "" : ", the newest is ")
@@ -264,6 +288,12 @@ int run_map_check(const MapArguments& arguments, const Terminal& terminal) {
 int run_map_repair(const MapArguments& arguments, const Terminal& terminal) {
   const auto repair = repair_map_store(arguments.store);
   if (!repair) return report(terminal, repair.error());
+  if (arguments.json) {
+    auto json = health_json(arguments.store, repair->found);
+    json["kept_as"] = repair->kept_as;
+    terminal.out << json.dump(2) << "\n";
+    return kExitOk;
+  }
   if (repair->kept_as.empty() && repair->found.is_sound()) {
     terminal.out << arguments.store << ": is sound, nothing was changed\n";
     return kExitOk;

@@ -37,6 +37,9 @@ enum class MapOrigin {
                                                   const Terminal& terminal,
                                                   MapOrigin origin = MapOrigin::kFile);
 
+/// What a script wants to know of a version that was stored or written.
+[[nodiscard]] std::string version_json(const std::string& file, const TagMap& map);
+
 /// The newest version that is as it was stored, or the given one; says what it passed over.
 [[nodiscard]] Expected<TagMap> stored_version(const std::string& store,
                                               std::optional<std::int64_t> version,

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <optional>
 
+#include <nlohmann/json.hpp>
+
 #include "base/so3.hpp"
 #include "base/text.hpp"
 #include "mapping/map_alignment.hpp"
@@ -20,8 +22,14 @@ namespace {
 
 constexpr double kDegreesPerRad = 180 / M_PI;
 
-int stored(const std::string& store, const Expected<TagMap>& map, const Terminal& terminal) {
+int stored(const MapEditArguments& arguments, const Expected<TagMap>& map,
+           const Terminal& terminal) {
   if (!map) return report(terminal, map.error());
+  const std::string& store = arguments.store;
+  if (arguments.json) {
+    terminal.out << version_json(store, *map);
+    return kExitOk;
+  }
   terminal.out << store << ": version " << map->version << ", " << map->tags.size()
                << " tags, parent " << map->parent << ", \"" << map->comment << "\"\n";
   return kExitOk;
@@ -40,6 +48,15 @@ int run_distance(const MapEditArguments& arguments, const Terminal& terminal) {
   const auto between = distance_between(*map, static_cast<int>(first), static_cast<int>(second));
   if (!between) return report(terminal, between.error());
   const double off_m = tape_m - between->distance_m;
+  if (arguments.json) {
+    const nlohmann::ordered_json json{{"tags", {static_cast<int>(first), static_cast<int>(second)}},
+                                      {"tape_m", tape_m},
+                                      {"map_m", between->distance_m},
+                                      {"sigma_m", between->sigma_m},
+                                      {"tape_less_map_m", off_m}};
+    terminal.out << json.dump(2) << "\n";
+    return kExitOk;
+  }
   std::array<char, 256> line{};
   std::snprintf(line.data(), line.size(),
                 "tags %d and %d: tape %.4f m, map %.4f m with sigma %.1f mm%s; tape less map "
@@ -73,12 +90,40 @@ Expected<SurveyedTag> survey_of(const MapEditArguments& arguments) {
   return tag;
 }
 
+void print_alignment(const MapAlignment& aligned, const Terminal& terminal) {
+  terminal.out << "   id residual[mm]  x[mm]  y[mm]  z[mm]\n";
+  for (const MapAlignment::Residual& one : aligned.residuals) {
+    std::array<char, 96> line{};
+    const Eigen::Vector3d off_mm = (1e4 * one.off_m).array().round() / 10 + 0.0;  // no -0.0
+    std::snprintf(line.data(), line.size(), "%5d %12.1f %6.1f %6.1f %6.1f\n", one.tag_id,
+                  1e3 * one.off_m.norm(), off_mm.x(), off_mm.y(), off_mm.z());
+    terminal.out << line.data();
+  }
+  const auto& [q, p] = aligned.X_RW;
+  terminal.out << "the workspace lies at (" << fixed(p.x(), 4) << " " << fixed(p.y(), 4) << " "
+               << fixed(p.z(), 4) << ") m in the room, turned by "
+               << fixed(kDegreesPerRad * log_so3(q).z(), 3) << " deg\n";
+}
+
+std::string alignment_json(const MapAlignment& aligned, const std::string& store,
+                           const TagMap& map) {
+  auto json = nlohmann::ordered_json::parse(version_json(store, map));
+  json["residuals"] = nlohmann::ordered_json::array();
+  for (const MapAlignment::Residual& one : aligned.residuals)
+    json["residuals"].push_back(
+        {{"id", one.tag_id}, {"off_m", {one.off_m.x(), one.off_m.y(), one.off_m.z()}}});
+  const auto& [q, p] = aligned.X_RW;
+  json["workspace_in_room"] = {{"position_m", {p.x(), p.y(), p.z()}},
+                               {"heading_deg", kDegreesPerRad * log_so3(q).z()}};
+  return json.dump(2) + "\n";
+}
+
 }  // namespace
 
 int run_map_rollback(const MapEditArguments& arguments, const Terminal& terminal) {
   auto map = stored_version(arguments.store, arguments.version, terminal);
   if (!map) return report(terminal, map.error());
-  return stored(arguments.store,
+  return stored(arguments,
                 store_next_version(arguments.store, std::move(*map),
                                    "rolled back to version " + std::to_string(arguments.version),
                                    terminal, MapOrigin::kStore),
@@ -93,6 +138,12 @@ int run_map_name(const MapEditArguments& arguments, const Terminal& terminal) {
   if (const auto claimed = store->claim(); !claimed) return report(terminal, claimed.error());
   if (const auto named = store->name_version(arguments.version, arguments.name); !named)
     return report(terminal, named.error());
+  if (arguments.json) {
+    const nlohmann::ordered_json json{
+        {"file", arguments.store}, {"version", arguments.version}, {"comment", arguments.name}};
+    terminal.out << json.dump(2) << "\n";
+    return kExitOk;
+  }
   terminal.out << arguments.store << ": version " << arguments.version << " is called \""
                << arguments.name << "\"\n";
   return kExitOk;
@@ -113,27 +164,17 @@ int run_map_align(const MapEditArguments& arguments, const Terminal& terminal) {
   const auto aligned = align(*map, *places, arguments.most_off_m);
   if (!aligned)
     return report(terminal, Error{aligned.error().code, aligned.error().what, arguments.measured});
-  terminal.out << "   id residual[mm]  x[mm]  y[mm]  z[mm]\n";
-  for (const MapAlignment::Residual& one : aligned->residuals) {
-    std::array<char, 96> line{};
-    const Eigen::Vector3d off_mm = (1e4 * one.off_m).array().round() / 10 + 0.0;  // no -0.0
-    std::snprintf(line.data(), line.size(), "%5d %12.1f %6.1f %6.1f %6.1f\n", one.tag_id,
-                  1e3 * one.off_m.norm(), off_mm.x(), off_mm.y(), off_mm.z());
-    terminal.out << line.data();
-  }
-  const auto& [q, p] = aligned->X_RW;
-  terminal.out << "the workspace lies at (" << fixed(p.x(), 4) << " " << fixed(p.y(), 4) << " "
-               << fixed(p.z(), 4) << ") m in the room, turned by "
-               << fixed(kDegreesPerRad * log_so3(q).z(), 3) << " deg\n";
+  if (!arguments.json) print_alignment(*aligned, terminal);
   map->X_RW = aligned->X_RW;
   const std::string comment =
       arguments.comment.empty()
           ? "aligned with " + std::filesystem::path(arguments.measured).filename().string()
           : arguments.comment;
-  return stored(
-      arguments.store,
-      store_next_version(arguments.store, std::move(*map), comment, terminal, MapOrigin::kStore),
-      terminal);
+  const auto next =
+      store_next_version(arguments.store, std::move(*map), comment, terminal, MapOrigin::kStore);
+  if (!next || !arguments.json) return stored(arguments, next, terminal);
+  terminal.out << alignment_json(*aligned, arguments.store, *next);
+  return kExitOk;
 }
 
 int run_map_edit(const MapEditArguments& arguments, const Terminal& terminal) {
@@ -150,7 +191,7 @@ int run_map_edit(const MapEditArguments& arguments, const Terminal& terminal) {
   const std::string comment =
       arguments.comment.empty() ? "edited: " + words_of(edit) : arguments.comment;
   return stored(
-      arguments.store,
+      arguments,
       store_next_version(arguments.store, std::move(*edited), comment, terminal, MapOrigin::kStore),
       terminal);
 }

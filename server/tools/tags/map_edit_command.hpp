@@ -21,6 +21,7 @@ struct MapEditArguments {
   double sigma_m{0};             ///< edit: of the survey
   double tag_size_m{0};          ///< edit: of a surveyed tag that is new
   std::string comment;           ///< edit, align
+  bool json{false};
 };
 
 /// `fiducap map rollback | name | align | edit`: by hand, into a store that no server has open. The

@@ -2,9 +2,11 @@
 
 #include <filesystem>
 
+#include <nlohmann/json.hpp>
+
+#include "base/whole_file.hpp"
 #include "detection/tag_family_list.hpp"
 #include "tools/tags/tag_sheet.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 
@@ -26,6 +28,13 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
     return report(terminal, written.error());
   if (auto written = write_whole_file(stub, tag_sheet_yaml(order)); !written)
     return report(terminal, written.error());
+  if (arguments.json) {
+    const nlohmann::ordered_json json{{"pdf", arguments.out},     {"yaml", stub},
+                                      {"family", order.family},   {"ids", *ids},
+                                      {"size_mm", order.size_mm}, {"paper", paper->name}};
+    terminal.out << json.dump(2) << "\n";
+    return kExitOk;
+  }
   terminal.out << arguments.out << ": " << ids->size() << " tags " << order.family << ", "
                << order.size_mm << " mm, " << paper->name << "\n"
                << stub << ": family and sizes for the server's configuration\n"

@@ -12,6 +12,7 @@ struct TagSheetArguments {
   std::string paper{"a4"};
   std::string out{"tags.pdf"};
   double size_mm{160};
+  bool json{false};
 };
 
 /// `fiducap tags sheet`. @return exit code

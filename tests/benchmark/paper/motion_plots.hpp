@@ -1,7 +1,7 @@
 #pragma once
 
-#include "paper/line_plot.hpp"
 #include "paper/paper_run.hpp"
+#include "tools/plot/line_plot.hpp"
 
 namespace fiducap::bench {
 

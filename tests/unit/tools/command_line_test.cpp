@@ -99,6 +99,25 @@ TEST(CommandLine, WrongUsageEndsWithTwoAndPointsToHelp) {
   }
 }
 
+TEST(CommandLine, AWrongWordIsAnsweredWithTheOneThatWasMeant) {
+  const auto answer_to = [](const std::vector<std::string>& words) {
+    const Answer answer = say(words);
+    EXPECT_EQ(answer.code, kExitUsage) << ::testing::PrintToString(words);
+    EXPECT_THAT(answer.out, IsEmpty());
+    return answer.err;
+  };
+  EXPECT_EQ(answer_to({"replay", "x", "--ot", "y"}),
+            "fiducap replay --ot: there is no such option; did you mean --out?\n");
+  EXPECT_THAT(answer_to({"replay", "x", "--outt=y"}), HasSubstr("did you mean --out?"));
+  EXPECT_THAT(answer_to({"map", "import", "--stoer", "y"}),
+              HasSubstr("fiducap map import --stoer: there is no such option; did you mean "
+                        "--store?"));
+  EXPECT_THAT(answer_to({"tags", "sheet", "--magic"}),
+              HasSubstr("`fiducap tags sheet --help` lists them"));
+  EXPECT_THAT(answer_to({"--versoin"}), HasSubstr("did you mean --version?"));
+  EXPECT_THAT(answer_to({"replya"}), HasSubstr("did you mean replay?"));
+}
+
 TEST(CommandLine, FailuresEndWithOneAndNameWhatIsWrong) {
   const TemporaryFolder folder;
   const auto expect_failure = [](const std::vector<std::string>& words, const std::string& what) {

@@ -1,0 +1,266 @@
+#include "tools/replay/replay_inputs.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include <yaml-cpp/yaml.h>
+
+#include "daemon/bodies/body_setup.hpp"
+#include "daemon/config/config_file.hpp"
+#include "daemon/system_clock.hpp"
+#include "mapping/store/map_store.hpp"
+#include "tools/replay/session_folder.hpp"
+#include "tools/tags/map_file.hpp"
+#include "tools/usable_recording.hpp"
+
+namespace fiducap {
+namespace {
+
+/// Whether the user says anything about `section.key`: what nobody mentions stays as the recording
+/// has it.
+class Mentioned final {
+ public:
+  Mentioned(const std::string& file, const std::vector<std::string>& sets) : sets_(sets) {
+    if (!file.empty()) root_ = YAML::LoadFile(file);
+  }
+  [[nodiscard]] bool operator()(const std::string& section, const std::string& key) const {
+    const std::string path = section + "." + key;
+    for (const std::string& set : sets_)
+      if (set.starts_with(path) && set.size() > path.size() &&
+          (set[path.size()] == '=' || set[path.size()] == '.'))
+        return true;
+    // A missing key gives a node that throws at any question but IsDefined.
+    if (!root_.IsMap() || !root_[section].IsDefined() || !root_[section].IsMap()) return false;
+    return root_[section][key].IsDefined();
+  }
+
+ private:
+  const std::vector<std::string>& sets_;
+  YAML::Node root_;
+};
+
+Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setup) {
+  const auto config = load_config(arguments.config, arguments.sets);
+  if (!config) {
+    std::string faults;
+    for (const ConfigFault& fault : config.error())
+      faults += (faults.empty() ? "" : "\n  ") + fault.text();
+    return fail(ErrorCode::kInvalid, faults,
+                config.error().size() > 1 ? "several faults\n  " : "configuration");
+  }
+  const Mentioned mentioned(arguments.config, arguments.sets);
+  setup.estimator = config->estimator;
+  setup.detector = config->detector;
+  if (mentioned("tags", "family")) setup.tags.family = config->tags.family;
+  if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
+  if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
+  if (mentioned("tags", "ignore")) setup.tags.ignore = config->tags.ignore;
+  if (mentioned("map", "reference_tag"))
+    setup.gauge = {config->map.reference_tag, config->map.reference_pose, {}};
+  if (mentioned("map", "floor_tags")) setup.gauge.floor_tags = config->map.floor_tags;
+  return {};
+}
+
+Expected<void> apply_map(const std::string& path, OfflineSetup& setup) {
+  const auto map = read_map_file(path);
+  if (!map) return tl::unexpected(map.error());
+  for (const MapTag& entry : map->tags) {
+    std::erase_if(setup.known, [&](const KnownTag& t) { return t.tag_id == entry.tag.tag_id; });
+    std::erase_if(setup.priors, [&](const KnownTag& t) { return t.tag_id == entry.tag.tag_id; });
+    setup.known.push_back(entry.tag);
+    if (entry.tag.tag_id == setup.gauge.reference_tag) setup.gauge.X_WT = entry.tag.X_WT;
+  }
+  return {};
+}
+
+/// The pipeline as the live server had it, sensors to the last bit.
+Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const SessionFolder& session,
+                                     std::size_t body, const RecordingInfo& info) {
+  const BodyConfig& config = session.config.bodies[body];
+  OfflineSetup setup = offline_setup(info);
+  auto live = read_body_setup(config, session.config.simulation);
+  static_cast<PipelineSetup&>(setup) =
+      pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}, {}});
+  setup.known.clear();  // the session's map has them
+  if (!arguments.filter.empty()) setup.filter = arguments.filter;
+  return setup;
+}
+
+Expected<void> add_body(const ReplayArguments& arguments, const std::string& folder,
+                        const SessionFolder* session, ReplayInputs& inputs) {
+  static const SystemClock clock;
+  auto info = read_recording_info(folder);
+  if (!info) return tl::unexpected(info.error());
+  for (const ReplayInput& other : inputs.bodies) {
+    if (other.info.name == info->name)
+      return fail(ErrorCode::kInvalid, "two recordings have this name; their files would be mixed",
+                  info->name);
+    if (other.setup.gauge.reference_tag != info->reference_tag && session == nullptr)
+      return fail(ErrorCode::kInvalid,
+                  "names another reference tag than " + other.info.name +
+                      ": one map has one; give --set map.reference_tag=N",
+                  info->name);
+  }
+  auto setup = session == nullptr ? replay_setup(arguments, *info)
+                                  : session_setup(arguments, *session, inputs.bodies.size(), *info);
+  if (!setup) return tl::unexpected(setup.error());
+  auto source = open_recording(*info, {}, clock);
+  if (!source) return tl::unexpected(source.error());
+  inputs.bodies.push_back({std::move(*info), std::move(*setup), std::move(*source)});
+  return {};
+}
+
+Expected<void> add_session(const ReplayArguments& arguments, const std::string& folder,
+                           ReplayInputs& inputs) {
+  if (!arguments.map.empty() || !arguments.config.empty())
+    return fail(ErrorCode::kInvalid,
+                "a session starts from its own map and configuration: leave --map and --config out "
+                "(--set changes single keys)",
+                folder);
+  auto session = read_session(folder, arguments.sets);
+  if (!session) return tl::unexpected(session.error());
+  for (const std::string& body : session->bodies)
+    if (auto added = add_body(arguments, body, &*session, inputs); !added) return added;
+  inputs.map.config = session->config.map.builder;
+  inputs.map.start = std::move(session->map);
+  inputs.map.turns = std::move(session->turns);
+  inputs.map.refinements = std::move(session->refinements);
+  inputs.is_session = true;
+  return {};
+}
+
+/// As a live server with so many robots would have it.
+Expected<void> apply_refinement(const ReplayArguments& arguments, ReplayInputs& inputs) {
+  double& period_s = inputs.map.config.refine_period_s;
+  period_s = refine_period_for(inputs.bodies.size());
+  if (!is_mentioned(arguments.config, arguments.sets, "map", "refine_period_s")) return {};
+  const auto config = load_config(arguments.config, arguments.sets);
+  if (!config) return fail(ErrorCode::kInvalid, config.error().front().text(), "configuration");
+  period_s = config->map.builder.refine_period_s;
+  return {};
+}
+
+Expected<TagMap> newest_version(const std::string& path) {
+  std::error_code error;
+  if (!std::filesystem::exists(path, error))
+    return fail(ErrorCode::kNotFound, "is not there", path);
+  const auto store = MapStore::open_to_read(path);
+  if (!store) return tl::unexpected(store.error());
+  auto map = store->newest();
+  if (map && map->version == 0)
+    return fail(ErrorCode::kNotFound, "holds no version of a map yet", path);
+  return map;
+}
+
+/// With a map graph where somebody feels gravity or a stored map has something to say; what a
+/// filter without IMU makes of its segments is not listened to in the end (solve_all).
+void prepare_to_resolve(ReplayInputs& inputs) {
+  inputs.map.resolve = true;
+  // The order in which the live server's threads ran does not matter any more.
+  inputs.map.turns.clear();
+  inputs.map.refinements.reset();
+  const bool has_imu =
+      std::any_of(inputs.bodies.begin(), inputs.bodies.end(),
+                  [](const ReplayInput& i) { return i.setup.sensors.imu.has_value(); });
+  double& period_s = inputs.map.config.refine_period_s;
+  const bool needs_graph = has_imu || inputs.map.start.known != nullptr;
+  period_s = needs_graph ? (period_s > 0 ? period_s : kRefinePeriod_s) : 0;
+}
+
+Expected<void> check_arguments(const ReplayArguments& arguments) {
+  if (arguments.recordings.size() > 1 && !arguments.together)
+    return fail(ErrorCode::kInvalid,
+                "several recordings share a map with --together; without it, replay them one by "
+                "one");
+  if (!arguments.store.empty() && !arguments.map.empty())
+    return fail(ErrorCode::kInvalid, "give --map or --store, not both: a run begins with one map");
+  return {};
+}
+
+/// From the first to the last of all streams.
+double length_of(const RecordingReport& recording) {
+  Instant first = Instant::max();
+  Instant last = Instant::min();
+  for (const RecordedStream& stream : recording.streams) {
+    if (stream.stamps == 0) continue;
+    first = std::min(first, stream.first);
+    last = std::max(last, stream.last);
+  }
+  return first < last ? to_seconds(last - first) : 0;
+}
+
+}  // namespace
+
+bool is_mentioned(const std::string& file, const std::vector<std::string>& sets,
+                  const std::string& section, const std::string& key) {
+  return Mentioned(file, sets)(section, key);
+}
+
+Expected<OfflineSetup> replay_setup(const ReplayArguments& arguments, const RecordingInfo& info) {
+  OfflineSetup setup = offline_setup(info);
+  if (auto applied = apply_config(arguments, setup); !applied)
+    return tl::unexpected(applied.error());
+  if (!arguments.filter.empty()) setup.filter = arguments.filter;
+  if (!arguments.map.empty())
+    if (auto applied = apply_map(arguments.map, setup); !applied)
+      return tl::unexpected(applied.error());
+  return setup;
+}
+
+Expected<ReplayInputs> read_replay_inputs(const ReplayArguments& arguments) {
+  if (auto sound = check_arguments(arguments); !sound) return tl::unexpected(sound.error());
+  ReplayInputs inputs;
+  for (const std::string& folder : arguments.recordings) {
+    const bool whole = is_session(folder);
+    if (whole && arguments.recordings.size() > 1)
+      return fail(ErrorCode::kInvalid, "is a whole session: replay it alone", folder);
+    if (auto added = whole ? add_session(arguments, folder, inputs)
+                           : add_body(arguments, folder, nullptr, inputs);
+        !added)
+      return tl::unexpected(added.error());
+  }
+  if (!inputs.is_session)
+    if (auto applied = apply_refinement(arguments, inputs); !applied)
+      return tl::unexpected(applied.error());
+  if (!arguments.store.empty()) {
+    if (inputs.is_session)
+      return fail(ErrorCode::kInvalid, "a session starts from its own map: leave --store out",
+                  arguments.store);
+    auto map = newest_version(arguments.store);
+    if (!map) return tl::unexpected(map.error());
+    if (map->family != inputs.bodies.front().setup.tags.family)
+      return fail(ErrorCode::kInvalid,
+                  "its tags are of " + map->family + ", those of the recording of " +
+                      inputs.bodies.front().setup.tags.family,
+                  arguments.store);
+    inputs.map.start = std::move(*map);
+  }
+  // One robot out of a session starts from the map that it had then.
+  if (!inputs.is_session && arguments.store.empty() && arguments.recordings.size() == 1) {
+    if (const auto session = session_of(arguments.recordings.front())) {
+      auto map = read_map_file(*session + "/map.yaml");
+      if (!map) return tl::unexpected(map.error());
+      inputs.map.start = std::move(*map);
+    }
+  }
+  if (arguments.resolve) prepare_to_resolve(inputs);
+  return inputs;
+}
+
+Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayReplayInputs& inputs,
+                                   const Terminal& terminal) {
+  for (ReplayInput& input : inputs.bodies) {
+    const auto usable = require_usable(input.info, terminal);
+    if (usable) {
+      input.length_s = length_of(*usable);
+      continue;
+    }
+    if (!arguments.anyway && !inputs.is_session)
+      return fail(usable.error().code, usable.error().what + " (--anyway runs it all the same)",
+                  usable.error().context);
+    terminal.err << "fiducap: warning: " << usable.error().text() << "\n";
+  }
+  return {};
+}
+
+}  // namespace fiducap
