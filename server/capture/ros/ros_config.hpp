@@ -43,8 +43,4 @@ void describe(V& v, RosSourceConfig& c) {
                                                     const SourceSurroundings& around,
                                                     const std::string& body_prefix);
 
-/// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
-[[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
-[[nodiscard]] bool is_compressed(const std::string& image_topic);
-
 }  // namespace fiducap::dds
