@@ -23,6 +23,7 @@ constexpr std::array<std::string_view, 13> kRooms{
 /// folder is open to all its sub-rooms: it is what they share.
 const std::map<std::string, std::set<std::string>> kSubRooms{
     {"capture/lens", {}},
+    {"capture/import", {"lens", "recording"}},
     {"capture/recording", {"lens"}},
     {"capture/ros", {"lens"}},
     {"detection/points", {}},
