@@ -217,7 +217,12 @@ Expected<cv::VideoCapture> open_video(const CameraDeviceConfig& config, Kind kin
   } else {
     video.open(config.open, kind == Kind::kPipeline ? cv::CAP_GSTREAMER : kFileBackend);
   }
-  if (video.isOpened()) return video;
+  if (video.isOpened()) {
+    // Pictures stay as the sensor read them out, as those of a JPEG do: a phone that was held
+    // upright has the same calibration.
+    if (kind == Kind::kFile) video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+    return video;
+  }
   const char* hint =
       kind == Kind::kDevice     ? "cannot be opened: is it there, free, and may this user read it?"
       : kind == Kind::kPipeline ? "is no GStreamer pipeline that starts: it must end in appsink "
