@@ -63,6 +63,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"tools/tags", {}},
     {"tools/replay", {"tags"}},
     {"tools/calibrate", {}},
+    {"tools/import", {}},
     {"tools/live", {}},
     {"tools/doctor", {"live"}},
 };
