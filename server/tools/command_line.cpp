@@ -8,6 +8,7 @@
 #include "tools/calibrate/calibrate_verbs.hpp"
 #include "tools/camera/camera_verbs.hpp"
 #include "tools/doctor/doctor_command.hpp"
+#include "tools/import/import_command.hpp"
 #include "tools/live/control_command.hpp"
 #include "tools/live/events_command.hpp"
 #include "tools/live/watch_command.hpp"
@@ -36,6 +37,7 @@ struct CommandLine {
   TagSheetArguments tag_sheet;
   CalibrateArguments calibrate;
   CameraArguments camera;
+  ImportArguments import_arguments;
   SimulateArguments simulate;
   ChosenVerb chosen;
 };
@@ -323,6 +325,7 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   add_events(app, line);
   add_doctor(app, line);
   add_control(app, line);
+  add_import(app, line.import_arguments, line.chosen);
   add_check(app, line);
   add_replay(app, line);
   add_evaluate(app, line);

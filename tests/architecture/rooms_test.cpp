@@ -25,6 +25,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"middleware/mavlink", {}},
     {"capture/lens", {}},
     {"capture/imu", {"ros"}},
+    {"capture/import", {"lens", "recording"}},
     {"capture/recording", {"lens"}},
     {"capture/ros", {"lens"}},
     {"capture/v4l2", {"lens"}},
@@ -72,6 +73,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"tools/replay", {"plot", "tags"}},
     {"tools/calibrate", {"plot"}},
     {"tools/camera", {}},
+    {"tools/import", {}},
     {"tools/live", {}},
     {"tools/doctor", {"live"}},
 };

@@ -7,7 +7,7 @@
 
 #include "base/byte_reader.hpp"
 #include "capture/encoded_size.hpp"
-#include "capture/ros/ros_image.hpp"
+#include "capture/ros_image.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace fiducap;
@@ -21,7 +21,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   constexpr std::string_view kEncodings[] = {"mono8",       "mono16",      "bgr8",  "rgb8",
                                              "bgra8",       "yuv422",      "yuyv",  "8UC3",
                                              "bayer_rggb8", "bayer_gbrg8", "32FC1", ""};
-  dds::RawImage image;
+  ros::RawImage image;
   image.encoding = kEncodings[from.u8() % std::size(kEncodings)];
   const std::uint8_t lies = from.u8();
   image.width = (lies & 1) != 0 ? from.u32() : static_cast<std::uint32_t>(camera.width);
@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto rest = from.bytes(from.left());
   image.data = {reinterpret_cast<const std::uint8_t*>(rest.data()), rest.size()};
   GrayImage gray;
-  const auto converted = dds::to_gray(image, camera, gray);
+  const auto converted = ros::to_gray(image, camera, gray);
   if (converted && gray.pixels.size() != static_cast<std::size_t>(camera.width * camera.height))
     std::abort();
   return 0;

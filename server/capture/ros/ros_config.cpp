@@ -7,8 +7,6 @@ namespace fiducap::dds {
 
 namespace {
 
-constexpr std::string_view kCompressed = "/compressed";
-
 bool is_topic(const std::string& name) {
   const auto good = [](unsigned char c) { return std::isalnum(c) != 0 || c == '_' || c == '/'; };
   return name.size() >= 2 && name.size() <= 200 && name.front() == '/' && name.back() != '/' &&
@@ -58,14 +56,6 @@ std::vector<ConfigError> check_source(const RosSourceConfig& config,
       .require(config.imu.empty() || !around.has_imu_source, "imu_source", "{…}",
                "stands beside source.imu: which of the two is it?");
   return rules.errors;
-}
-
-bool is_compressed(const std::string& image_topic) { return image_topic.ends_with(kCompressed); }
-
-std::string camera_info_topic(const std::string& image_topic) {
-  std::string base = image_topic;
-  if (is_compressed(base)) base.resize(base.size() - kCompressed.size());
-  return base.substr(0, base.rfind('/')) + "/camera_info";
 }
 
 }  // namespace fiducap::dds

@@ -65,8 +65,4 @@ void describe(V& v, RosCameraConfig& c) {
   v.value("camera_info_wait_s", c.camera_info_wait_s);
 }
 
-/// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
-[[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
-[[nodiscard]] bool is_compressed(const std::string& image_topic);
-
 }  // namespace fiducap::dds

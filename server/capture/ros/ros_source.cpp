@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "base/log.hpp"
-#include "capture/ros/ros_image.hpp"
+#include "capture/ros_image.hpp"
 #include "capture/stamp_mapper.hpp"
 #include "middleware/reader.hpp"
 
@@ -56,7 +56,7 @@ class RosSource final : public SensorSource {
       if (auto added = arrivals_.add(*imu_); !added) return added;
     }
     for (std::size_t k = 0; k < std::min(config.images.size(), mounts.size()); ++k) {
-      const auto& type = is_compressed(config.images[k])
+      const auto& type = ros::is_compressed(config.images[k])
                              ? sensor_msgs_msg_dds__CompressedImage__desc
                              : sensor_msgs_msg_dds__Image__desc;
       auto reader = subscribe(*participant_, config.images[k], type, config.reliable, kImageDepth);
@@ -99,7 +99,7 @@ class RosSource final : public SensorSource {
       const std::size_t k = turn_++ % cameras_.size();
       auto loan = cameras_[k].reader.take();
       if (!loan) continue;
-      auto frame = is_compressed(cameras_[k].topic)
+      auto frame = ros::is_compressed(cameras_[k].topic)
                        ? read(k, loan.as<sensor_msgs_msg_dds__CompressedImage_>())
                        : read(k, loan.as<sensor_msgs_msg_dds__Image_>());
       if (frame) return frame;
@@ -108,22 +108,22 @@ class RosSource final : public SensorSource {
   }
 
   std::optional<SensorSample> read(std::size_t k, const sensor_msgs_msg_dds__Image_& message) {
-    const RawImage raw{message.width,
-                       message.height,
-                       message.encoding == nullptr ? "" : message.encoding,
-                       message.is_bigendian != 0,
-                       message.step,
-                       {message.data._buffer, message.data._length}};
+    const ros::RawImage raw{message.width,
+                            message.height,
+                            message.encoding == nullptr ? "" : message.encoding,
+                            message.is_bigendian != 0,
+                            message.step,
+                            {message.data._buffer, message.data._length}};
     auto gray = pool_.acquire();
-    const auto converted = to_gray(raw, cameras_[k].mount.model, *gray);
+    const auto converted = ros::to_gray(raw, cameras_[k].mount.model, *gray);
     return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
   std::optional<SensorSample> read(std::size_t k,
                                    const sensor_msgs_msg_dds__CompressedImage_& message) {
     auto gray = pool_.acquire();
-    const auto converted =
-        decode_gray({message.data._buffer, message.data._length}, cameras_[k].mount.model, *gray);
+    const auto converted = ros::decode_gray({message.data._buffer, message.data._length},
+                                            cameras_[k].mount.model, *gray);
     return finish(k, message.header.stamp, converted, std::move(gray));
   }
 
@@ -164,6 +164,20 @@ class RosSource final : public SensorSource {
   std::size_t turn_{0};
 };
 
+Expected<CameraModel> lens_of(const sensor_msgs_msg_dds__CameraInfo_& message) {
+  ros::CameraInfo info{message.width,
+                       message.height,
+                       message.distortion_model == nullptr ? "" : message.distortion_model,
+                       {message.d._buffer, message.d._length},
+                       {},
+                       message.binning_x,
+                       message.binning_y,
+                       message.roi.x_offset,
+                       message.roi.y_offset};
+  std::copy_n(message.k, info.K.size(), info.K.begin());
+  return ros::camera_model(info);
+}
+
 /// The first usable lens on `topic` before `deadline`.
 Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& topic,
                                     Instant deadline, const Clock& clock) {
@@ -176,7 +190,7 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
   do {
     [[maybe_unused]] const bool arrived = arrivals->wait(kSlice);
     while (auto loan = reader->take()) {
-      auto model = camera_model(loan.as<sensor_msgs_msg_dds__CameraInfo_>());
+      auto model = lens_of(loan.as<sensor_msgs_msg_dds__CameraInfo_>());
       if (model) return model;
       why = model.error().text();
     }
@@ -210,7 +224,8 @@ Expected<void> ask_for_lenses(const Participant& participant, const RosSourceCon
   const Instant deadline = clock.now() + from_seconds(config.camera_info_wait_s);
   for (std::size_t k = 0; k < std::min(cameras.size(), config.images.size()); ++k) {
     if (cameras[k].model.width != 0) continue;
-    auto model = wait_for_lens(participant, camera_info_topic(config.images[k]), deadline, clock);
+    auto model =
+        wait_for_lens(participant, ros::camera_info_topic(config.images[k]), deadline, clock);
     if (!model) return tl::unexpected(model.error());
     cameras[k].model = *model;
     log::info("capture", config.images[k] + ": " + std::to_string(model->width) + " x " +

@@ -138,6 +138,9 @@ Expected<OpenedVideo> open_video(VideoKind kind, const std::string& name, const 
   cv::VideoCapture video;
   video.open(what, backend_of(kind), parameters_of(kind));
   if (!video.isOpened()) return fail(ErrorCode::kUnavailable, why_not_opened(kind), name);
+  // Pictures stay as the sensor read them out, as those of a JPEG do: a phone that was held upright
+  // has the same calibration.
+  if (kind == VideoKind::kFile) video.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
   const int width = static_cast<int>(video.get(cv::CAP_PROP_FRAME_WIDTH));
   const int height = static_cast<int>(video.get(cv::CAP_PROP_FRAME_HEIGHT));
   if (width > 0 && height > 0) {  // else not known before the first image

@@ -38,6 +38,7 @@ Answer say(std::vector<std::string> words) {
 }
 
 const std::vector<std::vector<std::string>> kVerbs{{"watch"},
+                                                   {"import"},
                                                    {"check"},
                                                    {"events"},
                                                    {"replay"},

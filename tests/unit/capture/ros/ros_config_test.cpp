@@ -20,13 +20,5 @@ TEST(RosSourceConfig, ReportsEveryBrokenRule) {
   EXPECT_THAT(RosSourceConfig{}.check("source."), SizeIs(1)) << "no image topic";
 }
 
-TEST(RosSourceConfig, TheLensIsToldBesideTheImages) {
-  EXPECT_EQ(camera_info_topic("/cam0/image_raw"), "/cam0/camera_info");
-  EXPECT_EQ(camera_info_topic("/cam0/image_raw/compressed"), "/cam0/camera_info");
-  EXPECT_EQ(camera_info_topic("/image"), "/camera_info");
-  EXPECT_TRUE(is_compressed("/cam0/image_raw/compressed"));
-  EXPECT_FALSE(is_compressed("/cam0/compressed_image"));
-}
-
 }  // namespace
 }  // namespace fiducap::dds

@@ -1,17 +1,18 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "base/expected.hpp"
 #include "capture/gray_image.hpp"
 #include "capture/lens/camera_model.hpp"
 
-struct sensor_msgs_msg_dds__CameraInfo_;
-
-namespace fiducap::dds {
+/// What messages of ROS mean, whichever way they came: by DDS or in a file.
+namespace fiducap::ros {
 
 /// sensor_msgs/Image as it came; nothing in it is to be believed.
 struct RawImage {
@@ -23,6 +24,19 @@ struct RawImage {
   std::span<const std::uint8_t> data;
 };
 
+/// sensor_msgs/CameraInfo, as far as it tells of a lens.
+struct CameraInfo {
+  std::uint32_t width{};
+  std::uint32_t height{};
+  std::string_view distortion_model;
+  std::span<const double> coefficients;
+  std::array<double, 9> K{};  ///< Row by row.
+  std::uint32_t binning_x{};
+  std::uint32_t binning_y{};
+  std::uint32_t roi_x{};
+  std::uint32_t roi_y{};
+};
+
 /// @return Error when the size is not the calibration's, the encoding is unknown or the bytes do
 /// not fit the size
 [[nodiscard]] Expected<void> to_gray(const RawImage& image, const CameraModel& camera,
@@ -32,6 +46,10 @@ struct RawImage {
                                          const CameraModel& camera, GrayImage& out);
 /// @return Error for a model that we do not have, for binned or cut images, and for numbers that
 /// are none
-[[nodiscard]] Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info);
+[[nodiscard]] Expected<CameraModel> camera_model(const CameraInfo& info);
 
-}  // namespace fiducap::dds
+/// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
+[[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
+[[nodiscard]] bool is_compressed(const std::string& image_topic);
+
+}  // namespace fiducap::ros

@@ -1,6 +1,5 @@
-#include "capture/ros/ros_image.hpp"
+#include "capture/ros_image.hpp"
 
-#include <fiducap_dds/ros_sensors.h>
 #include <gmock/gmock.h>
 
 #include <limits>
@@ -8,7 +7,7 @@
 
 #include "base/log.hpp"
 
-namespace fiducap::dds {
+namespace fiducap::ros {
 namespace {
 
 using testing::Each;
@@ -126,19 +125,18 @@ class RosLens : public testing::Test {
   RosLens() {
     info_.width = 640;
     info_.height = 480;
-    info_.distortion_model = const_cast<char*>("plumb_bob");
-    info_.k[0] = 458;
-    info_.k[2] = 320;
-    info_.k[4] = 457;
-    info_.k[5] = 240;
+    info_.distortion_model = "plumb_bob";
+    info_.K[0] = 458;
+    info_.K[2] = 320;
+    info_.K[4] = 457;
+    info_.K[5] = 240;
     use_coefficients(5);
   }
-  void use_coefficients(std::uint32_t count) {
-    info_.d._buffer = coefficients_;
-    info_.d._length = info_.d._maximum = count;
+  void use_coefficients(std::size_t count) {
+    info_.coefficients = std::span(coefficients_).first(count);
   }
   double coefficients_[8]{-0.28, 0.07, 1e-4, 2e-4, 0.01, 1, 1, 1};
-  sensor_msgs_msg_dds__CameraInfo_ info_{};
+  CameraInfo info_{};
 };
 
 TEST_F(RosLens, PlumbBobIsRadialTangentialAndEquidistantIsItself) {
@@ -148,7 +146,7 @@ TEST_F(RosLens, PlumbBobIsRadialTangentialAndEquidistantIsItself) {
   EXPECT_THAT(lens->coefficients, ElementsAre(-0.28, 0.07, 1e-4, 2e-4, 0.01));
   EXPECT_EQ(lens->fv, 457);
   EXPECT_EQ(lens->cu, 320);
-  info_.distortion_model = const_cast<char*>("equidistant");
+  info_.distortion_model = "equidistant";
   use_coefficients(4);
   lens = camera_model(info_);
   ASSERT_TRUE(lens) << lens.error().text();
@@ -161,9 +159,9 @@ TEST_F(RosLens, PlumbBobIsRadialTangentialAndEquidistantIsItself) {
 
 TEST_F(RosLens, WhatWeCannotUseIsAnError) {
   use_coefficients(8);
-  info_.distortion_model = const_cast<char*>("rational_polynomial");
+  info_.distortion_model = "rational_polynomial";
   EXPECT_FALSE(camera_model(info_));
-  info_.distortion_model = nullptr;
+  info_.distortion_model = "";
   EXPECT_FALSE(camera_model(info_));
   use_coefficients(0);
   info_.width = 0;
@@ -174,9 +172,17 @@ TEST_F(RosLens, WhatWeCannotUseIsAnError) {
   info_.binning_x = 2;
   EXPECT_FALSE(camera_model(info_));
   info_.binning_x = 0;
-  info_.k[0] = std::numeric_limits<double>::quiet_NaN();
+  info_.K[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(camera_model(info_));
 }
 
+TEST(RosLensTopic, TheLensIsToldBesideTheImages) {
+  EXPECT_EQ(camera_info_topic("/cam0/image_raw"), "/cam0/camera_info");
+  EXPECT_EQ(camera_info_topic("/cam0/image_raw/compressed"), "/cam0/camera_info");
+  EXPECT_EQ(camera_info_topic("/image"), "/camera_info");
+  EXPECT_TRUE(is_compressed("/cam0/image_raw/compressed"));
+  EXPECT_FALSE(is_compressed("/cam0/compressed_image"));
+}
+
 }  // namespace
-}  // namespace fiducap::dds
+}  // namespace fiducap::ros

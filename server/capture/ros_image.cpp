@@ -1,20 +1,18 @@
-#include "capture/ros/ros_image.hpp"
-
-#include <fiducap_dds/ros_sensors.h>
+#include "capture/ros_image.hpp"
 
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
 #include "capture/encoded_size.hpp"
 
-namespace fiducap::dds {
+namespace fiducap::ros {
 
 namespace {
 
+constexpr std::string_view kCompressed = "/compressed";
 constexpr int kCopy = -1;
 constexpr int kHalve16 = -2;
 
@@ -137,13 +135,12 @@ Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraMo
   return {};
 }
 
-Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info) {
+Expected<CameraModel> camera_model(const CameraInfo& info) {
   constexpr std::uint32_t kLargest = 65535;
   if (info.width == 0 || info.height == 0 || info.width > kLargest || info.height > kLargest) {
     return fail(ErrorCode::kInvalid, "camera_info has no usable size");
   }
-  if (info.binning_x > 1 || info.binning_y > 1 || info.roi.x_offset != 0 ||
-      info.roi.y_offset != 0) {
+  if (info.binning_x > 1 || info.binning_y > 1 || info.roi_x != 0 || info.roi_y != 0) {
     return fail(ErrorCode::kUnsupported,
                 "camera_info tells of binned or cut images: describe the camera in the "
                 "configuration");
@@ -151,12 +148,12 @@ Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info)
   CameraModel model;
   model.width = static_cast<int>(info.width);
   model.height = static_cast<int>(info.height);
-  model.fu = info.k[0];
-  model.fv = info.k[4];
-  model.cu = info.k[2];
-  model.cv = info.k[5];
-  const std::string_view name = info.distortion_model == nullptr ? "" : info.distortion_model;
-  const std::size_t count = info.d._length;
+  model.fu = info.K[0];
+  model.fv = info.K[4];
+  model.cu = info.K[2];
+  model.cv = info.K[5];
+  const std::string_view name = info.distortion_model;
+  const std::size_t count = info.coefficients.size();
   if (name == "plumb_bob" && (count == 4 || count == 5)) {
     model.distortion = Distortion::kRadialTangential;
   } else if ((name == "equidistant" || name == "fisheye") && count == 4) {
@@ -166,10 +163,18 @@ Expected<CameraModel> camera_model(const sensor_msgs_msg_dds__CameraInfo_& info)
                 "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
                     " coefficients is not known here (plumb_bob, equidistant)");
   }
-  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.d._buffer[i];
+  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
   if (const auto errors = model.check(); !errors.empty())
     return fail(ErrorCode::kInvalid, errors.front().text());
   return model;
 }
 
-}  // namespace fiducap::dds
+bool is_compressed(const std::string& image_topic) { return image_topic.ends_with(kCompressed); }
+
+std::string camera_info_topic(const std::string& image_topic) {
+  std::string base = image_topic;
+  if (is_compressed(base)) base.resize(base.size() - kCompressed.size());
+  return base.substr(0, base.rfind('/')) + "/camera_info";
+}
+
+}  // namespace fiducap::ros

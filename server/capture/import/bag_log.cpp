@@ -1,0 +1,241 @@
+#include "capture/import/bag_log.hpp"
+
+#include <map>
+#include <optional>
+#include <string_view>
+
+#include "base/byte_reader.hpp"
+#include "capture/import/chunk_codec.hpp"
+#include "capture/import/input_file.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr std::string_view kBagBegin = "#ROSBAG V";
+constexpr std::string_view kBagVersion2 = "#ROSBAG V2.0\n";
+constexpr std::uint64_t kLargestBagHeader_bytes = 1 << 20;
+constexpr std::uint64_t kLargestConnection_bytes = 16 << 20;
+
+enum BagOp : std::uint8_t { kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
+
+std::string_view bag_text(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// The fields `name=value` of a record's header.
+class BagFields final {
+ public:
+  /// @return nullopt when they do not fit together
+  static std::optional<BagFields> parse(std::span<const std::byte> bytes) {
+    BagFields fields;
+    LittleEndianReader from(bytes);
+    while (from.left() > 0) {
+      const auto field = from.bytes(from.u32());
+      const std::size_t equals = bag_text(field).find('=');
+      if (from.failed() || equals == std::string_view::npos) return std::nullopt;
+      fields.values_[std::string(bag_text(field).substr(0, equals))] = field.subspan(equals + 1);
+    }
+    return fields;
+  }
+
+  [[nodiscard]] std::string_view text(const std::string& name) const {
+    const auto found = values_.find(name);
+    return found == values_.end() ? std::string_view() : bag_text(found->second);
+  }
+  [[nodiscard]] std::uint8_t op() const {
+    const std::string_view value = text("op");
+    return value.size() == 1 ? static_cast<std::uint8_t>(value.front()) : std::uint8_t{0};
+  }
+  [[nodiscard]] std::optional<std::uint32_t> u32(const std::string& name) const {
+    const auto found = values_.find(name);
+    if (found == values_.end() || found->second.size() != 4) return std::nullopt;
+    return LittleEndianReader(found->second).u32();
+  }
+  [[nodiscard]] std::optional<std::int64_t> time_ns(const std::string& name) const {
+    const auto found = values_.find(name);
+    if (found == values_.end() || found->second.size() != 8) return std::nullopt;
+    LittleEndianReader from(found->second);
+    const std::int64_t sec = from.u32();
+    return sec * 1'000'000'000 + from.u32();
+  }
+
+ private:
+  std::map<std::string, std::span<const std::byte>> values_;
+};
+
+/// One record: its header taken apart, and its data.
+struct BagRecord {
+  std::uint8_t op{};
+  BagFields fields;
+  std::span<const std::byte> data;
+};
+
+class BagLog final : public MessageLog {
+ public:
+  explicit BagLog(InputFile file) : file_(std::move(file)) {}
+
+  Expected<void> begin();
+  const std::vector<LoggedTopic>& topics() const override { return topics_; }
+  Expected<bool> next(LoggedMessage& out) override;
+  double share() const override { return file_.share(); }
+  std::vector<std::string> remarks() const override;
+
+ private:
+  bool read_record(BagRecord& record);
+  bool read_in_chunk(BagRecord& record);
+  void open_chunk(const BagRecord& record);
+  void meet(const BagRecord& record);
+  bool take(const BagRecord& record, LoggedMessage& out);
+  void damage(const std::string& what);
+
+  InputFile file_;
+  std::vector<LoggedTopic> topics_;
+  std::map<std::uint32_t, std::size_t> by_connection_;
+  std::vector<std::byte> header_, data_, chunk_;
+  std::size_t chunk_at_{0};
+  std::optional<std::uint64_t> cut_at_;
+  bool indexed_{true};
+  std::uint64_t damaged_{0};
+  std::string first_damage_;
+};
+
+Expected<void> BagLog::begin() {
+  std::vector<std::byte> magic;
+  if (!file_.read(std::min<std::uint64_t>(kBagVersion2.size(), file_.size()), magic) ||
+      !bag_text(magic).starts_with(kBagBegin))
+    return fail(ErrorCode::kInvalid, "is no bag of ROS 1", file_.path());
+  if (bag_text(magic) != kBagVersion2)
+    return fail(ErrorCode::kUnsupported,
+                "is a bag of format " + printable_name(bag_text(magic).substr(kBagBegin.size())) +
+                    "; only 2.0 is read: run `rosbag fix` on it where ROS 1 is installed",
+                file_.path());
+  BagRecord record;
+  if (!read_record(record) || record.op != kBagHeader)
+    return fail(ErrorCode::kTruncated, "ends before its header: nothing was recorded",
+                file_.path());
+  if (!record.fields.text("encryptor").empty())
+    return fail(ErrorCode::kUnsupported, "is encrypted: decrypt it with `rosbag decrypt`",
+                file_.path());
+  const std::string_view index = record.fields.text("index_pos");
+  indexed_ = index.find_first_not_of('\0') != std::string_view::npos;
+  return {};
+}
+
+/// Of the file. @return false at the end of what is whole
+bool BagLog::read_record(BagRecord& record) {
+  const std::uint64_t began = file_.at();
+  if (file_.left() == 0 || cut_at_) return false;
+  cut_at_ = began;  // until it has turned out to be whole
+  std::vector<std::byte> length;
+  if (!file_.read(4, length)) return false;
+  const std::uint64_t header = LittleEndianReader(length).u32();
+  if (header > kLargestBagHeader_bytes || !file_.read(header, header_)) return false;
+  auto fields = BagFields::parse(header_);
+  if (!fields || !file_.read(4, length)) return false;
+  const std::uint64_t data = LittleEndianReader(length).u32();
+  record.op = fields->op();
+  record.fields = std::move(*fields);
+  const bool wanted = record.op == kChunk || record.op == kConnection || record.op == kMessage;
+  if (wanted ? data > kLargestChunk_bytes || !file_.read(data, data_) : !file_.skip(data))
+    return false;
+  record.data = wanted ? std::span<const std::byte>(data_) : std::span<const std::byte>();
+  cut_at_.reset();
+  return true;
+}
+
+bool BagLog::read_in_chunk(BagRecord& record) {
+  if (chunk_at_ >= chunk_.size()) return false;
+  LittleEndianReader from(std::span<const std::byte>(chunk_).subspan(chunk_at_));
+  const auto header = from.bytes(from.u32());
+  record.data = from.bytes(from.u32());
+  chunk_at_ = chunk_.size() - from.left();
+  auto fields = from.failed() ? std::nullopt : BagFields::parse(header);
+  if (!fields) {
+    chunk_at_ = chunk_.size();
+    damage("a record in a chunk is broken");
+    return false;
+  }
+  record.op = fields->op();
+  record.fields = std::move(*fields);
+  return true;
+}
+
+void BagLog::damage(const std::string& what) {
+  if (damaged_++ == 0) first_damage_ = what;
+}
+
+void BagLog::open_chunk(const BagRecord& record) {
+  chunk_at_ = 0;
+  chunk_.clear();
+  const auto size = record.fields.u32("size");
+  const auto unpacked =
+      unpack_chunk(record.fields.text("compression"), record.data, size.value_or(0), chunk_);
+  if (unpacked) return;
+  chunk_.clear();
+  damage("a chunk " + unpacked.error().what);
+}
+
+void BagLog::meet(const BagRecord& record) {
+  const auto id = record.fields.u32("conn");
+  const auto about =
+      record.data.size() <= kLargestConnection_bytes ? BagFields::parse(record.data) : std::nullopt;
+  if (!id || !about) return damage("a connection is broken");
+  if (by_connection_.contains(*id) || by_connection_.size() == kMostTopics) return;
+  LoggedTopic topic{std::string(record.fields.text("topic")), std::string(about->text("type")),
+                    MessageFormat::kRos1};
+  for (std::size_t i = 0; i < topics_.size(); ++i)
+    if (topics_[i].name == topic.name && topics_[i].type == topic.type)
+      by_connection_[*id] = i;  // a second publisher
+  if (by_connection_.contains(*id)) return;
+  by_connection_[*id] = topics_.size();
+  topics_.push_back(std::move(topic));
+}
+
+bool BagLog::take(const BagRecord& record, LoggedMessage& out) {
+  const auto id = record.fields.u32("conn");
+  const auto logged_ns = record.fields.time_ns("time");
+  const auto topic = id ? by_connection_.find(*id) : by_connection_.end();
+  if (topic == by_connection_.end() || !logged_ns) {
+    damage("a message belongs to no topic");
+    return false;
+  }
+  out = {topic->second, *logged_ns, record.data};
+  return true;
+}
+
+Expected<bool> BagLog::next(LoggedMessage& out) {
+  BagRecord record;
+  while (read_in_chunk(record) || read_record(record)) {
+    if (record.op == kConnection) meet(record);
+    if (record.op == kChunk) open_chunk(record);
+    if (record.op == kMessage && take(record, out)) return true;
+  }
+  return false;
+}
+
+std::vector<std::string> BagLog::remarks() const {
+  std::vector<std::string> all;
+  if (cut_at_)
+    all.push_back("is cut: of " + std::to_string(file_.size()) + " bytes the first " +
+                  std::to_string(*cut_at_) + " are whole, and were read");
+  else if (!indexed_)
+    all.push_back("has no index (its recorder was stopped hard): it was read from its start");
+  if (damaged_ > 0)
+    all.push_back("has " + std::to_string(damaged_) +
+                  " damaged parts, which were left out; the "
+                  "first: " +
+                  first_damage_);
+  return all;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<MessageLog>> open_bag(const std::string& path) {
+  auto file = InputFile::open(path);
+  if (!file) return tl::unexpected(file.error());
+  auto log = std::make_unique<BagLog>(std::move(*file));
+  if (const auto begun = log->begin(); !begun) return tl::unexpected(begun.error());
+  return log;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,254 @@
+#include "capture/import/imu_columns.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <numbers>
+#include <optional>
+
+#include "capture/import/message_log.hpp"
+
+namespace fiducap {
+namespace {
+
+constexpr double kDegreePerSecond = std::numbers::pi / 180;
+constexpr std::size_t kMostHeaderColumns = 64;  // as CsvReader has
+
+enum class ColumnKind { kTime, kGyro, kAccel, kNone };
+
+/// A name of a column, taken apart.
+struct ColumnName {
+  std::vector<std::string> words;  ///< Lower case, without axis and unit.
+  int axis{-1};
+  std::string unit;  ///< What stands in brackets, lower case.
+
+  [[nodiscard]] bool has(std::string_view word) const {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  }
+  [[nodiscard]] bool speaks_of(std::string_view part) const {
+    return std::any_of(words.begin(), words.end(), [part](const std::string& word) {
+      return word.find(part) != std::string::npos;
+    });
+  }
+};
+
+char lower(char c) { return static_cast<char>(std::tolower(static_cast<unsigned char>(c))); }
+bool is_letter(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0; }
+bool is_upper(char c) { return std::isupper(static_cast<unsigned char>(c)) != 0; }
+
+/// `angularVelocity.x` → angular velocity x.
+std::vector<std::string> words_of(std::string_view text) {
+  std::vector<std::string> words;
+  std::string word;
+  char before = ' ';
+  for (const char c : text) {
+    const bool begins = is_upper(c) && !is_upper(before);
+    if ((begins || !is_letter(c)) && !word.empty()) words.push_back(std::exchange(word, {}));
+    if (is_letter(c)) word += lower(c);
+    before = c;
+  }
+  if (!word.empty()) words.push_back(word);
+  return words;
+}
+
+/// `x` or the x of `gx`, `gyrox`. @return −1: none
+int take_axis(std::vector<std::string>& words) {
+  for (std::size_t i = words.size(); i-- > 0;) {
+    const std::string& word = words[i];
+    if (word.size() != 1 || word[0] < 'x' || word[0] > 'z') continue;
+    const int axis = word[0] - 'x';
+    words.erase(words.begin() + static_cast<std::ptrdiff_t>(i));
+    return axis;
+  }
+  constexpr std::array<std::string_view, 11> kBefore{
+      "g", "a", "w", "gyr", "gyro", "gyroscope", "acc", "accel", "accelerometer", "omega", "alpha"};
+  for (std::string& word : words) {
+    const char last = word.back();
+    if (last < 'x' || last > 'z') continue;
+    const std::string_view rest(word.data(), word.size() - 1);
+    if (std::find(kBefore.begin(), kBefore.end(), rest) == kBefore.end()) continue;
+    word.pop_back();
+    return last - 'x';
+  }
+  return -1;
+}
+
+ColumnName column_name(std::string_view text) {
+  ColumnName name;
+  const std::size_t open = text.find_first_of("[(");
+  if (open != std::string_view::npos) {
+    for (const char c : text.substr(open + 1))
+      if (c != ']' && c != ')' && c != ' ') name.unit += lower(c);
+    text = text.substr(0, open);
+  }
+  name.words = words_of(text);
+  name.axis = take_axis(name.words);
+  return name;
+}
+
+ColumnKind kind_of(const ColumnName& name) {
+  for (const char* not_it : {"user", "gravity", "mag", "cov", "orient", "quat", "bias", "temp"})
+    if (name.speaks_of(not_it)) return ColumnKind::kNone;
+  if (name.axis >= 0) {
+    if (name.speaks_of("acc") || name.has("a") || name.has("alpha")) return ColumnKind::kAccel;
+    for (const char* word : {"gyr", "omega", "angular", "rotation", "rate"})
+      if (name.speaks_of(word)) return ColumnKind::kGyro;
+    if (name.has("w") || name.has("g")) return ColumnKind::kGyro;
+    return ColumnKind::kNone;
+  }
+  const bool is_time = name.speaks_of("time") || name.speaks_of("stamp") || name.has("t") ||
+                       name.speaks_of("second");
+  return is_time ? ColumnKind::kTime : ColumnKind::kNone;
+}
+
+int time_exponent_of(const std::string& unit) {
+  if (unit == "s" || unit == "sec" || unit == "secs" || unit == "second" || unit == "seconds")
+    return 9;
+  if (unit == "ms" || unit == "msec" || unit == "milliseconds" || unit == "millis") return 6;
+  if (unit == "us" || unit == "usec" || unit == "µs" || unit == "microseconds" || unit == "micros")
+    return 3;
+  if (unit == "ns" || unit == "nsec" || unit == "nanoseconds" || unit == "nanos") return 0;
+  return ImuColumns::kNotSaid;
+}
+
+double gyro_unit_of(const std::string& unit) {
+  if (unit.find("deg") != std::string::npos || unit.find("dps") != std::string::npos ||
+      unit.find("°") != std::string::npos)
+    return kDegreePerSecond;
+  return unit.find("rad") != std::string::npos ? 1.0 : 0.0;
+}
+
+double accel_unit_of(const std::string& unit) {
+  if (unit == "g" || unit == "gs") return kStandardGravity_m_s2;
+  if (unit == "mg") return kStandardGravity_m_s2 / 1000;
+  if (unit.starts_with("m/s") || unit.starts_with("ms") || unit.starts_with("m*s") ||
+      unit.starts_with("m·s"))
+    return 1.0;
+  return 0.0;
+}
+
+/// The unit by what stands in brackets, else by the last words of the name.
+template <typename Value>
+Value unit_of(const ColumnName& name, Value silent, Value (*meaning)(const std::string&)) {
+  if (!name.unit.empty()) return meaning(name.unit);
+  for (auto word = name.words.rbegin(); word != name.words.rend(); ++word)
+    if (const Value value = meaning(*word); value != silent) return value;
+  return silent;
+}
+
+std::string list_of_names(const std::vector<std::string>& names) {
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + printable_name(name);
+  return all;
+}
+
+Expected<ImuColumns> columns_by_name(const std::vector<std::string>& header,
+                                     const std::string& names) {
+  const std::vector<std::string> wanted = split_header(names);
+  ImuColumns columns;
+  if (wanted.size() != 7)
+    return fail(ErrorCode::kInvalid,
+                "must name seven columns, separated by commas: time, gyro x y z, accelerometer x y "
+                "z; names " +
+                    std::to_string(wanted.size()),
+                "--imu-columns");
+  std::array<std::size_t*, 7> places{&columns.time};
+  for (std::size_t i = 0; i < 3; ++i) {
+    places[1 + i] = &columns.gyro[i];
+    places[4 + i] = &columns.accel[i];
+  }
+  for (std::size_t i = 0; i < 7; ++i) {
+    const auto found = std::find(header.begin(), header.end(), wanted[i]);
+    if (found == header.end())
+      return fail(ErrorCode::kNotFound, "no column '" + printable_name(wanted[i]) +
+                                            "'; there is: " + list_of_names(header));
+    *places[i] = static_cast<std::size_t>(found - header.begin());
+  }
+  return columns;
+}
+
+Expected<ImuColumns> guessed_columns(const std::vector<std::string>& header) {
+  ImuColumns columns;
+  std::array<std::optional<std::size_t>, 7> found;
+  for (std::size_t i = 0; i < std::min(header.size(), kMostHeaderColumns); ++i) {
+    const ColumnName name = column_name(header[i]);
+    const ColumnKind kind = kind_of(name);
+    if (kind == ColumnKind::kNone) continue;
+    const std::size_t place = kind == ColumnKind::kTime   ? 0
+                              : kind == ColumnKind::kGyro ? 1 + static_cast<std::size_t>(name.axis)
+                                                          : 4 + static_cast<std::size_t>(name.axis);
+    if (!found[place]) found[place] = i;
+  }
+  constexpr std::array<const char*, 7> kWhat{"time",           "gyro x",          "gyro y",
+                                             "gyro z",         "accelerometer x", "accelerometer y",
+                                             "accelerometer z"};
+  std::string missing;
+  for (std::size_t i = 0; i < 7; ++i)
+    if (!found[i]) missing += (missing.empty() ? "" : ", ") + std::string(kWhat[i]);
+  if (!missing.empty())
+    return fail(ErrorCode::kNotFound, "no column for " + missing +
+                                          "; there is: " + list_of_names(header) +
+                                          ". Name the seven with --imu-columns");
+  columns.time = *found[0];
+  for (std::size_t i = 0; i < 3; ++i) {
+    columns.gyro[i] = *found[1 + i];
+    columns.accel[i] = *found[4 + i];
+  }
+  return columns;
+}
+
+Expected<void> set_units(const std::vector<std::string>& header, const std::string& units,
+                         ImuColumns& columns) {
+  columns.time_exponent =
+      unit_of(column_name(header[columns.time]), ImuColumns::kNotSaid, time_exponent_of);
+  columns.gyro_unit = unit_of(column_name(header[columns.gyro[0]]), 0.0, gyro_unit_of);
+  columns.accel_unit = unit_of(column_name(header[columns.accel[0]]), 0.0, accel_unit_of);
+  if (units.empty()) return {};
+  const std::vector<std::string> said = split_header(units);
+  if (said.size() == 3) {
+    columns.time_exponent = time_exponent_of(said[0]);
+    columns.gyro_unit = gyro_unit_of(said[1]);
+    columns.accel_unit = accel_unit_of(said[2]);
+    if (columns.time_exponent >= 0 && columns.gyro_unit > 0 && columns.accel_unit > 0) return {};
+  }
+  return fail(ErrorCode::kInvalid,
+              "must be three units, separated by commas: s, ms, us or ns; rad/s or deg/s; m/s^2, g "
+              "or mg; is '" +
+                  printable_name(units) + "'",
+              "--imu-units");
+}
+
+}  // namespace
+
+std::size_t ImuColumns::last() const {
+  std::size_t last = time;
+  for (std::size_t i = 0; i < 3; ++i) last = std::max({last, gyro[i], accel[i]});
+  return last;
+}
+
+std::vector<std::string> split_header(std::string_view line) {
+  constexpr std::string_view kAround = " \t\r\n\"'";
+  std::vector<std::string> names;
+  if (line.starts_with("\xef\xbb\xbf")) line.remove_prefix(3);
+  while (true) {
+    const std::size_t comma = line.find(',');
+    std::string_view name = line.substr(0, comma);
+    const std::size_t first = name.find_first_not_of(kAround);
+    name = first == std::string_view::npos
+               ? std::string_view()
+               : name.substr(first, name.find_last_not_of(kAround) - first + 1);
+    if (names.empty() && name.starts_with('#')) name.remove_prefix(1);
+    names.emplace_back(name);
+    if (comma == std::string_view::npos || names.size() == kMostHeaderColumns) return names;
+    line.remove_prefix(comma + 1);
+  }
+}
+
+Expected<ImuColumns> find_imu_columns(const std::vector<std::string>& header,
+                                      const std::string& names, const std::string& units) {
+  auto columns = names.empty() ? guessed_columns(header) : columns_by_name(header, names);
+  if (!columns) return columns;
+  if (const auto set = set_units(header, units, *columns); !set) return tl::unexpected(set.error());
+  return columns;
+}
+
+}  // namespace fiducap

@@ -1,0 +1,89 @@
+#include "capture/import/ros_fields.hpp"
+
+#include <limits>
+
+namespace fiducap {
+
+Expected<RosFields> RosFields::open(MessageFormat format, std::span<const std::byte> message) {
+  if (format == MessageFormat::kRos1)
+    return RosFields(LittleEndianReader(message), false, message.size());
+  if (format != MessageFormat::kCdr)
+    return fail(ErrorCode::kUnsupported, "is neither serialised by ROS 1 nor as CDR");
+  constexpr std::size_t kEncapsulation = 4;
+  if (message.size() < kEncapsulation)
+    return fail(ErrorCode::kTruncated, "is shorter than the head of CDR");
+  const auto kind =
+      std::to_integer<unsigned>(message[0]) * 256 + std::to_integer<unsigned>(message[1]);
+  const auto body = message.subspan(kEncapsulation);
+  if (kind == 0) return RosFields(BigEndianReader(body), true, body.size());
+  if (kind == 1) return RosFields(LittleEndianReader(body), true, body.size());
+  return fail(ErrorCode::kUnsupported,
+              "is CDR of representation " + std::to_string(kind) + "; known are 0 and 1");
+}
+
+void RosFields::align(std::size_t to) {
+  if (!aligned_) return;
+  const std::size_t at = size_ - std::visit([](const auto& from) { return from.left(); }, from_);
+  const std::size_t fill = (to - at % to) % to;
+  if (fill > 0) raw(fill);
+}
+
+std::span<const std::byte> RosFields::raw(std::size_t n) {
+  return std::visit([n](auto& from) { return from.bytes(n); }, from_);
+}
+
+std::uint8_t RosFields::u8() {
+  return std::visit([](auto& from) { return from.u8(); }, from_);
+}
+
+std::uint32_t RosFields::u32() {
+  align(4);
+  return std::visit([](auto& from) { return from.u32(); }, from_);
+}
+
+double RosFields::f64() {
+  align(8);
+  return std::visit([](auto& from) { return from.f64(); }, from_);
+}
+
+void RosFields::skip_f64s(std::size_t n) {
+  if (n == 0) return;
+  align(8);
+  raw(8 * n);
+}
+
+std::size_t RosFields::count(std::size_t entry_bytes) {
+  const std::size_t n = u32();
+  const std::size_t left = std::visit([](const auto& from) { return from.left(); }, from_);
+  if (n * entry_bytes <= left) return n;
+  raw(std::numeric_limits<std::size_t>::max());  // fails, and says so
+  return 0;
+}
+
+std::string_view RosFields::text() {
+  const auto all = raw(count(1));
+  std::string_view text(reinterpret_cast<const char*>(all.data()), all.size());
+  if (aligned_ && text.ends_with('\0')) text.remove_suffix(1);
+  return text;
+}
+
+std::span<const std::uint8_t> RosFields::bytes() {
+  const auto all = raw(count(1));
+  return {reinterpret_cast<const std::uint8_t*>(all.data()), all.size()};
+}
+
+std::int64_t RosFields::header_stamp_ns() {
+  if (!aligned_) u32();  // ROS 1 counts its messages here
+  const std::uint32_t sec = u32();
+  const std::uint32_t nanosec = u32();
+  text();
+  // Signed in ROS 2, unsigned in ROS 1.
+  const std::int64_t s = aligned_ ? std::int64_t{static_cast<std::int32_t>(sec)} : sec;
+  return s * 1'000'000'000 + nanosec;
+}
+
+Expected<void> RosFields::check(const char* what) const {
+  return std::visit([what](const auto& from) { return from.check(what); }, from_);
+}
+
+}  // namespace fiducap

@@ -1,0 +1,256 @@
+#include "tools/import/import_plan.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/text.hpp"
+#include "capture/import/calibration_files.hpp"
+#include "capture/ros_image.hpp"
+
+namespace fiducap {
+namespace {
+
+// A lens that nobody told: 64° wide, as cameras of robots and phones are, and how far that may be
+// off. The filter learns the rest.
+constexpr double kGuessedFocal = 0.8;  // of the width
+constexpr double kGuessedFocalSigma = 0.15;
+constexpr double kGuessedCentreSigma = 0.03;  // of the width
+constexpr double kGuessedK1Sigma = 0.1;
+constexpr double kUnknownPlace_m = 0.1;
+constexpr double kUnknownPlace_rad = 0.1;
+
+std::string names_of(const ImportSource& source, FoundKind kind) {
+  std::string names;
+  for (const FoundStream& stream : source.streams())
+    if (stream.kind == kind) names += (names.empty() ? "" : ", ") + stream.text();
+  return names;
+}
+
+std::string all_there_is(const ImportSource& source) {
+  constexpr std::size_t kMost = 20;
+  std::string names;
+  std::size_t count = 0;
+  const auto add = [&](const std::string& name) {
+    if (++count <= kMost) names += (names.empty() ? "" : ", ") + name;
+  };
+  for (const FoundStream& stream : source.streams()) add(stream.text());
+  for (const std::string& other : source.others()) add(other);
+  if (count > kMost) names += ", and " + std::to_string(count - kMost) + " more";
+  return names.empty() ? "nothing" : names;
+}
+
+Expected<std::size_t> find_stream(const ImportSource& source, const std::string& name,
+                                  FoundKind kind) {
+  const auto& streams = source.streams();
+  for (std::size_t i = 0; i < streams.size(); ++i)
+    if (streams[i].name == name && streams[i].kind == kind) return i;
+  const std::string what = kind == FoundKind::kImu ? "IMU" : "images";
+  const std::string there = names_of(source, kind);
+  return fail(ErrorCode::kNotFound, "no " + what + " called " + name + "; there is: " +
+                                        (there.empty() ? all_there_is(source) : there));
+}
+
+/// Images that can be used without being asked for: brightness, of a known size, not twice.
+std::vector<std::size_t> usable_images(const ImportSource& source) {
+  const auto& streams = source.streams();
+  std::vector<std::size_t> usable;
+  for (std::size_t i = 0; i < streams.size(); ++i) {
+    const FoundStream& s = streams[i];
+    if (s.kind != FoundKind::kImages || s.is_depth || s.mount.model.width == 0) continue;
+    const bool twin = ros::is_compressed(s.name) &&
+                      std::any_of(streams.begin(), streams.end(), [&](const FoundStream& raw) {
+                        return raw.kind == FoundKind::kImages &&
+                               raw.name + "/compressed" == s.name && raw.count > 0;
+                      });
+    if (!twin) usable.push_back(i);
+  }
+  return usable;
+}
+
+Expected<void> choose_images(const ImportSource& source, const ImportArguments& arguments,
+                             ImportChoice& choice) {
+  for (const std::string& name : arguments.images) {
+    const auto found = find_stream(source, name, FoundKind::kImages);
+    if (!found) return tl::unexpected(found.error());
+    if (source.streams()[*found].mount.model.width == 0)
+      return fail(ErrorCode::kInvalid,
+                  name + " has no image that can be read: " + source.streams()[*found].first_fault);
+    choice.images.push_back(*found);
+  }
+  if (!choice.images.empty()) return {};
+  choice.images = usable_images(source);
+  if (choice.images.empty())
+    return fail(ErrorCode::kNotFound,
+                "has no images (sensor_msgs/Image or CompressedImage, a video, pictures); there "
+                "is: " +
+                    all_there_is(source));
+  if (choice.images.size() == 1 || source.is_one_rig()) return {};
+  std::string choices;
+  for (const std::size_t i : choice.images)
+    choices += "\n  --image " + source.streams()[i].name + "   " + source.streams()[i].text();
+  return fail(ErrorCode::kInvalid, "has images of " + std::to_string(choice.images.size()) +
+                                       " cameras. Say which ones the body has:" + choices);
+}
+
+Expected<void> choose_imu(const ImportSource& source, const ImportArguments& arguments,
+                          ImportChoice& choice) {
+  if (arguments.imu == "none") return {};
+  if (!arguments.imu.empty()) {
+    const auto found = find_stream(source, arguments.imu, FoundKind::kImu);
+    if (!found) return tl::unexpected(found.error());
+    choice.imu = *found;
+    return {};
+  }
+  std::string choices;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < source.streams().size(); ++i) {
+    const FoundStream& stream = source.streams()[i];
+    if (stream.kind != FoundKind::kImu || stream.count == 0) continue;
+    choice.imu = i;
+    choices += "\n  --imu " + stream.name + "   " + std::to_string(stream.count) + " readings, " +
+               fixed(stream.rate_hz(), 0) + " Hz";
+    ++count;
+  }
+  if (count <= 1) return {};
+  return fail(ErrorCode::kInvalid, "has " + std::to_string(count) +
+                                       " IMUs. Say which one sits on the body:" + choices +
+                                       "\n  --imu none");
+}
+
+/// What is odd about the stamps of a stream that was chosen.
+Expected<void> judge_stamps(const FoundStream& stream, bool by_header,
+                            std::vector<std::string>& remarks) {
+  const std::string of = " of " + std::to_string(stream.count) + " stamps ";
+  if (stream.count > 0 && stream.zero_stamps == stream.count)
+    return fail(ErrorCode::kInvalid,
+                stream.name + ": all " + std::to_string(stream.count) + " stamps are zero" +
+                    (by_header ? "; take the recorder's time with --stamps log" : ""));
+  if (stream.zero_stamps > 0)
+    remarks.push_back(stream.name + ": " + std::to_string(stream.zero_stamps) + of +
+                      "are zero: left out");
+  if (stream.backwards > 0)
+    remarks.push_back(stream.name + ": " + std::to_string(stream.backwards) + of +
+                      "go backwards, or come twice: a replay leaves the fewer ones out" +
+                      (by_header ? " (--stamps log takes the recorder's time)" : ""));
+  if (stream.unreadable > 0)
+    remarks.push_back(stream.name + ": " + std::to_string(stream.unreadable) +
+                      " cannot be read, and are left out; the first: " + stream.first_fault);
+  return {};
+}
+
+void guess_lens(CameraMount& mount) {
+  CameraModel& model = mount.model;
+  const double width = std::max(model.width, model.height);
+  model.fu = model.fv = kGuessedFocal * width;
+  model.cu = 0.5 * (model.width - 1);
+  model.cv = 0.5 * (model.height - 1);
+  model.distortion = Distortion::kRadialTangential;
+  model.coefficients = {};
+  mount.focal_sigma = kGuessedFocalSigma;
+  mount.centre_sigma_px = kGuessedCentreSigma * width;
+  mount.k1_sigma = kGuessedK1Sigma;
+}
+
+/// A camera of the recording, with guesses where nobody said, which are said.
+CameraMount camera_of(const FoundStream& camera, std::size_t k, bool has_imu,
+                      const std::string& out, std::vector<std::string>& to_do) {
+  CameraMount mount = camera.mount;
+  const std::string file = out + "/mav0/cam" + std::to_string(k) + "/sensor.yaml";
+  if (!camera.lens_known) {
+    guess_lens(mount);
+    to_do.push_back("lens of " + camera.name + ": not in the source (" + camera.lens_fault + "). " +
+                    file +
+                    " has a guess for 64°: `fiducap calibrate camera` finds it, --calibration FILE "
+                    "takes it over, or write intrinsics and distortion_coefficients there and "
+                    "strike intrinsics_sigma");
+  }
+  if (!camera.place_known && has_imu) {
+    mount.position_sigma_m = kUnknownPlace_m;
+    mount.rotation_sigma_rad = kUnknownPlace_rad;
+    to_do.push_back("place of " + camera.name + " on the IMU: not in the source. " + file +
+                    " has T_BS for equal axes (x right, y down, z forward): write the rough one "
+                    "there, then `fiducap calibrate extrinsics`; or --calibration "
+                    "camchain-imucam.yaml");
+  } else if (!camera.place_known && k > 0) {
+    to_do.push_back("place of " + camera.name +
+                    " beside the first camera: not in the source. "
+                    "Write T_BS in " +
+                    file);
+  }
+  if (camera.rate_hz() > 0) mount.rate_hz = camera.rate_hz();
+  return mount;
+}
+
+void take_tags(const ImportSource& source, const ImportArguments& arguments, ImportPlan& plan) {
+  const RecordingInfo about = source.about();
+  RecordingInfo& info = plan.info;
+  info.X_BI = about.X_BI;
+  info.tag_family = about.tag_family;
+  info.tag_size_m = about.tag_size_m;
+  info.tag_sizes_m = about.tag_sizes_m;
+  info.ignore_tags = about.ignore_tags;
+  info.max_hamming = about.max_hamming;
+  info.reference_tag = about.reference_tag;
+  info.known_tags = about.known_tags;
+  if (arguments.tag_size_m > 0) {
+    info.tag_size_m = arguments.tag_size_m;
+    info.tag_sizes_m.clear();
+  }
+  if (!arguments.tag_family.empty()) info.tag_family = arguments.tag_family;
+  if (arguments.tag_size_m > 0 || source.tells_tags()) return;
+  plan.to_do.push_back("size of the tags: not in the source. " + arguments.out +
+                       "/mav0/tags.yaml says " + info.tag_family + " of " +
+                       fixed(info.tag_size_m, 3) +
+                       " m: give --tag-size (and --tag-family), or "
+                       "write default_size_m there");
+}
+
+}  // namespace
+
+Expected<ImportChoice> choose_streams(const ImportSource& source,
+                                      const ImportArguments& arguments) {
+  ImportChoice choice;
+  if (const auto chosen = choose_images(source, arguments, choice); !chosen)
+    return tl::unexpected(chosen.error());
+  if (const auto chosen = choose_imu(source, arguments, choice); !chosen)
+    return tl::unexpected(chosen.error());
+  return choice;
+}
+
+Expected<ImportPlan> plan_import(const ImportSource& source, const ImportArguments& arguments) {
+  ImportPlan plan;
+  const auto choice = choose_streams(source, arguments);
+  if (!choice) return tl::unexpected(choice.error());
+  plan.choice = *choice;
+  const bool by_header = arguments.stamps == "header";
+  std::vector<FoundStream> cameras;
+  for (const std::size_t i : choice->images) cameras.push_back(source.streams()[i]);
+  std::optional<ImuNoise> noise;
+  if (choice->imu) noise = source.streams()[*choice->imu].noise;
+  if (const auto done = apply_calibrations(arguments.calibrations, cameras, noise); !done)
+    return tl::unexpected(done.error());
+  plan.info.folder = arguments.out;
+  plan.info.name = std::filesystem::path(arguments.out).filename().string();
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    if (const auto good = judge_stamps(cameras[k], by_header, plan.remarks); !good)
+      return tl::unexpected(good.error());
+    plan.info.cameras.push_back(
+        camera_of(cameras[k], k, choice->imu.has_value(), arguments.out, plan.to_do));
+    plan.info.has_images.push_back(true);
+    plan.info.has_corners.push_back(false);
+  }
+  take_tags(source, arguments, plan);
+  if (!choice->imu) return plan;
+  const FoundStream& imu = source.streams()[*choice->imu];
+  if (const auto good = judge_stamps(imu, by_header, plan.remarks); !good)
+    return tl::unexpected(good.error());
+  if (!noise)
+    plan.to_do.push_back("noise of the IMU: not in the source. " + arguments.out +
+                         "/mav0/imu0/sensor.yaml has that of a common MEMS unit: `fiducap "
+                         "calibrate imu` finds it, --calibration imu.yaml takes it over");
+  plan.info.imu = noise.value_or(ImuNoise{});
+  if (imu.rate_hz() > 0) plan.info.imu->rate_hz = imu.rate_hz();
+  return plan;
+}
+
+}  // namespace fiducap

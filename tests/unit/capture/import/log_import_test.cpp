@@ -1,0 +1,161 @@
+#include "capture/import/log_import.hpp"
+
+#include <gmock/gmock.h>
+
+#include <opencv2/imgcodecs.hpp>
+
+#include "support/log_files.hpp"
+#include "support/ros_bytes.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using test::RosDialect;
+using test::StoredMessage;
+using testing::Each;
+using testing::HasSubstr;
+
+constexpr std::int64_t kBegin_ns = 1'600'000'000'000'000'000;
+constexpr std::int64_t kLate_ns = 30'000'000;  // the recorder gets a message so much later
+
+std::string png() {
+  std::vector<std::uint8_t> bytes;
+  cv::imencode(".png", cv::Mat(6, 8, CV_8UC1, cv::Scalar(77)), bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+std::vector<StoredMessage> walk(RosDialect dialect) {
+  std::vector<StoredMessage> messages;
+  const auto add = [&](const char* topic, const char* type, std::int64_t ns, std::string bytes) {
+    messages.push_back({topic, type, ns + kLate_ns, std::move(bytes)});
+  };
+  for (std::int64_t i = 0; i < 10; ++i) {
+    const std::int64_t ns = kBegin_ns + i * 5'000'000;
+    add("/imu", "sensor_msgs/Imu", ns,
+        test::imu_message(dialect, ns, {0.1, 0.2, 0.3}, {0, 0, 9.8}));
+    if (i % 5 != 0) continue;
+    add("/cam/camera_info", "sensor_msgs/CameraInfo", ns,
+        test::camera_info_message(dialect, ns, 8, 6, 10));
+    add("/cam/image_raw", "sensor_msgs/Image", ns,
+        test::image_message(dialect, ns, 8, 6, std::string(48, 'x')));
+    add("/front/image/compressed", "sensor_msgs/CompressedImage", ns,
+        test::compressed_message(dialect, ns, png()));
+    add("/depth/image_raw", "sensor_msgs/Image", ns,
+        test::image_message(dialect, ns, 8, 6, std::string(96, 'd'), "16UC1"));
+    add("/scan", "sensor_msgs/LaserScan", ns, "whatever");
+  }
+  return messages;
+}
+
+class LogImportTest : public testing::Test {
+ protected:
+  Expected<std::unique_ptr<ImportSource>> open(const std::vector<StoredMessage>& messages) {
+    return open_log_import(folder_.write("a.bag", test::bag_file(messages)), options_, {});
+  }
+  TemporaryFolder folder_;
+  ImportOptions options_;
+};
+
+const FoundStream& stream(const ImportSource& source, const std::string& name) {
+  for (const FoundStream& one : source.streams())
+    if (one.name == name) return one;
+  ADD_FAILURE() << name;
+  return source.streams().front();
+}
+
+TEST_F(LogImportTest, TopicsAreCountedWithSizesAndLenses) {
+  const auto source = open(walk(RosDialect::kRos1));
+  ASSERT_TRUE(source) << source.error().text();
+  const FoundStream& imu = stream(**source, "/imu");
+  EXPECT_EQ(imu.count, 10u);
+  EXPECT_EQ(imu.first_ns, kBegin_ns);
+  EXPECT_NEAR(imu.rate_hz(), 200, 1e-6);
+  const FoundStream& camera = stream(**source, "/cam/image_raw");
+  EXPECT_EQ(camera.count, 2u);
+  EXPECT_TRUE(camera.lens_known);
+  EXPECT_EQ(camera.mount.model.fu, 10);
+  const FoundStream& compressed = stream(**source, "/front/image/compressed");
+  EXPECT_EQ(compressed.mount.model.width, 8);
+  EXPECT_FALSE(compressed.lens_known);
+  EXPECT_THAT(compressed.lens_fault, HasSubstr("/front/camera_info"));
+  EXPECT_TRUE(stream(**source, "/depth/image_raw").is_depth);
+  EXPECT_THAT((*source)->others(), testing::Contains("/scan (sensor_msgs/LaserScan, 2 messages)"));
+}
+
+TEST_F(LogImportTest, ATopicWithoutItsFirstSlashHasItsLens) {
+  auto messages = walk(RosDialect::kRos1);
+  for (StoredMessage& message : messages)
+    if (message.topic == "/cam/image_raw") message.topic = "cam/image_raw";
+  const auto source = open(messages);
+  ASSERT_TRUE(source);
+  EXPECT_TRUE(stream(**source, "cam/image_raw").lens_known);
+}
+
+TEST_F(LogImportTest, WhatWasChosenComesAsSamples) {
+  auto source = open(walk(RosDialect::kRos1));
+  ASSERT_TRUE(source);
+  ImportChoice choice;
+  std::vector<CameraMount> cameras;
+  for (std::size_t i = 0; i < (*source)->streams().size(); ++i) {
+    const FoundStream& one = (*source)->streams()[i];
+    if (one.name == "/imu") choice.imu = i;
+    if (one.name != "/cam/image_raw" && one.name != "/front/image/compressed") continue;
+    choice.images.push_back(i);
+    cameras.push_back(one.mount);
+  }
+  auto samples = (*source)->open(choice, cameras);
+  ASSERT_TRUE(samples);
+  std::array<int, 2> images{};
+  int readings = 0;
+  for (auto sample = (*samples)->next({}); sample && *sample; sample = (*samples)->next({})) {
+    if (const auto* imu = std::get_if<ImuSample>(&**sample)) {
+      EXPECT_EQ(imu->f_B.z(), 9.8);
+      EXPECT_EQ(to_ns(imu->sampled_at), kBegin_ns + 5'000'000 * readings++);
+      continue;
+    }
+    const auto& frame = std::get<CameraFrame>(**sample);
+    ++images[static_cast<std::size_t>(frame.camera)];
+    EXPECT_THAT(frame.image->pixels, Each(frame.camera == 0 ? 'x' : 77));
+  }
+  EXPECT_EQ(readings, 10);
+  EXPECT_THAT(images, testing::ElementsAre(2, 2));
+}
+
+TEST_F(LogImportTest, TheTimeOfTheRecorderIsTakenWhenAskedFor) {
+  options_.log_stamps = true;
+  const auto source = open(walk(RosDialect::kRos1));
+  ASSERT_TRUE(source);
+  EXPECT_EQ(stream(**source, "/imu").first_ns, kBegin_ns + kLate_ns);
+}
+
+TEST_F(LogImportTest, StampsThatAreZeroOrGoBackAreCounted) {
+  std::vector<StoredMessage> messages;
+  for (const std::int64_t ns : {kBegin_ns, std::int64_t{0}, kBegin_ns + 10, kBegin_ns + 5})
+    messages.push_back(
+        {"/imu", "sensor_msgs/Imu", kBegin_ns, test::imu_message(RosDialect::kRos1, ns, {}, {})});
+  messages.push_back({"/imu", "sensor_msgs/Imu", kBegin_ns, "cut"});
+  const auto source = open(messages);
+  ASSERT_TRUE(source);
+  const FoundStream& imu = stream(**source, "/imu");
+  EXPECT_EQ(imu.count, 4u);
+  EXPECT_EQ(imu.zero_stamps, 1u);
+  EXPECT_EQ(imu.backwards, 1u);
+  EXPECT_EQ(imu.unreadable, 1u);
+  EXPECT_THAT(imu.first_fault, HasSubstr("sensor_msgs/Imu: needs"));
+}
+
+TEST_F(LogImportTest, Rosbag2InBothByteOrdersGivesTheSame) {
+  for (const RosDialect dialect : {RosDialect::kCdrLittle, RosDialect::kCdrBig}) {
+    const std::string path = folder_.file(dialect == RosDialect::kCdrBig ? "b.db3" : "l.db3");
+    test::write_db3(path, walk(dialect));
+    const auto source = open_log_import(path, options_, {});
+    ASSERT_TRUE(source) << source.error().text();
+    EXPECT_EQ(stream(**source, "/imu").count, 10u);
+    EXPECT_EQ(stream(**source, "/imu").last_ns, kBegin_ns + 45'000'000);
+    EXPECT_TRUE(stream(**source, "/cam/image_raw").lens_known);
+  }
+}
+
+}  // namespace
+}  // namespace fiducap
