@@ -36,8 +36,8 @@ Histogram look_at_pixels(const GrayImage& image, ImageTraits& out) {
   std::array<int, ImageTraits::kBands> least{}, most{};
   least.fill(255);
   for (int v = 0; v < image.height; v += kPixelStep) {
-    const auto band = static_cast<std::size_t>(v) * ImageTraits::kBands /
-                      static_cast<std::size_t>(image.height);
+    const auto band =
+        static_cast<std::size_t>(v) * ImageTraits::kBands / static_cast<std::size_t>(image.height);
     const std::uint8_t* row = row_of(image, v);
     std::uint64_t hash = out.bands[band];
     for (int u = 0; u < image.width; u += kPixelStep) {

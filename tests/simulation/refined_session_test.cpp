@@ -7,11 +7,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "support/running_server.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/replay_command.hpp"
 #include "tools/replay/session_folder.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -3,12 +3,12 @@
 #include <charconv>
 #include <filesystem>
 
+#include "base/whole_file.hpp"
 #include "detection/tag_family_list.hpp"
 #include "tools/calibrate/calibration_picture.hpp"
 #include "tools/calibrate/calibration_views.hpp"
 #include "tools/calibrate/camera_report.hpp"
 #include "tools/calibrate/corner_file.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

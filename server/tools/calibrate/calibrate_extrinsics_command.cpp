@@ -7,10 +7,10 @@
 #include <nlohmann/json.hpp>
 
 #include "base/so3.hpp"
+#include "base/whole_file.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "daemon/system_clock.hpp"
 #include "tools/usable_recording.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -4,11 +4,11 @@
 #include <filesystem>
 
 #include "base/text.hpp"
+#include "base/whole_file.hpp"
 #include "daemon/system_clock.hpp"
 #include "detection/tag_detector.hpp"
 #include "tools/replay/run_files.hpp"
 #include "tools/tags/map_file.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

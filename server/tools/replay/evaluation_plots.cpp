@@ -9,9 +9,9 @@
 
 #include "base/quantile.hpp"
 #include "base/text.hpp"
+#include "base/whole_file.hpp"
 #include "tools/replay/covariance_file.hpp"
 #include "tools/replay/pose_plots.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -9,11 +9,11 @@
 #include <nlohmann/json.hpp>
 
 #include "base/text.hpp"
+#include "base/whole_file.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/formats/map_yaml.hpp"
 #include "tools/replay/covariance_file.hpp"
 #include "tools/replay/tum_file.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "mapping/formats/map_yaml.hpp"
 #include "base/whole_file.hpp"
+#include "mapping/formats/map_yaml.hpp"
 
 namespace fiducap {
 

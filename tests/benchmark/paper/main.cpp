@@ -10,9 +10,9 @@
 #include <filesystem>
 
 #include "base/log.hpp"
+#include "base/whole_file.hpp"
 #include "estimation/table.hpp"
 #include "paper/experiments.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap::bench {
 namespace {

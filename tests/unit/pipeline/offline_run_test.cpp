@@ -7,11 +7,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "simulation/simulation.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
 #include "tools/replay/replay_command.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

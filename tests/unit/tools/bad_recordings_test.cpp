@@ -9,10 +9,10 @@
 #include <sstream>
 #include <tuple>
 
+#include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/command_line.hpp"
 #include "tools/terminal.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

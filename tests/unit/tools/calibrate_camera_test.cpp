@@ -8,11 +8,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "capture/lens/camera_calibration_file.hpp"
 #include "capture/recording/gray_file.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
-#include "base/whole_file.hpp"
 #include "unit/calibration/calibration_scene.hpp"
 #include "unit/simulation/still_camera.hpp"
 

@@ -7,11 +7,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "capture/lens/kalibr_file.hpp"
 #include "capture/recording/recording_writer.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/calibrate/calibrate_imu_command.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -11,9 +11,9 @@
 
 #include <sys/wait.h>
 
+#include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/live/watch_command.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {
@@ -37,30 +37,15 @@ Answer say(std::vector<std::string> words) {
   return {code, out.str(), err.str()};
 }
 
-const std::vector<std::vector<std::string>> kVerbs{{"watch"},
-                                                   {"import"},
-                                                   {"check"},
-                                                   {"events"},
-                                                   {"replay"},
-                                                   {"evaluate"},
-                                                   {"map"},
-                                                   {"map", "export"},
-                                                   {"map", "import"},
-                                                   {"map", "log"},
-                                                   {"map", "diff"},
-                                                   {"map", "show"},
-                                                   {"tags"},
-                                                   {"tags", "sheet"},
-                                                   {"simulate"},
-                                                   {"cameras"},
-                                                   {"capture"},
-                                                   {"doctor"},
-                                                   {"control"},
-                                                   {"control", "list"},
-                                                   {"control", "rename"},
-                                                   {"calibrate"},
-                                                   {"calibrate", "imu"},
-                                                   {"calibrate", "extrinsics"}};
+const std::vector<std::vector<std::string>> kVerbs{
+    {"watch"},      {"import"},           {"check"},
+    {"events"},     {"replay"},           {"evaluate"},
+    {"map"},        {"map", "export"},    {"map", "import"},
+    {"map", "log"}, {"map", "diff"},      {"map", "show"},
+    {"tags"},       {"tags", "sheet"},    {"simulate"},
+    {"cameras"},    {"capture"},          {"doctor"},
+    {"control"},    {"control", "list"},  {"control", "rename"},
+    {"calibrate"},  {"calibrate", "imu"}, {"calibrate", "extrinsics"}};
 
 TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
   for (auto words : kVerbs) {

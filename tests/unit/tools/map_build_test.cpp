@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "base/so3.hpp"
+#include "base/whole_file.hpp"
 #include "capture/recording/recording.hpp"
 #include "mapping/store/map_store.hpp"
 #include "pipeline/replay/map_build.hpp"
@@ -15,7 +16,6 @@
 #include "tools/command_line.hpp"
 #include "tools/tags/map_file.hpp"
 #include "tools/terminal.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -7,9 +7,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "mapping/store/sqlite_file.hpp"
 #include "support/temporary_folder.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <sstream>
 
+#include "base/whole_file.hpp"
 #include "mapping/store/map_store.hpp"
 #include "support/temporary_folder.hpp"
-#include "base/whole_file.hpp"
 #include "unit/mapping/map_fixture.hpp"
 
 namespace fiducap {

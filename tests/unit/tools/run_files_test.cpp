@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/so3.hpp"
+#include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/evaluation.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

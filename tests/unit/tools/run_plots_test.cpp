@@ -7,11 +7,11 @@
 #include <filesystem>
 
 #include "base/so3.hpp"
+#include "base/whole_file.hpp"
 #include "support/temporary_folder.hpp"
 #include "support/well_formed.hpp"
 #include "tools/replay/evaluation_plots.hpp"
 #include "tools/replay/pose_plots.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/whole_file.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "pipeline/replay/bodies_replay.hpp"
@@ -14,7 +15,6 @@
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/replay/replay_command.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

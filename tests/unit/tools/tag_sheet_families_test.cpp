@@ -7,11 +7,11 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "base/whole_file.hpp"
 #include "detection/tag_detector.hpp"
 #include "detection/tag_family.hpp"
 #include "support/temporary_folder.hpp"
 #include "tools/tags/tag_sheet.hpp"
-#include "base/whole_file.hpp"
 
 namespace fiducap {
 namespace {

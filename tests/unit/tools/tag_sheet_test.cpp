@@ -14,8 +14,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "support/temporary_folder.hpp"
 #include "base/whole_file.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
