@@ -77,10 +77,10 @@ std::vector<ConfigError> NatNetConfig::check() const {
 
 std::vector<Peer> NatNetConfig::groups() const {
   std::vector<Peer> all;
-  if (const auto address = parse_address(multicast_group); multicast && address)
-    all.emplace_back(*address, data_port);
+  if (const auto group = parse_address(multicast_group); multicast && group)
+    all.emplace_back(*group, data_port);
   for (const auto& text : targets) {
-    if (const auto group = target_in(text, true)) all.push_back(*group);
+    if (const auto target = target_in(text, true)) all.push_back(*target);
   }
   return all;
 }

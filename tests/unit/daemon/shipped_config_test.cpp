@@ -17,8 +17,9 @@ const std::filesystem::path kFolder = std::filesystem::path(FIDUCAP_SOURCE_DIR) 
 
 std::vector<std::string> shipped() {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(kFolder)) {
-    if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(kFolder)) {
+    if (entry.path().extension() != ".yaml") continue;
+    names.push_back(entry.path().lexically_relative(kFolder).replace_extension().string());
   }
   std::sort(names.begin(), names.end());
   return names;
@@ -42,8 +43,18 @@ TEST_P(ShippedConfig, LoadsAndPrintsToTheSame) {
   EXPECT_EQ(print_config(*again), printed);
 }
 
-INSTANTIATE_TEST_SUITE_P(Config, ShippedConfig, testing::ValuesIn(shipped()),
-                         [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Config, ShippedConfig, testing::ValuesIn(shipped()), [](const auto& test) {
+  std::string name = test.param;  // setups/oak → setups_oak
+  std::replace(name.begin(), name.end(), '/', '_');
+  return name;
+});
+
+TEST(ShippedConfigs, HaveTenSetups) {
+  const auto names = shipped();
+  EXPECT_GE(std::count_if(names.begin(), names.end(),
+                          [](const std::string& name) { return name.starts_with("setups/"); }),
+            10);
+}
 
 TEST(ShippedConfigs, AreTheFourOfTheReadme) {
   EXPECT_THAT(shipped(), testing::IsSupersetOf({"demo", "one_robot", "recording", "video"}));
