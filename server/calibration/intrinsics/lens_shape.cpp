@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kRaster = 24;  // pixels looked at along each side of the image
 constexpr double kWidestRay_rad = 1.55;
+constexpr double kRim_rad = 1.3;
 
 enum class Reach { kInFront, kBehind, kFolded };
 
@@ -24,8 +25,8 @@ Reach reach_of_equidistant(const CameraModel& camera, double wanted) {
     const double s = angle * angle;
     const double radius = angle * (1 + s * (k[0] + s * (k[1] + s * (k[2] + s * k[3]))));
     if (radius >= wanted) return angle <= kWidestRay_rad ? Reach::kInFront : Reach::kBehind;
-    // What is folded beside the camera is not seen: tags are looked for in front of it.
-    if (radius <= last) return angle <= kWidestRay_rad ? Reach::kFolded : Reach::kBehind;
+    // The rim of a fisheye: nothing is read there, and where exactly the polynomial ends is chance.
+    if (radius <= last) return angle <= kRim_rad ? Reach::kFolded : Reach::kBehind;
     last = radius;
   }
   return Reach::kBehind;

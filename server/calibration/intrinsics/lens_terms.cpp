@@ -18,6 +18,9 @@ constexpr double kThirdRadial_sigma = 5;
 // Squared residuals, in units of their variance, that one term must explain: two sigma.
 constexpr double kPerTerm = 4;
 
+// Images that know the focal length as well as this determine the distortion, too.
+constexpr double kDeterminedFocal = 0.01;
+
 using Numbers = std::vector<int>;
 
 bool has(const Numbers& free, int number) {
@@ -52,6 +55,14 @@ double squares_of(const LensFit& fit) {
 }
 
 bool is_sound(const LensFit& fit) { return can_be_a_lens(shape_of(fit.state.camera)); }
+
+/// The images say what all free numbers are: taking one away that is small, but there, would move
+/// the others by more than their sigma.
+bool is_determined(const LensFit& fit) {
+  const auto sure = uncertainty_of(fit.data, fit.state, fit.free, fit.sigma_px);
+  return sure.determined &&
+         std::sqrt(sure.covariance(0, 0)) < kDeterminedFocal * fit.state.camera.fu;
+}
 
 struct Step {
   LensFit fit;
@@ -92,6 +103,7 @@ LensFit with_third_radial(LensFit fit) {
 LensFit with_supported_terms(LensFit fit) {
   fit = with_third_radial(std::move(fit));
   for (;;) {
+    if (is_sound(fit) && is_determined(fit)) return fit;
     auto step = best_step(fit);
     if (!step) return fit;
     if (is_sound(fit) && (step->lost > kPerTerm || !step->sound)) return fit;

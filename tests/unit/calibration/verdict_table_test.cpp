@@ -60,7 +60,8 @@ Eigen::Vector3d another_board(int, const Eigen::Vector3d& p) {
 
 std::vector<Row> good_rows() {
   std::vector<Row> rows;
-  rows.push_back({"pinhole, checkerboard", {.camera = bare_lens()}, IntrinsicsGrade::kGood, ""});
+  rows.push_back(
+      {"pinhole, checkerboard", {.camera = bare_lens(), .views = 220}, IntrinsicsGrade::kGood, ""});
   rows.push_back({"radial-tangential, checkerboard", {.views = 220}, IntrinsicsGrade::kGood, ""});
   rows.push_back({"radial-tangential, six tags", {.tags = true}, IntrinsicsGrade::kGood, ""});
   rows.push_back({"fisheye, checkerboard", {.camera = fisheye_lens()}, IntrinsicsGrade::kGood, ""});
