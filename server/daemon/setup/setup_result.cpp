@@ -63,6 +63,7 @@ std::string body_text(const SetupResult& result) {
   }
   text += camera_text(result);
   if (result.imu_source) text += "    imu_source:\n" + section_text(*result.imu_source, 6);
+  if (result.simulated && !result.imu) text += "    use_imu: false\n";
   if (result.imu) {
     text += "    imu:                          # " +
             (result.imu_from.empty() ? "usual values of small units" : result.imu_from) + "\n" +

@@ -111,7 +111,7 @@ Expected<void> SetupRoom::use(const CameraDeviceConfig& camera) {
   inbox_.clear();
   Expected<std::unique_ptr<SensorSource>> source = nullptr;
   if (camera.open == SimulatedRig::kName && surroundings_.offers_simulation) {
-    simulation_ = std::make_unique<SimulatedRig>(surroundings_.clock);
+    simulation_ = std::make_unique<SimulatedRig>(&surroundings_.clock);
     source = simulation_->open();
   } else {
     source = open_camera_device(camera, CameraModel{}, surroundings_.clock);

@@ -139,7 +139,7 @@ class SimulatedRig::Motion final : public simulation::Trajectory {
   mutable double began_s_{0};
 };
 
-SimulatedRig::SimulatedRig(const Clock& clock)
+SimulatedRig::SimulatedRig(const Clock* clock)
     : clock_(clock), step_(std::make_shared<std::atomic<SetupStep>>(SetupStep::kCamera)) {}
 
 simulation::RoomConfig SimulatedRig::room() { return {}; }
@@ -151,8 +151,9 @@ simulation::SimulatedBodyConfig SimulatedRig::body() const {
 }
 
 Expected<std::unique_ptr<SensorSource>> SimulatedRig::open() {
-  auto made = simulation::make_simulated_source(room(), body(), clock_.now(), &clock_,
-                                                std::make_unique<Motion>(step_));
+  auto made = simulation::make_simulated_source(room(), body(),
+                                                clock_ != nullptr ? clock_->now() : Instant{},
+                                                clock_, std::make_unique<Motion>(step_));
   if (!made) return tl::unexpected(made.error());
   return std::unique_ptr<SensorSource>(std::move(*made));
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <memory>
 
 #include "base/clock.hpp"
@@ -17,7 +18,8 @@ class SimulatedRig final {
   /// CameraDeviceConfig::open of its camera.
   static constexpr const char* kName = "simulated";
 
-  explicit SimulatedRig(const Clock& clock);
+  /// @param clock  samples come when they are due on it; nullptr: as fast as they are asked for
+  explicit SimulatedRig(const Clock* clock);
 
   /// Camera and IMU. Follows this rig, which outlives it.
   [[nodiscard]] Expected<std::unique_ptr<SensorSource>> open();
@@ -29,8 +31,7 @@ class SimulatedRig final {
  private:
   class Motion;
 
-  const Clock& clock_;
-  Instant start_{};
+  const Clock* clock_;
   std::shared_ptr<std::atomic<SetupStep>> step_;
 };
 

@@ -1,0 +1,142 @@
+// A set-up from no camera to a configuration, with a simulated robot that does what a person would.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/whole_file.hpp"
+#include "daemon/setup/setup_files.hpp"
+#include "daemon/setup/setup_guide.hpp"
+#include "daemon/setup/simulated_rig.hpp"
+#include "support/temporary_folder.hpp"
+
+namespace fiducap {
+namespace {
+
+using testing::HasSubstr;
+
+/// As fast as images are drawn.
+class UnpacedRig final : public SetupRig {
+ public:
+  std::vector<FoundCamera> cameras() override {
+    return {{SimulatedRig::kName, "a simulated robot", ""}};
+  }
+  Expected<void> use(const CameraDeviceConfig& camera) override {
+    if (camera.open != SimulatedRig::kName)
+      return fail(ErrorCode::kNotFound, "no such camera", camera.open);
+    auto opened = rig_.open();
+    if (!opened) return tl::unexpected(opened.error());
+    source = std::move(*opened);
+    return {};
+  }
+  Expected<void> use(const ImuSourceConfig&) override { return {}; }
+  void let_go_of_imu() override {}
+  void begin(SetupStep step) override { rig_.begin(step); }
+  std::optional<simulation::SimulatedBodyConfig> simulated() const override { return rig_.body(); }
+
+  std::unique_ptr<SensorSource> source;
+
+ private:
+  SimulatedRig rig_{nullptr};
+};
+
+class SetupTest : public testing::Test {
+ protected:
+  void say(const std::string& what, std::map<std::string, std::string> values = {}) {
+    const auto done = guide_.command({what, std::move(values)});
+    ASSERT_TRUE(done) << what << ": " << done.error().text();
+  }
+  /// Gives samples until that holds.
+  template <typename Done>
+  bool work_until(Done done, int most_samples = 60'000) {
+    for (int i = 0; i < most_samples && !done(); ++i) {
+      const auto sample = rig_.source->next({});
+      if (!sample || !sample->has_value()) return false;
+      guide_.take(**sample);
+    }
+    return done();
+  }
+  std::string verdict() const {
+    if (!guide_.verdict()) return "none";
+    std::string text = guide_.verdict()->summary;
+    for (const auto& advice : guide_.verdict()->advice) text += " | " + advice;
+    return text;
+  }
+
+  UnpacedRig rig_;
+  SetupGuide guide_{rig_, [] {}};
+};
+
+TEST_F(SetupTest, LeadsFromNoCameraToAConfigurationThatIsRight) {
+  EXPECT_FALSE(guide_.command({"next"})) << "no image has come yet";
+  EXPECT_FALSE(guide_.command({"camera", {{"open", "/dev/video9"}}}));
+  EXPECT_FALSE(guide_.command({"dance"}));
+  EXPECT_FALSE(guide_.command({"mount"})) << "does not belong to this step";
+  say("camera", {{"open", SimulatedRig::kName}});
+  ASSERT_TRUE(work_until([&] { return guide_.image().image != nullptr; }));
+  say("next");  // picture
+  ASSERT_TRUE(work_until([&] { return guide_.picture() && guide_.picture()->tags > 0; }));
+  EXPECT_TRUE(guide_.picture()->is_good) << guide_.picture()->verdict;
+  say("next");  // sheet
+  EXPECT_FALSE(guide_.command({"sheet", {{"size_mm", "0.4 m"}}}));
+  say("sheet", {{"size_mm", "401.6"}, {"ruler_mm", "99.6"}});
+  EXPECT_NEAR(guide_.result().tags.size_m, 0.4, 1e-4);
+  say("next");  // lens
+  EXPECT_FALSE(guide_.command({"next"})) << "the lens is not known yet";
+  ASSERT_TRUE(work_until([&] { return guide_.verdict() && guide_.verdict()->is_good; }))
+      << verdict() << "; " << guide_.lens()->progress().hint;
+  const CameraModel& lens = guide_.result().camera.mount.model;
+  constexpr double kFocal_px = 2;  // of 458; three sigma of some sixty views
+  EXPECT_NEAR(lens.fu, 458.6, kFocal_px) << verdict();
+  EXPECT_NEAR(lens.fv, 457.3, kFocal_px);
+  say("next");  // imu
+  ASSERT_TRUE(work_until([&] { return guide_.imu_rate_hz() > 0; }));
+  say("next");  // rest
+  ASSERT_TRUE(work_until([&] { return guide_.verdict().has_value(); })) << guide_.rest().hint();
+  EXPECT_TRUE(guide_.verdict()->is_good) << verdict();
+  EXPECT_NEAR(guide_.result().imu->rate_hz, 200, 1);
+  say("next");  // mount
+  EXPECT_FALSE(guide_.command({"mount", {{"looks", "ahead"}}}));
+  say("mount", {{"looks", "forward"}, {"x_m", "0.1"}, {"y_m", "0"}, {"z_m", "-0.02"}});
+  say("next");  // wave
+  ASSERT_TRUE(work_until([&] { return guide_.verdict().has_value(); }))
+      << guide_.wave().progress().hint;
+  EXPECT_FALSE(guide_.verdict()->is_refused) << verdict();
+  const auto truth = rig_.simulated()->cameras.front();
+  const CameraMount& mount = guide_.result().camera.mount;
+  constexpr double kPlace_m = 0.006, kTurn_rad = 0.005;  // what half a minute of waving tells
+  EXPECT_LT((mount.X_BV.p - truth.X_BV.p).norm(), kPlace_m) << verdict();
+  EXPECT_LT(mount.X_BV.q.angularDistance(truth.X_BV.q), kTurn_rad) << verdict();
+  say("next");
+  EXPECT_EQ(guide_.step(), SetupStep::kFinish);
+
+  const TemporaryFolder folder;
+  const std::string file = folder.file("robot.yaml");
+  const auto written = write_setup(file, guide_.result(), false);
+  ASSERT_TRUE(written) << written.error().text();
+  EXPECT_FALSE(write_setup(file, guide_.result(), false)) << "never over a file that is there";
+  EXPECT_TRUE(write_setup(file, guide_.result(), true));
+  const auto config = load_config(file);
+  ASSERT_TRUE(config) << config.error().front().text();
+  EXPECT_EQ(config->bodies.front().cameras.front().mount.model.fu, lens.fu);
+  EXPECT_EQ(config->tags.size_m, guide_.result().tags.size_m);
+  EXPECT_EQ(std::filesystem::status(token_file_of(file)).permissions(),
+            std::filesystem::perms(0600));
+}
+
+TEST_F(SetupTest, GoesOnWithAGuessedLensAndWithoutAnImu) {
+  say("camera", {{"open", SimulatedRig::kName}});
+  ASSERT_TRUE(work_until([&] { return guide_.image().image != nullptr; }));
+  for (int i = 0; i < 3; ++i) say("next");
+  say("guess");
+  EXPECT_EQ(guide_.step(), SetupStep::kImu);
+  say("imu");
+  say("next");
+  EXPECT_EQ(guide_.step(), SetupStep::kMount) << "nothing is there to lie still";
+  say("next");
+  EXPECT_EQ(guide_.step(), SetupStep::kFinish);
+  EXPECT_THAT(setup_preview("robot.yaml", guide_.result()), HasSubstr("focal_sigma: 0.15"));
+  say("back");
+  EXPECT_EQ(guide_.step(), SetupStep::kMount);
+}
+
+}  // namespace
+}  // namespace fiducap
