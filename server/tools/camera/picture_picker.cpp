@@ -2,14 +2,14 @@
 
 #include <algorithm>
 
-#include "capture/image_measures.hpp"
+#include "capture/image_traits.hpp"
 
 namespace fiducap {
 namespace {
 
 constexpr double kLeastSide = 20;            // px, as `calibrate camera` wants it
 constexpr int kQuicklySearched = 800 * 600;  // larger images in every second pixel
-constexpr double kSharp = 0.5;               // ImageMeasures; the same as ImageWatch's
+constexpr double kSharp = 0.5;               // ImageTraits; the same as ImageWatch's
 constexpr double kFarApart = 0.05;           // of the image width, mean over shared corners
 
 bool is_large(const TagSighting& tag) {
@@ -35,7 +35,7 @@ PicturePicker::Corners PicturePicker::corners_in(const CameraFrame& frame) {
 }
 
 PicturePicker::Verdict PicturePicker::look(const CameraFrame& frame) {
-  const ImageMeasures measures = measure(*frame.image);
+  const ImageTraits measures = traits_of(*frame.image);
   const auto is_smeared = [](double sharpness) { return sharpness > 0 && sharpness < kSharp; };
   if (is_smeared(measures.across) || is_smeared(measures.down)) return Verdict::kSmeared;
   Corners corners = corners_in(frame);

@@ -54,7 +54,8 @@ std::size_t farthest(const std::vector<SvgPoint>& points, std::size_t first, std
 std::vector<SvgPoint> apart(const std::vector<SvgPoint>& points) {
   std::vector<SvgPoint> out;
   for (const SvgPoint& p : points) {
-    const bool moved = out.empty() || std::abs(p.first - out.back().first) > kTolerance_px ||
+    const bool moved = out.empty() || &p == &points.back() ||
+                       std::abs(p.first - out.back().first) > kTolerance_px ||
                        std::abs(p.second - out.back().second) > kTolerance_px;
     if (moved) out.push_back(p);
   }

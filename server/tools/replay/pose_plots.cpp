@@ -11,7 +11,7 @@ namespace fiducap {
 namespace {
 
 constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMillimetres = 1e3;
+constexpr double kPlottedPerMetre = 1e3;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
@@ -91,7 +91,7 @@ PlotLine sigma_line(const std::string& name, const std::string& color,
         is_position ? P.diagonal().head<3>().sum() : P.diagonal().tail<3>().sum();
     line.points.emplace_back(
         to_seconds(at.at - zero),
-        (is_position ? kMillimetres : kDegreesPerRadian) * std::sqrt(variance));
+        (is_position ? kPlottedPerMetre : kDegreesPerRadian) * std::sqrt(variance));
   }
   return line;
 }

@@ -247,7 +247,7 @@ Expected<ReplayInputs> read_replay_inputs(const ReplayArguments& arguments) {
   return inputs;
 }
 
-Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayReplayInputs& inputs,
+Expected<void> check_replay_inputs(const ReplayArguments& arguments, ReplayInputs& inputs,
                                    const Terminal& terminal) {
   for (ReplayInput& input : inputs.bodies) {
     const auto usable = require_usable(input.info, terminal);
