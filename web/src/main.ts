@@ -13,9 +13,12 @@ import { MapPanel } from './map_panel';
 import { controlUrl } from './operator';
 import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
+import type { Guide } from './setup/guide';
+import { isSetupGoingOn, remembered, type SecondHalf } from './setup/memory';
 import { TAG_COLOUR } from './theme';
 
 const TAG_STATES: TagState[] = ['surveyed', 'calibrated', 'local', 'quarantined'];
+const LOOK_FOR_SETUP_MS = 3000;
 const CHART_TITLE: Record<ChartQuantity, string> = { sigma: 'Position uncertainty 1σ, mm', latency: 'Latency from image to pose, ms' };
 
 /** Wires the panels to the messages. */
@@ -32,12 +35,19 @@ class Page {
     chosen: (tag) => this.scene?.chooseTag(tag),
   });
   private cameras: CamerasPanel | null = null;
+  private guide: Guide | null = null;
+  private lookedForSetupAt = 0;
   private hello: Hello | null = null;
   private map: TagMap | null = null;
   private chosen: number | null = null;
 
   constructor() {
     this.wireTools();
+  }
+
+  /** The second half of a set-up. */
+  guideBy(Guided: typeof Guide, half: SecondHalf): void {
+    this.guide = new Guided(half, { commands: this.commands, showMap: () => this.showList('versions') });
   }
 
   opened(): void {
@@ -52,6 +62,7 @@ class Page {
         return this.onHello(message);
       case 'events':
         this.commands.heard(message.events);
+        this.guide?.onEvents(message.events);
         return this.events.update(message);
       case 'map':
         return this.onMap(message);
@@ -62,11 +73,13 @@ class Page {
       case 'clients':
         return this.clients.update(message.clients);
       case 'log':
+        this.guide?.onLog(message.lines);
         return this.log.add(message.lines);
     }
   }
 
   link(state: LinkState, silentMs: number | null): void {
+    if (state === 'offline') void this.lookForSetup();
     document.body.dataset.link = state;
     setText(byId('link-text'), linkText(state, silentMs, this.hello?.pageRateHz ?? null));
   }
@@ -87,6 +100,16 @@ class Page {
       this.showFollowing(false);
     }
     if (this.map) this.onMap(this.map);
+    this.guide?.onHello(hello);
+    if (hello.bodies.length === 0) void this.lookForSetup();
+  }
+
+  /** A server without robots, or without live data, may be one that is set up now. */
+  private async lookForSetup(): Promise<void> {
+    const now = performance.now();
+    if (now - this.lookedForSetupAt < LOOK_FOR_SETUP_MS) return;
+    this.lookedForSetupAt = now;
+    if (await isSetupGoingOn(document.baseURI)) location.reload();
   }
 
   private onMap(map: TagMap): void {
@@ -94,6 +117,7 @@ class Page {
       this.scene?.setMap(map.tags);
       showLegend(map);
       this.versions.update(map);
+      this.guide?.onTags(map.tags.length);
     }
     this.map = map;
     setText(byId('map-line'), mapLine(map, this.hello?.mapMode ?? ''));
@@ -103,6 +127,7 @@ class Page {
     this.versions.tellTime(frame.utcMs);
     this.cameras?.tellTime(frame.utcMs);
     this.bodies.update(frame.bodies);
+    this.guide?.onBodies(frame.bodies);
     this.scene?.setFrame(frame.bodies, 1000 / (this.hello?.pageRateHz ?? 20));
     this.chart.add(frame.utcMs, frame.bodies);
     setText(byId('server-rate'), fixed(frame.rateHz, 0));
@@ -235,9 +260,20 @@ function linkText(state: LinkState, silentMs: number | null, rateHz: number | nu
   }
 }
 
-const page = new Page();
-new Connection(liveUrl(document.baseURI), {
-  opened: () => page.opened(),
-  message: (message) => page.receive(message),
-  link: (state, silentMs) => page.link(state, silentMs),
-}).start();
+/** What only few need comes when they need it: the set-up, and the bar of its second half. */
+async function begin(): Promise<void> {
+  if (await isSetupGoingOn(document.baseURI)) {
+    const { SetupPanel } = await import('./setup/panel');
+    return new SetupPanel(document.baseURI).start();
+  }
+  const page = new Page();
+  const half = remembered();
+  if (half) page.guideBy((await import('./setup/guide')).Guide, half);
+  new Connection(liveUrl(document.baseURI), {
+    opened: () => page.opened(),
+    message: (message) => page.receive(message),
+    link: (state, silentMs) => page.link(state, silentMs),
+  }).start();
+}
+
+void begin();

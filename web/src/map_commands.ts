@@ -62,6 +62,15 @@ export class MapCommands {
     return this.key;
   }
 
+  get isUnlocked(): boolean {
+    return this.takesCommands && this.key !== null;
+  }
+
+  /** Somebody wants what needs it. */
+  askForToken(): void {
+    this.typed.focus();
+  }
+
   /** Buttons that need the token. */
   gated(...buttons: HTMLButtonElement[]): HTMLFieldSetElement {
     const made = element('fieldset', 'deeds');
@@ -127,7 +136,7 @@ export class MapCommands {
     if (name !== null) await this.run({ do: 'commit', name }, 'Storing the map', ['version_stored', 'not_stored']);
   }
 
-  private async align(): Promise<void> {
+  async align(): Promise<void> {
     const check = (typed: string): string => {
       try {
         return parsePlaces(typed) && '';
@@ -145,10 +154,12 @@ export class MapCommands {
     if (typed !== null) await this.run({ do: 'align', places: parsePlaces(typed) }, 'Aligning', ['aligned']);
   }
 
+  freeze(): Promise<void> {
+    return this.run({ do: 'freeze' }, 'Freezing the map', ['frozen']);
+  }
+
   private changeMode(): Promise<void> {
-    return this.isFrozen
-      ? this.run({ do: 'grow' }, 'Letting the map grow', ['mapping'])
-      : this.run({ do: 'freeze' }, 'Freezing the map', ['frozen']);
+    return this.isFrozen ? this.run({ do: 'grow' }, 'Letting the map grow', ['mapping']) : this.freeze();
   }
 
   private async unlock(): Promise<void> {
@@ -201,7 +212,7 @@ export class MapCommands {
   }
 
   private show(): void {
-    const isOpen = this.takesCommands && this.key !== null;
+    const isOpen = this.isUnlocked;
     const why = !this.takesCommands ? NO_COMMANDS : isOpen ? OPEN : LOCKED;
     setText(this.why, why);
     this.form.hidden = !this.takesCommands || isOpen;

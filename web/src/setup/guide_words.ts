@@ -1,0 +1,62 @@
+// The second half of the set-up, in words: the robot flies, the map grows.
+import { plural } from '../format';
+import type { BodyFrame, LogLine } from '../protocol';
+import { STATE_WORD } from '../theme';
+
+export const GUIDE_STEPS = ['move', 'freeze', 'align', 'done'] as const;
+export type GuideStep = (typeof GUIDE_STEPS)[number];
+
+export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; primary: string }> = {
+  move: {
+    title: 'Move the robot past all tags',
+    todo: 'Slowly, so that two tags or more are in view when a new one comes in.',
+    primary: 'All tags are there',
+  },
+  freeze: {
+    title: 'Freeze the map',
+    todo: 'From then on no tag moves and none joins, until you let it grow again.',
+    primary: 'Freeze the map',
+  },
+  align: {
+    title: 'Where is up, where is the origin?',
+    todo: 'Give the places of three tags or more that you measured, or keep it as it is.',
+    primary: 'Align…',
+  },
+  done: {
+    title: 'Done: poses are streamed',
+    todo: 'Clients find them here:',
+    primary: 'Close',
+  },
+};
+
+/** `12 tags in the map · robot: Tracking` */
+export function movingWords(
+  tags: number,
+  bodies: readonly Pick<BodyFrame, 'id' | 'state'>[],
+  nameOf: (id: number) => string,
+): string {
+  const robots = bodies.map(({ id, state }) => `${nameOf(id)}: ${STATE_WORD[state].toLowerCase()}`);
+  return [`${plural(tags, 'tag', 'tags')} in the map`, ...robots].join(' · ');
+}
+
+/** Before it nothing is worth freezing. */
+export function isMapped(tags: number, bodies: readonly Pick<BodyFrame, 'state'>[]): boolean {
+  return tags > 0 && bodies.some(({ state }) => state === 'tracking');
+}
+
+export interface Served {
+  protocol: string;
+  words: string;
+}
+
+/** Where clients connect, as the server's log says when it starts. The newest word counts. */
+export function servedBy(lines: readonly Pick<LogLine, 'room' | 'text'>[]): Served[] {
+  const found = new Map<string, string>();
+  for (const { room, text } of lines) {
+    const match = /^(?:serves |page at )(.+)$/.exec(text);
+    if (match?.[1]) found.set(room, match[1]);
+  }
+  return [...found]
+    .map(([protocol, words]) => ({ protocol, words }))
+    .sort((a, b) => a.protocol.localeCompare(b.protocol));
+}

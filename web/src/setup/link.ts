@@ -1,0 +1,155 @@
+import { parseSetup, type SetupState } from './protocol';
+
+const LOOK_MS = 250;
+// At most six a second, whatever the network does.
+const PICTURE_MS = 170;
+const PATIENCE_MS = 8000;
+
+/** In a row: `next` is sent once `settings` was taken. */
+export interface SetupCommand {
+  name: string;
+  values?: Record<string, string>;
+}
+
+export interface SetupListener {
+  state(state: SetupState): void;
+  /** The server does not answer. @param silentMs  since its last answer */
+  silent(silentMs: number): void;
+  /** The set-up is over: the server runs, or was started without one. */
+  over(): void;
+  /** Why a command was refused, or nothing. */
+  refused(words: string): void;
+  picture(picture: ImageBitmap): void;
+}
+
+/** `camera?open=%2Fdev%2Fvideo0` */
+export function commandPath({ name, values }: SetupCommand): string {
+  const query = new URLSearchParams(values ?? {}).toString();
+  return query === '' ? name : `${name}?${query}`;
+}
+
+/** Asks the server how the set-up goes, for its pictures, and hands it what a person wants. */
+export class SetupLink {
+  private answeredAt = performance.now();
+  private isStopped = false;
+  private wantsPictures = false;
+  private pictureAsked = 0;
+  private states = 0;
+  private waiting: (() => void)[] = [];
+  private newest: SetupState | null = null;
+
+  constructor(
+    private readonly page: string,
+    private readonly listener: SetupListener,
+  ) {}
+
+  start(): void {
+    void this.look();
+    void this.lookAtPictures();
+  }
+
+  stop(): void {
+    this.isStopped = true;
+  }
+
+  /** Pictures cost something: only while one is shown. */
+  wishPictures(wished: boolean): void {
+    this.wantsPictures = wished;
+  }
+
+  /** One after the other; ends with the first that is refused. @returns whether all were taken */
+  async run(commands: SetupCommand[]): Promise<boolean> {
+    this.listener.refused('');
+    for (const wanted of commands) {
+      const why = await this.post(wanted);
+      if (why !== '') {
+        this.listener.refused(why);
+        return false;
+      }
+      // What became of it stands in a state that was asked for after it.
+      await this.nextState();
+      if (this.newest?.error) return false;
+    }
+    return true;
+  }
+
+  /** @returns why not; empty: it was taken */
+  private async post(wanted: SetupCommand): Promise<string> {
+    const answer = await this.ask(`api/v1/setup/${commandPath(wanted)}`, {
+      method: 'POST',
+      headers: { 'X-Fiducap-Setup': '1' },
+    });
+    if (!answer) return 'The server did not answer. Is it still running?';
+    if (answer.ok) return '';
+    const words = (await answer.text().catch(() => '')).trim();
+    return words === '' ? `The server refused this (status ${answer.status}).` : words;
+  }
+
+  private nextState(): Promise<void> {
+    const after = this.states + 1; // one may be on its way that knows nothing of the command
+    return new Promise((resolve) => {
+      const look = (): void => {
+        if (this.states > after || this.isStopped) resolve();
+        else this.waiting.push(look);
+      };
+      look();
+    });
+  }
+
+  private async look(): Promise<void> {
+    while (!this.isStopped) {
+      const askedAt = performance.now();
+      if (!document.hidden) await this.lookOnce();
+      await pause(LOOK_MS - (performance.now() - askedAt));
+    }
+  }
+
+  private async lookOnce(): Promise<void> {
+    const answer = await this.ask('api/v1/setup');
+    if (this.isStopped) return;
+    if (answer?.status === 404) return this.listener.over();
+    const json = answer?.ok ? await answer.text().catch(() => null) : null;
+    if (json === null) return this.listener.silent(performance.now() - this.answeredAt);
+    this.answeredAt = performance.now();
+    try {
+      this.newest = parseSetup(json);
+    } catch (error) {
+      return this.listener.refused(
+        `This page does not understand the server: ${(error as Error).message}. Load it again.`,
+      );
+    }
+    this.states += 1;
+    this.listener.state(this.newest);
+    for (const wake of this.waiting.splice(0)) wake();
+  }
+
+  private async lookAtPictures(): Promise<void> {
+    while (!this.isStopped) {
+      this.pictureAsked = performance.now();
+      if (this.wantsPictures && !document.hidden) await this.lookAtPicture();
+      await pause(PICTURE_MS - (performance.now() - this.pictureAsked));
+    }
+  }
+
+  private async lookAtPicture(): Promise<void> {
+    const answer = await this.ask('api/v1/setup/picture');
+    if (!answer?.ok || this.isStopped) return;
+    const jpeg = await answer.blob().catch(() => null);
+    // Half a picture is none; the next one comes soon.
+    const bitmap = jpeg ? await createImageBitmap(jpeg).catch(() => null) : null;
+    if (bitmap) this.listener.picture(bitmap);
+  }
+
+  private async ask(path: string, options: RequestInit = {}): Promise<Response | null> {
+    const hurry = new AbortController();
+    const timer = setTimeout(() => hurry.abort(), PATIENCE_MS);
+    const wanted = { cache: 'no-store' as const, signal: hurry.signal, ...options };
+    const answer = await fetch(new URL(path, this.page), wanted).catch(() => null);
+    clearTimeout(timer);
+    return answer;
+  }
+}
+
+function pause(ms: number): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, Math.max(0, ms)));
+}

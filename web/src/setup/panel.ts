@@ -1,0 +1,270 @@
+import { element, setText } from '../dom';
+import { button } from '../map_commands';
+import { SetupLink, type SetupCommand } from './link';
+import { remember } from './memory';
+import { drawPicture, pictureWords } from './overlay';
+import type { Desk, Primary, StepView } from './parts';
+import type { SetupState, StepName } from './protocol';
+import { CameraView, PictureView } from './view_camera';
+import { FinishView } from './view_finish';
+import { ImuView } from './view_imu';
+import { LensView, RestView, WaveView } from './view_motion';
+import { MountView, SheetView } from './view_sheet';
+import {
+  doneWords, listSteps, pictureFacts, progressWords, STEP_WORDS, summaryNow,
+} from './words';
+import './setup.css';
+
+const VIEWS: Record<StepName, (desk: Desk) => StepView> = {
+  camera: (desk) => new CameraView(desk),
+  picture: (desk) => new PictureView(desk),
+  sheet: (desk) => new SheetView(desk),
+  lens: (desk) => new LensView(desk),
+  imu: (desk) => new ImuView(desk),
+  rest: () => new RestView(),
+  mount: () => new MountView(),
+  wave: () => new WaveView(),
+  finish: () => new FinishView(),
+};
+const WITHOUT_PICTURE: readonly StepName[] = ['imu', 'rest', 'finish'];
+const AGAIN: readonly StepName[] = ['lens', 'rest', 'wave'];
+// A screen reader needs time to say a hint that changes with every image.
+const SPEAK_MS = 4000;
+const RESTARTING = 'It is written. The server starts with it …';
+const SILENT = 'The server does not answer. Look at what it says where it was started.';
+const SILENT_MS = 2000;
+const LATE_MS = 30_000;
+
+/** The set-up, over the whole page: steps, picture, what is asked, and one large button. */
+export class SetupPanel {
+  private readonly root = element('div', 'setup');
+  private readonly progress = element('p', 'setup-progress');
+  private readonly list = element('ol', 'setup-steps');
+  private readonly title = element('h2', 'setup-title');
+  private readonly todo = element('p', 'setup-todo');
+  private readonly hint = element('p', 'setup-hint');
+  private readonly spoken = element('p', 'spoken');
+  private readonly canvas = element('canvas');
+  private readonly facts = element('p', 'setup-facts');
+  private readonly figure = element('div', 'setup-picture');
+  private readonly place = element('div', 'setup-controls');
+  private readonly error = element('p', 'setup-error');
+  private readonly why = element('p', 'setup-why');
+  private readonly back = button('Back', 'To the step before', () => this.run([{ name: 'back' }]));
+  private readonly again = button('Again', 'Do this step anew', () => this.doAgain());
+  private readonly go = button('Next', '', () => this.press());
+  private readonly link: SetupLink;
+  private readonly summaries = new Map<StepName, string>();
+  private view: StepView | null = null;
+  private shownStep: StepName | null = null;
+  private newest: SetupState | null = null;
+  private bitmap: ImageBitmap | null = null;
+  private isBusy = false;
+  /** Asked for; and done. */
+  private isWriting = false;
+  private isWritten = false;
+  private refusal = '';
+  private spokenAt = 0;
+  private readonly desk: Desk = {
+    run: (commands) => this.run(commands),
+    changed: () => this.showButtons(),
+  };
+
+  constructor(page: string) {
+    this.link = new SetupLink(page, {
+      state: (state) => this.update(state),
+      silent: (ms) => this.showSilence(ms),
+      over: () => this.leave(),
+      refused: (words) => this.refuse(words),
+      picture: (picture) => this.showPicture(picture),
+    });
+    this.lay();
+  }
+
+  start(): void {
+    document.body.classList.add('sets-up');
+    document.body.append(this.root);
+    document.title = 'Set-up – Fiducap';
+    this.link.start();
+  }
+
+  private lay(): void {
+    this.canvas.setAttribute('role', 'img');
+    this.title.tabIndex = -1;
+    this.spoken.setAttribute('role', 'status');
+    this.error.setAttribute('role', 'alert');
+    this.go.classList.add('primary');
+    const nav = element('nav', 'setup-side');
+    nav.setAttribute('aria-label', 'Steps of the set-up');
+    nav.append(element('h1', '', 'Fiducap set-up'), this.progress, this.list);
+    this.figure.append(this.canvas, this.facts);
+    const work = element('div', 'setup-work');
+    work.append(this.figure, this.place);
+    const main = element('main', 'setup-main');
+    main.append(this.title, this.todo, this.hint, this.spoken, work);
+    const bar = element('div', 'setup-bar');
+    bar.setAttribute('role', 'group');
+    bar.setAttribute('aria-label', 'Go on or back');
+    bar.append(this.back, this.again, this.error, this.why, this.go);
+    this.root.append(nav, main, bar);
+    setText(this.todo, 'Connecting to the server …');
+    this.showButtons();
+  }
+
+  private update(state: SetupState): void {
+    this.newest = state;
+    const summary = summaryNow(state);
+    if (summary !== '') this.summaries.set(state.step, summary);
+    this.isWritten = state.written;
+    if (state.error !== '') this.isWriting = false;
+    if (state.step !== this.shownStep) this.changeStep(state);
+    this.showSteps(state);
+    this.view?.update(state);
+    const hint = state.written ? RESTARTING : (this.view?.hint(state) ?? '');
+    setText(this.hint, hint);
+    this.hint.hidden = hint === '';
+    this.speak(hint);
+    setText(this.facts, pictureFacts(state));
+    this.draw();
+    this.showButtons();
+  }
+
+  private changeStep(state: SetupState): void {
+    const isFirst = this.shownStep === null;
+    this.shownStep = state.step;
+    this.view = VIEWS[state.step](this.desk);
+    this.place.replaceChildren(this.view.root);
+    this.root.dataset.step = state.step;
+    const { title, todo } = STEP_WORDS[state.step];
+    setText(this.title, title);
+    setText(this.todo, todo);
+    const hasPicture = !WITHOUT_PICTURE.includes(state.step);
+    this.figure.hidden = !hasPicture;
+    this.link.wishPictures(hasPicture);
+    this.again.hidden = !AGAIN.includes(state.step);
+    this.back.hidden = state.step === state.steps[0]?.name;
+    // Where reading begins, and for who uses a keyboard: the buttons before it may be gone.
+    if (!isFirst) this.title.focus();
+    window.scrollTo(0, 0);
+  }
+
+  private showSteps(state: SetupState): void {
+    const steps = listSteps(state);
+    setText(this.progress, `${progressWords(state)} · ${STEP_WORDS[state.step].short}`);
+    if (this.list.childElementCount !== steps.length)
+      this.list.replaceChildren(...steps.map(() => stepItem()));
+    steps.forEach(({ name, mark }, i) => {
+      const item = this.list.children[i] as HTMLElement;
+      item.dataset.mark = mark;
+      if (mark === 'current') item.setAttribute('aria-current', 'step');
+      else item.removeAttribute('aria-current');
+      const done = mark === 'done' ? this.doneWords(state, name) : '';
+      const note = mark === 'left out' ? mark : done;
+      const words = [MARK_WORD[mark], STEP_WORDS[name].short, note];
+      words.forEach((word, part) => setText(item.children[part] as Element, word));
+    });
+  }
+
+  private doneWords(state: SetupState, name: StepName): string {
+    return doneWords(state, name, this.summaries.get(name) ?? '') || 'done';
+  }
+
+  private showButtons(): void {
+    const primary = this.primary();
+    const isOff = this.isBusy || this.newest?.solving === true;
+    setText(this.go, primary.words);
+    this.go.dataset.ready = String(primary.ready);
+    this.go.disabled = isOff || primary.blocked !== '';
+    this.go.title = primary.blocked;
+    this.back.disabled = this.again.disabled = isOff;
+    const error = this.refusal || this.newest?.error || '';
+    setText(this.error, error);
+    setText(this.why, error === '' ? primary.blocked : '');
+  }
+
+  private primary(): Primary {
+    if (this.newest && this.view) return this.view.primary(this.newest);
+    return { words: 'Next', ready: false, blocked: 'Waiting for the server.', commands: () => [] };
+  }
+
+  private press(): void {
+    const commands = this.primary().commands();
+    if (typeof commands === 'string') return this.refuse(commands);
+    this.isWriting = commands.some((one) => one.name === 'write');
+    this.run(commands);
+  }
+
+  private doAgain(): void {
+    if (this.newest) this.summaries.delete(this.newest.step);
+    this.run([{ name: 'again' }]);
+  }
+
+  private run(commands: SetupCommand[]): void {
+    if (this.isBusy) return;
+    this.isBusy = true;
+    this.showButtons();
+    void this.link.run(commands).then(() => {
+      this.isBusy = false;
+      this.showButtons();
+    });
+  }
+
+  private refuse(words: string): void {
+    this.refusal = words;
+    if (words !== '') this.isWriting = false;
+    this.showButtons();
+  }
+
+  private showPicture(bitmap: ImageBitmap): void {
+    this.bitmap?.close();
+    this.bitmap = bitmap;
+    this.draw();
+  }
+
+  private draw(): void {
+    if (this.figure.hidden) return;
+    const state = this.newest;
+    // Another camera was chosen, or none: what it showed is over.
+    const bitmap = state?.picture ? this.bitmap : null;
+    const lens = state?.step === 'lens' ? state.lens : null;
+    const drawn = { bitmap, picture: state?.picture ?? null, lens };
+    drawPicture(this.canvas, drawn);
+    const words = pictureWords(drawn);
+    if (this.canvas.getAttribute('aria-label') !== words)
+      this.canvas.setAttribute('aria-label', words);
+  }
+
+  private speak(hint: string): void {
+    const now = performance.now();
+    if (now - this.spokenAt < SPEAK_MS || hint === this.spoken.textContent) return;
+    this.spokenAt = now;
+    setText(this.spoken, hint);
+  }
+
+  private showSilence(ms: number): void {
+    const isStarting = this.isWritten || this.isWriting;
+    if (!isStarting && ms < SILENT_MS) return;
+    const words = isStarting && ms < LATE_MS ? RESTARTING : SILENT;
+    setText(this.hint, words);
+    this.hint.hidden = false;
+    this.speak(words);
+  }
+
+  /** The page of a server that runs is another one. */
+  private leave(): void {
+    this.link.stop();
+    const isFinished = this.isWritten || this.isWriting;
+    if (this.newest && isFinished) remember({ file: this.newest.file, at: 0 });
+    location.reload();
+  }
+}
+
+const MARK_WORD = { done: '✓', current: '●', open: '○', 'left out': '–' } as const;
+
+function stepItem(): HTMLLIElement {
+  const item = element('li');
+  const mark = element('span', 'step-mark');
+  mark.setAttribute('aria-hidden', 'true');
+  item.append(mark, element('span', 'step-name'), element('span', 'step-note'));
+  return item;
+}

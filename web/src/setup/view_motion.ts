@@ -1,0 +1,112 @@
+// Steps that watch until they have enough: lens, rest, wave.
+import { ask } from '../ask';
+import { element, setText } from '../dom';
+import { plural } from '../format';
+import { button } from '../map_commands';
+import {
+  afterVerdict, column, Progress, VerdictBox, type Desk, type Primary, type StepView,
+} from './parts';
+import type { Lens, SetupState } from './protocol';
+
+const GUESS =
+  'A usual lens is taken for yours, and the rest is learned while the robot moves. Until then ' +
+  'poses can be wrong by centimetres and more, and a lens that bends much may never be learned. ' +
+  'Take it for a first try; calibrate before you rely on a pose.';
+
+export class LensView implements StepView {
+  readonly root: HTMLElement;
+  private readonly covered = new Progress('Image covered');
+  private readonly counts = element('p', 'counts');
+  private readonly verdict = new VerdictBox();
+
+  constructor(private readonly desk: Desk) {
+    const legend = element('p', 'field-why');
+    setText(legend, 'Green with a tick: covered. Amber: show it there once more.');
+    const skip = (): void => void this.guess();
+    const guess = button('Go on without calibrating…', 'Take a usual lens', skip);
+    this.root = column(this.covered.root, this.counts, legend, this.verdict.root, guess);
+  }
+
+  hint(state: SetupState): string {
+    if (state.solving) return 'Enough is seen. Working out the lens …';
+    return state.verdict ? '' : (state.lens?.hint ?? '');
+  }
+
+  update({ lens, verdict }: SetupState): void {
+    this.covered.set(lens?.covered ?? 0, lens ? coveredWords(lens) : '');
+    const [views, tilted] = [lens?.views ?? 0, lens?.tilted ?? 0];
+    setText(this.counts, `${plural(views, 'view', 'views')} taken, ${tilted} of them tilted`);
+    this.verdict.show(verdict);
+  }
+
+  primary(state: SetupState): Primary {
+    return afterVerdict(state);
+  }
+
+  private async guess(): Promise<void> {
+    const question = { title: 'Go on without calibrating?', text: GUESS, yes: 'Take a usual lens' };
+    if ((await ask(question)) !== null) this.desk.run([{ name: 'guess' }]);
+  }
+}
+
+/** `43 %`, however many cells that are. */
+function coveredWords(lens: Lens): string {
+  return `${Math.floor(100 * lens.covered)} %`;
+}
+
+export class RestView implements StepView {
+  readonly root: HTMLElement;
+  private readonly share = new Progress('Time at rest');
+  private readonly verdict = new VerdictBox();
+
+  constructor() {
+    this.root = column(this.share.root, this.verdict.root);
+  }
+
+  hint({ rest, solving, verdict }: SetupState): string {
+    if (solving) return 'Long enough. Working out the noise …';
+    return verdict ? '' : (rest?.hint ?? '');
+  }
+
+  update({ rest, verdict }: SetupState): void {
+    this.share.set(rest?.share ?? 0);
+    this.verdict.show(verdict);
+  }
+
+  primary(state: SetupState): Primary {
+    return afterVerdict(state);
+  }
+}
+
+export class WaveView implements StepView {
+  readonly root: HTMLElement;
+  private readonly turned = [
+    new Progress('Roll: about the axis that points forward'),
+    new Progress('Pitch: nose up and down'),
+    new Progress('Yaw: left and right'),
+  ];
+  private readonly shaken = new Progress('Shaken quickly to and fro');
+  private readonly seen = new Progress('With tags in view');
+  private readonly verdict = new VerdictBox();
+
+  constructor() {
+    const bars = [...this.turned, this.shaken, this.seen].map((bar) => bar.root);
+    this.root = column(...bars, this.verdict.root);
+  }
+
+  hint({ wave, solving, verdict }: SetupState): string {
+    if (solving) return 'Enough. Working out how camera and IMU sit …';
+    return verdict ? '' : (wave?.hint ?? '');
+  }
+
+  update({ wave, verdict }: SetupState): void {
+    this.turned.forEach((bar, i) => bar.set(wave?.turned[i] ?? 0));
+    this.shaken.set(wave?.shaken ?? 0);
+    this.seen.set(wave?.seen ?? 0);
+    this.verdict.show(verdict);
+  }
+
+  primary(state: SetupState): Primary {
+    return afterVerdict(state);
+  }
+}

@@ -1,0 +1,68 @@
+import { describe, expect, it } from 'vitest';
+import { isMapped, movingWords, servedBy } from '../src/setup/guide_words';
+import { afterVerdict, judge } from '../src/setup/parts';
+import { pictureWords } from '../src/setup/overlay';
+import type { Lens, Picture, SetupState } from '../src/setup/protocol';
+
+const verdict = { good: true, refused: false, summary: '', advice: [] };
+const after = (change: Partial<SetupState>): ReturnType<typeof afterVerdict> =>
+  afterVerdict({ solving: false, verdict: null, ...change } as SetupState);
+
+describe('a step that ends with a verdict', () => {
+  it('goes on at once when it is good', () => {
+    expect(after({ verdict })).toMatchObject({ words: 'Next', ready: true, blocked: '' });
+  });
+
+  it('asks to take what is not good, and never what is refused', () => {
+    expect(after({ verdict: { ...verdict, good: false } }).words).toBe('Take it and go on');
+    expect(after({ verdict: { ...verdict, good: false, refused: true } }).blocked).not.toBe('');
+  });
+
+  it('waits while it is worked out', () => {
+    expect(after({ solving: true }).blocked).not.toBe('');
+    expect(after({})).toMatchObject({ ready: false, blocked: '' });
+  });
+
+  it('is judged in words, too', () => {
+    expect(judge(verdict)).toEqual({ tone: 'good', words: 'Good' });
+    expect(judge({ ...verdict, good: false }).words).toBe('Usable, but not good');
+    expect(judge({ ...verdict, refused: true }).words).toBe('Not usable');
+  });
+});
+
+describe('the picture', () => {
+  const picture = { outlines: [{ id: 7 }, { id: 3 }] } as unknown as Picture;
+
+  it('is told to who does not see it', () => {
+    expect(pictureWords({ picture: null, lens: null })).toBe('No picture yet.');
+    expect(pictureWords({ picture, lens: null })).toBe('Live picture. Tags seen: 3, 7.');
+    const lens = { covered: 0.43 } as Lens;
+    expect(pictureWords({ picture: { ...picture, outlines: [] }, lens })).toBe(
+      'Live picture. No tag is seen. 43 % of the image is covered.',
+    );
+  });
+});
+
+describe('the second half', () => {
+  it('tells how the map grows', () => {
+    const bodies = [{ id: 1, state: 'tracking' as const }];
+    expect(movingWords(12, bodies, () => 'robot')).toBe('12 tags in the map · robot: tracking');
+    expect(movingWords(1, [], () => '')).toBe('1 tag in the map');
+    expect(isMapped(12, bodies)).toBe(true);
+    expect(isMapped(0, bodies)).toBe(false);
+    expect(isMapped(12, [{ state: 'lost' }])).toBe(false);
+  });
+
+  it('finds where clients connect in the server’s log', () => {
+    const lines = [
+      { room: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3883' },
+      { room: 'vrpn', text: 'client 10.0.0.7 connected' },
+      { room: 'web', text: 'page at http://127.0.0.1:8080/' },
+      { room: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3884' },
+    ];
+    expect(servedBy(lines)).toEqual([
+      { protocol: 'vrpn', words: 'VRPN 07.35 on 0.0.0.0:3884' },
+      { protocol: 'web', words: 'http://127.0.0.1:8080/' },
+    ]);
+  });
+});
