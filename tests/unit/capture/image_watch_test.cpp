@@ -218,8 +218,8 @@ TEST_F(ImageWatchTest, RealPicturesAreSharpAndBlurredOnesAreNot) {
     ASSERT_FALSE(image.empty()) << name;
     cv::Mat blurred;
     cv::GaussianBlur(image, blurred, {}, 3);
-    const auto sharp = measure(*frame_of(image, {}).image);
-    const auto smeared = measure(*frame_of(blurred, {}).image);
+    const auto sharp = traits_of(*frame_of(image, {}).image);
+    const auto smeared = traits_of(*frame_of(blurred, {}).image);
     EXPECT_GT(std::min(sharp.across, sharp.down), 0.65) << name;
     EXPECT_LT(std::max(smeared.across, smeared.down), 0.5) << name;
     EXPECT_EQ(sharp.missing, 0) << name;
