@@ -1,4 +1,5 @@
 // What a set-up makes of what it has collected.
+#include <algorithm>
 #include <utility>
 
 #include "base/text.hpp"
@@ -15,6 +16,7 @@ constexpr std::size_t kMoreViews = 12;
 constexpr double kMountReach_m = 0.03;
 constexpr double kMountReach_rad = 0.15;
 constexpr double kClockReach_s = 0.12;
+constexpr double kLeastClockSigma_s = 5e-4;
 constexpr double kTooDark = 60;     // gray that 99 % of an image are below
 constexpr double kTooBright = 0.2;  // share of pixels at the upper end
 constexpr double kOutOfFocus_px = 3.5;
@@ -135,7 +137,8 @@ void SetupGuide::solve_wave() {
                           weak};
   if (verdict_->is_refused) return show_();
   result_.camera.mount = solved->cameras.front();
-  result_.camera.mount.time_shift_sigma_s = solved->time.sigma_s;
+  // Half a minute tells no more, whatever it says, and a clock may drift: it goes on being learned.
+  result_.camera.mount.time_shift_sigma_s = std::max(kLeastClockSigma_s, solved->time.sigma_s);
   result_.mount_from = "calibrated by waving, " + fixed(solved->statistics.data_s, 0) + " s, " +
                        fixed(solved->statistics.reprojection_median_px, 2) + " px";
   show_();
