@@ -30,8 +30,8 @@ bool may_ask(const std::filesystem::path& path) {
   static const std::set<std::string> kSources{
       "live_video", "mode_choice", "recording_source", "ros_source", "v4l2_camera",
       "video_file", "line_source", "mavlink_source",   "iio_source", "px4_source"};
-  static const std::vector<std::string> kSockets{"server",    "session",   "desk",
-                                                 "discovery", "listeners", "connect_back"};
+  static const std::vector<std::string> kSockets{"server",    "session",      "desk",   "discovery",
+                                                 "listeners", "connect_back", "sockets"};
   const std::string stem = path.stem().string();
   const std::string text = path.string();
   if (text.starts_with("server/daemon/")) return true;
@@ -105,6 +105,7 @@ TEST(Time, IsNotWaitedForByUnitTests) {
       "tests/unit/client/profiles_test.cpp",
       "tests/unit/client/test_server.hpp",
       "tests/unit/daemon/session_recorder_test.cpp",    // the recorder's thread
+      "tests/unit/daemon/view_desk_test.cpp",           // the thread of the pictures
       "tests/unit/mapping/store/map_store_writer.cpp",  // of a simulation: it is killed in real
                                                         // time
       "tests/unit/streaming/dds/crowd_test.cpp",        // the middleware's threads

@@ -141,7 +141,8 @@ Evaluation evaluation() {
   e.traces.last_image = at_image(199);
   e.traces.settled_at = at_image(100);
   e.traces.X_WA = {exp_so3({0, 0, 1.5707963267948966}), {0, 0, 0}};
-  for (int k = 100; k < 200; ++k) e.traces.differences.push_back({at_image(k), {0, -1e-3, 0}, Eigen::Vector3d::Zero()});
+  for (int k = 100; k < 200; ++k)
+    e.traces.differences.push_back({at_image(k), {0, -1e-3, 0}, Eigen::Vector3d::Zero()});
   e.traces.reprojection_px = {0.1, 0.2, 0.3, 40};
   return e;
 }

@@ -67,8 +67,8 @@ TEST(AnnouncedBodies, NamesCanBeAddressedByCommands) {
   SceneModel model;
   model.bodies = {{1, "left,arm"}, {2, "left_arm"}, {3, "tab\there"}};
   const auto bodies = announced_bodies(model, kRule, {{"tab\there", "alias"}});
-  EXPECT_EQ(bodies[0].name, "left_arm");
-  EXPECT_EQ(bodies[1].name, "left_arm_2");
+  EXPECT_EQ(bodies[0].name, "left_arm_2");
+  EXPECT_EQ(bodies[1].name, "left_arm") << "a name that fits as it is stays";
   EXPECT_EQ(bodies[2].name, "alias");
   EXPECT_EQ(bodies[2].id, 3);
 }
