@@ -18,7 +18,7 @@ class HttpRoutesTest : public testing::Test {
         request, page_,
         {[] { return make_content("[" + std::string(5000, ' ') + "]", Effort::kQuick); },
          [this] { return health_; }, [](MetricsFormat) { return plain_content("metrics"); },
-         [] { return plain_content("versions"); },
+         [] { return plain_content("views"); }, [] { return plain_content("versions"); },
          [](std::int64_t before, std::int64_t after) -> Expected<std::optional<Content>> {
            if (after > 9) return fail(ErrorCode::kNotFound, "there is no version");
            if (after > 8) return std::nullopt;
@@ -30,6 +30,8 @@ class HttpRoutesTest : public testing::Test {
   PageFiles page_ = PageFiles::load(files_.root());
   Health health_;
 };
+
+TEST_F(HttpRoutesTest, WhoMayWatchCameras) { EXPECT_EQ(*get("/api/v1/views").body(), "views"); }
 
 TEST_F(HttpRoutesTest, VersionsOfTheMapAndHowTheyDiffer) {
   EXPECT_EQ(*get("/api/v1/map/versions").body(), "versions");
