@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "daemon/bodies/body_worker.hpp"
 #include "fake_body.hpp"
 #include "support/fake_clock.hpp"
@@ -10,7 +12,11 @@
 namespace fiducap {
 constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
-inline ImuSample imu_at(Instant at) { return {at, Eigen::Vector3d::Zero(), {0, 0, 9.81}}; }
+/// At rest, and never twice the same: a sensor that lives has noise.
+inline ImuSample imu_at(Instant at) {
+  const double noise = 1e-6 * std::sin(0.37 * static_cast<double>(to_ns(at) / 1'000'000));
+  return {at, {noise, 0, 0}, {0, 0, 9.81}};
+}
 
 /// A tag of 100 px in the middle of the image.
 inline TagSighting sighting(int id) {
