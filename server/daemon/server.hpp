@@ -20,7 +20,6 @@ struct SetupOptions {
 };
 
 struct ServerOptions {
-  std::optional<SetupOptions> setup{};  ///< The configuration may have no bodies then.
   bool exit_at_end{false};      ///< End when every source has ended (recordings, video files).
   bool stop_on_signals{false};  ///< End on SIGINT and SIGTERM.
   /// How a simulated body moves instead of its configured trajectory, by name; nullptr: as
@@ -33,6 +32,7 @@ struct ServerOptions {
   /// When frames have reached nobody for ten seconds, whatever the reason, and the map is stored:
   /// has to end the process. Empty: it is only said.
   std::function<void()> give_up{};
+  std::optional<SetupOptions> setup{};  ///< The configuration may have no bodies then.
 };
 
 enum class ServerEnd {
