@@ -25,7 +25,6 @@ class ViewDeskTest : public testing::Test {
     mount.model = {640, 480, 460, 460, 319.5, 239.5, Distortion::kNone, {}};
     setup_.sensors.cameras = {mount};
     views_.emplace(desk_.add(7, setup_.sensors));
-    pipeline_.emplace(setup_);
     auto drawn = white_wall();
     draw_tag(drawn, 4, 100, 100, 20);
     draw_square(drawn, 420, 300, 60, 40);
@@ -35,7 +34,10 @@ class ViewDeskTest : public testing::Test {
   void expose(int ms, bool with_pixels = true) {
     SensorSample sample = CameraFrame{0, at_ms(ms), image_};
     if (!with_pixels) sample = CornerFrame{0, at_ms(ms), {}};
+    // Alone, so that it need not wait for the next one to confirm its stamp.
+    pipeline_.emplace(setup_);
     ASSERT_TRUE(pipeline_->push(std::move(sample)));
+    pipeline_->finish();
     const MapView view{std::make_shared<const TagMap>()};
     while (const SensorSample* due = pipeline_->next()) {
       views_->note(*due);
