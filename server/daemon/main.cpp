@@ -125,7 +125,7 @@ int main(int argc, char** argv) {
       file = setup;
     }
     auto config = fiducap::load_config(file, sets);
-    if (!config && check) return tell({.faults = config.error()}, as_json);
+    if (!config && check) return tell({config.error(), {}, {}}, as_json);
     if (!config) return complain(config.error());
     if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
     if (check) return tell(fiducap::review(*config), as_json);

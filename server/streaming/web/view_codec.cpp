@@ -176,7 +176,7 @@ std::optional<NamedWish> take_wish(std::string_view& text) {
 Expected<std::vector<NamedWish>> parse_wishes(std::string_view text) {
   std::vector<NamedWish> wishes;
   while (!text.empty()) {
-    const auto wish = take_wish(text);
+    const auto wish = text.ends_with(' ') ? std::nullopt : take_wish(text);
     if (!wish) {
       return fail(ErrorCode::kInvalid,
                   "expected BODY/CAMERA/WIDTH/PER_SECOND/CANDIDATES with width 80 to 4096, per "
