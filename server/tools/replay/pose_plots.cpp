@@ -11,7 +11,7 @@ namespace fiducap {
 namespace {
 
 constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPlottedPerMetre = 1e3;
+constexpr double kMmPerMetre = 1e3;
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
@@ -89,9 +89,8 @@ PlotLine sigma_line(const std::string& name, const std::string& color,
     const Matrix6d& P = at.covariance;
     const double variance =
         is_position ? P.diagonal().head<3>().sum() : P.diagonal().tail<3>().sum();
-    line.points.emplace_back(
-        to_seconds(at.at - zero),
-        (is_position ? kPlottedPerMetre : kDegreesPerRadian) * std::sqrt(variance));
+    line.points.emplace_back(to_seconds(at.at - zero),
+                             (is_position ? kMmPerMetre : kDegreesPerRadian) * std::sqrt(variance));
   }
   return line;
 }

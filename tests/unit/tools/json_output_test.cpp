@@ -45,7 +45,7 @@ TEST_F(JsonOutput, OfRecordingsRunsAndTheirEvaluation) {
   EXPECT_EQ(made["recording"], recording);
   const auto checked = say({"check", recording});
   EXPECT_EQ(checked["recordings"][0]["usable"], true);
-  EXPECT_THAT(checked["recordings"][0]["streams"], ::testing::SizeIs(2));
+  EXPECT_THAT(checked["recordings"][0]["streams"], ::testing::SizeIs(3));
   const std::string out = folder_.file("out");
   const auto run = say({"replay", recording, "--out", out});
   EXPECT_THAT(err_, IsEmpty()) << "nobody sits at a terminal: there is no progress to show";
