@@ -177,7 +177,7 @@ TEST(EvaluationPlots, TheBandIsTurnedIntoTheAxesOfTheErrors) {
     return text_of(evaluation_plots("e", run_of_evaluation(), sure_along(axis), evaluation()));
   };
   EXPECT_THAT(page(0), HasSubstr("66.7 % of the"));
-  EXPECT_THAT(page(1), HasSubstr("100.0 % of the components"));
+  EXPECT_THAT(page(1), HasSubstr("100.0 % of the"));
 }
 
 TEST(EvaluationPlots, SayTheNumbersAndWhatIsLeftOut) {
