@@ -111,7 +111,7 @@ export async function runSteps() {
       console.log(`ok: ${name}`);
     }
   } catch (error) {
-    if (world.page) await shoot(world.page, 'page-failed');
+    if (world.page) await shoot(world.page, 'page-failed', false);
     throw error;
   } finally {
     await world.browser.close();

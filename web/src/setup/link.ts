@@ -35,6 +35,8 @@ export class SetupLink {
   private wantsPictures = false;
   private pictureAsked = 0;
   private states = 0;
+  /** The newest answer was not understood. */
+  private isStrange = false;
   private waiting: (() => void)[] = [];
   private newest: SetupState | null = null;
 
@@ -113,7 +115,10 @@ export class SetupLink {
     this.answeredAt = performance.now();
     try {
       this.newest = parseSetup(json);
+      if (this.isStrange) this.listener.refused('');
+      this.isStrange = false;
     } catch (error) {
+      this.isStrange = true;
       return this.listener.refused(
         `This page does not understand the server: ${(error as Error).message}. Load it again.`,
       );

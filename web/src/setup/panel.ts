@@ -3,7 +3,7 @@ import { button } from '../map_commands';
 import { SetupLink, type SetupCommand } from './link';
 import { remember } from './memory';
 import { drawPicture, pictureWords } from './overlay';
-import type { Desk, Primary, StepView } from './parts';
+import { AGAIN, judge, type Desk, type Primary, type StepView } from './parts';
 import type { SetupState, StepName } from './protocol';
 import { CameraView, PictureView } from './view_camera';
 import { FinishView } from './view_finish';
@@ -27,7 +27,7 @@ const VIEWS: Record<StepName, (desk: Desk) => StepView> = {
   finish: () => new FinishView(),
 };
 const WITHOUT_PICTURE: readonly StepName[] = ['imu', 'rest', 'finish'];
-const AGAIN: readonly StepName[] = ['lens', 'rest', 'wave'];
+const REPEATED: readonly StepName[] = ['lens', 'rest', 'wave'];
 // A screen reader needs time to say a hint that changes with every image.
 const SPEAK_MS = 4000;
 const RESTARTING = 'It is written. The server starts with it …';
@@ -59,7 +59,8 @@ export class SetupPanel {
   private shownStep: StepName | null = null;
   private newest: SetupState | null = null;
   private bitmap: ImageBitmap | null = null;
-  private isBusy = false;
+  private running = 0;
+  private last: Promise<void> = Promise.resolve();
   /** Asked for; and done. */
   private isWriting = false;
   private isWritten = false;
@@ -67,7 +68,7 @@ export class SetupPanel {
   private spokenAt = 0;
   private readonly desk: Desk = {
     run: (commands) => this.run(commands),
-    changed: () => this.showButtons(),
+    changed: () => this.refuse(''), // of what was written before
   };
 
   constructor(page: string) {
@@ -115,14 +116,20 @@ export class SetupPanel {
     this.newest = state;
     const summary = summaryNow(state);
     if (summary !== '') this.summaries.set(state.step, summary);
+    if (state.verdict?.refused) this.summaries.delete(state.step);
     this.isWritten = state.written;
     if (state.error !== '') this.isWriting = false;
     if (state.step !== this.shownStep) this.changeStep(state);
+    const hasPicture = !WITHOUT_PICTURE.includes(state.step) && state.camera !== null;
+    this.figure.hidden = !hasPicture;
+    this.link.wishPictures(hasPicture);
+    this.again.hidden = !REPEATED.includes(state.step) || state.verdict?.refused === true;
     this.showSteps(state);
     this.view?.update(state);
     const hint = state.written ? RESTARTING : (this.view?.hint(state) ?? '');
     setText(this.hint, hint);
     this.hint.hidden = hint === '';
+    this.hint.dataset.tone = state.verdict && !state.written ? judge(state.verdict).tone : '';
     this.speak(hint);
     setText(this.facts, pictureFacts(state));
     this.draw();
@@ -138,10 +145,6 @@ export class SetupPanel {
     const { title, todo } = STEP_WORDS[state.step];
     setText(this.title, title);
     setText(this.todo, todo);
-    const hasPicture = !WITHOUT_PICTURE.includes(state.step);
-    this.figure.hidden = !hasPicture;
-    this.link.wishPictures(hasPicture);
-    this.again.hidden = !AGAIN.includes(state.step);
     this.back.hidden = state.step === state.steps[0]?.name;
     // Where reading begins, and for who uses a keyboard: the buttons before it may be gone.
     if (!isFirst) this.title.focus();
@@ -159,7 +162,7 @@ export class SetupPanel {
       if (mark === 'current') item.setAttribute('aria-current', 'step');
       else item.removeAttribute('aria-current');
       const done = mark === 'done' ? this.doneWords(state, name) : '';
-      const note = mark === 'left out' ? mark : done;
+      const note = mark === 'left out' ? 'only with an IMU' : done;
       const words = [MARK_WORD[mark], STEP_WORDS[name].short, note];
       words.forEach((word, part) => setText(item.children[part] as Element, word));
     });
@@ -171,7 +174,7 @@ export class SetupPanel {
 
   private showButtons(): void {
     const primary = this.primary();
-    const isOff = this.isBusy || this.newest?.solving === true;
+    const isOff = this.running > 0 || this.newest?.solving === true;
     setText(this.go, primary.words);
     this.go.dataset.ready = String(primary.ready);
     this.go.disabled = isOff || primary.blocked !== '';
@@ -196,15 +199,16 @@ export class SetupPanel {
 
   private doAgain(): void {
     if (this.newest) this.summaries.delete(this.newest.step);
-    this.run([{ name: 'again' }]);
+    this.run([AGAIN]);
   }
 
   private run(commands: SetupCommand[]): void {
-    if (this.isBusy) return;
-    this.isBusy = true;
+    // In their order: what is pressed while the server is asked comes after that.
+    this.running += 1;
     this.showButtons();
-    void this.link.run(commands).then(() => {
-      this.isBusy = false;
+    this.last = this.last.then(async () => {
+      await this.link.run(commands);
+      this.running -= 1;
       this.showButtons();
     });
   }

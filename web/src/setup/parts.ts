@@ -30,6 +30,7 @@ export interface Desk {
 }
 
 export const NEXT: SetupCommand = { name: 'next' };
+export const AGAIN: SetupCommand = { name: 'again' };
 
 export function next(words = 'Next', ready = true, blocked = ''): Primary {
   return { words, ready, blocked, commands: () => [NEXT] };
@@ -108,6 +109,14 @@ export function judge(verdict: StepVerdict): JudgedStep {
   return { tone: 'warn', words: 'Usable, but not good' };
 }
 
+/** From two metres; empty without a verdict. */
+export function verdictHint(verdict: StepVerdict | null): string {
+  if (!verdict) return '';
+  const { tone, words } = judge(verdict);
+  const then = { good: ' Go on.', warn: '', bad: ' Read why.' }[tone];
+  return `${words}.${then}`;
+}
+
 /** What came out of a step, and what to do about it. */
 export class VerdictBox {
   readonly root = element('section', 'setup-verdict');
@@ -140,7 +149,9 @@ export class VerdictBox {
 /** Of a step that ends with a verdict. */
 export function afterVerdict({ verdict, solving }: SetupState): Primary {
   if (solving) return next('Working it out …', false, 'The server is working it out.');
-  if (verdict?.refused) return next('Next', false, 'This may not be used: do the step again.');
+  // It may not be used: going on is not offered.
+  if (verdict?.refused)
+    return { words: 'Do it again', ready: true, blocked: '', commands: () => [AGAIN] };
   if (!verdict) return next('Next', false);
   return verdict.good ? next() : next('Take it and go on');
 }

@@ -196,9 +196,10 @@ function parseCamera(value: unknown): CameraFound {
 /** Throws a sentence when it is not what the server promised. */
 export function parseSetup(json: string): SetupState {
   const state = fields(JSON.parse(json), 'setup');
+  const step = oneOf(state.step, STEPS, 'step');
   const sheet = fields(state.sheet, 'sheet');
   return {
-    step: oneOf(state.step, STEPS, 'step'),
+    step,
     steps: list(state.steps, 'steps', (item) => {
       const one = fields(item, 'steps');
       return { name: oneOf(one.name, STEPS, 'steps.name'), leftOut: one.left_out === true };

@@ -22,7 +22,6 @@ export class ImuView implements StepView {
   private readonly inputs = new Map<string, HTMLInputElement>();
   private readonly part = choice([['', 'I do not know']]);
   private readonly axes = choice(AXES);
-  private readonly status = element('p', 'large-verdict');
   private readonly simulated = element('p', 'note-box');
   private imu: Imu | null = null;
   private chosen = '';
@@ -34,12 +33,13 @@ export class ImuView implements StepView {
     this.kinds.setAttribute('aria-label', 'Where the IMU’s samples come from');
     setText(this.simulated, 'The simulated robot has an IMU: nothing is to be connected.');
     this.form.addEventListener('input', () => desk.changed());
-    this.status.setAttribute('role', 'status');
-    this.root = column(this.simulated, this.kinds, this.form, this.status);
+    this.root = column(this.simulated, this.kinds, this.form);
   }
 
-  hint(): string {
-    return this.isConnected() ? 'The IMU delivers. Go on.' : '';
+  hint({ imu }: SetupState): string {
+    if (!imu || !this.isConnected()) return '';
+    if (imu.rateHz === 0) return 'Connected, but no sample has come yet.';
+    return `The IMU delivers ${fixed(imu.rateHz, 0)} samples a second.`;
   }
 
   update({ imu }: SetupState): void {
@@ -49,10 +49,6 @@ export class ImuView implements StepView {
     if (isFirst) this.lay(imu);
     this.simulated.hidden = !imu.simulated;
     this.kinds.hidden = this.form.hidden = imu.simulated;
-    this.status.hidden = !imu.used;
-    this.status.dataset.tone = imu.rateHz > 0 ? 'good' : 'warn';
-    const delivers = `The IMU delivers ${fixed(imu.rateHz, 0)} samples a second.`;
-    setText(this.status, imu.rateHz > 0 ? delivers : 'Connected, but no sample has come yet.');
   }
 
   primary(): Primary {

@@ -4,7 +4,7 @@ import { element, setText } from '../dom';
 import { plural } from '../format';
 import { button } from '../map_commands';
 import {
-  afterVerdict, column, Progress, VerdictBox, type Desk, type Primary, type StepView,
+  afterVerdict, column, Progress, VerdictBox, verdictHint, type Desk, type Primary, type StepView,
 } from './parts';
 import type { Lens, SetupState } from './protocol';
 
@@ -24,12 +24,12 @@ export class LensView implements StepView {
     setText(legend, 'Green with a tick: covered. Amber: show it there once more.');
     const skip = (): void => void this.guess();
     const guess = button('Go on without calibrating…', 'Take a usual lens', skip);
-    this.root = column(this.covered.root, this.counts, legend, this.verdict.root, guess);
+    this.root = column(this.verdict.root, this.covered.root, this.counts, legend, guess);
   }
 
   hint(state: SetupState): string {
     if (state.solving) return 'Enough is seen. Working out the lens …';
-    return state.verdict ? '' : (state.lens?.hint ?? '');
+    return verdictHint(state.verdict) || (state.lens?.hint ?? '');
   }
 
   update({ lens, verdict }: SetupState): void {
@@ -60,12 +60,12 @@ export class RestView implements StepView {
   private readonly verdict = new VerdictBox();
 
   constructor() {
-    this.root = column(this.share.root, this.verdict.root);
+    this.root = column(this.verdict.root, this.share.root);
   }
 
   hint({ rest, solving, verdict }: SetupState): string {
     if (solving) return 'Long enough. Working out the noise …';
-    return verdict ? '' : (rest?.hint ?? '');
+    return verdictHint(verdict) || (rest?.hint ?? '');
   }
 
   update({ rest, verdict }: SetupState): void {
@@ -81,9 +81,9 @@ export class RestView implements StepView {
 export class WaveView implements StepView {
   readonly root: HTMLElement;
   private readonly turned = [
-    new Progress('Roll: about the axis that points forward'),
+    new Progress('Roll: lean left and right'),
     new Progress('Pitch: nose up and down'),
-    new Progress('Yaw: left and right'),
+    new Progress('Yaw: turn left and right'),
   ];
   private readonly shaken = new Progress('Shaken quickly to and fro');
   private readonly seen = new Progress('With tags in view');
@@ -91,12 +91,12 @@ export class WaveView implements StepView {
 
   constructor() {
     const bars = [...this.turned, this.shaken, this.seen].map((bar) => bar.root);
-    this.root = column(...bars, this.verdict.root);
+    this.root = column(this.verdict.root, ...bars);
   }
 
   hint({ wave, solving, verdict }: SetupState): string {
     if (solving) return 'Enough. Working out how camera and IMU sit …';
-    return verdict ? '' : (wave?.hint ?? '');
+    return verdictHint(verdict) || (wave?.hint ?? '');
   }
 
   update({ wave, verdict }: SetupState): void {
