@@ -11,7 +11,7 @@ const PATIENCE_MS = 120_000; // the machine may be busy; nothing here waits long
  * Runs in the page. A slow screen: the processor draws the room here, and would do nothing else. What is drawn is
  * looked at in the same turn, when the browser still has it: `drawn` tells how often, the colours, and a sum of all.
  */
-function watchDrawing(periodMs) {
+export function watchDrawing(periodMs) {
   const look = () => {
     const stage = document.querySelector('.stage canvas');
     if (!stage) return;

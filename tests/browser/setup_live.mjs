@@ -61,6 +61,7 @@ export async function liveRobot(page) {
     open.add(socket);
     tell(socket, number);
     const timer = setInterval(() => socket.send(JSON.stringify(frame(++number))), 50);
+    timer.unref(); // a page that is closed does not tell
     socket.onClose(() => {
       clearInterval(timer);
       open.delete(socket);

@@ -1,7 +1,7 @@
 // The set-up in a real browser: from "no camera yet" to where clients connect, by visible buttons.
 import assert from 'node:assert/strict';
 import { dirname, join } from 'node:path';
-import { runSteps, shoot, step, world } from './harness.mjs';
+import { runSteps, shoot, step, watchDrawing, world } from './harness.mjs';
 import { liveRobot } from './setup_live.mjs';
 import { paintPictures } from './setup_pictures.mjs';
 import { SetupServer } from './setup_server.mjs';
@@ -46,6 +46,7 @@ async function look(name) {
 async function openSetup(options) {
   const context = await world.browser.newContext(options);
   world.page = await context.newPage();
+  await world.page.addInitScript(watchDrawing, 300);
   world.page.setDefaultTimeout(60_000);
   world.faults = [];
   world.page.on('pageerror', (error) => world.faults.push(String(error)));
@@ -251,7 +252,7 @@ step('loaded again it goes on where it was; then clients are told where to conne
   await look('c-align');
   await press('Keep it');
   await title('Done: poses are streamed');
-  await waitForText('.guide-served', /vrpn: VRPN 07\.35 on 0\.0\.0\.0:3883/);
+  await waitForText('.guide-served', /vrpn: VRPN 07\.35 on 127\.0\.0\.1:3883/);
   await look('d-done');
   await press('Close');
   assert.equal(await world.page.locator('.guide').count(), 0);

@@ -61,8 +61,8 @@ describe('the second half', () => {
       { room: 'web', text: 'page at http://127.0.0.1:8080/' },
       { room: 'vrpn', text: 'serves VRPN 07.35 on 0.0.0.0:3884' },
     ];
-    expect(servedBy(lines)).toEqual([
-      { protocol: 'vrpn', words: 'VRPN 07.35 on 0.0.0.0:3884' },
+    expect(servedBy(lines, '10.0.0.2')).toEqual([
+      { protocol: 'vrpn', words: 'VRPN 07.35 on 10.0.0.2:3884' },
       { protocol: 'web', words: 'http://127.0.0.1:8080/' },
     ]);
   });

@@ -74,7 +74,7 @@ export class Guide {
   }
 
   onLog(lines: LogLine[]): void {
-    const telling = lines.filter((line) => servedBy([line]).length > 0);
+    const telling = lines.filter((line) => servedBy([line], '').length > 0);
     this.lines = [...this.lines, ...telling].slice(-MOST_LINES);
     this.show();
   }
@@ -147,7 +147,7 @@ export class Guide {
   private showServed(shown: boolean): void {
     this.served.hidden = !shown;
     if (!shown) return;
-    const all = servedBy(this.lines);
+    const all = servedBy(this.lines, location.hostname);
     const words = all.map(({ protocol, words }) => `${protocol}: ${words}`);
     const none = 'The log of the server names the ports, and so does its configuration.';
     const items = words.length > 0 ? words : [none];

@@ -49,12 +49,18 @@ export interface Served {
   words: string;
 }
 
-/** Where clients connect, as the server's log says when it starts. The newest word counts. */
-export function servedBy(lines: readonly Pick<LogLine, 'room' | 'text'>[]): Served[] {
+/**
+ * Where clients connect, as the server's log says when it starts. The newest word counts.
+ * @param host  of this page: stands for "every address of the server", which nobody can connect to
+ */
+export function servedBy(
+  lines: readonly Pick<LogLine, 'room' | 'text'>[],
+  host: string,
+): Served[] {
   const found = new Map<string, string>();
   for (const { room, text } of lines) {
     const match = /^(?:serves |page at )(.+)$/.exec(text);
-    if (match?.[1]) found.set(room, match[1]);
+    if (match?.[1]) found.set(room, match[1].replace('0.0.0.0', host));
   }
   return [...found]
     .map(([protocol, words]) => ({ protocol, words }))

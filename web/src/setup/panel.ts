@@ -179,7 +179,7 @@ export class SetupPanel {
     this.go.dataset.ready = String(primary.ready);
     this.go.disabled = isOff || primary.blocked !== '';
     this.go.title = primary.blocked;
-    this.back.disabled = this.again.disabled = isOff;
+    this.back.disabled = this.again.disabled = isOff || this.isWritten;
     const error = this.refusal || this.newest?.error || '';
     setText(this.error, error);
     setText(this.why, error === '' ? primary.blocked : '');
