@@ -20,6 +20,7 @@ export class SheetView implements StepView {
   private readonly family = choice(FAMILIES.map((name) => [name, name] as const));
   private readonly size = numberInput('160');
   private readonly ruler = numberInput(String(RULER_MM));
+  private readonly print = element('div');
   private readonly command = element('code', 'command');
   private readonly simulated = element('p', 'note-box');
   private isFilled = false;
@@ -29,9 +30,8 @@ export class SheetView implements StepView {
       this.simulated,
       `The tags of the simulated robot have edges of ${SIMULATED_MM} mm. Nothing is to be printed.`,
     );
-    const print = element('div', 'print');
-    print.append(element('p', 'field-why', 'This prints twelve tags, one on each page:'));
-    print.append(this.command);
+    this.print.append(element('p', 'field-why', 'This prints twelve tags, one on each page:'));
+    this.print.append(this.command);
     for (const input of [this.family, this.size])
       input.addEventListener('input', () => {
         this.showCommand();
@@ -39,7 +39,7 @@ export class SheetView implements StepView {
       });
     this.root = column(
       this.simulated,
-      print,
+      this.print,
       labelled('Family of the tags', this.family, 'Other prints exist already? Choose theirs.'),
       labelled('Edge of the black square, mm', this.size, 'As the sheet says, not as measured.'),
       labelled('The printed ruler of 100 mm measures, mm', this.ruler,
@@ -54,6 +54,7 @@ export class SheetView implements StepView {
   update(state: SetupState): void {
     const simulated = isSimulated(state);
     this.simulated.hidden = !simulated;
+    this.print.hidden = simulated;
     if (this.isFilled) return;
     this.isFilled = true;
     const { family, sizeMm } = state.sheet;
