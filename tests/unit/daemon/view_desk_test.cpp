@@ -164,7 +164,9 @@ TEST_F(ViewDeskTest, WhoStopsWatchingStopsTheWork) {
 TEST_F(ViewDeskTest, TheWorkersPartAllocatesNothingAfterWarmUp) {
   desk_.watch(0, ViewWish{320, 10, false});
   for (int i = 0; i < 5; ++i) look(1000 + 100 * i);
+  pipeline_.emplace(setup_);
   ASSERT_TRUE(pipeline_->push(CameraFrame{0, at_ms(2000), image_}));
+  pipeline_->finish();
   const SensorSample* due = pipeline_->next();
   ASSERT_NE(due, nullptr);
   const SensorSample kept = *due;
