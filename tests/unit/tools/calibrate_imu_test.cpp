@@ -71,7 +71,7 @@ TEST_F(CalibrateImu, WritesAFileThatTheConfigurationReads) {
   EXPECT_NEAR(noise->rate_hz, 200, 1e-6);
   EXPECT_THAT(out_.str(), HasSubstr("gyro: no bias walk to be seen"));
   EXPECT_THAT(*read_whole_file(folder_.file("out/imu.yaml")), HasSubstr("upper bound"));
-  EXPECT_THAT(*read_whole_file(folder_.file("out/allan.svg")), HasSubstr("Gyroscope"));
+  EXPECT_THAT(*read_whole_file(folder_.file("out/allan.svg")), HasSubstr("gyroscope, rad/s"));
 }
 
 TEST_F(CalibrateImu, GivesNumbersForScripts) {
