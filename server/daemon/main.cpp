@@ -57,10 +57,8 @@ fiducap::ServerOptions options_of(const Wish& wish) {
 }
 
 /// Only pages, until there is a configuration.
-Wish set_up(const std::string& file, bool offers_simulation, const std::vector<std::string>& sets) {
-  auto config = fiducap::load_config("", sets);
-  Wish wish{config ? std::move(*config) : fiducap::ServerConfig{}, false,
-            fiducap::SetupOptions{file, offers_simulation}};
+Wish set_up(fiducap::ServerConfig config, const std::string& file, bool offers_simulation) {
+  Wish wish{std::move(config), false, fiducap::SetupOptions{file, offers_simulation}};
   wish.config.streaming.vrpn.enabled = wish.config.streaming.native.enabled = false;
   return wish;
 }
@@ -121,7 +119,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (file.empty() && setup.empty()) throw CLI::RequiredError("--config or --setup");
     if (!setup.empty()) {
-      if (const auto code = serve(set_up(setup, simulated, sets))) return *code;
+      auto before = fiducap::load_config("", sets);
+      if (!before) return complain(before.error());
+      if (const auto code = serve(set_up(std::move(*before), setup, simulated))) return *code;
       file = setup;
     }
     auto config = fiducap::load_config(file, sets);

@@ -67,7 +67,7 @@ export class SetupServer {
     this.solving = 0;
     this.camera = null;
     this.error = '';
-    this.sheet = { family: 'tag36h11', size_mm: 160 };
+    this.sheet = { family: 'tag36h11', size_mm: 160, families: ['tag36h11', 'DICT_4X4_50'] };
     this.imu = { used: false, rate_hz: 0 };
     this.written = false;
   }
@@ -147,7 +147,10 @@ export class SetupServer {
         this.camera = { open: values.open, exposure_ms: values.open === 'simulated' ? null : 20 };
       },
       settings: () => (this.camera.exposure_ms = Number(values.exposure_ms)),
-      sheet: () => (this.sheet = { family: values.family, size_mm: Number(values.size_mm) }),
+      sheet: () => Object.assign(this.sheet, {
+        family: values.family,
+        size_mm: Number(values.size_mm),
+      }),
       guess: () => (this.verdict = verdictOf(true, false, 'A usual lens, learned in motion')),
       imu: () => (this.imu = { used: values.source !== '', rate_hz: values.source ? 198.6 : 0 }),
       mount: () => {},

@@ -21,7 +21,7 @@ const STATE = {
     focus_px: 2.1, motion_px: null, verdict: 'Well exposed and sharp.', good: true,
     outlines: [OUTLINE],
   },
-  sheet: { family: 'tag36h11', size_mm: 160 },
+  sheet: { family: 'tag36h11', size_mm: 160, families: ['tag36h11', 'DICT_4X4_50'] },
   lens: {
     columns: 2, rows: 2, points: [0, 1, 2, 3], covered: 0.5, views: 12, tilted: 5,
     hint: 'Move it to the lower right of the image.', enough: false,

@@ -7,6 +7,7 @@
 #include "base/byte_reader.hpp"
 #include "capture/import/chunk_codec.hpp"
 #include "capture/import/input_file.hpp"
+#include "capture/import/log_damage.hpp"
 
 namespace fiducap {
 namespace {
@@ -86,17 +87,14 @@ class BagLog final : public MessageLog {
   void open_chunk(const BagRecord& record);
   void meet(const BagRecord& record);
   bool take(const BagRecord& record, LoggedMessage& out);
-  void damage(const std::string& what);
 
   InputFile file_;
   std::vector<LoggedTopic> topics_;
   std::map<std::uint32_t, std::size_t> by_connection_;
   std::vector<std::byte> header_, data_, chunk_;
   std::size_t chunk_at_{0};
-  std::optional<std::uint64_t> cut_at_;
+  LogDamage damage_;
   bool indexed_{true};
-  std::uint64_t damaged_{0};
-  std::string first_damage_;
 };
 
 Expected<void> BagLog::begin() {
@@ -124,8 +122,8 @@ Expected<void> BagLog::begin() {
 /// Of the file. @return false at the end of what is whole
 bool BagLog::read_record(BagRecord& record) {
   const std::uint64_t began = file_.at();
-  if (file_.left() == 0 || cut_at_) return false;
-  cut_at_ = began;  // until it has turned out to be whole
+  if (file_.left() == 0 || damage_.cut_at) return false;
+  damage_.cut_at = began;  // until it has turned out to be whole
   std::vector<std::byte> length;
   if (!file_.read(4, length)) return false;
   const std::uint64_t header = LittleEndianReader(length).u32();
@@ -139,7 +137,7 @@ bool BagLog::read_record(BagRecord& record) {
   if (wanted ? data > kLargestChunk_bytes || !file_.read(data, data_) : !file_.skip(data))
     return false;
   record.data = wanted ? std::span<const std::byte>(data_) : std::span<const std::byte>();
-  cut_at_.reset();
+  damage_.cut_at.reset();
   return true;
 }
 
@@ -152,16 +150,12 @@ bool BagLog::read_in_chunk(BagRecord& record) {
   auto fields = from.failed() ? std::nullopt : BagFields::parse(header);
   if (!fields) {
     chunk_at_ = chunk_.size();
-    damage("a record in a chunk is broken");
+    damage_.note("a record in a chunk is broken");
     return false;
   }
   record.op = fields->op();
   record.fields = std::move(*fields);
   return true;
-}
-
-void BagLog::damage(const std::string& what) {
-  if (damaged_++ == 0) first_damage_ = what;
 }
 
 void BagLog::open_chunk(const BagRecord& record) {
@@ -172,14 +166,14 @@ void BagLog::open_chunk(const BagRecord& record) {
       unpack_chunk(record.fields.text("compression"), record.data, size.value_or(0), chunk_);
   if (unpacked) return;
   chunk_.clear();
-  damage("a chunk " + unpacked.error().what);
+  damage_.note("a chunk " + unpacked.error().what);
 }
 
 void BagLog::meet(const BagRecord& record) {
   const auto id = record.fields.u32("conn");
   const auto about =
       record.data.size() <= kLargestConnection_bytes ? BagFields::parse(record.data) : std::nullopt;
-  if (!id || !about) return damage("a connection is broken");
+  if (!id || !about) return damage_.note("a connection is broken");
   if (by_connection_.contains(*id) || by_connection_.size() == kMostTopics) return;
   LoggedTopic topic{std::string(record.fields.text("topic")), std::string(about->text("type")),
                     MessageFormat::kRos1};
@@ -196,7 +190,7 @@ bool BagLog::take(const BagRecord& record, LoggedMessage& out) {
   const auto logged_ns = record.fields.time_ns("time");
   const auto topic = id ? by_connection_.find(*id) : by_connection_.end();
   if (topic == by_connection_.end() || !logged_ns) {
-    damage("a message belongs to no topic");
+    damage_.note("a message belongs to no topic");
     return false;
   }
   out = {topic->second, *logged_ns, record.data};
@@ -215,16 +209,9 @@ Expected<bool> BagLog::next(LoggedMessage& out) {
 
 std::vector<std::string> BagLog::remarks() const {
   std::vector<std::string> all;
-  if (cut_at_)
-    all.push_back("is cut: of " + std::to_string(file_.size()) + " bytes the first " +
-                  std::to_string(*cut_at_) + " are whole, and were read");
-  else if (!indexed_)
+  if (!damage_.cut_at && !indexed_)
     all.push_back("has no index (its recorder was stopped hard): it was read from its start");
-  if (damaged_ > 0)
-    all.push_back("has " + std::to_string(damaged_) +
-                  " damaged parts, which were left out; the "
-                  "first: " +
-                  first_damage_);
+  damage_.tell(file_.size(), all);
   return all;
 }
 

@@ -10,6 +10,7 @@
 #include "base/byte_reader.hpp"
 #include "capture/import/chunk_codec.hpp"
 #include "capture/import/input_file.hpp"
+#include "capture/import/log_damage.hpp"
 
 namespace fiducap {
 namespace {
@@ -61,7 +62,6 @@ class McapLog final : public MessageLog {
   bool take(std::span<const std::byte> content, LoggedMessage& out);
   void end_of_data(std::span<const std::byte> content);
   void check_summary(std::span<const std::byte> footer);
-  void damage(const std::string& what);
 
   InputFile file_;
   std::vector<LoggedTopic> topics_;
@@ -73,9 +73,7 @@ class McapLog final : public MessageLog {
   std::uint32_t crc_before_{0};
   bool data_ended_{false};
   bool ended_{false};
-  std::optional<std::uint64_t> cut_at_;
-  std::uint64_t damaged_{0};
-  std::string first_damage_;
+  LogDamage damage_;
 };
 
 Expected<void> McapLog::begin() {
@@ -100,8 +98,8 @@ bool McapLog::pass(std::uint64_t bytes) {
 
 /// Of the file. @return false at the end of what is whole
 bool McapLog::read_record(McapRecord& record) {
-  if (ended_ || cut_at_) return false;
-  cut_at_ = file_.at();  // until it has turned out to be whole
+  if (ended_ || damage_.cut_at) return false;
+  damage_.cut_at = file_.at();  // until it has turned out to be whole
   if (!file_.read(9, head_)) return false;
   LittleEndianReader from(head_);
   record.op = from.u8();
@@ -120,7 +118,7 @@ bool McapLog::read_record(McapRecord& record) {
     crc_ = crc_of(content_, crc_);
     record.content = content_;
   }
-  cut_at_.reset();
+  damage_.cut_at.reset();
   return true;
 }
 
@@ -133,15 +131,11 @@ bool McapLog::read_in_chunk(McapRecord& record) {
                                          : std::span<const std::byte>();
   if (from.failed() || record.content.size() != length) {
     chunk_at_ = chunk_.size();
-    damage("a record in a chunk is broken");
+    damage_.note("a record in a chunk is broken");
     return false;
   }
   chunk_at_ = chunk_.size() - from.left();
   return true;
-}
-
-void McapLog::damage(const std::string& what) {
-  if (damaged_++ == 0) first_damage_ = what;
 }
 
 void McapLog::open_chunk(std::span<const std::byte> content) {
@@ -154,22 +148,22 @@ void McapLog::open_chunk(std::span<const std::byte> content) {
   const std::uint32_t crc = from.u32();
   const std::string compression = mcap_text(from);
   const std::uint64_t length = from.u64();
-  if (from.failed() || length > from.left()) return damage("a chunk has a broken head");
+  if (from.failed() || length > from.left()) return damage_.note("a chunk has a broken head");
   const auto packed = from.bytes(static_cast<std::size_t>(length));
   if (const auto unpacked = unpack_chunk(compression, packed, size, chunk_); !unpacked) {
     chunk_.clear();
-    return damage("a chunk " + unpacked.error().what);
+    return damage_.note("a chunk " + unpacked.error().what);
   }
   if (crc == 0 || crc == crc_of(chunk_)) return;
   chunk_.clear();
-  damage("a chunk has another checksum than it should");
+  damage_.note("a chunk has another checksum than it should");
 }
 
 void McapLog::learn_schema(std::span<const std::byte> content) {
   LittleEndianReader from(content);
   const std::uint16_t id = from.u16();
   std::string name = mcap_text(from);
-  if (from.failed()) return damage("a schema is broken");
+  if (from.failed()) return damage_.note("a schema is broken");
   schemas_.emplace(id, plain_type(name));
 }
 
@@ -179,7 +173,7 @@ void McapLog::learn_channel(std::span<const std::byte> content) {
   const std::uint16_t schema = from.u16();
   const std::string name = mcap_text(from);
   const std::string encoding = mcap_text(from);
-  if (from.failed()) return damage("a channel is broken");
+  if (from.failed()) return damage_.note("a channel is broken");
   if (channels_.contains(id) || channels_.size() == kMostTopics) return;  // also: written again
   const auto type = schemas_.find(schema);
   const MessageFormat format = encoding == "cdr"    ? MessageFormat::kCdr
@@ -200,7 +194,7 @@ bool McapLog::take(std::span<const std::byte> content, LoggedMessage& out) {
   const std::uint64_t logged_ns = from.u64();
   from.u64();  // published
   if (from.failed() || channel == channels_.end()) {
-    damage("a message belongs to no channel");
+    damage_.note("a message belongs to no channel");
     return false;
   }
   out = {channel->second, static_cast<std::int64_t>(logged_ns), from.bytes(from.left())};
@@ -210,18 +204,18 @@ bool McapLog::take(std::span<const std::byte> content, LoggedMessage& out) {
 void McapLog::end_of_data(std::span<const std::byte> content) {
   data_ended_ = true;
   const std::uint32_t crc = LittleEndianReader(content).u32();
-  if (crc != 0 && crc != crc_before_) damage("the checksum over all data is another one");
+  if (crc != 0 && crc != crc_before_) damage_.note("the checksum over all data is another one");
   crc_ = 0;  // a new section: the summary, which is not used, but checked
 }
 
 void McapLog::check_summary(std::span<const std::byte> footer) {
   ended_ = true;
   constexpr std::size_t kBeforeCrc = 16;
-  if (footer.size() < kBeforeCrc + 4) return damage("its last record is broken");
+  if (footer.size() < kBeforeCrc + 4) return damage_.note("its last record is broken");
   const std::uint32_t crc = LittleEndianReader(footer.subspan(kBeforeCrc)).u32();
   const std::uint32_t found = crc_of(footer.first(kBeforeCrc), crc_of(head_, crc_before_));
   if (data_ended_ && crc != 0 && crc != found)
-    damage("the summary has another checksum than it should (it was not used)");
+    damage_.note("the summary has another checksum than it should (it was not used)");
 }
 
 Expected<bool> McapLog::next(LoggedMessage& out) {
@@ -256,16 +250,12 @@ Expected<bool> McapLog::next(LoggedMessage& out) {
 
 std::vector<std::string> McapLog::remarks() const {
   std::vector<std::string> all;
-  if (cut_at_ == file_.size())
+  LogDamage damage = damage_;
+  if (damage.cut_at == file_.size()) {  // between two records: nothing is missing but the end
     all.emplace_back("was not closed (its recorder was stopped hard): it was read from its start");
-  else if (cut_at_)
-    all.push_back("is cut: of " + std::to_string(file_.size()) + " bytes the first " +
-                  std::to_string(*cut_at_) + " are whole, and were read");
-  if (damaged_ > 0)
-    all.push_back("has " + std::to_string(damaged_) +
-                  " damaged parts, which were left out; the "
-                  "first: " +
-                  first_damage_);
+    damage.cut_at.reset();
+  }
+  damage.tell(file_.size(), all);
   return all;
 }
 

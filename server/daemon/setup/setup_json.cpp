@@ -4,6 +4,7 @@
 #include "capture/imu/imu_part.hpp"
 #include "daemon/setup/setup_files.hpp"
 #include "daemon/setup/setup_room.hpp"
+#include "detection/tag_family_list.hpp"
 
 namespace fiducap {
 
@@ -75,6 +76,12 @@ json imu_json(const SetupGuide& guide) {
           {"parts", part_names()}};
 }
 
+json sheet_json(const TagSetConfig& tags) {
+  auto families = json::array();
+  for (const TagFamilyFacts& family : tag_families()) families.push_back(family.name);
+  return {{"family", tags.family}, {"size_mm", 1e3 * tags.size_m}, {"families", families}};
+}
+
 json wave_json(const WaveGuide& wave) {
   const WaveProgress& p = wave.progress();
   return {{"turned", p.turned}, {"shaken", p.shaken}, {"seen", p.seen}, {"hint", p.hint}};
@@ -112,7 +119,7 @@ std::string setup_json(const SetupGuide& guide, const std::string& file, const s
            {"cameras", cameras_json(guide)},
            {"camera", camera_json(result)},
            {"picture", picture_json(guide)},
-           {"sheet", {{"family", result.tags.family}, {"size_mm", 1e3 * result.tags.size_m}}},
+           {"sheet", sheet_json(result.tags)},
            {"lens", guide.lens() != nullptr ? lens_json(*guide.lens()) : json(nullptr)},
            {"imu", imu_json(guide)},
            {"rest", {{"share", guide.rest().share()}, {"hint", guide.rest().hint()}}},

@@ -37,7 +37,7 @@ void SetupRoom::run(std::stop_token stop) {
     obey();
     for (Delivery& delivery : taken_) guide_.take(delivery.sample);
     const Instant now = surroundings_.clock.now();
-    if (now - shown_at_ < kShowPeriod) continue;
+    if (!taken_.empty() && now - shown_at_ < kShowPeriod) continue;
     make_picture();
     show();
   }
@@ -146,17 +146,26 @@ std::unique_ptr<SetupRoom::Sensor> SetupRoom::read(std::unique_ptr<SensorSource>
         return inbox_.push(std::move(sample), surroundings_.clock.now());
       },
       events_, surroundings_.clock);
-  sensor->thread = std::jthread([reader = sensor->reader.get()](std::stop_token stop) {
+  sensor->thread = std::jthread([this, reader = sensor->reader.get()](std::stop_token stop) {
     name_this_thread("read set-up");
     reader->read(std::move(stop));
+    inbox_.wake();  // to say so
   });
   return sensor;
+}
+
+std::string SetupRoom::lost_sensor() const {
+  if (camera_ && !camera_->reader->reading())
+    return "The camera gives no images any more: is it plugged in? Go back and choose it again.";
+  if (imu_ && !imu_->reader->reading())
+    return "The IMU gives no readings any more: is it plugged in? Go back and choose it again.";
+  return "";
 }
 
 void SetupRoom::show() {
   shown_at_ = surroundings_.clock.now();
   auto text = std::make_shared<const std::string>(
-      setup_json(guide_, surroundings_.file, error_, is_written_));
+      setup_json(guide_, surroundings_.file, error_.empty() ? lost_sensor() : error_, is_written_));
   const std::lock_guard lock(mutex_);
   state_ = std::move(text);
 }

@@ -62,6 +62,7 @@ class SetupRoom final : public SetupDesk, private SetupRig {
   void obey();
   void obey(const SetupCommand& command);
   Expected<void> write(const SetupCommand& command);
+  [[nodiscard]] std::string lost_sensor() const;
   void show();
   void make_picture();
 

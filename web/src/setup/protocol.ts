@@ -81,7 +81,7 @@ export interface SetupState {
   cameras: CameraFound[];
   camera: { open: string; exposureMs: number | null } | null;
   picture: Picture | null;
-  sheet: { family: string; sizeMm: number };
+  sheet: { family: string; sizeMm: number; families: string[] };
   lens: Lens | null;
   imu: Imu | null;
   rest: { share: number; hint: string } | null;
@@ -216,6 +216,7 @@ export function parseSetup(json: string): SetupState {
     sheet: {
       family: text(sheet.family, 'sheet.family'),
       sizeMm: number(sheet.size_mm, 'sheet.size_mm'),
+      families: texts(sheet.families, 'sheet.families'),
     },
     lens: part(state.lens, 'lens', parseLens),
     imu: part(state.imu, 'imu', parseImu),

@@ -6,18 +6,13 @@ import {
 import type { SetupState } from './protocol';
 import { isSimulated, plainNumber, printCommand, typedNumber } from './words';
 
-// As the server names them (server/detection/tag_family.cpp); its own is added when it is another.
-const FAMILIES = [
-  'tag36h11', 'tag36h10', 'tag25h9', 'tag16h5', 'tagCircle21h7', 'tagStandard41h12',
-  'tagStandard52h13',
-];
 const SIMULATED_MM = 400;
 const RULER_MM = 100;
 const DIRECTIONS = ['forward', 'back', 'left', 'right', 'up', 'down'] as const;
 
 export class SheetView implements StepView {
   readonly root: HTMLElement;
-  private readonly family = choice(FAMILIES.map((name) => [name, name] as const));
+  private readonly family = choice([]);
   private readonly size = numberInput('160');
   private readonly ruler = numberInput(String(RULER_MM));
   private readonly print = element('div');
@@ -57,8 +52,8 @@ export class SheetView implements StepView {
     this.print.hidden = simulated;
     if (this.isFilled) return;
     this.isFilled = true;
-    const { family, sizeMm } = state.sheet;
-    if (!FAMILIES.includes(family)) this.family.add(new Option(family, family));
+    const { family, families, sizeMm } = state.sheet;
+    for (const name of families) this.family.add(new Option(name, name));
     this.family.value = family;
     this.size.value = simulated ? String(SIMULATED_MM) : plainNumber(sizeMm);
     this.showCommand();
