@@ -77,20 +77,20 @@ void BodyReader::read_samples(std::stop_token stop) {
 void BodyReader::look_at(const CameraFrame& image) {
   const auto camera = static_cast<std::size_t>(image.camera);
   if (image.camera < 0 || camera >= watches_.size() || !image.image) return;
+  for (const ImageDoubt& doubt : watches_[camera].take(image)) tell(camera, doubt);
+}
+
+void BodyReader::tell(std::size_t camera, const ImageDoubt& doubt) {
   const bool is_only = watches_.size() == 1;
-  const std::string whose =
-      is_only ? "its camera: " : "its camera " + std::to_string(camera) + ": ";
-  for (const ImageDoubt& doubt : watches_[camera].take(image)) {
-    const std::string kind =
-        std::string(name_of(doubt.fault)) + (is_only ? "" : "_" + std::to_string(camera));
-    events_.set(doubt.holds,
-                {.severity = Severity::kWarning,
-                 .subject = body_,
-                 .kind = kind,
-                 .text = whose + doubt.text,
-                 .remedy = doubt.remedy},
-                whose + doubt.text);
-  }
+  const std::string number = std::to_string(camera);
+  const std::string text = (is_only ? "its camera: " : "its camera " + number + ": ") + doubt.text;
+  events_.set(doubt.holds,
+              {.severity = Severity::kWarning,
+               .subject = body_,
+               .kind = std::string(name_of(doubt.fault)) + (is_only ? "" : "_" + number),
+               .text = text,
+               .remedy = doubt.remedy},
+              text);
 }
 
 }  // namespace fiducap

@@ -44,6 +44,7 @@ class BodyReader final {
  private:
   void read_samples(std::stop_token stop);
   void look_at(const CameraFrame& image);
+  void tell(std::size_t camera, const ImageDoubt& doubt);
   void say_that_it_failed(const char* why);
 
   BodySource source_;
