@@ -60,6 +60,26 @@ std::string health(std::uint16_t port) {
   return line;
 }
 
+/// What the server answers to one request; empty: nothing.
+std::string ask(std::uint16_t port, const std::string& request) {
+  boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
+                                     std::to_string(port));
+  if (!web) return {};
+  web.expires_after(5s);
+  web << request << " HTTP/1.0\r\nHost: localhost\r\nX-Fiducap-Setup: 1\r\n\r\n" << std::flush;
+  std::ostringstream answer;
+  answer << web.rdbuf();
+  return answer.str();
+}
+
+/// Whether the state of the set-up has that within a minute.
+bool setup_says(std::uint16_t port, const std::string& what) {
+  for (int i = 0; i < 600; ++i, std::this_thread::sleep_for(100ms)) {
+    if (ask(port, "GET /api/v1/setup").find(what) != std::string::npos) return true;
+  }
+  return false;
+}
+
 std::vector<std::string> with_demo(std::vector<std::string> more) {
   more.insert(more.begin(), {"--config", demo_file()});
   return more;
@@ -148,6 +168,44 @@ TEST(Fiducapd, ServesAndEndsWhenItsTerminalIsGone) {
   EXPECT_THAT(health(port), HasSubstr(" 200 "));
   program.signal(SIGTERM);
   EXPECT_EQ(program.exit_code(), 0);
+}
+
+TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("robot.yaml");
+  const std::uint16_t port = free_port();
+  std::vector<std::string> arguments{"--setup", file, "--simulated"};
+  for (const char* protocol : {"vrpn", "native", "natnet"})
+    arguments.insert(arguments.end(),
+                     {"--set", "streaming." + std::string(protocol) + ".enabled=false"});
+  arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
+  FiducapdProcess program(arguments);
+  const auto say = [&](const std::string& command) {
+    EXPECT_THAT(ask(port, "POST /api/v1/setup/" + command), HasSubstr(" 202 ")) << command;
+  };
+  ASSERT_TRUE(setup_says(port, "\"step\":\"camera\"")) << program.output();
+  say("camera?open=/dev/video63");
+  EXPECT_TRUE(setup_says(port, "/dev/video63"));
+  say("camera?open=simulated");
+  ASSERT_TRUE(setup_says(port, "\"corners\":[["));
+  EXPECT_THAT(ask(port, "GET /api/v1/setup/picture"), HasSubstr("image/jpeg"));
+  for (const char* command : {"next", "next", "sheet?size_mm=400", "next", "guess",
+                              "imu?source=", "next", "next", "write"})
+    say(command);
+  // The same process goes on with it: no set-up any more, a robot instead.
+  EXPECT_THAT(health(port), HasSubstr(" 200 ")) << program.output();
+  ASSERT_TRUE(program.prints("serving 1 bodies")) << program.output();
+  EXPECT_TRUE(std::filesystem::exists(file));
+  EXPECT_THAT(ask(port, "GET /api/v1/setup"), HasSubstr(" 404 "));
+  program.signal(SIGTERM);
+  EXPECT_EQ(program.exit_code(), 0) << program.output();
+}
+
+TEST(Fiducapd, ASetupWithAWrongSettingEndsWith2) {
+  const TemporaryFolder folder;
+  FiducapdProcess program({"--setup", folder.file("robot.yaml"), "--set", "streaming.web.prot=1"});
+  EXPECT_EQ(program.exit_code(), 2);
+  EXPECT_THAT(program.output(), HasSubstr("did you mean port?"));
 }
 
 }  // namespace
