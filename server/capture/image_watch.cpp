@@ -86,9 +86,11 @@ std::span<const ImageDoubt> ImageWatch::take(const CameraFrame& frame) {
   doubts_.clear();
   if (!frame.image || frame.image->pixels.empty()) return doubts_;
   const ImageTraits now = traits_of(*frame.image);
-  if (last_at_ && frame.exposed_at > *last_at_) {
-    constexpr double kLongestGap_s = 1;
-    const double gap_s = to_seconds(frame.exposed_at - *last_at_);
+  // After so long the device was away and was opened anew, which others say: no gap to be judged.
+  constexpr double kAway_s = 5;
+  constexpr double kLongestGap_s = 1;
+  const double gap_s = last_at_ ? to_seconds(frame.exposed_at - *last_at_) : 0;
+  if (gap_s > 0 && gap_s < kAway_s) {
     seen_s_ += gap_s;
     mean_gap_s_ += (1 - std::exp(-gap_s / kLimits[index_of(ImageFault::kRate)].memory_s)) *
                    (gap_s - mean_gap_s_);

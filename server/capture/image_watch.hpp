@@ -72,8 +72,6 @@ class ImageWatch final {
 
   /// @return what begins or ends with this image; valid until the next one, and nearly always empty
   [[nodiscard]] std::span<const ImageDoubt> take(const CameraFrame& frame);
-  /// A device that was opened anew begins with a gap that means nothing.
-  void begin_anew() { last_at_.reset(); }
   [[nodiscard]] bool holds(ImageFault fault) const;
 
  private:

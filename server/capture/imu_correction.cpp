@@ -4,6 +4,7 @@
 
 #include "base/text.hpp"
 #include "base/yaml_section.hpp"
+#include "capture/imu_sample.hpp"
 
 namespace fiducap {
 namespace {

@@ -1,13 +1,15 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
-#include "capture/imu_sample.hpp"
 
 namespace fiducap {
+
+struct ImuSample;
 
 /// What is wrong with an inertial unit for good: zero, scale, axes that are not square to each
 /// other, and a gyro that does not sit straight on the accelerometer. Corrected = matrix · (reading

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "base/time.hpp"
+#include "capture/imu_correction.hpp"
 
 namespace fiducap {
 
@@ -23,6 +25,9 @@ struct ImuNoise {
   double rate_hz{200.0};
   double gyro_range_rad_s{0};  ///< Readings end here; 0: not known.
   double accel_range_m_s2{0};
+  /// What is wrong with it for good, when that was calibrated. Samples come without it: where a
+  /// reading ends is seen before it is corrected (ImuBuffer).
+  std::optional<ImuCorrection> correction{};
 };
 
 }  // namespace fiducap

@@ -4,6 +4,7 @@ import { draw, drawHistogram, KIND_STYLE, outlineAt, type Shown } from './view_c
 import { OUTLINE_KINDS, type CameraInfo, type Outline, type OutlineKind, type Wish } from './view_protocol';
 import { exposureVerdict, KIND_WORD, outlineWords, rateVerdict, sharpnessVerdict, sizeVerdict, type Verdict } from './view_words';
 
+const SHARP_FROM_PX = 1280;
 const POINT_AT_ONE = 'Point at an outline, or go through them with the arrow keys.';
 
 /** One camera, large: outlines to point at, exposure, sharpness, and what to do about them. */
@@ -61,8 +62,10 @@ export class CameraDialog {
     this.camera = camera;
     this.chosen = null;
     this.isPinned = false;
-    this.canvas.width = Math.max(1, camera.width);
-    this.canvas.height = Math.max(1, camera.height);
+    // A small image is drawn enlarged, so that outlines and names on it are fine.
+    const enlarged = Math.max(1, Math.ceil(SHARP_FROM_PX / Math.max(1, camera.width)));
+    this.canvas.width = enlarged * Math.max(1, camera.width);
+    this.canvas.height = enlarged * Math.max(1, camera.height);
     this.canvas.setAttribute('aria-label', `Picture of ${name}`);
     setText(this.title, name);
     setText(this.words, POINT_AT_ONE);

@@ -59,6 +59,11 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
   noise.accel_noise_m_s2_rtHz = yaml->required_number("accelerometer_noise_density");
   noise.accel_walk_m_s3_rtHz = yaml->required_number("accelerometer_random_walk");
   noise.rate_hz = yaml->number("rate_hz").value_or(noise.rate_hz);
+  if (yaml->has("imu_correction")) {
+    const auto correction = read_imu_correction(path.string());
+    if (!correction) return tl::unexpected(correction.error());
+    noise.correction = *correction;
+  }
   info.imu = noise;
   info.X_BI = yaml->pose("T_BS").value_or(Pose{});
   if (info.X_BI.p.norm() > 1e-3) {

@@ -76,6 +76,7 @@ std::string imu_yaml(const ImuNoise& noise, const Pose& X_BI) {
       << "gyroscope_random_walk: " << noise.gyro_walk_rad_s2_rtHz << "  # rad/s^2/sqrt(Hz)\n"
       << "accelerometer_noise_density: " << noise.accel_noise_m_s2_rtHz << "  # m/s^2/sqrt(Hz)\n"
       << "accelerometer_random_walk: " << noise.accel_walk_m_s3_rtHz << "  # m/s^3/sqrt(Hz)\n";
+  if (noise.correction) out << to_imu_correction_yaml(*noise.correction, "samples are without it");
   return out.str();
 }
 

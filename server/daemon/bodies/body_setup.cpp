@@ -53,8 +53,18 @@ Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) 
 Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySetup& setup) {
   const std::optional<ImuNoise> own = own_imu(body, setup);
   if (!body.use_imu || !own) return std::nullopt;
-  if (!body.kalibr_imu.empty()) return read_kalibr_imu(body.kalibr_imu);
-  return body.imu ? std::optional<ImuNoise>(*body.imu) : own;
+  ImuNoise noise = body.imu ? *body.imu : *own;
+  if (!body.kalibr_imu.empty()) {
+    const auto read = read_kalibr_imu(body.kalibr_imu);
+    if (!read) return tl::unexpected(read.error());
+    noise = *read;
+  }
+  if (!body.imu_correction.empty()) {
+    const auto read = read_imu_correction(body.imu_correction);
+    if (!read) return tl::unexpected(read.error());
+    noise.correction = *read;
+  }
+  return noise;
 }
 
 }  // namespace

@@ -45,6 +45,7 @@ struct BodyConfig {
   std::optional<ImuSourceConfig> imu_source{};  ///< Its own; nullopt: the body's.
   bool use_imu{true};                           ///< False: the IMU is not listened to.
   std::string kalibr_imu;                       ///< Kalibr imu.yaml; goes before `imu`.
+  std::string imu_correction;    ///< Of `fiducap calibrate imu --poses`; empty: none.
   std::optional<ImuConfig> imu;  ///< nullopt: the recording's or the simulator's own.
   Pose pivot;                    ///< X_BP: what is streamed, in body axes.
   BodyLimits limits;

@@ -16,6 +16,7 @@ void describe(V& v, BodyConfig& c) {
   v.optional_section("imu_source", c.imu_source);
   v.value("use_imu", c.use_imu);
   v.path("kalibr_imu", c.kalibr_imu);
+  v.path("imu_correction", c.imu_correction);
   v.optional_section("imu", c.imu);
   v.value("pivot", c.pivot);
   v.section("limits", c.limits);

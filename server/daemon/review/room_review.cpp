@@ -50,8 +50,14 @@ std::optional<std::size_t> stored_tags(const std::string& store, ConfigReview& r
 void review_folder_of(const std::string& store, ConfigReview& review) {
   std::error_code ignored;
   const fs::path folder = fs::absolute(store, ignored).parent_path();
-  if (!fs::is_directory(folder, ignored))
+  if (!fs::is_directory(folder, ignored)) {
+    // What is below /var/lib is the service's own: it has not been started yet.
+    if (folder.string().starts_with("/var/lib/"))
+      return review.doubt("map.store", store,
+                          "its folder does not exist yet: systemd makes it when it starts the "
+                          "service. Who starts fiducapd by hand makes it first");
     return review.fault("map.store", store, "its folder does not exist: make it first");
+  }
   if (::access(folder.c_str(), W_OK | X_OK) != 0)
     review.fault("map.store", store, "this user may not write to its folder");
 }

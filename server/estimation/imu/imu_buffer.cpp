@@ -35,7 +35,7 @@ bool ImuBuffer::push(const ImuSample& imu) {
   meet(ranges_met_.gyro_rad_s, found.now.gyro, imu.w_WB_B);
   meet(ranges_met_.accel_m_s2, found.now.accel, imu.f_B);
   const std::size_t earlier = size_++;
-  at(earlier) = {imu, found.now};
+  at(earlier) = {noise_.correction ? noise_.correction->apply(imu) : imu, found.now};
   for (std::size_t k = 1; k <= std::min(earlier, found.gyro_since); ++k)
     at(earlier - k).saturated.gyro = true;
   for (std::size_t k = 1; k <= std::min(earlier, found.accel_since); ++k)

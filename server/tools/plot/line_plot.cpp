@@ -9,12 +9,13 @@
 namespace fiducap {
 namespace {
 
-constexpr double kWidth = 760, kLeft = 76, kRight = 20, kTop = 36, kTopUntitled = 8, kBottom = 50;
+constexpr double kWidth = 760, kLeft = 76, kRight = 20, kTop = 7, kBottom = 50;
 constexpr double kPanel = 190, kBetween = 14;  // heights
 constexpr double kAcross = kWidth - kLeft - kRight;
 constexpr double kLowest = 120, kHighest = 620;  // of a panel with equal axes
 constexpr int kTitleText = 17, kSubtitleText = 13, kAxisText = 14;
-constexpr double kSubtitleRow = 18;
+constexpr double kTitleRow = 22, kSubtitleRow = 18;
+constexpr double kBold = 1.1;  // so much wider are bold letters
 
 PlotAxis x_axis_of(const LinePlot& plot) {
   PlotAxis axis(plot.logarithmic ? PlotAxis::Scale::kLogarithmic : PlotAxis::Scale::kLinear);
@@ -47,12 +48,12 @@ PlotAxis x_axis_of(const LinePlot& plot) {
   return axis;
 }
 
-/// In lines that fit across.
-std::vector<std::string> wrapped(const std::string& text) {
+/// In lines that fit.
+std::vector<std::string> wrapped(const std::string& text, int size, double across) {
   std::vector<std::string> lines;
   std::istringstream words(text);
   for (std::string word; words >> word;) {
-    if (lines.empty() || svg_text_width(lines.back() + " " + word, kSubtitleText) > kAcross)
+    if (lines.empty() || svg_text_width(lines.back() + " " + word, size) > across)
       lines.push_back(word);
     else
       lines.back() += " " + word;
@@ -74,13 +75,17 @@ class Sheet final {
   }
 
   [[nodiscard]] SvgPicture draw() const {
-    SvgPicture picture{kWidth, plot_.title.empty() ? kTopUntitled : kTop, {}};
-    if (!plot_.title.empty())
-      picture.body = svg_text(kLeft, 24, "start", plot_.title, kTitleText, "font-weight=\"bold\"");
-    for (const std::string& line : wrapped(plot_.subtitle)) {
-      picture.body += svg_text(kLeft, picture.height + 8, "start", line, kSubtitleText);
-      picture.height += kSubtitleRow;
+    SvgPicture picture{kWidth, kTop, {}};
+    for (const std::string& line : wrapped(plot_.title, kTitleText, kAcross / kBold)) {
+      picture.height += kTitleRow;
+      picture.body +=
+          svg_text(kLeft, picture.height - 5, "start", line, kTitleText, "font-weight=\"bold\"");
     }
+    for (const std::string& line : wrapped(plot_.subtitle, kSubtitleText, kAcross)) {
+      picture.height += kSubtitleRow;
+      picture.body += svg_text(kLeft, picture.height - 3, "start", line, kSubtitleText);
+    }
+    picture.height += kTop;
     for (std::size_t i = 0; i < plot_.panels.size(); ++i) {
       const PlotPanel& panel = plot_.panels[i];
       const PlotLegend legend(panel, kAcross);

@@ -15,7 +15,6 @@ using PlotPoint = std::pair<double, double>;
 /// looked at.
 inline constexpr const char* kPlotColors[]{"#0072b2", "#d55e00", "#009e73",
                                            "#cc79a7", "#e69f00", "#56b4e9"};
-inline constexpr std::size_t kPlotColorCount = std::size(kPlotColors);
 inline constexpr const char* kPlotGray = "#777";
 
 /// A line, or a stack of short ones where points cannot be shown.

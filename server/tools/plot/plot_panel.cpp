@@ -117,8 +117,10 @@ std::string PanelDrawing::shaded() const {
   };
   for (const PlotBand& band : panel_.bands) {
     box(band.from, band.to, std::string("fill=\"") + kBandFill + "\"");
-    out += svg_text((px(band.from) + px(band.to)) / 2, place_.top + 14, "middle", band.name,
-                    kSmallText);
+    const bool fits = px(band.to) - px(band.from) > svg_text_width(band.name, kSmallText);
+    if (band.name.empty()) continue;
+    out += svg_text(fits ? (px(band.from) + px(band.to)) / 2 : px(band.from) + 3, place_.top + 14,
+                    fits ? "middle" : "start", band.name, kSmallText);
   }
   for (const PlotSpans& spans : panel_.spans) {
     // Those that share a pixel are one.

@@ -56,8 +56,8 @@ class ErrorCourse final {
   [[nodiscard]] std::string share_text() const {
     if (compared_ == 0) return {};
     return fixed(100.0 * within_ / compared_, 1) +
-           " % of the components are within the filter's own 3 sigma (99.7 % when it is right "
-           "about itself).";
+           " % of the components are within the filter's own 3 sigma. 99.7 % is right where the "
+           "reference tag is exact: its error, which is the map's, is part of what is drawn.";
   }
   [[nodiscard]] std::vector<PlotPanel> take_panels() {
     for (std::size_t k = 1; k < 3; ++k) {
@@ -159,10 +159,9 @@ LinePlot sigma_plot(const Evaluation& e, const RunResults& run,
 }
 
 LinePlot map_plot(const Evaluation& e, const RunResults& run) {
-  LinePlot plot = map_from_above("Map from above: " + std::to_string(run.map.size()) + " tags");
+  LinePlot plot = map_from_above(run.map.size());
   if (e.map && e.map->samples > 0)
     plot.title += ", " + fixed(kMm * e.map->position_rmse_m, 2) + " mm RMSE";
-  plot.subtitle = "Looking along z of the workspace; a tag on a wall is a stroke.";
   const bool is_truth = e.against == Evaluation::Against::kTruth;
   PlotPanel& panel = plot.panels.front();
   if (!e.traces.reference_path.empty()) {

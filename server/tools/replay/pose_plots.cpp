@@ -71,8 +71,11 @@ PlotShapes tags_from_above(const std::string& name, const std::string& color,
   return shapes;
 }
 
-LinePlot map_from_above(const std::string& title) {
-  LinePlot plot{title, "x of the workspace, m", {{"y, m"}}};
+LinePlot map_from_above(std::size_t tags) {
+  LinePlot plot{"Map from above: " + std::to_string(tags) + (tags == 1 ? " tag" : " tags"),
+                "x of the workspace, m",
+                {{"y, m"}}};
+  plot.subtitle = "Looking along z of the workspace; a tag on a wall is a stroke.";
   plot.equal_axes = true;
   return plot;
 }

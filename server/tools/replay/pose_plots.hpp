@@ -29,7 +29,8 @@ namespace fiducap {
                                          std::span<const TagPlace> tags, bool filled);
 
 /// x and y of the workspace to scale; what looks down on it is put into its only panel.
-[[nodiscard]] LinePlot map_from_above(const std::string& title);
+/// The title says how many tags there are.
+[[nodiscard]] LinePlot map_from_above(std::size_t tags);
 
 /// Which half of a covariance.
 enum class PoseHalf { kPosition, kRotation };

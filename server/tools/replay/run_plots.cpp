@@ -45,7 +45,11 @@ std::vector<PlotMarks> marks_of(const std::vector<BodyEvent>& events, Instant ze
   return marks;
 }
 
-const char* color_of_body(std::size_t body) { return kPlotColors[body % kPlotColorCount]; }
+/// Not the colour of the tags.
+const char* color_of_body(std::size_t body) {
+  constexpr std::array<std::size_t, 5> kOrder{0, 2, 3, 5, 4};
+  return kPlotColors[kOrder[body % kOrder.size()]];
+}
 
 std::vector<TagPlace> places_in(const TagMap& map, bool surveyed) {
   std::vector<TagPlace> places;
@@ -61,8 +65,7 @@ std::string percent(int part, int whole) {
 
 LinePlot map_plot_of(std::span<const RunBody> bodies) {
   const TagMap map = run_map(bodies);
-  LinePlot plot = map_from_above("Map from above: " + std::to_string(map.tags.size()) + " tags");
-  plot.subtitle = "Looking along z of the workspace; a tag on a wall is a stroke.";
+  LinePlot plot = map_from_above(map.tags.size());
   PlotPanel& panel = plot.panels.front();
   for (std::size_t i = 0; i < bodies.size(); ++i)
     panel.lines.push_back(

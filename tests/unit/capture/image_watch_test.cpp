@@ -172,6 +172,13 @@ TEST_F(ImageWatchTest, HalfTheRateIsSaidAndTheRateWithinATenthIsNot) {
   EXPECT_THAT(told_, ElementsAre("+image_rate", "-image_rate"));
 }
 
+TEST_F(ImageWatchTest, ACameraThatWasUnpluggedIsNoSlowOne) {
+  run(10);
+  now_ += std::chrono::seconds(60);
+  run(10);
+  EXPECT_THAT(told_, IsEmpty()) << texts_;
+}
+
 TEST_F(ImageWatchTest, ATenthOfImagesLostIsSaid) {
   for (int i = 0; i < 300; ++i) {
     const bool after_gap = i % 9 == 0;

@@ -45,6 +45,10 @@ class RecordingWriterTest : public testing::Test {
       info_.cameras.push_back(mount);
     }
     info_.imu = ImuNoise{1.25e-4, 2e-5, 3e-3, 4e-4, 400};
+    info_.imu->correction = ImuCorrection{{0.1, -0.2, 1.0 / 3},
+                                          Eigen::Vector3d(1.01, 0.98, 1.0 / 1.1).asDiagonal(),
+                                          {0.01, 0, -0.02},
+                                          Eigen::Matrix3d::Identity()};
     info_.X_BI = {exp_so3({1.0, 0.5, -2.0}), {0, 0, 0}};
     info_.tag_family = "tag25h9";
     info_.tag_size_m = 0.123;
@@ -109,6 +113,9 @@ TEST_F(RecordingWriterTest, TheCalibrationComesBackAsItWas) {
   EXPECT_EQ(back.imu->gyro_noise_rad_s_rtHz, info_.imu->gyro_noise_rad_s_rtHz);
   EXPECT_EQ(back.imu->accel_walk_m_s3_rtHz, info_.imu->accel_walk_m_s3_rtHz);
   EXPECT_EQ(back.imu->rate_hz, 400);
+  ASSERT_TRUE(back.imu->correction);
+  EXPECT_EQ(back.imu->correction->accel_matrix, info_.imu->correction->accel_matrix);
+  EXPECT_EQ(back.imu->correction->gyro_bias_rad_s, info_.imu->correction->gyro_bias_rad_s);
   expect_equal(back.X_BI, info_.X_BI, 0, kRotation_rad);
 }
 

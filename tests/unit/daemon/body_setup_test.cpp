@@ -1,9 +1,11 @@
 #include "daemon/bodies/body_setup.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "daemon/map_start.hpp"
 #include "support/fake_clock.hpp"
+#include "support/temporary_folder.hpp"
 
 namespace fiducap {
 namespace {
@@ -33,6 +35,26 @@ TEST(BodySetup, WhatWasLearnedAboutACameraDoesNotMoveTheSimulatedOne) {
   const SimulatedTruth truth = truth_of(**source, config);
   ASSERT_EQ(truth.X_BV.size(), 1U);
   EXPECT_EQ(truth.X_BV.front().p, camera.mount.X_BV.p);
+}
+
+TEST(BodySetup, AnImuComesWithItsCorrection) {
+  const TemporaryFolder folder;
+  ImuCorrection calibrated;
+  calibrated.accel_matrix(2, 2) = 0.97;
+  BodyConfig robot;
+  robot.name = "robot";
+  robot.source.type = SourceType::kSimulator;
+  robot.imu_correction =
+      folder.write("imu_correction.yaml", to_imu_correction_yaml(calibrated, ""));
+  auto setup = read_body_setup(robot, {});
+  ASSERT_TRUE(setup) << setup.error().text();
+  ASSERT_TRUE(setup->sensors.imu && setup->sensors.imu->correction);
+  EXPECT_EQ(setup->sensors.imu->correction->accel_matrix, calibrated.accel_matrix);
+
+  robot.imu_correction = folder.file("none.yaml");
+  setup = read_body_setup(robot, {});
+  ASSERT_FALSE(setup);
+  EXPECT_THAT(setup.error().text(), testing::HasSubstr("none.yaml"));
 }
 
 }  // namespace

@@ -42,6 +42,20 @@ TEST(ImuBufferPast, RemembersTheEndOfTheRangeThatReadingsMet) {
   EXPECT_EQ(buffer.ranges_met().accel_m_s2, 0);
 }
 
+TEST(ImuBufferPast, SeesTheEndOfTheRangeBeforeReadingsAreCorrected) {
+  ImuNoise noise;
+  noise.accel_range_m_s2 = 40;
+  noise.correction = ImuCorrection{};
+  noise.correction->accel_bias_m_s2 = {0.5, 0, 0};
+  noise.correction->accel_matrix(0, 0) = 0.9;
+  noise.correction->accel_matrix(0, 1) = 0.02;
+  ImuBuffer buffer(noise, kMaxGap_s, kGapAccel);
+  buffer.push({ExampleRoom::at(10.0), {0, 0, 0}, {39.95, 1, 9.81}});
+  EXPECT_TRUE(buffer.newest()->f_B.isApprox(Eigen::Vector3d(0.9 * 39.45 + 0.02, 1, 9.81)));
+  EXPECT_EQ(buffer.ranges_met().accel_m_s2, 39.95) << "as the unit reads it";
+  EXPECT_EQ(buffer.ranges_met().gyro_rad_s, 0);
+}
+
 TEST(ImuBufferPast, WithoutReadingsEverythingIsAGap) {
   const ImuBuffer buffer(ImuNoise{}, kMaxGap_s, kGapAccel);
   const InertialInput input = buffer.input_between(ExampleRoom::at(1.0), ExampleRoom::at(1.01));

@@ -105,6 +105,13 @@ TEST(LinePlot, ShadedPartsThatShareAPixelAreOneAndNoneVanishes) {
   EXPECT_THAT(svg, HasSubstr("width=\"0.8\""));
 }
 
+TEST(LinePlot, ALongTitleIsWrapped) {
+  LinePlot plot = of({{0, 0}, {1, 1}});
+  plot.title = "Position error against another program: 6.03 mm RMSE, worst 60.81 mm of all poses";
+  EXPECT_THAT(to_svg(plot), HasSubstr(" poses</text>"));
+  EXPECT_THAT(to_svg(plot), Not(HasSubstr(plot.title)));
+}
+
 TEST(LinePlot, EscapesTexts) {
   LinePlot plot = of({{0, 0}, {1, 1}});
   plot.title = "a<b & \"c\"";
