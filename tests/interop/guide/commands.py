@@ -95,6 +95,11 @@ class Words:
                 return f"no option of {' '.join(map(str, command))}: {option}"
         return ""
 
+    def is_verb_alone(self, words):
+        """`fiducap map`: a group of verbs, named as such."""
+        return len(words) == 2 and words[0] == "fiducap" and self.is_verb(
+            [self.programs / "fiducap"], words[1])
+
     def is_verb(self, command, word):
         listed = self.help_of(command).split("Subcommands:", 1)[1]
         return re.search(rf"^  {re.escape(word)} ", listed, re.M) is not None

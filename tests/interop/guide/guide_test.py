@@ -19,11 +19,11 @@ import sys
 import tempfile
 
 import stand_ins
-from commands import PROGRAMS, Words, blocks, commands
+from commands import PROGRAMS, Command, Words, blocks, commands
 
 RUN = ("docs/guide.md", "docs/calibration.md", "docs/import.md")
-LOOKED_UP = ("README.md", "docs/setups.md", "docs/natnet-clients.md", "docs/recordings.md",
-             "docs/imu-line-protocol.md", "docs/experiments.md")
+LOOKED_UP = ("README.md", "ARCHITECTURE.md", "docs/setups.md", "docs/natnet-clients.md",
+             "docs/experiments.md")
 NO_COMMANDS = ("cpp", "python", "yaml", "text")
 # Blocks without a language that are no commands either, by their first line.
 PLAIN = ("image,tag,corner,u,v", "IMU,<microseconds>", "for n in ")
@@ -44,6 +44,7 @@ class Walk:
     def __init__(self, source, programs, folder):
         self.source, self.programs, self.folder = source, programs, folder
         self.words = Words(programs)
+        self.dev = (source / "dev").read_text(encoding="utf-8")
         self.web, self.native, self.vrpn = free_port(), free_port(), free_port()
         self.page = stand_ins.Page(self.web)
         self.server, self.log = None, folder / "server.log"
@@ -53,6 +54,11 @@ class Walk:
         for name in ("config", "docs"):
             (folder / name).symlink_to(source / name)
         (folder / "environment").write_text("", encoding="utf-8")
+
+    def knows_programs(self):
+        """For a document that takes them for installed; the guide says where they are."""
+        (self.folder / "environment").write_text(f"PATH={shlex.quote(str(self.programs))}:$PATH\n",
+                                                 encoding="utf-8")
 
     # --- one command ------------------------------------------------------------------------------
 
@@ -79,6 +85,11 @@ class Walk:
             words[0] = str(self.source / words[0])
         if fault := self.words.fault(words):
             self.faults.append(f"{command.where}: {command.text}\n  {fault}")
+
+    def look_up_dev(self, where, verb):
+        self.looked_up += 1
+        if not re.search(rf"^  [^)\n]*\b{verb}\b[^)\n]*\) ", self.dev, re.M):
+            self.faults.append(f"{where}: ./dev has no {verb}")
 
     def rewritten(self, command):
         """The command with free ports, and a simulated robot where it needs a camera."""
@@ -217,8 +228,21 @@ def links(source, name):
             yield f"{name}: a link to nothing: {target}"
 
 
+def look_up_within_lines(walk, name):
+    """Commands that a sentence names; `fiducap map` alone names a verb."""
+    text = (walk.source / name).read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.M | re.S)
+    for verb in re.findall(r"`\./dev (\w+)", text):
+        walk.look_up_dev(name, verb)
+    for words in re.findall(r"`(fiducapd? [^`]+)`", text):
+        command = Command(name, " ".join(words.split()))
+        if re.search(r"…|VERB|COMMAND", words) or walk.words.is_verb_alone(command.words()):
+            continue
+        walk.look_up(command)
+
+
 def look_up_all(walk, name):
-    """Of a document that is not run: words of its blocks, and of what it says within lines."""
+    """Of a document that is not run: the words of its blocks."""
     document = walk.source / name
     for language, start, lines in blocks(document):
         if language in NO_COMMANDS or lines[0].startswith(PLAIN):
@@ -227,14 +251,13 @@ def look_up_all(walk, name):
             if command.program() in PROGRAMS:
                 walk.look_up(command)
             elif command.text.startswith("./dev "):
-                verb = command.words()[1]
-                if f"\n  {verb}) " not in (walk.source / "dev").read_text(encoding="utf-8"):
-                    walk.faults.append(f"{command.where}: ./dev has no {verb}")
-                walk.looked_up += 1
+                walk.look_up_dev(command.where, command.words()[1])
 
 
 def run_all(walk, name):
     document = walk.source / name
+    if "export PATH=" not in document.read_text(encoding="utf-8"):
+        walk.knows_programs()
     for language, start, lines in blocks(document):
         if language in NO_COMMANDS or (not language and lines[0].startswith(PLAIN)):
             continue
@@ -262,12 +285,13 @@ def main():
             walk = Walk(source, programs, pathlib.Path(folder))
             try:
                 (run_all if name in RUN else look_up_all)(walk, name)
+                look_up_within_lines(walk, name)
             finally:
                 if walk.server is not None:
                     walk.server.kill()
         print(f"{name}: {walk.ran} commands run, of {walk.looked_up} the words looked up")
         faults += [*walk.faults, *links(source, name)]
-        if walk.ran + walk.looked_up == 0 and name in RUN:
+        if walk.ran + walk.looked_up == 0:
             faults.append(f"{name}: has not one command")
     print("\n".join(faults))
     return 1 if faults else 0

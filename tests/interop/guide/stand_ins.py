@@ -64,7 +64,7 @@ def at_rest(out):
 
 
 def in_attitudes(out):
-    """Four seconds at rest, then thirty turns of a second and rests of two."""
+    """Four seconds at rest, then thirty turns of a second and rests of three."""
     def motion():
         q, chance = [1.0, 0, 0, 0], random.Random(2)
         yield from ((q, [0, 0, 0]) for _ in range(400))
@@ -77,7 +77,7 @@ def in_attitudes(out):
             for _ in range(100):
                 yield q, rate
                 q = times(q, step)
-            yield from ((q, [0, 0, 0]) for _ in range(200))
+            yield from ((q, [0, 0, 0]) for _ in range(300))
     write_imu(out, 100, motion())
 
 
