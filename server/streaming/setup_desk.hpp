@@ -22,6 +22,10 @@ class SetupDesk {
   /// Done a moment later; what becomes of it is in the state.
   /// @return Error: too many wait already
   virtual Expected<void> command(std::string what, std::map<std::string, std::string> values) = 0;
+  /// Tags to print, PDF. @param order  `family`, `size_mm`, `paper`
+  /// @return Error saying what was expected
+  [[nodiscard]] virtual Expected<std::string> sheet(
+      std::map<std::string, std::string> order) const = 0;
 };
 
 }  // namespace fiducap

@@ -31,6 +31,7 @@ const std::map<std::string, std::set<std::string>> kSubRooms{
     {"capture/v4l2", {"lens"}},
     {"capture/video", {"lens"}},
     {"detection/points", {}},
+    {"detection/sheet", {}},
     {"detection/tracking", {}},
     {"estimation/imu", {}},
     {"estimation/filter", {}},

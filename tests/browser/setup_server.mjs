@@ -100,6 +100,7 @@ export class SetupServer {
     if (this.isOver && url.pathname.startsWith('/api/')) return this.sayRunning(url, response);
     if (url.pathname === '/api/v1/setup') return this.sayState(response);
     if (url.pathname === '/api/v1/setup/picture') return this.sayPicture(response);
+    if (url.pathname === '/api/v1/setup/sheet' && request.method === 'GET') return this.saySheet(url, response);
     if (url.pathname.startsWith('/api/v1/setup/')) return this.hear(url, request, response);
     const name = url.pathname === '/' ? '/index.html' : normalize(url.pathname);
     const content = await readFile(join(this.root, name)).catch(() => null);
@@ -124,6 +125,13 @@ export class SetupServer {
     this.pictures += 1;
     response.writeHead(200, { 'Content-Type': 'image/jpeg' });
     response.end((this.jpegs[this.step] ?? this.jpegs.other).jpeg);
+  }
+
+  saySheet({ searchParams }, response) {
+    if (Number(searchParams.get('size_mm')) > 200)
+      return response.writeHead(400).end('such a tag does not fit; up to 161 mm do\n');
+    response.writeHead(200, { 'Content-Type': 'application/pdf' });
+    response.end(`%PDF of ${searchParams}`);
   }
 
   hear(url, request, response) {

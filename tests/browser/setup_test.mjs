@@ -1,5 +1,6 @@
 // The set-up in a real browser: from "no camera yet" to where clients connect, by visible buttons.
 import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
 import { runSteps, shoot, step, watchDrawing, world } from './harness.mjs';
 import { liveRobot } from './setup_live.mjs';
@@ -88,7 +89,7 @@ step('a camera is chosen, and its picture comes', async () => {
 
 step('exposure is set until the picture is good; what the camera refuses is said', async () => {
   await title('Make the picture good');
-  assert.match(await text('.large-verdict'), /too bright: expose shorter/);
+  await waitForText('.setup-hint[data-tone=warn]', /too bright: expose shorter/);
   await look('2-too-bright');
   await world.page.fill('.exposure input', '900');
   await press('Set');
@@ -98,7 +99,7 @@ step('exposure is set until the picture is good; what the camera refuses is said
   await waitForText('.fault', /no time above 0 ms/);
   await world.page.fill('.exposure input', '5');
   await press('Set');
-  await waitForText('.large-verdict', /Well exposed and sharp/);
+  await waitForText('.setup-hint[data-tone=good]', /Well exposed and sharp/);
   assert.equal(await text('.setup-error'), '');
   await look('2-good');
   await press('Next');
@@ -108,7 +109,18 @@ step('the tags: what prints them, and what the ruler measures', async () => {
   await title('Print tags and measure them');
   await world.page.getByLabel(/Edge of the black square/).fill('62,5');
   assert.match(await text('.command'), /--size-mm 62\.5 --out tags\.pdf/);
+  await world.page.getByLabel('Paper').selectOption('letter');
+  const coming = world.page.waitForEvent('download');
+  await press('Download the sheets');
+  const file = await coming;
+  assert.equal(file.suggestedFilename(), 'tags.pdf');
+  const pdf = await readFile(await file.path(), 'utf8');
+  assert.equal(pdf, '%PDF of family=tag36h11&paper=letter&size_mm=62.5');
   await look('3-sheet');
+  await world.page.getByLabel(/Edge of the black square/).fill('300');
+  await press('Download the sheets');
+  await waitForText('.fault', /up to 161 mm do/);
+  await world.page.getByLabel(/Edge of the black square/).fill('62,5');
   await world.page.getByLabel(/printed ruler/).fill('ten');
   await press('These are my tags');
   await waitForText('.setup-error', /“ten” mm\? Expected 50 to 200/);
@@ -134,6 +146,7 @@ step('the lens: coverage, a hint, a refusal, and once more', async () => {
   await press('Cancel');
   await press('Do it again');
   await waitForText('.setup-verdict', /Good31 views, 0\.21 px/);
+  assert.ok(await button('Go on without calibrating…').isHidden());
   await look('4-good');
   await press('Next');
 });
@@ -164,6 +177,7 @@ step('at rest, until it is long enough', async () => {
   await title('Let the robot lie still');
   server.done = 0.4;
   await waitForText('.setup-hint', /36 s more/);
+  assert.ok(await button('Go on without measuring').isEnabled());
   await look('6-rest');
   server.pace = 0.3;
   await waitForText('.setup-verdict', /Good/);
@@ -180,8 +194,8 @@ step('where the camera sits, and back and forth', async () => {
   await waitForText('.setup-verdict', /Good/);
   await press('Next');
   await title('Where is the camera on the robot?');
+  assert.equal(await world.page.getByLabel('Up, m').inputValue(), '−0.02');
   await world.page.getByLabel('Forward, m').fill('0.1');
-  await world.page.getByLabel('Up, m').fill('−0.02');
   server.pace = 0;
   await press('It sits there');
   await title('Wave the robot');
@@ -235,14 +249,12 @@ step('the normal page leads on: past all tags', async () => {
   await press('All tags are there');
 });
 
-step('freezing asks for the token, and says where it stands', async () => {
+step('freezing asks for the token, says where it stands, and is done once it is typed', async () => {
   await press('Freeze the map');
   await waitForText('.guide-status', new RegExp(TOKEN_FILE));
   await look('b-token');
   await world.page.keyboard.type('secret');
   await world.page.keyboard.press('Enter');
-  await waitForText('.guide-status', /Unlocked/);
-  await press('Freeze the map');
 });
 
 step('loaded again it goes on where it was; then clients are told where to connect', async () => {
@@ -271,7 +283,8 @@ step('the simulated robot, without IMU: its tags are known, and waving is left o
   await press('Next');
   await waitForText('.setup-controls', /sets its exposure by itself/);
   await press('Next');
-  await waitForText('.setup-controls', /edges of 400 mm/);
+  await waitForText('.setup-hint', /edges of 400 mm/);
+  assert.ok(await world.page.isHidden('.command'));
   await shoot(world.page, 'setup-simulated-sheet', false);
   await press('These are my tags');
   await waitForText('.setup-verdict', /Good/);
@@ -282,6 +295,7 @@ step('the simulated robot, without IMU: its tags are known, and waving is left o
   await press('Next');
   await title('Where is the camera on the robot?');
   await waitForText('.setup-controls', /without an IMU nothing corrects this/);
+  assert.equal(await world.page.getByLabel('Forward, m').inputValue(), '0.1', 'it is known of this robot');
   assert.deepEqual(world.faults, []);
   await world.page.context().close();
   await server.stop();

@@ -12,6 +12,7 @@ namespace fiducap {
 namespace {
 
 using testing::HasSubstr;
+using testing::StartsWith;
 
 /// As fast as images are drawn.
 class UnpacedRig final : public SetupRig {
@@ -136,6 +137,23 @@ TEST_F(SetupTest, GoesOnWithAGuessedLensAndWithoutAnImu) {
   EXPECT_THAT(setup_preview("robot.yaml", guide_.result()), HasSubstr("focal_sigma: 0.15"));
   say("back");
   EXPECT_EQ(guide_.step(), SetupStep::kMount);
+}
+
+TEST(SetupSheet, IsAPdfOfTwelveTagsOrSaysWhatWasExpected) {
+  const auto pdf =
+      setup_sheet({"sheet", {{"family", "tag36h11"}, {"size_mm", "160"}, {"paper", "a4"}}});
+  ASSERT_TRUE(pdf) << pdf.error().text();
+  EXPECT_THAT(*pdf, StartsWith("%PDF"));
+  EXPECT_THAT(*pdf, HasSubstr("/Count 12"));
+  const auto refusal = [](const char* family, const char* size, const char* paper) {
+    const auto made =
+        setup_sheet({"sheet", {{"family", family}, {"size_mm", size}, {"paper", paper}}});
+    return made ? "made" : made.error().text();
+  };
+  EXPECT_THAT(refusal("tag36h11", "160", "a9"), HasSubstr("a4, a3 or letter"));
+  EXPECT_THAT(refusal("tag36h11", "-1", "a4"), HasSubstr("black square"));
+  EXPECT_THAT(refusal("tag36h11", "400", "a4"), HasSubstr("fit"));
+  EXPECT_THAT(refusal("tag99", "100", "a4"), HasSubstr("tag36h11"));
 }
 
 }  // namespace

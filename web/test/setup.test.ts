@@ -99,10 +99,12 @@ describe('words', () => {
   });
 
   it('print sheets of the family and the size', () => {
-    expect(printCommand('tag36h11', '160')).toBe(
+    expect(printCommand('tag36h11', '160', 'a4')).toBe(
       'fiducap tags sheet --ids 0-11 --size-mm 160 --out tags.pdf',
     );
-    expect(printCommand('tag16h5', '62.5')).toMatch(/--size-mm 62\.5 --family tag16h5 --out/);
+    expect(printCommand('tag16h5', '62.5', 'a3')).toMatch(
+      /--size-mm 62\.5 --family tag16h5 --paper a3 --out/,
+    );
   });
 
   it('take numbers as people type them', () => {

@@ -5,9 +5,12 @@
 #include <array>
 #include <cstdio>
 #include <filesystem>
+#include <numeric>
 
 #include "base/whole_file.hpp"
 #include "capture/v4l2/camera_list.hpp"
+#include "detection/sheet/tag_sheet.hpp"
+#include "detection/tag_family_list.hpp"
 #include "streaming/net/peer.hpp"
 
 namespace fiducap {
@@ -15,6 +18,8 @@ namespace fiducap {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t kPrintedTags = 12;  // enough for a room; all families have as many
 
 std::string fresh_token() {
   const auto key = net::random_key();
@@ -47,6 +52,19 @@ std::vector<FoundCamera> found_cameras() {
                    camera.closed ? camera.closed->text() : ""});
   }
   return all;
+}
+
+Expected<std::string> setup_sheet(const SetupCommand& order) {
+  const auto paper = paper_named(order.text("paper"));
+  if (!paper)
+    return fail(ErrorCode::kInvalid, "must be a4, a3 or letter", "paper = " + order.text("paper"));
+  const auto size_mm = order.number("size_mm");
+  if (!size_mm || !(*size_mm > 0))
+    return fail(ErrorCode::kInvalid, "must be the edge of the black square in mm, e.g. 160",
+                "size_mm = " + order.text("size_mm"));
+  std::vector<int> ids(kPrintedTags);
+  std::iota(ids.begin(), ids.end(), 0);
+  return tag_sheet_pdf({listed_tag_family(order.text("family")), ids, *size_mm, *paper});
 }
 
 std::string setup_preview(const std::string& file, const SetupResult& result) {

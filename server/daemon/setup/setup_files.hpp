@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "daemon/setup/setup_guide.hpp"
 #include "daemon/setup/setup_result.hpp"
 #include "daemon/setup/setup_rig.hpp"
 
@@ -14,6 +15,9 @@ namespace fiducap {
 
 /// Where the operator's token of a configuration stands: beside it, `robot.yaml` → `robot.token`.
 [[nodiscard]] std::string token_file_of(const std::string& file);
+
+/// The tags that a set-up needs, to be printed: PDF. @param order  `family`, `size_mm`, `paper`
+[[nodiscard]] Expected<std::string> setup_sheet(const SetupCommand& order);
 
 /// What write_setup writes.
 [[nodiscard]] std::string setup_preview(const std::string& file, const SetupResult& result);

@@ -69,6 +69,10 @@ Expected<void> SetupRoom::command(std::string what, std::map<std::string, std::s
   return {};
 }
 
+Expected<std::string> SetupRoom::sheet(std::map<std::string, std::string> order) const {
+  return setup_sheet({"sheet", std::move(order)});
+}
+
 // --- the guide's thread --------------------------------------------------------------------------
 
 void SetupRoom::obey() {
@@ -101,7 +105,7 @@ Expected<void> SetupRoom::write(const SetupCommand& command) {
 std::vector<FoundCamera> SetupRoom::cameras() {
   std::vector<FoundCamera> found = found_cameras();
   if (surroundings_.offers_simulation)
-    found.push_back({SimulatedRig::kName, "a simulated robot with camera and IMU", ""});
+    found.push_back({SimulatedRig::kName, "A simulated robot with camera and IMU", ""});
   return found;
 }
 

@@ -43,6 +43,8 @@ class SetupRoom final : public SetupDesk, private SetupRig {
   [[nodiscard]] std::shared_ptr<const std::string> state() const override;
   [[nodiscard]] std::shared_ptr<const std::string> picture() override;
   Expected<void> command(std::string what, std::map<std::string, std::string> values) override;
+  [[nodiscard]] Expected<std::string> sheet(
+      std::map<std::string, std::string> order) const override;
 
  private:
   struct Sensor {

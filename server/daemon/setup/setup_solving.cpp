@@ -27,9 +27,8 @@ constexpr double kSmeared_px = 3;
 SetupVerdict refused(const Error& error) { return {false, true, error.text(), {}}; }
 
 std::string lens_text(const IntrinsicsCalibration& lens, const IntrinsicsVerdict& verdict) {
-  return std::to_string(lens.data.views.size()) + " views, " +
-         fixed(verdict.reprojection_rms_px, 2) + " px, " + fixed(100 * verdict.covered, 0) +
-         " % of the image";
+  return std::to_string(lens.data.views.size()) + " views, corners fit to " +
+         fixed(verdict.reprojection_rms_px, 2) + " px";
 }
 
 /// A good lens counts as exact, as one of a file does; a weak one says how far it may be off, and
@@ -143,7 +142,7 @@ void SetupGuide::solve_wave() {
   const auto weak = weaknesses_of(*solved);
   const CameraVerdict& camera = solved->verdicts.front();
   verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
-                          "the camera sits " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
+                          "The camera sits " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
                               fixed(camera.moved_rad * 180 / M_PI, 1) +
                               " degrees from where it was told; its stamps are " +
                               fixed(1e3 * solved->time.shift_s, 2) + " ms early",

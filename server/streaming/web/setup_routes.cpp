@@ -49,6 +49,17 @@ HttpResponse state_of(const SetupDesk& setup) {
   return response;
 }
 
+HttpResponse sheet_of(const HttpRequest& request, const SetupDesk& setup) {
+  auto order = query_of(request.target);
+  if (!order) return plain_response(400, "expected ?key=value&key=value\n");
+  auto pdf = setup.sheet(std::move(*order));
+  if (!pdf) return plain_response(400, pdf.error().text() + "\n");
+  HttpResponse response;
+  response.content_type = "application/pdf";
+  response.content.plain = std::make_shared<const std::string>(std::move(*pdf));
+  return response;
+}
+
 HttpResponse obey(const HttpRequest& request, std::string_view what, SetupDesk& setup) {
   if (request.setup != "1")
     return plain_response(403, "commands come from the page itself: expected X-Fiducap-Setup: 1\n");
@@ -93,6 +104,7 @@ HttpResponse answer_setup(const HttpRequest& request, SetupDesk* setup, bool is_
   if (request.method == "POST") return obey(request, what, *setup);
   if (request.method != "GET") return plain_response(405, "expected GET or POST\n");
   if (what == "picture") return picture_of(*setup);
+  if (what == "sheet") return sheet_of(request, *setup);
   return what.empty() ? state_of(*setup) : plain_response(404, "nothing here\n");
 }
 

@@ -13,7 +13,8 @@ namespace fiducap::web {
 /// `/api/v1/setup` and all below it.
 [[nodiscard]] bool is_setup(std::string_view path);
 
-/// GET of the state and of `/picture`; POST of a command, `/NAME?key=value&…`, without a body.
+/// GET of the state, of `/picture` and of `/sheet?…`; POST of a command, `/NAME?key=value&…`,
+/// without a body.
 /// @param setup    nullptr: no set-up goes on
 /// @param is_here  somebody at this machine asks, and for nobody else
 [[nodiscard]] HttpResponse answer_setup(const HttpRequest& request, SetupDesk* setup, bool is_here);

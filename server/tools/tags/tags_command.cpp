@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/whole_file.hpp"
+#include "detection/sheet/tag_sheet.hpp"
 #include "detection/tag_family_list.hpp"
-#include "tools/tags/tag_sheet.hpp"
 
 namespace fiducap {
 

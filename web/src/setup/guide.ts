@@ -70,6 +70,7 @@ export class Guide {
 
   onBodies(bodies: BodyFrame[]): void {
     this.bodies = bodies;
+    this.goOnUnlocked();
     this.show();
   }
 
@@ -116,6 +117,11 @@ export class Guide {
     document.body.classList.remove('guided');
   }
 
+  /** What the token was asked for is done as soon as it is there. */
+  private goOnUnlocked(): void {
+    if (this.needsToken && this.page.commands.isUnlocked) this.press();
+  }
+
   private show(): void {
     const step = this.step();
     const { title, todo, primary } = GUIDE_WORDS[step];
@@ -139,7 +145,6 @@ export class Guide {
       return movingWords(this.tags, this.bodies, nameOf);
     }
     if (step === 'done' || !this.needsToken) return '';
-    if (this.page.commands.isUnlocked) return 'Unlocked. Press the button once more.';
     const file = tokenFile(this.half.file);
     return `Type the operator’s token into the field on this page. It stands in ${file}.`;
   }

@@ -19,7 +19,10 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   },
   align: {
     title: 'Where is up, where is the origin?',
-    todo: 'Give the places of three tags or more that you measured, or keep it as it is.',
+    todo:
+      'Up is known by gravity. The origin of what is streamed is the first tag, or what ' +
+      'map.reference_tag says. Measured places of three tags or more tell stored and exported ' +
+      'maps where your room lies.',
     primary: 'Align…',
   },
   done: {

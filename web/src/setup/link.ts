@@ -1,7 +1,7 @@
 import { parseSetup, type SetupState } from './protocol';
 
 const LOOK_MS = 250;
-// At most six a second, whatever the network does.
+// With pictures: six a second at most, whatever the network does.
 const PICTURE_MS = 170;
 const PATIENCE_MS = 8000;
 
@@ -33,7 +33,6 @@ export class SetupLink {
   private answeredAt = performance.now();
   private isStopped = false;
   private wantsPictures = false;
-  private pictureAsked = 0;
   private states = 0;
   /** The newest answer was not understood. */
   private isStrange = false;
@@ -47,7 +46,6 @@ export class SetupLink {
 
   start(): void {
     void this.look();
-    void this.lookAtPictures();
   }
 
   stop(): void {
@@ -101,18 +99,27 @@ export class SetupLink {
   private async look(): Promise<void> {
     while (!this.isStopped) {
       const askedAt = performance.now();
+      const period = this.wantsPictures ? PICTURE_MS : LOOK_MS;
       if (!document.hidden) await this.lookOnce();
-      await pause(LOOK_MS - (performance.now() - askedAt));
+      await pause(period - (performance.now() - askedAt));
     }
   }
 
+  /** The picture is asked for together with the state, whose outlines lie over it. */
   private async lookOnce(): Promise<void> {
+    const coming = this.wantsPictures ? this.lookAtPicture() : null;
     const answer = await this.ask('api/v1/setup');
+    const picture = await coming;
     if (this.isStopped) return;
+    if (picture) this.listener.picture(picture);
     if (answer?.status === 404) return this.listener.over();
     const json = answer?.ok ? await answer.text().catch(() => null) : null;
     if (json === null) return this.listener.silent(performance.now() - this.answeredAt);
     this.answeredAt = performance.now();
+    this.read(json);
+  }
+
+  private read(json: string): void {
     try {
       this.newest = parseSetup(json);
       if (this.isStrange) this.listener.refused('');
@@ -128,21 +135,11 @@ export class SetupLink {
     for (const wake of this.waiting.splice(0)) wake();
   }
 
-  private async lookAtPictures(): Promise<void> {
-    while (!this.isStopped) {
-      this.pictureAsked = performance.now();
-      if (this.wantsPictures && !document.hidden) await this.lookAtPicture();
-      await pause(PICTURE_MS - (performance.now() - this.pictureAsked));
-    }
-  }
-
-  private async lookAtPicture(): Promise<void> {
+  private async lookAtPicture(): Promise<ImageBitmap | null> {
     const answer = await this.ask('api/v1/setup/picture');
-    if (!answer?.ok || this.isStopped) return;
-    const jpeg = await answer.blob().catch(() => null);
+    const jpeg = answer?.ok ? await answer.blob().catch(() => null) : null;
     // Half a picture is none; the next one comes soon.
-    const bitmap = jpeg ? await createImageBitmap(jpeg).catch(() => null) : null;
-    if (bitmap) this.listener.picture(bitmap);
+    return jpeg ? createImageBitmap(jpeg).catch(() => null) : null;
   }
 
   private async ask(path: string, options: RequestInit = {}): Promise<Response | null> {

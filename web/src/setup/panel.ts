@@ -38,7 +38,9 @@ const LATE_MS = 30_000;
 /** The set-up, over the whole page: steps, picture, what is asked, and one large button. */
 export class SetupPanel {
   private readonly root = element('div', 'setup');
-  private readonly progress = element('p', 'setup-progress');
+  private readonly progress = element('span');
+  /** Where the list is only a row of bars. */
+  private readonly progressName = element('span', 'step-now');
   private readonly list = element('ol', 'setup-steps');
   private readonly title = element('h2', 'setup-title');
   private readonly todo = element('p', 'setup-todo');
@@ -55,6 +57,8 @@ export class SetupPanel {
   private readonly go = button('Next', '', () => this.press());
   private readonly link: SetupLink;
   private readonly summaries = new Map<StepName, string>();
+  /** Of all steps that were reached: who comes back finds what was typed. */
+  private readonly views = new Map<StepName, StepView>();
   private view: StepView | null = null;
   private shownStep: StepName | null = null;
   private newest: SetupState | null = null;
@@ -97,7 +101,9 @@ export class SetupPanel {
     this.go.classList.add('primary');
     const nav = element('nav', 'setup-side');
     nav.setAttribute('aria-label', 'Steps of the set-up');
-    nav.append(element('h1', '', 'Fiducap set-up'), this.progress, this.list);
+    const progress = element('p', 'setup-progress');
+    progress.append(this.progress, this.progressName);
+    nav.append(element('h1', '', 'Fiducap set-up'), progress, this.list);
     this.figure.append(this.canvas, this.facts);
     const work = element('div', 'setup-work');
     work.append(this.figure, this.place);
@@ -129,17 +135,24 @@ export class SetupPanel {
     const hint = state.written ? RESTARTING : (this.view?.hint(state) ?? '');
     setText(this.hint, hint);
     this.hint.hidden = hint === '';
-    this.hint.dataset.tone = state.verdict && !state.written ? judge(state.verdict).tone : '';
+    this.hint.dataset.tone = this.tone(state);
     this.speak(hint);
     setText(this.facts, pictureFacts(state));
     this.draw();
     this.showButtons();
   }
 
+  private tone(state: SetupState): string {
+    if (state.written) return '';
+    if (this.view?.tone) return this.view.tone(state);
+    return state.verdict ? judge(state.verdict).tone : '';
+  }
+
   private changeStep(state: SetupState): void {
     const isFirst = this.shownStep === null;
     this.shownStep = state.step;
-    this.view = VIEWS[state.step](this.desk);
+    this.view = this.views.get(state.step) ?? VIEWS[state.step](this.desk);
+    this.views.set(state.step, this.view);
     this.place.replaceChildren(this.view.root);
     this.root.dataset.step = state.step;
     const { title, todo } = STEP_WORDS[state.step];
@@ -153,7 +166,8 @@ export class SetupPanel {
 
   private showSteps(state: SetupState): void {
     const steps = listSteps(state);
-    setText(this.progress, `${progressWords(state)} · ${STEP_WORDS[state.step].short}`);
+    setText(this.progress, progressWords(state));
+    setText(this.progressName, ` · ${STEP_WORDS[state.step].short}`);
     if (this.list.childElementCount !== steps.length)
       this.list.replaceChildren(...steps.map(() => stepItem()));
     steps.forEach(({ name, mark }, i) => {
@@ -219,10 +233,10 @@ export class SetupPanel {
     this.showButtons();
   }
 
+  /** Drawn with the state that comes with it. */
   private showPicture(bitmap: ImageBitmap): void {
     this.bitmap?.close();
     this.bitmap = bitmap;
-    this.draw();
   }
 
   private draw(): void {

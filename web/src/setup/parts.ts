@@ -14,11 +14,15 @@ export interface Primary {
   commands(): SetupCommand[] | string;
 }
 
+export type Tone = 'good' | 'warn' | 'bad';
+
 /** What is asked and shown beside the picture in one step. */
 export interface StepView {
   readonly root: HTMLElement;
   /** What a person shall do now, in large type; empty: what the step is for says it. */
   hint(state: SetupState): string;
+  /** Of the hint; without it that of the verdict. */
+  tone?(state: SetupState): Tone;
   update(state: SetupState): void;
   primary(state: SetupState): Primary;
 }
@@ -98,7 +102,7 @@ export class Progress {
 }
 
 export interface JudgedStep {
-  tone: 'good' | 'warn' | 'bad';
+  tone: Tone;
   words: string;
 }
 
@@ -146,12 +150,12 @@ export class VerdictBox {
   }
 }
 
-/** Of a step that ends with a verdict. */
-export function afterVerdict({ verdict, solving }: SetupState): Primary {
+/** Of a step that ends with a verdict. @param before  it: what going on is called */
+export function afterVerdict({ verdict, solving }: SetupState, before = 'Next'): Primary {
   if (solving) return next('Working it out …', false, 'The server is working it out.');
   // It may not be used: going on is not offered.
   if (verdict?.refused)
     return { words: 'Do it again', ready: true, blocked: '', commands: () => [AGAIN] };
-  if (!verdict) return next('Next', false);
+  if (!verdict) return next(before, false);
   return verdict.good ? next() : next('Take it and go on');
 }

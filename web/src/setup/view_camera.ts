@@ -4,7 +4,7 @@ import { fixed } from '../format';
 import { button } from '../map_commands';
 import { drawHistogram } from '../view_canvas';
 import { column, labelled, next, numberInput, textInput, type Desk, type Primary } from './parts';
-import type { StepView } from './parts';
+import type { StepView, Tone } from './parts';
 import type { CameraFound, SetupState } from './protocol';
 import { plainNumber, typedNumber } from './words';
 
@@ -31,7 +31,7 @@ export class CameraView implements StepView {
   }
 
   hint(state: SetupState): string {
-    if (!state.camera) return 'Choose a camera.';
+    if (!state.camera) return ''; // the title says it
     return state.picture ? 'Is this the picture of the robot’s camera?' : 'Opening the camera …';
   }
 
@@ -114,7 +114,6 @@ export class PictureView implements StepView {
   private readonly fault = element('p', 'fault');
   private readonly measures = element('dl', 'facts-list');
   private readonly histogram = element('canvas', 'histogram');
-  private readonly verdict = element('p', 'large-verdict');
 
   constructor(private readonly desk: Desk) {
     this.fault.setAttribute('role', 'alert');
@@ -131,12 +130,16 @@ export class PictureView implements StepView {
       this.send(typedNumber(this.exposure.value));
     });
     this.root = column(
-      this.verdict, this.setter, this.fixedExposure, this.fault, this.histogram, this.measures,
+      this.setter, this.fixedExposure, this.fault, this.histogram, this.measures,
     );
   }
 
-  hint(): string {
-    return '';
+  hint({ picture }: SetupState): string {
+    return picture?.verdict ?? '';
+  }
+
+  tone({ picture }: SetupState): Tone {
+    return picture?.good ? 'good' : 'warn';
   }
 
   update({ camera, picture }: SetupState): void {
@@ -146,8 +149,6 @@ export class PictureView implements StepView {
     if (exposure !== null && document.activeElement !== this.exposure)
       this.exposure.value = plainNumber(exposure);
     if (!picture) return;
-    setText(this.verdict, picture.verdict);
-    this.verdict.dataset.tone = picture.good ? 'good' : 'warn';
     drawHistogram(this.histogram, picture.histogram);
     const bright = `${fixed(100 * picture.brightShare, 0)} %`;
     const dark = `${fixed(100 * picture.darkShare, 0)} %`;
@@ -155,7 +156,7 @@ export class PictureView implements StepView {
     const pixels = (px: number | null): string =>
       px === null ? 'no tag seen' : `${fixed(px, 1)} px`;
     this.showMeasures([
-      ['Edges are wide', pixels(picture.focusPx)],
+      ['Blur of edges', pixels(picture.focusPx)],
       ['Smeared by motion', pixels(picture.motionPx)],
       ['Too bright', bright],
       ['Too dark', dark],

@@ -17,14 +17,17 @@ export class LensView implements StepView {
   readonly root: HTMLElement;
   private readonly covered = new Progress('Image covered');
   private readonly counts = element('p', 'counts');
+  private readonly legend = element('p', 'field-why');
+  private readonly skip = button('Go on without calibrating…', 'Take a usual lens', () => {
+    void this.guess();
+  });
   private readonly verdict = new VerdictBox();
 
   constructor(private readonly desk: Desk) {
-    const legend = element('p', 'field-why');
-    setText(legend, 'Green with a tick: covered. Amber: show it there once more.');
-    const skip = (): void => void this.guess();
-    const guess = button('Go on without calibrating…', 'Take a usual lens', skip);
-    this.root = column(this.verdict.root, this.covered.root, this.counts, legend, guess);
+    setText(this.legend, 'Green with a tick: covered. Amber: show it there once more.');
+    this.root = column(
+      this.verdict.root, this.covered.root, this.counts, this.legend, this.skip,
+    );
   }
 
   hint(state: SetupState): string {
@@ -37,6 +40,9 @@ export class LensView implements StepView {
     const [views, tilted] = [lens?.views ?? 0, lens?.tilted ?? 0];
     setText(this.counts, `${plural(views, 'view', 'views')} taken, ${tilted} of them tilted`);
     this.verdict.show(verdict);
+    this.legend.hidden = verdict?.good === true;
+    // A lens that was measured is better than any guess.
+    this.skip.hidden = verdict !== null && !verdict.refused;
   }
 
   primary(state: SetupState): Primary {
@@ -74,7 +80,7 @@ export class RestView implements StepView {
   }
 
   primary(state: SetupState): Primary {
-    return afterVerdict(state);
+    return afterVerdict(state, 'Go on without measuring');
   }
 }
 
@@ -107,6 +113,6 @@ export class WaveView implements StepView {
   }
 
   primary(state: SetupState): Primary {
-    return afterVerdict(state);
+    return afterVerdict(state, 'Go on without waving');
   }
 }

@@ -1,5 +1,6 @@
 // What is measured with a ruler: tags, and where the camera sits.
 import { element, setText } from '../dom';
+import { button } from '../map_commands';
 import {
   choice, column, labelled, NEXT, numberInput, type Desk, type Primary, type StepView,
 } from './parts';
@@ -8,6 +9,8 @@ import { isSimulated, plainNumber, printCommand, typedNumber } from './words';
 
 const SIMULATED_MM = 400;
 const RULER_MM = 100;
+// Where its camera sits, as somebody with a ruler would say: the rest is for waving to find out.
+const SIMULATED_MOUNT_M = ['0.1', '0', '-0.02'] as const;
 const DIRECTIONS = ['forward', 'back', 'left', 'right', 'up', 'down'] as const;
 
 export class SheetView implements StepView {
@@ -15,45 +18,48 @@ export class SheetView implements StepView {
   private readonly family = choice([]);
   private readonly size = numberInput('160');
   private readonly ruler = numberInput(String(RULER_MM));
-  private readonly print = element('div');
+  private readonly paper = choice([['a4', 'A4'], ['letter', 'Letter'], ['a3', 'A3']]);
+  private readonly print = element('div', 'controls');
+  private readonly fault = element('p', 'fault');
   private readonly command = element('code', 'command');
-  private readonly simulated = element('p', 'note-box');
-  private isFilled = false;
+  /** Which robot the fields were filled for; null: for none yet. */
+  private filledFor: 'simulated' | 'real' | null = null;
 
   constructor(desk: Desk) {
-    setText(
-      this.simulated,
-      `The tags of the simulated robot have edges of ${SIMULATED_MM} mm. Nothing is to be printed.`,
-    );
-    this.print.append(element('p', 'field-why', 'This prints twelve tags, one on each page:'));
-    this.print.append(this.command);
-    for (const input of [this.family, this.size])
+    this.fault.setAttribute('role', 'alert');
+    const row = element('div', 'field-row sheet-order');
+    const get = button('Download the sheets', 'Twelve tags, PDF', () => void this.download());
+    row.append(labelled('Paper', this.paper), get);
+    const other = element('p', 'field-why', 'On the command line: ');
+    other.append(this.command);
+    this.print.append(row, this.fault, other);
+    for (const input of [this.family, this.size, this.paper])
       input.addEventListener('input', () => {
         this.showCommand();
         desk.changed();
       });
     this.root = column(
-      this.simulated,
-      this.print,
       labelled('Family of the tags', this.family, 'Other prints exist already? Choose theirs.'),
       labelled('Edge of the black square, mm', this.size, 'As the sheet says, not as measured.'),
+      this.print,
       labelled('The printed ruler of 100 mm measures, mm', this.ruler,
         'Printers scale. Measure the ruler at the border of the sheet; leave 100 without one.'),
     );
   }
 
   hint(state: SetupState): string {
-    return isSimulated(state) ? `The simulated tags are ${SIMULATED_MM} mm.` : '';
+    if (!isSimulated(state)) return '';
+    return `Nothing to print: the simulated robot sees tags with edges of ${SIMULATED_MM} mm.`;
   }
 
   update(state: SetupState): void {
     const simulated = isSimulated(state);
-    this.simulated.hidden = !simulated;
     this.print.hidden = simulated;
-    if (this.isFilled) return;
-    this.isFilled = true;
+    const robot = simulated ? 'simulated' : 'real';
+    if (this.filledFor === robot) return;
+    this.filledFor = robot;
     const { family, families, sizeMm } = state.sheet;
-    for (const name of families) this.family.add(new Option(name, name));
+    this.family.replaceChildren(...families.map((name) => new Option(name, name)));
     this.family.value = family;
     this.size.value = simulated ? String(SIMULATED_MM) : plainNumber(sizeMm);
     this.showCommand();
@@ -79,9 +85,22 @@ export class SheetView implements StepView {
     return [{ name: 'sheet', values }, NEXT];
   }
 
+  /** Twelve tags, PDF, or why there are none. */
+  private async download(): Promise<void> {
+    const order = { family: this.family.value, paper: this.paper.value };
+    const size_mm = plainNumber(typedNumber(this.size.value) ?? 0);
+    const query = new URLSearchParams({ ...order, size_mm }).toString();
+    const url = new URL(`api/v1/setup/sheet?${query}`, document.baseURI);
+    const answer = await fetch(url, { cache: 'no-store' }).catch(() => null);
+    if (answer?.ok) return save(await answer.blob(), 'tags.pdf');
+    setText(this.fault, (await answer?.text())?.trim() ?? 'The server did not answer.');
+  }
+
   private showCommand(): void {
+    setText(this.fault, '');
     const size = typedNumber(this.size.value);
-    setText(this.command, printCommand(this.family.value, plainNumber(size ?? 160)));
+    const { family, paper } = this;
+    setText(this.command, printCommand(family.value, plainNumber(size ?? 160), paper.value));
   }
 }
 
@@ -90,6 +109,7 @@ export class MountView implements StepView {
   private readonly looks = choice(DIRECTIONS.map((name) => [name, name] as const));
   private readonly places = (['x', 'y', 'z'] as const).map(() => numberInput('0'));
   private readonly precision = element('p', 'note-box');
+  private isOfSimulated = false;
 
   constructor() {
     const row = element('div', 'field-row');
@@ -103,11 +123,13 @@ export class MountView implements StepView {
     );
   }
 
-  hint(): string {
-    return '';
+  hint(state: SetupState): string {
+    if (!isSimulated(state)) return '';
+    return 'The simulated robot is measured already. Go on.';
   }
 
   update(state: SetupState): void {
+    if (isSimulated(state) !== this.isOfSimulated) this.fill(isSimulated(state));
     const isLearned = state.steps.some((one) => one.name === 'wave' && !one.leftOut);
     setText(
       this.precision,
@@ -119,6 +141,14 @@ export class MountView implements StepView {
 
   primary(): Primary {
     return { words: 'It sits there', ready: true, blocked: '', commands: () => this.commands() };
+  }
+
+  /** What was typed for another robot is void. */
+  private fill(simulated: boolean): void {
+    this.isOfSimulated = simulated;
+    this.looks.value = 'forward';
+    const values = simulated ? SIMULATED_MOUNT_M : ['0', '0', '0'];
+    this.places.forEach((input, i) => (input.value = values[i] ?? '0'));
   }
 
   private commands(): ReturnType<Primary['commands']> {
@@ -133,4 +163,12 @@ export class MountView implements StepView {
     values.looks = this.looks.value;
     return [{ name: 'mount', values }, NEXT];
   }
+}
+
+function save(content: Blob, name: string): void {
+  const link = element('a');
+  link.href = URL.createObjectURL(content);
+  link.download = name;
+  link.click();
+  URL.revokeObjectURL(link.href);
 }

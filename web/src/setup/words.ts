@@ -90,6 +90,10 @@ export function doneWords(state: SetupState, name: StepName, remembered: string)
     case 'imu':
       if (!state.imu) return remembered;
       return state.imu.used ? `${fixed(state.imu.rateHz, 0)} samples a second` : 'None';
+    // Their figures are long, and stand in the configuration.
+    case 'rest':
+    case 'wave':
+      return remembered === '' ? 'passed' : 'measured';
     default:
       return remembered;
   }
@@ -130,9 +134,10 @@ export function plainNumber(value: number): string {
 }
 
 /** What prints the sheets. */
-export function printCommand(family: string, sizeMm: string): string {
+export function printCommand(family: string, sizeMm: string, paper: string): string {
   const other = family === 'tag36h11' ? '' : ` --family ${family}`;
-  return `fiducap tags sheet --ids 0-11 --size-mm ${sizeMm}${other} --out tags.pdf`;
+  const on = paper === 'a4' ? '' : ` --paper ${paper}`;
+  return `fiducap tags sheet --ids 0-11 --size-mm ${sizeMm}${other}${on} --out tags.pdf`;
 }
 
 /** What is typed as a number, also with a comma. @returns null: it is none */

@@ -18,6 +18,11 @@ class NotedSetup final : public SetupDesk {
     return {};
   }
 
+  Expected<std::string> sheet(std::map<std::string, std::string> order) const override {
+    if (order["paper"] != "a4") return fail(ErrorCode::kInvalid, "must be a4", "paper");
+    return "%PDF of " + order["family"];
+  }
+
   std::shared_ptr<const std::string> shown;
   std::string said;
   std::map<std::string, std::string> with;
@@ -41,6 +46,17 @@ TEST_F(SetupRoutesTest, ShowsStateAndPicture) {
   desk_.shown = std::make_shared<const std::string>("jpeg");
   EXPECT_EQ(ask("GET", "/api/v1/setup/picture").content_type, "image/jpeg");
   EXPECT_EQ(ask("GET", "/api/v1/setup/else").status, 404);
+}
+
+TEST_F(SetupRoutesTest, ServesTheSheetThatIsAskedForOrSaysWhyNot) {
+  const auto sheet = ask("GET", "/api/v1/setup/sheet?family=tag36h11&paper=a4");
+  EXPECT_EQ(sheet.content_type, "application/pdf");
+  EXPECT_EQ(*sheet.body(), "%PDF of tag36h11");
+  const auto refused = ask("GET", "/api/v1/setup/sheet?paper=a9");
+  EXPECT_EQ(refused.status, 400);
+  EXPECT_EQ(*refused.body(), "paper: must be a4\n");
+  EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper").status, 400);
+  EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper=a4", "1", false).status, 403);
 }
 
 TEST_F(SetupRoutesTest, TakesCommandsWithTheirValues) {

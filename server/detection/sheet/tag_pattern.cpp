@@ -1,4 +1,4 @@
-#include "tools/tags/tag_pattern.hpp"
+#include "detection/sheet/tag_pattern.hpp"
 
 #include "detection/tag_family.hpp"
 

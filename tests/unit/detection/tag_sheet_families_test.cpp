@@ -8,10 +8,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "base/whole_file.hpp"
+#include "detection/sheet/tag_sheet.hpp"
 #include "detection/tag_detector.hpp"
 #include "detection/tag_family.hpp"
 #include "support/temporary_folder.hpp"
-#include "tools/tags/tag_sheet.hpp"
 
 namespace fiducap {
 namespace {

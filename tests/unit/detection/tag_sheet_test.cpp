@@ -1,4 +1,4 @@
-#include "tools/tags/tag_sheet.hpp"
+#include "detection/sheet/tag_sheet.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/tags/pdf_document.hpp"
+#include "detection/sheet/pdf_document.hpp"
 
 #include <array>
 #include <charconv>

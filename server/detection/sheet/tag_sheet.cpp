@@ -1,4 +1,4 @@
-#include "tools/tags/tag_sheet.hpp"
+#include "detection/sheet/tag_sheet.hpp"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <set>
 
-#include "tools/tags/pdf_document.hpp"
-#include "tools/tags/tag_pattern.hpp"
+#include "detection/sheet/pdf_document.hpp"
+#include "detection/sheet/tag_pattern.hpp"
 
 namespace fiducap {
 namespace {
@@ -62,8 +62,7 @@ Expected<Layout> lay_out(const TagSheetOrder& order, const TagPattern& pattern) 
   const double largest = std::floor(std::min(width, height - kLabel_mm) / zones_per_size);
   return fail(ErrorCode::kInvalid, "a tag of " + number(order.size_mm) + " mm does not fit on " +
                                        order.paper.name + " with its white zone; up to " +
-                                       number(largest) +
-                                       " mm do, or take larger paper (--paper a3)");
+                                       number(largest) + " mm do, or take larger paper (a3)");
 }
 
 /// One rectangle per run of black modules in a row.
