@@ -19,6 +19,7 @@ import bisect
 import json
 import math
 import pathlib
+import shutil
 import socket
 import subprocess
 import sys
@@ -294,9 +295,11 @@ def print_steps(result):
 
 
 def main():
-    here = pathlib.Path(__file__).resolve().parents[3]
+    built = pathlib.Path(__file__).resolve().parents[3] / "build/release/bin"
+    installed = pathlib.Path(shutil.which("fiducapd") or "fiducapd").parent
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--programs", type=pathlib.Path, default=here / "build/release/bin",
+    parser.add_argument("--programs", type=pathlib.Path,
+                        default=built if built.exists() else installed,
                         help="folder of fiducapd and fiducap")
     parser.add_argument("--sizes", type=float, nargs="+", default=[0.08, 0.16, 0.3],
                         help="edges of the black square, m")
