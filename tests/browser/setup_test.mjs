@@ -244,7 +244,7 @@ step('the configuration is read and written, and the server starts with it', asy
 
 step('the normal page leads on: past all tags', async () => {
   await title('Move the robot past all tags');
-  await waitForText('.guide-status', /3 tags in the map · robot: tracking/);
+  await waitForText('.guide-status', /3 tags in the map, no new one for 1\d s · robot: tracking/);
   await look('a-move');
   await press('All tags are there');
 });

@@ -194,6 +194,8 @@ export class Scene3D {
     fitSprites(this.scene, this.rig.camera, this.height);
     for (const body of this.bodies.values()) body.trail.resize(this.width, this.height);
     if (!this.rig.touched && !this.rig.following) this.rig.show(this.landmarks(), 'oblique', null);
+    // Another size empties the canvas: it would be blank until the next drawing.
+    this.renderer.render(this.scene, this.rig.camera);
     this.draw();
   }
 

@@ -47,11 +47,13 @@ describe('the picture', () => {
 describe('the second half', () => {
   it('tells how the map grows', () => {
     const bodies = [{ id: 1, state: 'tracking' as const }];
-    expect(movingWords(12, bodies, () => 'robot')).toBe('12 tags in the map · robot: tracking');
-    expect(movingWords(1, [], () => '')).toBe('1 tag in the map');
-    expect(isMapped(12, bodies)).toBe(true);
-    expect(isMapped(0, bodies)).toBe(false);
-    expect(isMapped(12, [{ state: 'lost' }])).toBe(false);
+    expect(movingWords(12, 2, bodies, () => 'robot')).toBe('12 tags in the map · robot: tracking');
+    expect(movingWords(1, 14.7, [], () => '')).toBe('1 tag in the map, no new one for 14 s');
+    expect(movingWords(0, 14, [], () => '')).toBe('0 tags in the map');
+    expect(isMapped(12, 12, bodies)).toBe(true);
+    expect(isMapped(12, 2, bodies)).toBe(false);
+    expect(isMapped(0, 12, bodies)).toBe(false);
+    expect(isMapped(12, 12, [{ state: 'lost' }])).toBe(false);
   });
 
   it('finds where clients connect in the server’s log', () => {

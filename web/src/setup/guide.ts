@@ -34,6 +34,7 @@ export class Guide {
   private hello: Hello | null = null;
   private bodies: BodyFrame[] = [];
   private tags = 0;
+  private joinedAt = performance.now();
   private lastEvent: number | null = null;
   private needsToken = false;
   private servedWords = '';
@@ -64,6 +65,7 @@ export class Guide {
   }
 
   onTags(tags: number): void {
+    if (tags > this.tags) this.joinedAt = performance.now();
     this.tags = tags;
     this.show();
   }
@@ -130,7 +132,8 @@ export class Guide {
     setText(this.title, title);
     setText(this.todo, todo);
     setText(this.go, primary);
-    this.go.dataset.ready = String(step !== 'move' || isMapped(this.tags, this.bodies));
+    const isReady = step !== 'move' || isMapped(this.tags, this.quietS(), this.bodies);
+    this.go.dataset.ready = String(isReady);
     this.back.hidden = this.at === 0;
     this.keep.hidden = step !== 'align';
     this.end.hidden = step === 'done';
@@ -138,11 +141,16 @@ export class Guide {
     this.showServed(step === 'done');
   }
 
+  /** Since a tag joined the map. */
+  private quietS(): number {
+    return (performance.now() - this.joinedAt) / 1000;
+  }
+
   private statusWords(step: GuideStep): string {
     if (step === 'move') {
       const nameOf = (id: number): string =>
         this.hello?.bodies.find((body) => body.id === id)?.name ?? `robot ${id}`;
-      return movingWords(this.tags, this.bodies, nameOf);
+      return movingWords(this.tags, this.quietS(), this.bodies, nameOf);
     }
     if (step === 'done' || !this.needsToken) return '';
     const file = tokenFile(this.half.file);

@@ -32,19 +32,27 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   },
 };
 
-/** `12 tags in the map · robot: Tracking` */
+const QUIET_S = 10; // no tag joined for so long: there may be no more
+
+/** `12 tags in the map, no new one for 14 s · robot: tracking` @param quietS  since one joined */
 export function movingWords(
   tags: number,
+  quietS: number,
   bodies: readonly Pick<BodyFrame, 'id' | 'state'>[],
   nameOf: (id: number) => string,
 ): string {
+  const quiet = tags > 0 && quietS >= QUIET_S ? `, no new one for ${Math.floor(quietS)} s` : '';
   const robots = bodies.map(({ id, state }) => `${nameOf(id)}: ${STATE_WORD[state].toLowerCase()}`);
-  return [`${plural(tags, 'tag', 'tags')} in the map`, ...robots].join(' · ');
+  return [`${plural(tags, 'tag', 'tags')} in the map${quiet}`, ...robots].join(' · ');
 }
 
-/** Before it nothing is worth freezing. */
-export function isMapped(tags: number, bodies: readonly Pick<BodyFrame, 'state'>[]): boolean {
-  return tags > 0 && bodies.some(({ state }) => state === 'tracking');
+/** Before it the map is not worth freezing. */
+export function isMapped(
+  tags: number,
+  quietS: number,
+  bodies: readonly Pick<BodyFrame, 'state'>[],
+): boolean {
+  return tags > 0 && quietS >= QUIET_S && bodies.some(({ state }) => state === 'tracking');
 }
 
 export interface Served {

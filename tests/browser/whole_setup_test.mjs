@@ -1,0 +1,247 @@
+// From nothing to a tracked robot, by clicks only: the real server, its simulated robot with a rendered camera, a real
+// browser. Arguments: FIDUCAPD WEB_FOLDER CHROMIUM [SCREENSHOT_FOLDER]; `fiducap` stands beside the server.
+import assert from 'node:assert/strict';
+import { execFile, spawn } from 'node:child_process';
+import { mkdtemp, readFile, rm, stat } from 'node:fs/promises';
+import { createServer } from 'node:net';
+import { tmpdir } from 'node:os';
+import { dirname, join } from 'node:path';
+import { promisify } from 'node:util';
+import { runSteps, shoot, step, watchDrawing, world } from './harness.mjs';
+
+const [SERVER] = process.argv.slice(2);
+const SCREEN = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' };
+// The robot does everything in its own time: half a minute and more for some steps, and the machine may be busy.
+const PATIENCE_MS = 900_000;
+const ROOM_M = [5, 4, 1.5]; // where the map's origin lies in the room, says the tape
+const WATCH_S = '3';
+const LEAST_TRACKED = 0.9; // of the frames: the robot may lose sight of all tags for a moment
+const run = promisify(execFile);
+
+const button = (name) => world.page.getByRole('button', { name, exact: true });
+const press = (name) => button(name).click();
+const title = (words) => world.page.getByRole('heading', { name: words, exact: true }).waitFor();
+
+async function waitForText(selector, words) {
+  await world.page.waitForFunction(
+    ([at, pattern]) => new RegExp(pattern).test(document.querySelector(at)?.textContent ?? ''),
+    [selector, words.source],
+  );
+}
+
+async function look(name) {
+  const { page } = world;
+  await page.waitForTimeout(400); // the newest picture is drawn
+  const [wide, screen] = await page.evaluate(() => [document.documentElement.scrollWidth, window.innerWidth]);
+  assert.ok(wide <= screen, `${name}: ${wide} px on a screen of ${screen} px`);
+  await shoot(page, `whole-${name}`, false);
+}
+
+async function freePorts(number) {
+  const servers = await Promise.all(
+    Array.from({ length: number }, () => new Promise((resolve) => {
+      const one = createServer().listen(0, '127.0.0.1', () => resolve(one));
+    })),
+  );
+  const ports = servers.map((one) => one.address().port);
+  await Promise.all(servers.map((one) => new Promise((resolve) => one.close(resolve))));
+  return ports;
+}
+
+/** As somebody starts it in a terminal; what it says is told when something fails. */
+async function startSetup() {
+  const folder = await mkdtemp(join(tmpdir(), 'fiducap-setup-'));
+  const file = join(folder, 'robot.yaml');
+  const [web, native] = await freePorts(2);
+  const sets = [`web.port=${web}`, `native.port=${native}`, 'vrpn.port=0', 'natnet.port=0', 'natnet.unicast_port=0']
+    .flatMap((one) => ['--set', `streaming.${one}`]);
+  const child = spawn(SERVER, ['--setup', file, '--simulated', ...sets], { stdio: ['ignore', 'pipe', 'pipe'] });
+  const said = [];
+  for (const pipe of [child.stdout, child.stderr]) pipe.on('data', (data) => said.push(String(data)));
+  const ended = new Promise((resolve) => child.once('exit', resolve));
+  world.server = {
+    async stop() {
+      child.kill('SIGTERM');
+      const late = setTimeout(() => child.kill('SIGKILL'), 10_000);
+      const code = await ended;
+      clearTimeout(late);
+      world.server = null;
+      return code;
+    },
+  };
+  Object.assign(world, { folder, file, web, native, sets, said });
+  const isThere = () => /page at/.test(said.join(''));
+  while (!isThere() && child.exitCode === null) await new Promise((resolve) => setTimeout(resolve, 100));
+  assert.ok(isThere(), said.join(''));
+}
+
+async function openPage() {
+  const context = await world.browser.newContext(SCREEN);
+  world.page = await context.newPage();
+  await world.page.addInitScript(watchDrawing, 300);
+  world.page.setDefaultTimeout(PATIENCE_MS);
+  world.faults = [];
+  world.page.on('pageerror', (error) => world.faults.push(String(error)));
+  // While the server changes from one half to the other nobody answers.
+  world.page.on('console', (line) => {
+    if (line.type() === 'error' && !/Failed to load resource|WebSocket/.test(line.text()))
+      world.faults.push(line.text());
+  });
+  world.page.on('websocket', (socket) =>
+    socket.on('framereceived', ({ payload }) => {
+      const message = typeof payload === 'string' ? JSON.parse(payload) : {};
+      if (message.type === 'map') world.tags = message.tags;
+    }),
+  );
+  await world.page.goto(`http://127.0.0.1:${world.web}/`);
+}
+
+/** The three tags that span most floor: as somebody would choose them to be measured. */
+function farApart(tags) {
+  let best = { area: 0, three: [] };
+  for (const a of tags) for (const b of tags) for (const c of tags) {
+    const area = Math.abs((b.p[0] - a.p[0]) * (c.p[1] - a.p[1]) - (c.p[0] - a.p[0]) * (b.p[1] - a.p[1]));
+    if (area > best.area) best = { area, three: [a, b, c] };
+  }
+  return best.three;
+}
+
+/** What a client receives. */
+async function watched() {
+  const { stdout } = await run(join(dirname(SERVER), 'fiducap'), [
+    'watch', '--server', `127.0.0.1:${world.native}`, '--json', '--duration', WATCH_S,
+  ], { maxBuffer: 1 << 26 });
+  return stdout.trim().split('\n').map((line) => JSON.parse(line));
+}
+
+step('a server without a configuration shows the set-up', async () => {
+  await startSetup();
+  await openPage();
+  await title('Choose the camera');
+  assert.ok(await button('Next').isDisabled());
+  await look('01-camera-none');
+});
+
+step('the simulated camera is chosen, and its rendered picture comes', async () => {
+  await world.page.getByRole('button', { name: /simulated robot/ }).click();
+  await waitForText('.setup-facts', /752 × 480/);
+  await look('02-camera');
+  await press('Next');
+});
+
+step('its picture is well exposed and sharp', async () => {
+  await title('Make the picture good');
+  await waitForText('.setup-hint[data-tone=good]', /Well exposed and sharp/);
+  await look('03-picture');
+  await press('Next');
+});
+
+step('its tags are known', async () => {
+  await title('Print tags and measure them');
+  await look('04-sheet');
+  await press('These are my tags');
+});
+
+step('the lens: covered live, ends by itself with a verdict', async () => {
+  await title('Calibrate the lens');
+  await waitForText('.counts', /^([5-9]|\d\d+) views/);
+  assert.ok(!(await world.page.isVisible('.setup-verdict')));
+  await look('05-lens-half');
+  await waitForText('.setup-verdict', /Good/);
+  await look('06-lens-good');
+  await press('Next');
+});
+
+step('the IMU is there and lies still', async () => {
+  await title('Connect the IMU');
+  await look('07-imu');
+  await press('Next');
+  await title('Let the robot lie still');
+  await waitForText('.progress .number', /[1-9]\d %/);
+  await look('08-rest');
+  await waitForText('.setup-verdict', /Good/);
+  await look('09-rest-good');
+  await press('Next');
+});
+
+step('where the camera sits is known of this robot', async () => {
+  await title('Where is the camera on the robot?');
+  assert.equal(await world.page.getByLabel('Forward, m').inputValue(), '0.1');
+  await look('10-mount');
+  await press('It sits there');
+});
+
+step('waved, until camera and clock are known', async () => {
+  await title('Wave the robot');
+  await waitForText('.progress .number', /[2-9]\d %/);
+  await look('11-wave');
+  await world.page.waitForSelector('.setup-verdict:not([hidden])');
+  await look('12-wave-verdict');
+  assert.notEqual(await world.page.getAttribute('.setup-verdict', 'data-verdict'), 'bad');
+  await world.page.click('.setup-bar .primary');
+});
+
+step('the configuration is written, and served by the same process', async () => {
+  await title('Write the configuration');
+  await waitForText('.configuration', /type: simulator/);
+  await look('13-finish');
+  await press('Write it and start');
+  await world.page.waitForSelector('body[data-link=live]');
+  assert.match(await readFile(world.file, 'utf8'), /calibrated by waving/);
+});
+
+step('the robot walks past the tags, and the map grows', async () => {
+  await title('Move the robot past all tags');
+  await look('14-move-begin');
+  await waitForText('.guide-status', /(1[2-9]|2\d) tags in the map.* · robot: tracking/); // of two walls and more
+  await look('15-move');
+  await press('All tags are there');
+});
+
+step('the map is frozen with the token that was written', async () => {
+  await title('Freeze the map');
+  await press('Freeze the map');
+  await waitForText('.guide-status', /robot\.token/);
+  await look('16-token');
+  const tokenFile = join(world.folder, 'robot.token');
+  assert.equal((await stat(tokenFile)).mode & 0o777, 0o600);
+  await world.page.keyboard.type((await readFile(tokenFile, 'utf8')).trim());
+  await world.page.keyboard.press('Enter');
+  await title('Where is up, where is the origin?');
+  await waitForText('#map-line', /frozen/);
+  await look('17-align');
+});
+
+step('the room is told where the map lies, by three measured tags', async () => {
+  await world.page.click('.guide .primary');
+  const used = world.tags.filter((tag) => tag.state !== 'quarantined');
+  const lines = farApart(used).map(({ id, p }) => [id, ...p.map((x, i) => (x + ROOM_M[i]).toFixed(3))].join(' '));
+  await look('18-align-dialog');
+  await world.page.keyboard.type(lines.join('\n'));
+  await look('19-align-typed');
+  await world.page.click('dialog .yes');
+  await title('Done: poses are streamed');
+  await waitForText('.guide-served', new RegExp(`${world.web}`));
+  await look('20-done');
+  assert.deepEqual(world.faults, []);
+});
+
+step('a client receives valid poses of the robot', async () => {
+  await waitForText('#bodies', /Tracking/);
+  const frames = await watched();
+  const robots = frames.map(({ bodies }) => bodies.find((one) => one.name === 'robot'));
+  const tracked = robots.filter((one) => one?.valid).length;
+  console.log(`${tracked} of ${frames.length} frames tracked`);
+  assert.ok(frames.length > 0 && tracked >= LEAST_TRACKED * frames.length);
+  await press('Close');
+  assert.equal(await world.page.locator('.guide').count(), 0);
+  await look('21-closed');
+});
+
+step('the file that was written is one that the server takes', async () => {
+  assert.equal(await world.server.stop(), 0);
+  const { stdout } = await run(SERVER, ['--config', world.file, '--check-config', ...world.sets]);
+  assert.match(stdout, /will run/);
+});
+
+await runSteps().finally(() => world.folder && rm(world.folder, { recursive: true, force: true }));
