@@ -19,8 +19,12 @@ std::string tag_named(int tag_id) { return "tag " + std::to_string(tag_id); }
 }  // namespace
 
 Expected<void> ControlDesk::set_map_mode(MapMode mode) {
-  map_.set_mode(mode);
   const bool is_frozen = mode == MapMode::kFrozen;
+  if (is_frozen && map_.snapshot()->tags.empty())
+    return fail(ErrorCode::kUnavailable,
+                "there is no tag in the map yet: frozen, it would never get one and no body would "
+                "be tracked. Show tags to a robot and wait until they have joined");
+  map_.set_mode(mode);
   tell(is_frozen ? "frozen" : "mapping", is_frozen ? "is frozen" : "grows again");
   return {};
 }

@@ -1,5 +1,10 @@
 #include "daemon/refinement_loop.hpp"
 
+#include <pthread.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <ctime>
 #include <future>
 
 #include "base/this_thread.hpp"
@@ -8,6 +13,56 @@
 #include "streaming/net/guard.hpp"
 
 namespace fiducap {
+
+namespace {
+// A solution that is under way for this long and got less than this share of a core is starved.
+constexpr Duration kLate = std::chrono::seconds(5);
+constexpr double kLeastShare = 0.2;
+// A busy computer does not get idle from one solution to the next.
+constexpr Duration kImpatientFor = std::chrono::minutes(5);
+constexpr auto kLookEvery = std::chrono::seconds(1);
+}  // namespace
+
+/// One solution, under way in a thread of its own, which never holds the map's lock: bodies wait
+/// for that.
+class RefinementLoop::Solving final {
+ public:
+  Solving(MapRefiner& refiner, bool is_patient, const std::stop_token& stop)
+      : is_patient_(is_patient),
+        result_(std::async(std::launch::async,
+                           [this, &refiner, stop] {
+                             name_this_thread("solve");
+                             is_patient_ ? run_patiently() : run_nicely();
+                             clockid_t cpu{};
+                             pthread_getcpuclockid(pthread_self(), &cpu);
+                             begun_.set_value({static_cast<pid_t>(::syscall(SYS_gettid)), cpu});
+                             return refiner.solve_taken(stop);
+                           })),
+        thread_(begun_.get_future().get()) {}
+
+  /// @return whether it is done
+  [[nodiscard]] bool wait() { return result_.wait_for(kLookEvery) == std::future_status::ready; }
+  [[nodiscard]] bool get() { return result_.get(); }
+  [[nodiscard]] Duration cpu_time() const {
+    timespec used{};
+    clock_gettime(thread_.cpu, &used);
+    return std::chrono::seconds(used.tv_sec) + std::chrono::nanoseconds(used.tv_nsec);
+  }
+  void hurry() {
+    if (std::exchange(is_patient_, false)) (void)lose_patience(thread_.number);
+  }
+
+ private:
+  struct Thread {
+    pid_t number;
+    clockid_t cpu;
+  };
+
+  bool is_patient_;
+  std::promise<Thread> begun_;
+  std::future<bool> result_;
+  Thread thread_;
+};
 
 void RefinementLoop::run(std::stop_token stop) {
   Instant next = clock_.now() + period_;
@@ -19,19 +74,38 @@ void RefinementLoop::run(std::stop_token stop) {
           const bool is_solved = solve(stop);
           if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
           if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
+          has_map_ |= is_solved;
         });
     next = std::max(next + period_, clock_.now());
   }
 }
 
-/// Patiently, and therefore in a thread that never holds the map's lock: bodies wait for that.
 bool RefinementLoop::solve(const std::stop_token& stop) {
-  auto solving = std::async(std::launch::async, [this, &stop] {
-    name_this_thread("solve");
-    run_patiently();
-    return refiner_.solve_taken(stop);
-  });
+  const Instant began = clock_.now();
+  Solving solving(refiner_, has_map_ && began >= patient_from_, stop);
+  bool is_late = false;
+  while (!solving.wait()) {
+    const Duration waited = clock_.now() - began;
+    if (is_late || waited < kLate || solving.cpu_time() > kLeastShare * waited) continue;
+    is_late = true;
+    say_whether_late(true);
+    solving.hurry();
+    patient_from_ = clock_.now() + kImpatientFor;
+  }
+  if (!is_late) say_whether_late(false);
   return solving.get();
+}
+
+void RefinementLoop::say_whether_late(bool is_late) {
+  events_.set(is_late,
+              {.severity = Severity::kWarning,
+               .subject = "map",
+               .kind = "map_late",
+               .text = "is brought up to date late: other work leaves it no time. Tags join late, "
+                       "and what has moved is noticed late",
+               .remedy = "End other programs, lower the cameras' rates, or take a computer with "
+                         "more cores"},
+              "is brought up to date in time again");
 }
 
 }  // namespace fiducap

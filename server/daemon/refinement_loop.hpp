@@ -5,30 +5,42 @@
 #include <utility>
 
 #include "base/clock.hpp"
+#include "base/event_board.hpp"
 #include "mapping/map_refiner.hpp"
 
 namespace fiducap {
 
 /// Brings the map up to date every `period_s`, on a thread of its own: a solution takes as long as
 /// it takes, in another thread that runs where nobody else wants to, and no body waits for it. What
-/// is thrown costs a round.
+/// is thrown costs a round. Where nobody leaves it time the map would never grow: that is said
+/// (`map_late`), and it then takes some. So does the first solution, without which there are no
+/// tags.
 class RefinementLoop final {
  public:
   /// @param done  called after each, on that thread
-  RefinementLoop(MapBuilder& map, double period_s, const Clock& clock,
+  RefinementLoop(MapBuilder& map, double period_s, const Clock& clock, EventBoard& events,
                  std::function<void(const RefinementTurn&)> done)
-      : refiner_(map), period_(from_seconds(period_s)), clock_(clock), done_(std::move(done)) {}
+      : refiner_(map),
+        period_(from_seconds(period_s)),
+        clock_(clock),
+        events_(events),
+        done_(std::move(done)) {}
 
   /// Until stopped.
   void run(std::stop_token stop);
 
  private:
+  class Solving;
   [[nodiscard]] bool solve(const std::stop_token& stop);
+  void say_whether_late(bool is_late);
 
   MapRefiner refiner_;
   Duration period_;
   const Clock& clock_;
+  EventBoard& events_;
   std::function<void(const RefinementTurn&)> done_;
+  bool has_map_{false};
+  Instant patient_from_{};  ///< Until then solutions take their time.
 };
 
 }  // namespace fiducap

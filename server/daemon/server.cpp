@@ -125,7 +125,7 @@ Expected<void> Server::Impl::build() {
   }
   map_.emplace(config_.map.builder, std::move(start->map));
   if (config_.map.builder.refine_period_s > 0)
-    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_,
+    refinement_.emplace(*map_, config_.map.builder.refine_period_s, clock_, events_,
                         [this](const RefinementTurn& turn) { recorder_.take_refinement(turn); });
   if (start->store) {
     keeper_.emplace(std::move(*start->store), *map_, config_.map.builder.commit_period_s, clock_,

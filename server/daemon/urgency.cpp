@@ -1,17 +1,27 @@
 #include "daemon/urgency.hpp"
 
 #include <sched.h>
+#include <sys/resource.h>
 
 namespace fiducap {
 
 namespace {
 constexpr int kPriority =
     10;  // any above none will do; lower than the kernel's own interrupt threads (50)
+constexpr int kNice = 10;
 }  // namespace
 
 void run_patiently() {
   const sched_param none{};
   (void)sched_setscheduler(0, SCHED_IDLE, &none);
+}
+
+void run_nicely() { (void)setpriority(PRIO_PROCESS, 0, kNice); }
+
+bool lose_patience(pid_t thread) {
+  const sched_param none{};
+  if (sched_setscheduler(thread, SCHED_OTHER, &none) != 0) return false;
+  return setpriority(PRIO_PROCESS, static_cast<id_t>(thread), kNice) == 0;
 }
 
 bool run_urgently() {

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 namespace fiducap {
 
 /// The calling thread runs before those that only compute, so that a frame does not wait for a
@@ -14,5 +16,11 @@ bool run_urgently();
 /// 10 the bodies' 99 % latency is half as long again while a map is refined, with this it is not.
 /// Where all cores are busy all the time it hardly gets on.
 void run_patiently();
+/// The calling thread makes room for others, but gets on.
+void run_nicely();
+/// As run_nicely() for a thread that runs patiently, of this process.
+/// @param thread  the kernel's number of it
+/// @return false: no right to it (root, CAP_SYS_NICE, RLIMIT_NICE), or it has ended
+bool lose_patience(pid_t thread);
 
 }  // namespace fiducap

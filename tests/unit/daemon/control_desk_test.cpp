@@ -27,6 +27,11 @@ class ControlDeskTest : public testing::Test {
   }
 
   TemporaryFolder folder_;
+  void map_tag(int id) {
+    const TagBelief one = belief(id, 1.0);
+    map_.absorb({.body_id = 1, .beliefs = std::span(&one, 1)}, 1'700'000'000'000'000'000);
+  }
+
   Scene scene_;
   MapBuilder map_;
   FakeClock clock_;
@@ -85,7 +90,15 @@ TEST_F(ControlDeskTest, APivotNeedsARotation) {
   EXPECT_FALSE(desk_.set_pivot(4, X_BP));
 }
 
+TEST_F(ControlDeskTest, AMapWithoutTagsIsNotFrozen) {
+  const auto frozen = desk_.set_map_mode(MapMode::kFrozen);
+  ASSERT_FALSE(frozen);
+  EXPECT_THAT(frozen.error().what, HasSubstr("no tag in the map yet"));
+  EXPECT_EQ(map_.mode(), MapMode::kMapping);
+}
+
 TEST_F(ControlDeskTest, TheMapIsFrozenAndStoredOnRequest) {
+  map_tag(9);
   EXPECT_TRUE(desk_.set_map_mode(MapMode::kFrozen));
   EXPECT_EQ(map_.mode(), MapMode::kFrozen);
   EXPECT_TRUE(desk_.change_map(CommitVersion{"as it was"}));
@@ -112,6 +125,7 @@ TEST_F(ControlDeskTest, WhatCannotBeDoneToTheMapIsRefusedAtOnce) {
   EXPECT_THAT(why(QuarantineTag{3}), HasSubstr("has no tag 3"));
   EXPECT_THAT(why(ForgetTag{3}), HasSubstr("has no tag 3"));
   EXPECT_THAT(why(AlignMap{{{3, Eigen::Vector3d::Zero()}}}), HasSubstr("tag 3 is not in version"));
+  map_tag(9);
   ASSERT_TRUE(desk_.set_map_mode(MapMode::kFrozen));
   EXPECT_THAT(why(RollBack{7}), HasSubstr("the map is frozen"));
 }

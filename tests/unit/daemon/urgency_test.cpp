@@ -1,7 +1,11 @@
 #include "daemon/urgency.hpp"
 
 #include <sched.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <future>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -24,6 +28,30 @@ TEST(Urgency, PatienceIsThisThreadsAlone) {
     EXPECT_EQ(sched_getscheduler(0), SCHED_IDLE);
   }).join();
   EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
+}
+
+TEST(Urgency, PatienceIsLostOnlyByWhoHasTheRight) {
+  std::promise<pid_t> number;
+  std::promise<void> done;
+  std::jthread patient([&] {
+    run_patiently();
+    number.set_value(static_cast<pid_t>(::syscall(SYS_gettid)));
+    done.get_future().wait();
+  });
+  const pid_t thread = number.get_future().get();
+  const bool lost = lose_patience(thread);
+  EXPECT_EQ(sched_getscheduler(thread), lost ? SCHED_OTHER : SCHED_IDLE);
+  done.set_value();
+  patient.join();
+  EXPECT_FALSE(lose_patience(thread)) << "it has ended";
+}
+
+TEST(Urgency, NicenessIsThisThreadsAlone) {
+  std::thread([] {
+    run_nicely();
+    EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
+    EXPECT_GE(getpriority(PRIO_PROCESS, 0), 10);
+  }).join();
 }
 
 }  // namespace

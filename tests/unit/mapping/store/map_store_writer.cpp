@@ -83,7 +83,7 @@ int refines(const std::string& path) {
     return std::vector<LearnedBody>{{"robot", {camera}}};
   };
   MapKeeper keeper(std::move(*store), map, kPeriod_s, clock, events, learned);
-  RefinementLoop refinement(map, kPeriod_s, clock, [](const RefinementTurn&) {});
+  RefinementLoop refinement(map, kPeriod_s, clock, events, [](const RefinementTurn&) {});
   const std::jthread refining([&](const std::stop_token& stop) { refinement.run(stop); });
   const std::jthread keeping([&](const std::stop_token& stop) { keeper.run(stop); });
   std::int64_t told = map.snapshot()->version;
