@@ -136,6 +136,16 @@ step('its picture is well exposed and sharp', async () => {
   await press('Next');
 });
 
+step('sheets to print are those of the command line', async () => {
+  const file = join(world.folder, 'tags.pdf');
+  const order = ['--ids', '0-11', '--family', 'tag25h9', '--size-mm', '120', '--paper', 'letter', '--out', file];
+  await run(join(dirname(SERVER), 'fiducap'), ['tags', 'sheet', ...order]);
+  const query = 'family=tag25h9&size_mm=120&paper=letter';
+  const served = await world.page.request.get(`http://127.0.0.1:${world.web}/api/v1/setup/sheet?${query}`);
+  assert.equal(served.headers()['content-type'], 'application/pdf');
+  assert.deepEqual(await served.body(), await readFile(file));
+});
+
 step('its tags are known', async () => {
   await title('Print tags and measure them');
   await look('04-sheet');
