@@ -13,8 +13,7 @@ struct SetupResult {
   TagSetConfig tags;
   /// Its source (none: `simulated` gives the images), and lens and place as far as they are known.
   CameraConfig camera;
-  std::string
-      lens_from;  ///< For a comment, e.g. `31 views, corners fit to 0.21 px`; empty: a guess.
+  std::string lens_from;   ///< For a comment, e.g. `31 views, fit to 0.21 px`; empty: a guess.
   std::string mount_from;  ///< The same of where the camera sits and of its clock.
   std::optional<simulation::SimulatedBodyConfig> simulated;  ///< Camera and IMU in one.
   simulation::RoomConfig room;                               ///< Of a simulated robot.
