@@ -1,10 +1,5 @@
 #include "daemon/refinement_loop.hpp"
 
-#include <pthread.h>
-#include <sys/syscall.h>
-#include <unistd.h>
-
-#include <ctime>
 #include <future>
 
 #include "base/this_thread.hpp"
@@ -33,9 +28,7 @@ class RefinementLoop::Solving final {
                            [this, &refiner, stop] {
                              name_this_thread("solve");
                              is_patient_ ? run_patiently() : run_nicely();
-                             clockid_t cpu{};
-                             pthread_getcpuclockid(pthread_self(), &cpu);
-                             begun_.set_value({static_cast<pid_t>(::syscall(SYS_gettid)), cpu});
+                             begun_.set_value(this_thread());
                              return refiner.solve_taken(stop);
                            })),
         thread_(begun_.get_future().get()) {}
@@ -43,25 +36,16 @@ class RefinementLoop::Solving final {
   /// @return whether it is done
   [[nodiscard]] bool wait() { return result_.wait_for(kLookEvery) == std::future_status::ready; }
   [[nodiscard]] bool get() { return result_.get(); }
-  [[nodiscard]] Duration cpu_time() const {
-    timespec used{};
-    clock_gettime(thread_.cpu, &used);
-    return std::chrono::seconds(used.tv_sec) + std::chrono::nanoseconds(used.tv_nsec);
-  }
+  [[nodiscard]] Duration cpu_time() const { return thread_.cpu_time(); }
   void hurry() {
     if (std::exchange(is_patient_, false)) (void)lose_patience(thread_.number);
   }
 
  private:
-  struct Thread {
-    pid_t number;
-    clockid_t cpu;
-  };
-
   bool is_patient_;
-  std::promise<Thread> begun_;
+  std::promise<ThreadHandle> begun_;
   std::future<bool> result_;
-  Thread thread_;
+  ThreadHandle thread_;
 };
 
 void RefinementLoop::run(std::stop_token stop) {
@@ -86,7 +70,8 @@ bool RefinementLoop::solve(const std::stop_token& stop) {
   bool is_late = false;
   while (!solving.wait()) {
     const Duration waited = clock_.now() - began;
-    if (is_late || waited < kLate || solving.cpu_time() > kLeastShare * waited) continue;
+    const Duration used = solving.cpu_time();
+    if (is_late || waited < kLate || used == Duration{} || used > kLeastShare * waited) continue;
     is_late = true;
     say_whether_late(true);
     solving.hurry();
