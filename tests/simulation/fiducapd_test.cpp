@@ -72,12 +72,15 @@ std::string ask(std::uint16_t port, const std::string& request) {
   return answer.str();
 }
 
-/// Whether the state of the set-up has that within a minute.
-bool setup_says(std::uint16_t port, const std::string& what) {
+/// Whether the answer has that within a minute.
+bool answers(std::uint16_t port, const std::string& request, const std::string& what) {
   for (int i = 0; i < 600; ++i, std::this_thread::sleep_for(100ms)) {
-    if (ask(port, "GET /api/v1/setup").find(what) != std::string::npos) return true;
+    if (ask(port, request).find(what) != std::string::npos) return true;
   }
   return false;
+}
+bool setup_says(std::uint16_t port, const std::string& what) {
+  return answers(port, "GET /api/v1/setup", what);
 }
 
 std::vector<std::string> with_demo(std::vector<std::string> more) {
@@ -188,7 +191,7 @@ TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
   EXPECT_TRUE(setup_says(port, "/dev/video63"));
   say("camera?open=simulated");
   ASSERT_TRUE(setup_says(port, "\"corners\":[["));
-  EXPECT_THAT(ask(port, "GET /api/v1/setup/picture"), HasSubstr("image/jpeg"));
+  EXPECT_TRUE(answers(port, "GET /api/v1/setup/picture", "image/jpeg")) << "made once it is asked";
   for (const char* command : {"next", "next", "sheet?size_mm=400", "next", "guess",
                               "imu?source=", "next", "next", "write"})
     say(command);
