@@ -14,7 +14,7 @@ namespace fiducap::bench {
 
 namespace {
 
-constexpr std::uint64_t kNextRobot = 10'000;
+constexpr std::uint64_t kSeedsApart = 10'000;
 constexpr double kSeconds = 360;
 constexpr double kLiveRefine_s = 10;  // of the map that the robots have: it costs as much again
 constexpr double kSolve_s = 2;
@@ -42,7 +42,7 @@ std::vector<EstimationData> robots_of(const EstimationOptions& options, int robo
     SimulatedDataSetup setup;
     setup.world = "ring";
     setup.seconds = options.seconds > 0 ? options.seconds : kSeconds;
-    setup.seed = options.first_seed + kNextRobot * static_cast<std::uint64_t>(k);
+    setup.seed = options.first_seed + kSeedsApart * static_cast<std::uint64_t>(k);
     const int tags = tags_of(robots);
     setup.ring = {kMetresPerTag * tags, tags};
     setup.from = static_cast<double>(k) / robots;
