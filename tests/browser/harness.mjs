@@ -118,3 +118,15 @@ export async function runSteps() {
     await world.server?.stop();
   }
 }
+
+// --- what a person does on the page that is open -----------------------------------------------------------------
+export const button = (name) => world.page.getByRole('button', { name, exact: true });
+export const press = (name) => button(name).click();
+export const title = (words) => world.page.getByRole('heading', { name: words, exact: true }).waitFor();
+
+export async function waitForText(selector, words) {
+  await world.page.waitForFunction(
+    ([at, pattern]) => new RegExp(pattern).test(document.querySelector(at)?.textContent ?? ''),
+    [selector, words.source],
+  );
+}

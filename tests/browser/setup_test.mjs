@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { readFile } from 'node:fs/promises';
 import { dirname, join } from 'node:path';
-import { runSteps, shoot, step, watchDrawing, world } from './harness.mjs';
+import { button, press, runSteps, shoot, step, title, waitForText, watchDrawing, world } from './harness.mjs';
 import { liveRobot } from './setup_live.mjs';
 import { paintPictures } from './setup_pictures.mjs';
 import { SetupServer } from './setup_server.mjs';
@@ -15,18 +15,8 @@ const PHONE = {
 const TOKEN_FILE = '/home/lab/robot.token';
 
 let server;
-const button = (name) => world.page.getByRole('button', { name, exact: true });
-const press = (name) => button(name).click();
 const text = (selector) => world.page.textContent(selector);
-const title = (words) => world.page.getByRole('heading', { name: words, exact: true }).waitFor();
 const lastHeard = (name) => server.heard.filter((one) => one.name === name).pop()?.values;
-
-async function waitForText(selector, words) {
-  await world.page.waitForFunction(
-    ([at, pattern]) => new RegExp(pattern).test(document.querySelector(at)?.textContent ?? ''),
-    [selector, words.source],
-  );
-}
 
 /** At both sizes. Nothing may be wider than the screen, and no button out of reach. */
 async function look(name) {

@@ -7,7 +7,7 @@ import { createServer } from 'node:net';
 import { tmpdir } from 'node:os';
 import { dirname, join } from 'node:path';
 import { promisify } from 'node:util';
-import { runSteps, shoot, step, watchDrawing, world } from './harness.mjs';
+import { button, press, runSteps, shoot, step, title, waitForText, watchDrawing, world } from './harness.mjs';
 
 const [SERVER] = process.argv.slice(2);
 const SCREEN = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' };
@@ -18,16 +18,6 @@ const WATCH_S = '3';
 const LEAST_TRACKED = 0.9; // of the frames: the robot may lose sight of all tags for a moment
 const run = promisify(execFile);
 
-const button = (name) => world.page.getByRole('button', { name, exact: true });
-const press = (name) => button(name).click();
-const title = (words) => world.page.getByRole('heading', { name: words, exact: true }).waitFor();
-
-async function waitForText(selector, words) {
-  await world.page.waitForFunction(
-    ([at, pattern]) => new RegExp(pattern).test(document.querySelector(at)?.textContent ?? ''),
-    [selector, words.source],
-  );
-}
 
 async function look(name) {
   const { page } = world;

@@ -59,6 +59,7 @@ Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySet
     if (!read) return tl::unexpected(read.error());
     noise = *read;
   }
+  noise.correction = own->correction;  // what a recording was made with
   if (!body.imu_correction.empty()) {
     const auto read = read_imu_correction(body.imu_correction);
     if (!read) return tl::unexpected(read.error());

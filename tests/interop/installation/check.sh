@@ -36,8 +36,8 @@ token=$(sed -n 's/^LoadCredential=token://p' "$work$unit")
 # The programs, from there.
 version=$("$program" --version)
 [ "$("$work$prefix/bin/fiducap" --version)" = "$version" ] || die "the programs differ in their version"
-# Its camera is not here, which is said; with the simulator's it is sound.
-"$program" --config "$configuration" --check-config >"$work/review" 2>&1 && die "nobody misses the camera"
+# Nothing is wrong with it but that its camera may not be here; with the simulator's it is sound.
+"$program" --config "$configuration" --check-config >"$work/review" 2>&1 || true
 grep '^wrong' "$work/review" | grep -v /dev/video0 && die "the first configuration is not usable: $(cat "$work/review")"
 "$program" --config "$configuration" --check-config --set "bodies.0.source={type: simulator}" ||
   die "the first configuration is not usable"
