@@ -102,7 +102,8 @@ class Walk:
                 options += " --simulated"
             elif command.needs:
                 options += " --set 'bodies.0.source={type: simulator}'"
-                options += " --set simulation.tag_size_m=0.16"
+                # Always in view of a tag: doctor complains of a robot that sees none.
+                options += " --set simulation.preset=table --set simulation.tag_size_m=0.16"
             return re.sub(r"\bfiducapd\b", "fiducapd" + options, text, count=1)
         text = re.sub(r"\bfiducap (watch|events|doctor|control \w+)",
                       rf"fiducap \1 --server 127.0.0.1:{self.native}", text)
@@ -182,9 +183,9 @@ class Walk:
                 frames.read_text(encoding="utf-8").splitlines()) > 100)
 
     def measure_tags(self, file):
-        """As with a total station: the places of the simulated hall's tags, of those in the map."""
-        stand_ins.simulate(self.programs, self.folder / "hall", "--room", "hall", "--seconds", "1")
-        rows = (self.folder / "hall/truth/tags.csv").read_text(encoding="utf-8").splitlines()
+        """As with a total station: the places of the simulated room's tags, of those in the map."""
+        stand_ins.simulate(self.programs, self.folder / "room", "--room", "table", "--seconds", "1")
+        rows = (self.folder / "room/truth/tags.csv").read_text(encoding="utf-8").splitlines()
         seen = set(self.page.tags())
         with open(file, "w", encoding="utf-8") as out:
             out.write("id,x,y,z\n")
