@@ -1,10 +1,17 @@
 # After a test program is built: writes what ctest runs of it, one entry per suite. A program starts in a third of a
 # second (its libraries are many), which is more than most tests take, so entries of single tests would double the
 # time. Suites of which a test may be skipped are listed test by test: a skipped one is seen as that, and one that
-# hides in a suite fails it.
+# hides in a suite fails it. WHOLE: one entry for the program, as under sanitizers, where it starts in seconds; what is
+# skipped there the usual build tells.
 #
-#   cmake -D PROGRAM=… -D SOURCES=…;… -D LIST=… -D LABEL=… -P discover_suites.cmake
+#   cmake -D PROGRAM=… -D SOURCES=…;… -D LIST=… -D LABEL=… [-D WHOLE=ON] -P discover_suites.cmake
 cmake_minimum_required(VERSION 3.25)
+get_filename_component(program ${PROGRAM} NAME)
+if(WHOLE)
+  file(WRITE ${LIST} "add_test([=[${program}]=] [=[${PROGRAM}]=])\n"
+    "set_tests_properties([=[${program}]=] PROPERTIES LABELS ${LABEL} TIMEOUT 600)\n")
+  return()
+endif()
 execute_process(COMMAND ${PROGRAM} --gtest_list_tests OUTPUT_VARIABLE listed RESULT_VARIABLE failed TIMEOUT 120)
 if(failed)
   message(FATAL_ERROR "${PROGRAM} does not list its tests: ${failed}")
@@ -22,7 +29,6 @@ foreach(source ${SOURCES})
   endif()
 endforeach()
 
-get_filename_component(program ${PROGRAM} NAME)
 set(content "")
 # entry(TEST PROPERTY): what a test that says it was skipped is.
 function(entry test skipped)
