@@ -91,7 +91,8 @@ class MapBuilder final {
   /// their next image, the graph begins anew. What was learned and not stored is gone.
   /// @param stored  as it came back from MapStore::commit   @return see above
   Expected<void> begin_anew(TagMap stored, std::int64_t utc_now_ns);
-  /// Where the room is, seen from W. Moves neither tags nor bodies.
+  /// Where the room is, seen from W. Moves neither tags nor bodies in here, but what clients get
+  /// (RoomAxes).
   void align(const Pose& X_RW, std::int64_t utc_now_ns);
   /// The tag is kept and not used, until it is forgotten or this map is replaced.
   Expected<void> quarantine(int tag_id, std::int64_t utc_now_ns);

@@ -101,12 +101,13 @@ std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at
   frame->rate_hz = rate_hz;
   const auto listed = roster();
   frame->model = listed->model;
-  frame->map = std::move(map);
+  frame->map = room_.of(std::move(map));
   frame->bodies.resize(listed->bodies.size());
   for (std::size_t i = 0; i < listed->bodies.size(); ++i) {
     Guarded& one = guarded(listed->bodies[i]);
     const std::lock_guard lock(one.mutex);
     one.tracker.sample(at, frame->bodies[i]);
+    room_.bring(frame->bodies[i]);
   }
   return frame;
 }

@@ -7,6 +7,7 @@
 
 #include "base/object_pool.hpp"
 #include "pipeline/body_tracker.hpp"
+#include "scene/room_axes.hpp"
 #include "scene/scene_frame.hpp"
 #include "scene/tag_fits.hpp"
 
@@ -35,7 +36,8 @@ class Scene final {
   /// How well the sightings of tags fit. From any thread.
   [[nodiscard]] const TagFits& tag_fits() const { return tag_fits_; }
 
-  /// Every body brought to `at`. One caller (the publisher). Allocates nothing after warm-up.
+  /// Every body brought to `at`, bodies and map in the room's axes (RoomAxes). One caller (the
+  /// publisher). Allocates nothing after warm-up, but for a new map that is aligned to the room.
   [[nodiscard]] std::shared_ptr<const SceneFrame> sample(Instant at, Instant published_at,
                                                          Duration utc_offset, double rate_hz,
                                                          std::shared_ptr<const TagMap> map);
@@ -76,6 +78,7 @@ class Scene final {
       list_mutex_;  ///< For the two below; held to read or change them, never while computing.
   std::vector<Listed> list_;
   std::shared_ptr<const Roster> roster_;
+  RoomAxes room_;  ///< Of the publisher.
   ObjectPool<SceneFrame> frames_;
   std::uint64_t next_number_{1};
 };

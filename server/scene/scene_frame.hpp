@@ -23,7 +23,8 @@ struct SceneModel {
   std::vector<BodyDescription> bodies;
 };
 
-/// All bodies at one instant. Immutable once published, shared by all protocols.
+/// All bodies at one instant, and the map. Immutable once published, shared by all protocols. What
+/// is called W here is the room R where an operator has aligned the map to it (RoomAxes).
 struct SceneFrame {
   std::uint64_t number{};  ///< Counts up by 1 from the start of the server.
   Instant at{};            ///< The instant the poses are *for*.

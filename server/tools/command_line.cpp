@@ -202,7 +202,8 @@ void add_control_map(CLI::App& control, CommandLine& line) {
       ->required();
   for_version("rollback", "Serve a stored version of the map again, as a new version",
               run_control_rollback, " 12");
-  add_control_verb(control, line, "align", "Say where the workspace lies in the room",
+  add_control_verb(control, line, "align",
+                   "Say where the workspace lies in the room; what is streamed jumps into its axes",
                    run_control_align, " --to measured.csv")
       ->add_option("--to", a.measured,
                    "Three tags or more as measured in the room: id,x,y,z in metres, z up")

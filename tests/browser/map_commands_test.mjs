@@ -36,6 +36,23 @@ async function deed(page, opens, yes, typed) {
   await button(page, yes).click();
 }
 
+/** What clients are told of a tag's place, m. */
+async function standsAt(page, tag, place) {
+  await page.waitForFunction(async ([id, wanted]) => {
+    const { map } = await (await fetch('api/v1/state')).json();
+    const found = map.tags.find((one) => one.id === id);
+    return found && found.p.every((x, i) => Math.abs(x - wanted[i]) < 1e-3);
+  }, [tag, place]);
+}
+
+async function drag(page, from, to) {
+  const [a, b] = await Promise.all([from, to].map((one) => page.locator(one).boundingBox()));
+  await page.mouse.move(a.x + a.width / 2, a.y + a.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(b.x + b.width / 2, b.y + b.height / 2, { steps: 5 });
+  await page.mouse.up();
+}
+
 async function chooseTag(page, tag) {
   const chosen = rowOf(page, tag).getByRole('button');
   if ((await chosen.getAttribute('aria-pressed')) !== 'true') await chosen.click();
@@ -47,7 +64,7 @@ step('a server without a token offers nothing and says why', async () => {
   await showMap(page);
   assert.match(await page.textContent('#versions .why'), /takes no commands: set operator\.token/);
   assert.ok(await page.isHidden('#versions .token'));
-  for (const name of ['Freeze', 'Commit…', 'Align…']) assert.ok(await button(page, name).isDisabled(), name);
+  for (const name of ['Freeze', 'Commit…', 'Origin…']) assert.ok(await button(page, name).isDisabled(), name);
   await chooseTag(page, 9);
   for (const name of ['Quarantine…', 'Forget…']) assert.ok(await button(page, name).isDisabled(), name);
   assert.deepEqual(faults, []);
@@ -138,13 +155,45 @@ step('forgets a tag', async () => {
 
 step('aligns by measured tags, and refuses what cannot be', async () => {
   const { page } = world;
-  await deed(page, 'Align…', 'Align', '0 0 0 0\n1 2.4 zero 0');
+  await button(page, 'Origin…').click();
+  await deed(page, 'I have measured places…', 'Align', '0 0 0 0\n1 2.4 zero 0');
   assert.match(await page.textContent('dialog .fault'), /“1 2\.4 zero 0” is not a tag's id/);
   await page.fill('dialog textarea', '0 0 0 0\n1 2.4 0 0\n4 0 9.9 0');
   await button(page, 'Align').click();
   await waitFor(page, 'bad', /^Refused: .*tag/);
-  await deed(page, 'Align…', 'Align', '0 10 5 0\n1 12.4 5 0\n4 10, 7.4, 0');
+  await button(page, 'Origin…').click();
+  await deed(page, 'I have measured places…', 'Align', '0 10 5 0\n1 12.4 5 0\n4 10, 7.4, 0');
   await waitFor(page, 'good', /^The map lies in the room as 3 measured tags say, within 0 mm\.$/);
+  await standsAt(page, 1, [12.4, 5, 0]);
+});
+
+step('moves the origin by three picked tags, by dragging and by numbers', async () => {
+  const { page } = world;
+  await button(page, 'Origin…').click();
+  for (const [pick, tag] of [['origin', 0], ['heading', 4], ['floor', 1]]) {
+    await page.waitForSelector(`dialog.origin[data-pick=${pick}]`);
+    await page.click(`.plan [data-tag="${tag}"] .plan-reach`);
+  }
+  await shoot(page, 'origin-picked', false);
+  await button(page, 'This is the origin').click();
+  await waitFor(page, 'good', /^The map lies in the room as \d+ measured tags say, within 0 mm\.$/);
+  await standsAt(page, 0, [0, 0, 0]);
+  await standsAt(page, 4, [2.4, 0, 0]);
+  await standsAt(page, 1, [0, -2.4, 0]);
+
+  await button(page, 'Origin…').click();
+  await drag(page, '.plan-origin', '.plan [data-tag="4"] .plan-reach');
+  assert.ok(Math.abs((await page.inputValue('dialog [name=x]')) - 2.4) < 0.02);
+  await page.fill('dialog [name=x]', '2.4');
+  await page.fill('dialog [name=y]', '0');
+  await page.fill('dialog [name=z]', '-0.5');
+  await drag(page, '.plan-tip', '.plan [data-tag="0"] .plan-reach');
+  assert.ok(Math.abs(Math.abs(await page.inputValue('dialog [name=turn]')) - 180) < 1);
+  await page.fill('dialog [name=turn]', '180');
+  await shoot(page, 'origin-dragged', false);
+  await button(page, 'This is the origin').click();
+  await standsAt(page, 4, [0, 0, 0.5]);
+  await standsAt(page, 0, [2.4, 0, 0.5]);
 });
 
 step('names a version', async () => {

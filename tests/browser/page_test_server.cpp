@@ -27,6 +27,7 @@
 #include "base/log.hpp"
 #include "base/so3.hpp"
 #include "fake_cameras.hpp"
+#include "scene/room_axes.hpp"
 #include "served_map.hpp"
 #include "streaming/web/web_server.hpp"
 
@@ -181,7 +182,7 @@ class Hall final {
         std::chrono::system_clock::now().time_since_epoch() - frame->at.time_since_epoch();
     frame->rate_hz = 100;
     frame->model = model_;
-    frame->map = served_ != nullptr ? served_->snapshot() : map_;
+    frame->map = served_ != nullptr ? room_.of(served_->snapshot()) : map_;
     const double t = static_cast<double>(number_) * to_seconds(kPeriod);
     for (std::size_t i = 0; i < model_->bodies.size(); ++i) {
       frame->bodies.push_back(body(static_cast<int>(i), t));
@@ -200,6 +201,7 @@ class Hall final {
   web::WebServer& server_;
   std::shared_ptr<const SceneModel> model_;
   const ServedMap* served_;
+  RoomAxes room_;
   FakeCameras& cameras_;
   std::shared_ptr<const TagMap> map_{hall()};
   std::uint64_t number_{0};

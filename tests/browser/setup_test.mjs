@@ -186,6 +186,10 @@ step('where the camera sits, and back and forth', async () => {
   await title('Where is the camera on the robot?');
   assert.equal(await world.page.getByLabel('Up, m').inputValue(), '−0.02');
   await world.page.getByLabel('Forward, m').fill('0.1');
+  await world.page.reload();
+  await title('Where is the camera on the robot?');
+  assert.equal(await world.page.getByLabel('Forward, m').inputValue(), '0.1');
+  assert.equal(await world.page.getByLabel('Up, m').inputValue(), '−0.02');
   server.pace = 0;
   await press('It sits there');
   await title('Wave the robot');

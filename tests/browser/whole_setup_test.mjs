@@ -13,7 +13,7 @@ const [SERVER] = process.argv.slice(2);
 const SCREEN = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' };
 // The robot does everything in its own time: half a minute and more for some steps, and the machine may be busy.
 const PATIENCE_MS = 900_000;
-const ROOM_M = [5, 4, 1.5]; // where the map's origin lies in the room, says the tape
+const CLOSE_M = 0.002;
 const WATCH_S = '3';
 const LEAST_TRACKED = 0.9; // of the frames: the robot may lose sight of all tags for a moment
 const run = promisify(execFile);
@@ -94,6 +94,17 @@ function farApart(tags) {
     if (area > best.area) best = { area, three: [a, b, c] };
   }
   return best.three;
+}
+
+/** @param place  of the tag in what the page gets, m; null: not looked at */
+async function standsAt(id, place) {
+  const isThere = () => {
+    const found = world.tags.find((tag) => tag.id === id);
+    return place.every((x, i) => x === null || Math.abs(found.p[i] - x) < CLOSE_M);
+  };
+  const begun = Date.now();
+  while (!isThere() && Date.now() - begun < PATIENCE_MS) await new Promise((resolve) => setTimeout(resolve, 100));
+  assert.ok(isThere(), `tag ${id} is not where it was told to be`);
 }
 
 /** What a client receives. */
@@ -212,15 +223,19 @@ step('the map is frozen with the token that was written', async () => {
   await look('17-align');
 });
 
-step('the room is told where the map lies, by three measured tags', async () => {
+step('the origin is picked by three tags; what is streamed follows', async () => {
   await world.page.click('.guide .primary');
   const used = world.tags.filter((tag) => tag.state !== 'quarantined');
-  const lines = farApart(used).map(({ id, p }) => [id, ...p.map((x, i) => (x + ROOM_M[i]).toFixed(3))].join(' '));
-  await look('18-align-dialog');
-  await world.page.keyboard.type(lines.join('\n'));
-  await look('19-align-typed');
-  await world.page.click('dialog .yes');
+  const [origin, heading, floor] = farApart(used);
+  await look('18-origin');
+  for (const { id } of [origin, heading, floor]) await world.page.click(`.plan [data-tag="${id}"] .plan-reach`);
+  await look('19-origin-picked');
+  await press('This is the origin');
   await title('Done: poses are streamed');
+  const along = Math.hypot(heading.p[0] - origin.p[0], heading.p[1] - origin.p[1]);
+  await standsAt(origin.id, [0, 0, null]);
+  await standsAt(heading.id, [along, 0, null]);
+  await standsAt(floor.id, [null, null, 0]);
   await waitForText('.guide-served', new RegExp(`${world.web}`));
   await look('20-done');
   assert.deepEqual(world.faults, []);

@@ -117,6 +117,7 @@ class Page {
       this.scene?.setMap(map.tags);
       showLegend(map);
       this.versions.update(map);
+      this.commands.setMap(map.tags);
       this.guide?.onTags(map.tags.length);
     }
     this.map = map;

@@ -3,7 +3,8 @@ import type { Command } from './control_codec';
 import { element, setText } from './dom';
 import { parsePlaces } from './measured_places';
 import { command, type Outcome } from './operator';
-import type { MapVersion, ServerEvent } from './protocol';
+import { OriginDialog } from './origin_dialog';
+import type { MapTag, MapVersion, ServerEvent } from './protocol';
 
 const NO_COMMANDS = 'This server takes no commands: set operator.token or operator.token_file in its configuration.';
 const LOCKED = 'Locked. Changes need the token.';
@@ -27,6 +28,7 @@ export class MapCommands {
   private key: string | null = null;
   private takesCommands = false;
   private isFrozen = false;
+  private tags: readonly MapTag[] = [];
   private events: ServerEvent[] = [];
   private awaited: { after: number; kinds: string[] } | null = null;
 
@@ -51,7 +53,7 @@ export class MapCommands {
     const deeds = this.gated(
       this.mode,
       button('Commit…', 'Store the map as it is now as a version', () => void this.commit()),
-      button('Align…', 'Say where the workspace lies in the room, by measured tags', () => void this.align()),
+      button('Origin…', 'Say where the origin of the room is: by dragging, by three tags, or by measured places', () => void this.align()),
     );
     this.head.append(line, deeds, this.outcome);
     this.show();
@@ -87,6 +89,11 @@ export class MapCommands {
     setText(this.mode, this.isFrozen ? 'Let it grow' : 'Freeze');
     this.mode.title = this.isFrozen ? 'New tags join again, and places are refined' : 'Nothing in the map moves any more';
     this.show();
+  }
+
+  /** The map as it is served. */
+  setMap(tags: readonly MapTag[]): void {
+    this.tags = tags;
   }
 
   /** What happened on the server: also what became of a command. */
@@ -136,7 +143,14 @@ export class MapCommands {
     if (name !== null) await this.run({ do: 'commit', name }, 'Storing the map', ['version_stored', 'not_stored']);
   }
 
+  /** Where the origin is: on a plan of the map, or by places that were measured. */
   async align(): Promise<void> {
+    const chosen = await new OriginDialog(this.tags).ask();
+    if (chosen === 'measured') return this.alignMeasured();
+    if (chosen !== null) await this.run({ do: 'align', places: chosen }, 'Moving the origin', ['aligned']);
+  }
+
+  private async alignMeasured(): Promise<void> {
     const check = (typed: string): string => {
       try {
         return parsePlaces(typed) && '';
@@ -146,7 +160,7 @@ export class MapCommands {
     };
     const typed = await ask({
       title: 'Align the map to the room',
-      text: 'Three tags or more whose middles were measured in the room: a line for each, its id and x y z in metres, z up. Nothing that is streamed moves.',
+      text: 'Three tags or more whose middles were measured in the room: a line for each, its id and x y z in metres, z up. What is streamed jumps into these axes, once.',
       yes: 'Align',
       field: { label: 'Measured tags', lines: 5, placeholder: '0  0.00 0.00 0.00\n1  2.40 0.00 0.00\n7  0.00 3.60 1.20', required: true },
       check,

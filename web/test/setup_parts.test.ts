@@ -1,5 +1,6 @@
 import { describe, expect, it } from 'vitest';
 import { isMapped, movingWords, servedBy } from '../src/setup/guide_words';
+import { keptWords } from '../src/setup/memory';
 import { afterVerdict, judge } from '../src/setup/parts';
 import { pictureWords } from '../src/setup/overlay';
 import type { Lens, Picture, SetupState } from '../src/setup/protocol';
@@ -67,5 +68,12 @@ describe('the second half', () => {
       { protocol: 'vrpn', words: 'VRPN 07.35 on 10.0.0.2:3884' },
       { protocol: 'web', words: 'http://127.0.0.1:8080/' },
     ]);
+  });
+});
+
+describe('what was typed before the page was loaded again', () => {
+  it('is a list of words, or nothing', () => {
+    expect(keptWords('["forward","0.1"]')).toEqual(['forward', '0.1']);
+    for (const broken of [null, '', '{', '{"a":1}', '7']) expect(keptWords(broken)).toEqual([]);
   });
 });

@@ -95,7 +95,8 @@ class FIDUCAP_CLIENT_API Control {
   Outcome name_version(std::int64_t version, const std::string& name);
   /// Serves a stored version again, as a new version. Refused while the map is frozen.
   Outcome roll_back(std::int64_t version);
-  /// Says where the workspace lies in the room. Nothing that is streamed moves.
+  /// Says where the workspace lies in the room. From then on poses and tags are streamed in the
+  /// room's axes: they jump there once.
   /// @param measured  three tags or more
   Outcome align_map(const std::vector<MeasuredTag>& measured);
   /// The tag stays in the map and is not used.

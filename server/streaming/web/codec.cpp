@@ -214,9 +214,9 @@ std::string encode_versions(std::span<const MapVersionInfo> versions) {
   });
 }
 
-std::string encode_diff(const TagMap& before, const TagMap& after) {
-  const auto add_place = [](JsonWriter& out, const char* name, const MapTag* tag) {
-    if (tag != nullptr) return add_vector(out, name, tag->tag.X_WT.p);
+std::string encode_diff(const TagMap& before, const TagMap& after, const Pose& X_RW) {
+  const auto add_place = [&](JsonWriter& out, const char* name, const MapTag* tag) {
+    if (tag != nullptr) return add_vector(out, name, X_RW * tag->tag.X_WT.p);
     out.name(name);
     out.value(nullptr);
   };

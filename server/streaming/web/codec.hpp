@@ -61,7 +61,8 @@ struct Hello {
 
 /// `diff`: before, after, changes [{id, kind, mm, deg, from, to}]; from and to are places, null
 /// where the tag is not.
-[[nodiscard]] std::string encode_diff(const TagMap& before, const TagMap& after);
+/// @param X_RW  as the map that is served lies in the room: stored tags are in the workspace
+[[nodiscard]] std::string encode_diff(const TagMap& before, const TagMap& after, const Pose& X_RW);
 
 /// The answer of `/api/v1/state`: every message above under its type's name.
 struct StateParts {

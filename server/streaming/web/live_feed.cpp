@@ -179,7 +179,9 @@ Expected<std::optional<Content>> LiveFeed::diff(std::int64_t before, std::int64_
   const auto second = sources_.map_version(after);
   if (!second) return tl::unexpected(second.error());
   if (*first == nullptr || *second == nullptr) return std::nullopt;
-  return make_content(encode_diff(**first, **second), Effort::kQuick);
+  const auto served = sources_.desk != nullptr ? sources_.desk->map() : nullptr;
+  const Pose X_RW = served ? served->X_RW : (*second)->X_RW;
+  return make_content(encode_diff(**first, **second, X_RW), Effort::kQuick);
 }
 
 std::string LiveFeed::encode_state_now() {

@@ -20,10 +20,9 @@ export const GUIDE_WORDS: Record<GuideStep, { title: string; todo: string; prima
   align: {
     title: 'Where is up, where is the origin?',
     todo:
-      'Up is known by gravity. The origin of what is streamed is the first tag, or what ' +
-      'map.reference_tag says. Measured places of three tags or more tell stored and exported ' +
-      'maps where your room lies.',
-    primary: 'Align…',
+      'Up is known by gravity. The origin is at the first tag, until you drag it elsewhere, pick ' +
+      'it by three tags or tell measured places: what is streamed follows, and stays so.',
+    primary: 'Choose the origin…',
   },
   done: {
     title: 'Done: poses are streamed',

@@ -39,3 +39,13 @@ export async function isSetupGoingOn(page: string): Promise<boolean> {
   clearTimeout(timer);
   return answer?.status === 200;
 }
+
+/** A list of words that was kept as JSON; empty when it is none. */
+export function keptWords(kept: string | null): string[] {
+  try {
+    const words: unknown = JSON.parse(kept ?? '[]');
+    return Array.isArray(words) ? words.map(String) : [];
+  } catch {
+    return [];
+  }
+}

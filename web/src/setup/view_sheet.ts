@@ -1,6 +1,7 @@
 // What is measured with a ruler: tags, and where the camera sits.
 import { element, setText } from '../dom';
 import { button } from '../map_commands';
+import { keptWords } from './memory';
 import {
   choice, column, labelled, NEXT, numberInput, type Desk, type Primary, type StepView,
 } from './parts';
@@ -104,6 +105,8 @@ export class SheetView implements StepView {
   }
 }
 
+const TYPED_MOUNT = 'fiducap.setup.mount';
+
 export class MountView implements StepView {
   readonly root: HTMLElement;
   private readonly looks = choice(DIRECTIONS.map((name) => [name, name] as const));
@@ -121,6 +124,8 @@ export class MountView implements StepView {
       element('p', 'field-why', 'Behind, to the right and below are negative: −0.05.'),
       this.precision,
     );
+    this.restore();
+    this.root.addEventListener('input', () => this.keep());
   }
 
   hint(state: SetupState): string {
@@ -149,6 +154,17 @@ export class MountView implements StepView {
     this.looks.value = 'forward';
     const values = simulated ? SIMULATED_MOUNT_M : ['0', '0', '0'];
     this.places.forEach((input, i) => (input.value = values[i] ?? '0'));
+  }
+
+  /** What was measured must survive a page that is loaded again. */
+  private keep(): void {
+    const typed = [this.looks.value, ...this.places.map((input) => input.value)];
+    sessionStorage.setItem(TYPED_MOUNT, JSON.stringify(typed));
+  }
+
+  private restore(): void {
+    const typed = keptWords(sessionStorage.getItem(TYPED_MOUNT));
+    [this.looks, ...this.places].forEach((input, i) => (input.value = typed[i] ?? input.value));
   }
 
   private commands(): ReturnType<Primary['commands']> {

@@ -156,7 +156,7 @@ TEST(WebCodec, ADiffSaysFromWhereToWhereInMillimetres) {
   after.version = 7;
   after.tags[0].tag.X_WT.p = {0, 0.012, 0};
   after.tags.pop_back();
-  const auto sent = Json::parse(encode_diff(before, after));
+  const auto sent = Json::parse(encode_diff(before, after, {}));
   EXPECT_EQ(sent["before"], 3);
   EXPECT_EQ(sent["after"], 7);
   ASSERT_EQ(sent["changes"].size(), 2U);

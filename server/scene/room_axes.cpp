@@ -1,0 +1,55 @@
+#include "scene/room_axes.hpp"
+
+#include <utility>
+
+namespace fiducap {
+
+namespace {
+
+bool is_identity(const Pose& X) {
+  return X.p.isZero(0) && X.q.coeffs() == Eigen::Quaterniond::Identity().coeffs();
+}
+
+}  // namespace
+
+TagMap in_room(const TagMap& map) {
+  TagMap out = map;
+  out.X_RW = {};
+  out.known.reset();
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = map.X_RW.rotation();
+  for (MapTag& entry : out.tags) {
+    entry.tag.X_WT = map.X_RW * entry.tag.X_WT;
+    entry.tag.covariance = turn * entry.tag.covariance * turn.transpose();
+  }
+  return out;
+}
+
+std::shared_ptr<const TagMap> RoomAxes::of(std::shared_ptr<const TagMap> map) {
+  if (map == map_) return moved_;
+  is_workspace_ = map == nullptr || is_identity(map->X_RW);
+  X_RW_ = is_workspace_ ? Pose{} : map->X_RW;
+  R_RW_ = X_RW_.rotation();
+  moved_ = is_workspace_ ? map : std::make_shared<const TagMap>(in_room(*map));
+  map_ = std::move(map);
+  return moved_;
+}
+
+void RoomAxes::bring(BodyPose& pose) const {
+  if (is_workspace_) return;
+  pose.X_WP = X_RW_ * pose.X_WP;
+  pose.v_WP = R_RW_ * pose.v_WP;
+  pose.a_WP = R_RW_ * pose.a_WP;
+  // Position, attitude and velocity are in W, the body's rate in P.
+  constexpr int kTurned = 3;
+  for (int block = 0; block < kTurned; ++block) {
+    auto rows = pose.covariance.middleRows<3>(3 * block);
+    rows = (R_RW_ * rows).eval();
+  }
+  for (int block = 0; block < kTurned; ++block) {
+    auto columns = pose.covariance.middleCols<3>(3 * block);
+    columns = (columns * R_RW_.transpose()).eval();
+  }
+}
+
+}  // namespace fiducap

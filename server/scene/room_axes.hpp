@@ -1,0 +1,33 @@
+#pragma once
+
+#include <memory>
+
+#include "mapping/tag_map.hpp"
+#include "pipeline/body_pose.hpp"
+
+namespace fiducap {
+
+/// Clients live in the room's axes R, everything else in the workspace's axes W: this is where one
+/// becomes the other, by the map's X_RW (TagMap::X_RW, what an operator's alignment says). Both
+/// have z up.
+class RoomAxes final {
+ public:
+  /// @return the map with its tags in R, X_RW the identity: the same one where R is W. Copies a map
+  /// once, not at every call.
+  [[nodiscard]] std::shared_ptr<const TagMap> of(std::shared_ptr<const TagMap> map);
+  /// A pose that came with the last map, in R. Allocates nothing.
+  void bring(BodyPose& pose) const;
+
+ private:
+  std::shared_ptr<const TagMap> map_;    ///< The last one …
+  std::shared_ptr<const TagMap> moved_;  ///< … and what it is in R.
+  bool is_workspace_{true};              ///< R is W.
+  Pose X_RW_;
+  Eigen::Matrix3d R_RW_{Eigen::Matrix3d::Identity()};
+};
+
+/// The same map in the room's axes. What errors share (TagMap::known) is left out: that is for
+/// filters, which live in W.
+[[nodiscard]] TagMap in_room(const TagMap& map);
+
+}  // namespace fiducap
