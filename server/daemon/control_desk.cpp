@@ -26,15 +26,6 @@ std::string name_of_now() {
 
 }  // namespace
 
-std::vector<ConfigError> OperatorConfig::check() const {
-  return Checker{"operator."}
-      .require(token.empty() || token.size() >= kShortestToken, "token", "(secret)",
-               "must have at least 8 characters, or be empty: then nobody may change anything")
-      .require(token.empty() || token_file.empty(), "token_file", token_file,
-               "says the token a second time: keep one of token and token_file")
-      .errors;
-}
-
 ControlDesk::ControlDesk(OperatorConfig config, Scene& scene, MapBuilder& map,
                          SessionRecorder& recorder, EventBoard& events, MapKeeper* keeper)
     : config_(std::move(config)),

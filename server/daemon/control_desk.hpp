@@ -5,18 +5,12 @@
 
 #include "base/event_board.hpp"
 #include "daemon/map_keeper.hpp"
+#include "daemon/operator_token.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "scene/scene.hpp"
 #include "streaming/operator_desk.hpp"
 
 namespace fiducap {
-
-struct OperatorConfig {
-  std::string token;       ///< Whoever knows it may change things; empty: nobody may.
-  std::string token_file;  ///< Holds the token instead, see operator_token.hpp.
-
-  [[nodiscard]] std::vector<ConfigError> check() const;
-};
 
 /// What clients may change, carried out on the scene, the map and the recorder.
 class ControlDesk final : public OperatorDesk {

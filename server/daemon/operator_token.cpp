@@ -10,8 +10,6 @@
 #include <cstring>
 #include <filesystem>
 
-#include "daemon/control_desk.hpp"
-
 namespace fiducap {
 
 namespace {
@@ -64,6 +62,15 @@ Expected<std::string> check_token(std::string_view text, const std::string& path
 }
 
 }  // namespace
+
+std::vector<ConfigError> OperatorConfig::check() const {
+  return Checker{"operator."}
+      .require(token.empty() || token.size() >= kShortestToken, "token", "(secret)",
+               "must have at least 8 characters, or be empty: then nobody may change anything")
+      .require(token.empty() || token_file.empty(), "token_file", token_file,
+               "says the token a second time: keep one of token and token_file")
+      .errors;
+}
 
 Expected<std::string> read_token_file(const std::string& path) {
   const TokenFile file(path);

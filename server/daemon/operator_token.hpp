@@ -2,14 +2,21 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
+#include "base/config_check.hpp"
 #include "base/expected.hpp"
 
 namespace fiducap {
 
-struct OperatorConfig;
-
 inline constexpr std::size_t kShortestToken = 8;
+
+struct OperatorConfig {
+  std::string token;       ///< Whoever knows it may change things; empty: nobody may.
+  std::string token_file;  ///< Holds the token instead.
+
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
 
 /// The operator's token as a file: one line, printable characters, at least `kShortestToken`.
 /// The file must belong to root or to whom the server runs as, and be closed to all others; its

@@ -13,6 +13,7 @@
 #include "daemon/system_clock.hpp"
 #include "pipeline/body_pipeline.hpp"
 #include "simulation/rendered_corners.hpp"
+#include "simulation/told_lens.hpp"
 
 namespace fiducap {
 
@@ -30,7 +31,7 @@ CameraMount simulated_camera(const SimulatedDataSetup& setup) {
   mount.model.cu = 376;
   mount.model.cv = 240;
   mount.X_BV = simulation::forward_camera();
-  if (!setup.images_for.empty()) {
+  if (!setup.images_for.empty() || setup.lens_error_px > 0) {
     // A VI-Sensor's left camera: barrel distortion of 60 px in the image corner, 6 cm off the IMU.
     mount.model.distortion = Distortion::kRadialTangential;
     mount.model.coefficients = {-0.28, 0.07, 2e-4, 2e-5, 0};
@@ -67,7 +68,7 @@ CameraModel drawn_lens(CameraModel lens, const SimulatedDataSetup& setup, std::u
   lens.fv *= longer;
   lens.cu += setup.centre_error_px * gauss(random);
   lens.cv += setup.centre_error_px * gauss(random);
-  return lens;
+  return setup.lens_error_px > 0 ? told_lens(lens, setup.lens_error_px, setup.seed + camera) : lens;
 }
 
 /// All samples of a source up to an instant, in the order of SampleMerger.
@@ -309,6 +310,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   body.camera.images = !setup.images_for.empty() || !setup.texture.empty();
   body.camera.exposure_s = setup.exposure_s;
   body.camera.min_side_px = setup.min_side_px;
+  body.camera.corner_noise_px = setup.corner_noise_px;
   body.trajectory.kind = motion_in(setup.world);
   if (!setup.texture.empty()) room.texture = setup.texture;
   body.trajectory.seed = setup.seed;

@@ -78,6 +78,9 @@ struct SimulatedDataSetup {
   /// Lenses are told wrongly, drawn with these sigmas.
   double focal_error{0};
   double centre_error_px{0};
+  /// … by a calibration that leaves so much (told_lens), of a lens that bends.
+  double lens_error_px{0};
+  double corner_noise_px{0.4};  ///< Of corners without images.
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

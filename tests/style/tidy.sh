@@ -29,6 +29,24 @@ sources=$(awk '/"command":/ {sub(/^[^:]*: "/, ""); sub(/",?$/, ""); gsub(/\\"/, 
     $1 ~ pattern && !seen[$1]++')
 [ -n "$sources" ] || say_why_not "no source is built in $build"
 
+# CI has no time to read everything each time: what the newest commits have changed, and of the rest a
+# third, another one with each commit. By hand everything is read.
+readonly kNewest=40 kTurns=3
+if [ -n "${CI:-}" ] && oldest=$(git rev-parse --quiet --verify "HEAD~$kNewest"); then
+  changed=$(git diff --name-only "$oldest" HEAD -- server client | grep '\.cpp$' || true)
+  turn=$((0x$(git rev-parse HEAD | cut -c1-6) % kTurns))
+  number=0
+  sources=$(while IFS= read -r line; do
+    file=${line%%$'\t'*}
+    number=$((number + 1))
+    if [ $((number % kTurns)) -eq "$turn" ] ||
+      { echo "$file"; cat "$file"; } | grep -qF "${changed:-no source}"; then
+      printf '%s\n' "$line"
+    fi
+  done <<<"$sources")
+fi
+echo "clang-tidy reads $(wc -l <<<"$sources") sources"
+
 # tidied LINE
 tidied() {
   local file=${1%%$'\t'*} found

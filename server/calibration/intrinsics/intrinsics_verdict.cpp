@@ -9,6 +9,8 @@
 namespace fiducap {
 namespace {
 
+// Corners of a calibration's images are off together by more than their scatter tells.
+constexpr double kLeastLensError_px = 0.03;
 constexpr double kTilted_rad = 25 * std::numbers::pi / 180;
 
 /// The value that this share of all is below.
@@ -68,6 +70,8 @@ void measure_map(const IntrinsicsCalibration& c, const ImageMap& map, Intrinsics
   v.uncertainty_median_px = quantile(uncertainties, 0.5);
   v.uncertainty_worst_px = quantile(uncertainties, 1);
   v.misfit_px = filled > 0 ? std::sqrt(std::max(0.0, systematic / filled)) : 0;
+  v.lens_error_px =
+      std::max(kLeastLensError_px, std::hypot(v.uncertainty_median_px, v.misfit_px / std::sqrt(2)));
 }
 
 void measure_numbers(const IntrinsicsCalibration& c, IntrinsicsVerdict& v) {
@@ -91,6 +95,19 @@ IntrinsicsVerdict judge(const IntrinsicsCalibration& calibration, const ImageMap
   measure_numbers(calibration, verdict);
   give_advice(calibration, map, verdict);
   return verdict;
+}
+
+void tell_lens(const IntrinsicsCalibration& calibration, const IntrinsicsVerdict& verdict,
+               CameraMount& mount) {
+  constexpr int kFirstRadial = 4;  // of LensVector: after fu fv cu cv
+  const double k1_variance = calibration.uncertainty.covariance(kFirstRadial, kFirstRadial);
+  const double more = verdict.uncertainty_median_px > 0
+                          ? std::max(1.0, verdict.lens_error_px / verdict.uncertainty_median_px)
+                          : 1.0;
+  mount.focal_sigma = more * verdict.focal_sigma;
+  mount.centre_sigma_px = more * verdict.centre_sigma * calibration.state.camera.width;
+  mount.k1_sigma = more * std::sqrt(std::max(0.0, k1_variance));
+  mount.lens_error_px = verdict.lens_error_px;
 }
 
 }  // namespace fiducap

@@ -36,9 +36,15 @@ struct IntrinsicsVerdict {
   double reprojection_rms_px{};  ///< Per point.
   double
       misfit_px{};  ///< RMS of what residuals have in common in a part of the image, beyond noise.
+  double lens_error_px{};  ///< Both: CameraMount::lens_error_px.
 };
 
 [[nodiscard]] IntrinsicsVerdict judge(const IntrinsicsCalibration& calibration,
                                       const ImageMap& map);
+
+/// Writes into a mount how far its lens may be off: as much of each number as makes, with the
+/// others, `lens_error_px`. A covariance knows nothing of what all images have in common.
+void tell_lens(const IntrinsicsCalibration& calibration, const IntrinsicsVerdict& verdict,
+               CameraMount& mount);
 
 }  // namespace fiducap

@@ -37,10 +37,10 @@ Expected<void> apply_camchain(const std::string& file, std::vector<FoundStream>&
 }
 
 Expected<void> apply_to_camera(const std::string& file, FoundStream& camera) {
-  const auto model = read_camera_calibration(file);
-  if (!model) return tl::unexpected(model.error());
-  if (const auto fits = require_size(*model, camera, file); !fits) return fits;
-  camera.mount.model = *model;
+  const auto mount = read_camera_calibration(file, camera.mount);
+  if (!mount) return tl::unexpected(mount.error());
+  if (const auto fits = require_size(mount->model, camera, file); !fits) return fits;
+  camera.mount = *mount;
   camera.lens_known = true;
   const auto yaml = YamlSection::load(file);
   if (!yaml || !yaml->has("T_BS")) return {};

@@ -79,9 +79,15 @@ CameraModel read_plain_json(const YamlSection& yaml) {
 }  // namespace
 
 Expected<CameraModel> read_camera_calibration(const std::string& path) {
+  const auto mount = read_camera_calibration(path, {});
+  if (!mount) return tl::unexpected(mount.error());
+  return mount->model;
+}
+
+Expected<CameraMount> read_camera_calibration(const std::string& path, CameraMount mount) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
   if (!yaml) return tl::unexpected(yaml.error());
-  CameraModel model;
+  CameraModel& model = mount.model;
   if (yaml->has("intrinsics") && yaml->has("resolution")) {
     model = read_pinhole(*yaml, "distortion_coefficients");
   } else if (yaml->has("camera_matrix")) {
@@ -99,8 +105,9 @@ Expected<CameraModel> read_camera_calibration(const std::string& path) {
                 path);
   }
   check_model(*yaml, model);
+  read_lens_sigmas(*yaml, mount);
   if (const auto sound = yaml->check(); !sound) return tl::unexpected(sound.error());
-  return model;
+  return mount;
 }
 
 }  // namespace fiducap

@@ -18,5 +18,9 @@ namespace fiducap {
 /// Four coefficients without a model name are refused: they could be OpenCV's normal lens or its
 /// fisheye.
 [[nodiscard]] Expected<CameraModel> read_camera_calibration(const std::string& path);
+/// The same, and how far it may be off, where the file says so (read_lens_sigmas). The rest of the
+/// mount stays.
+[[nodiscard]] Expected<CameraMount> read_camera_calibration(const std::string& path,
+                                                            CameraMount mount);
 
 }  // namespace fiducap

@@ -53,6 +53,10 @@ struct UndistortedPixel {
                                                         const Eigen::Vector2d& raw_px,
                                                         double max_angle_rad = 1.45);
 
+/// What a calibration leaves, told or not: of printed tags it is hardly better.
+inline constexpr double kUsualLensError_px = 0.05;
+inline constexpr double kLargestLensError_px = 10;
+
 /// A camera on a body: lens, place, time.
 struct CameraMount {
   CameraModel model;
@@ -70,6 +74,9 @@ struct CameraMount {
   double focal_sigma{0.0};      ///< Of fu and fv together, relative.
   double centre_sigma_px{0.0};  ///< Of cu and cv, each.
   double k1_sigma{0.0};         ///< Of the first coefficient of distortion.
+  /// How far corners are off by what the model does not follow, 1-sigma per coordinate: no noise,
+  /// but the same again wherever in the image a tag was before. 0: the model is exact.
+  double lens_error_px{0.0};
   double rate_hz{20.0};
 };
 

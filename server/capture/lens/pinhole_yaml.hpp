@@ -13,6 +13,10 @@ namespace fiducap {
 [[nodiscard]] CameraModel read_pinhole(const YamlSection& yaml,
                                        const std::string& coefficients_key);
 
+/// How far the lens may be off, where the file says so: `intrinsics_sigma: {focal, centre_px, k1}`
+/// and `lens_error_px`, as `fiducap calibrate camera` and recordings have them.
+void read_lens_sigmas(const YamlSection& yaml, CameraMount& mount);
+
 /// Adds the rules that `model` breaks to the faults of `yaml`, unless it has some already.
 void check_model(const YamlSection& yaml, const CameraModel& model);
 

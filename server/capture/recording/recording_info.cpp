@@ -10,9 +10,6 @@ namespace fiducap {
 namespace {
 
 constexpr double kLargestTimeShift_s = 10;
-constexpr double kLargestFocalSigma = 1;
-constexpr double kLargestDistortionSigma = 1;
-constexpr double kLargestCentreSigma_px = 1e4;
 
 Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   const Expected<YamlSection> yaml = YamlSection::load(path);
@@ -24,15 +21,7 @@ Expected<CameraMount> read_camera(const std::filesystem::path& path) {
   const YamlSection sigma = yaml->section("T_BS_sigma");
   mount.position_sigma_m = sigma.number("translation_m").value_or(mount.position_sigma_m);
   mount.rotation_sigma_rad = sigma.number("rotation_rad").value_or(mount.rotation_sigma_rad);
-  const YamlSection lens_sigma = yaml->section("intrinsics_sigma");
-  mount.focal_sigma = lens_sigma.number("focal").value_or(mount.focal_sigma);
-  mount.centre_sigma_px = lens_sigma.number("centre_px").value_or(mount.centre_sigma_px);
-  mount.k1_sigma = lens_sigma.number("k1").value_or(mount.k1_sigma);
-  if (!(mount.focal_sigma >= 0 && mount.focal_sigma < kLargestFocalSigma &&
-        mount.centre_sigma_px >= 0 && mount.centre_sigma_px < kLargestCentreSigma_px &&
-        mount.k1_sigma >= 0 && mount.k1_sigma <= kLargestDistortionSigma))
-    yaml->complain("intrinsics_sigma",
-                   "must be >= 0, focal below 1, centre_px below 10000, k1 at most 1");
+  read_lens_sigmas(*yaml, mount);
   const double shift = yaml->number("timeshift_cam_imu").value_or(0);
   if (std::abs(shift) > kLargestTimeShift_s)
     yaml->complain("timeshift_cam_imu", "is more than 10 s");

@@ -65,6 +65,7 @@ std::string camera_yaml(const CameraMount& mount) {
   if (mount.focal_sigma > 0 || mount.centre_sigma_px > 0 || mount.k1_sigma > 0)
     out << "intrinsics_sigma: {focal: " << mount.focal_sigma
         << ", centre_px: " << mount.centre_sigma_px << ", k1: " << mount.k1_sigma << "}\n";
+  if (mount.lens_error_px > 0) out << "lens_error_px: " << mount.lens_error_px << "\n";
   return out.str();
 }
 

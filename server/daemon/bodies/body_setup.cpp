@@ -27,12 +27,7 @@ bool is_camchain(const std::string& file) {
 Expected<CameraMount> read_mount(const CameraConfig& camera, std::size_t place) {
   CameraMount mount = camera.mount;
   if (camera.calibration.empty()) return mount;
-  if (!is_camchain(camera.calibration)) {
-    auto model = read_camera_calibration(camera.calibration);
-    if (!model) return tl::unexpected(model.error());
-    mount.model = *model;
-    return mount;
-  }
+  if (!is_camchain(camera.calibration)) return read_camera_calibration(camera.calibration, mount);
   auto chain = read_kalibr_camchain(camera.calibration);
   if (!chain) return tl::unexpected(chain.error());
   const std::size_t which =

@@ -10,9 +10,9 @@
 #include "base/pose.hpp"
 #include "capture/imu/imu_source_config.hpp"
 #include "capture/imu_sample.hpp"
-#include "capture/lens/camera_model.hpp"
+#include "capture/lens/calibrated_mount.hpp"
 #include "daemon/config/source_config.hpp"
-#include "daemon/control_desk.hpp"
+#include "daemon/operator_token.hpp"
 #include "daemon/recording/session_recorder.hpp"
 #include "detection/detector_config.hpp"
 #include "estimation/estimator_config.hpp"
@@ -27,7 +27,7 @@ namespace fiducap {
 struct CameraConfig {
   std::string calibration{};  ///< Kalibr camchain (lens, place, time) or a calibration file of one
                               ///< camera (lens only).
-  CameraMount mount;          ///< What `calibration` does not say.
+  CameraMount mount = calibrated_mount();      ///< What `calibration` does not say.
   std::optional<CameraSourceConfig> source{};  ///< Its own; nullopt: the body's.
 };
 

@@ -64,6 +64,7 @@ void check_mount(Errors& all, const CameraMount& mount, bool has_file, const std
              .within("focal_sigma", mount.focal_sigma, 0, kLargestFocalError)
              .within("centre_sigma_px", mount.centre_sigma_px, 0, kLargestCentreError_px)
              .within("k1_sigma", mount.k1_sigma, 0, kLargestDistortionError)
+             .within("lens_error_px", mount.lens_error_px, 0, kLargestLensError_px)
              .positive("rate_hz", mount.rate_hz)
              .errors,
          prefix);

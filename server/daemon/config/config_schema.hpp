@@ -104,6 +104,7 @@ void describe(V& v, CameraMount& c) {
   v.value("focal_sigma", c.focal_sigma);
   v.value("centre_sigma_px", c.centre_sigma_px);
   v.value("k1_sigma", c.k1_sigma);
+  v.value("lens_error_px", c.lens_error_px);
   v.value("rate_hz", c.rate_hz);
 }
 

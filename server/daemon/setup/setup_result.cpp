@@ -43,6 +43,8 @@ std::string camera_text(const SetupResult& result) {
   if (mount.centre_sigma_px > 0)
     text += "        centre_sigma_px: " + text_of(mount.centre_sigma_px) + "\n";
   if (mount.k1_sigma > 0) text += "        k1_sigma: " + text_of(mount.k1_sigma) + "\n";
+  text += "        lens_error_px: " + text_of(mount.lens_error_px) +
+          "     # what the model leaves, the same wherever a tag was before\n";
   const std::string place = result.mount_from.empty()
                                 ? "as told by hand; better values are learned in motion"
                                 : result.mount_from;

@@ -13,7 +13,6 @@ namespace fiducap {
 namespace {
 
 constexpr std::size_t kMoreViews = 12;
-constexpr int kFirstRadial = 4;  // of LensVector: after fu fv cu cv
 // Of a place measured by hand, searched around it.
 constexpr double kMountReach_m = 0.03;
 constexpr double kMountReach_rad = 0.15;
@@ -29,17 +28,6 @@ SetupVerdict refused(const Error& error) { return {false, true, error.text(), {}
 std::string lens_text(const IntrinsicsCalibration& lens, const IntrinsicsVerdict& verdict) {
   return std::to_string(lens.data.views.size()) + " views, corners fit to " +
          fixed(verdict.reprojection_rms_px, 2) + " px";
-}
-
-/// A good lens counts as exact, as one of a file does; a weak one says how far it may be off, and
-/// is learned on.
-void say_how_sure(const IntrinsicsVerdict& verdict, const LensUncertainty& lens,
-                  CameraMount& mount) {
-  const bool is_good = verdict.grade == IntrinsicsGrade::kGood;
-  mount.focal_sigma = is_good ? 0 : verdict.focal_sigma;
-  mount.centre_sigma_px = is_good ? 0 : verdict.centre_sigma * mount.model.width;
-  mount.k1_sigma =
-      is_good ? 0 : std::sqrt(std::max(0.0, lens.covariance(kFirstRadial, kFirstRadial)));
 }
 
 }  // namespace
@@ -93,7 +81,7 @@ void SetupGuide::solve_lens() {
   if (usable) {
     CameraMount& mount = result_.camera.mount;
     mount.model = solved->state.camera;
-    say_how_sure(judged, solved->uncertainty, mount);
+    tell_lens(*solved, judged, mount);  // is learned on; what no number of it follows stays
     result_.lens_from = "calibrated, " + verdict_->summary;
   }
   if (!verdict_->is_good)

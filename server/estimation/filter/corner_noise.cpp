@@ -25,6 +25,11 @@ constexpr double kMost = 20.0;
 constexpr double kMoved_px = 1.0;
 // A look at the same place tells at least this much: how far the body has not moved.
 constexpr int kMostRepeated = 8;
+// What a lens model does not follow is smooth: alike over such a share of the image's width …
+constexpr double kLensReach = 0.2;
+// … and alike for one tag after the other that passes there, which adds up along a walk where it is
+// taken for noise: reckoned as so many times as much (docs/design/corner-noise.md).
+constexpr double kLensLasts = 2;
 
 Eigen::Vector2d middle_of(const TagObservation& seen) {
   const auto& px = seen.corners_px;
@@ -33,13 +38,17 @@ Eigen::Vector2d middle_of(const TagObservation& seen) {
 
 }  // namespace
 
-CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns)
+CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns, const CameraMount* lens)
     : start_px_(config.corner_noise_px),
       begun_px_(config.corner_noise_px),
       unexplained_px_(config.corner_noise_px),
       least_px_(config.corner_noise_px),
       step_(kFirstStep),
-      learns_(learns) {}
+      learns_(learns) {
+  if (lens == nullptr) return;
+  lens_error_px_ = kLensLasts * lens->lens_error_px;
+  lens_reach_px_ = kLensReach * lens->model.width;
+}
 
 double CornerNoise::once_px(const TagObservation& seen) const {
   return std::hypot(seen.corner_sigma_px, unexplained_px_);
@@ -53,17 +62,46 @@ double CornerNoise::repeated(const TagObservation& seen) const {
   return is_there ? std::min(place.looks + 1, kMostRepeated) : 1.0;
 }
 
+/// What the lens does to a tag, of one look more at the same part of the image.
+double CornerNoise::lens_px(const TagObservation& seen) const {
+  const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
+  const bool is_there =
+      place.tag_id == seen.tag_id && (middle_of(seen) - place.part_px).norm() < lens_reach_px_;
+  return lens_error_px_ * (is_there ? std::min(place.part_looks + 1, kMostRepeated) : 1);
+}
+
 double CornerNoise::of(const TagObservation& seen) const {
-  return learns_ ? repeated(seen) * once_px(seen) : start_px_;
+  if (!learns_) return start_px_;
+  return std::hypot(repeated(seen) * once_px(seen), lens_px(seen));
 }
 
 Matrix8d CornerNoise::covariance(const TagObservation& seen, double more_px) const {
-  Matrix8d R = corner_covariance(seen.raw_px, seen.sides);
+  Matrix8d R = Matrix8d::Zero();
+  if (seen.knows_sides()) {
+    R = corner_covariance(seen.raw_px, seen.sides);
+  } else {
+    R.diagonal().array() = seen.corner_sigma_px * seen.corner_sigma_px;
+  }
   R.diagonal().array() += unexplained_px_ * unexplained_px_;
   const double times = repeated(seen);
   R *= times * times;
+  if (lens_error_px_ > 0) add_lens(seen, R);
   R.diagonal().array() += more_px * more_px;
   return R;
+}
+
+/// Corners are off alike, the more the nearer they are to each other.
+void CornerNoise::add_lens(const TagObservation& seen, Matrix8d& R) const {
+  const double px = lens_px(seen);
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) {
+      const double apart =
+          (seen.raw_px[static_cast<std::size_t>(i)] - seen.raw_px[static_cast<std::size_t>(j)])
+              .norm() /
+          lens_reach_px_;
+      R.block<2, 2>(2 * i, 2 * j).diagonal().array() += px * px * std::exp(-0.5 * apart * apart);
+    }
+  }
 }
 
 void CornerNoise::begin_with(double unexplained_px) {
@@ -78,11 +116,16 @@ bool CornerNoise::has_moved(const TagObservation& seen) {
   Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
   const Eigen::Vector2d now = middle_of(seen);
   const bool is_same = place.tag_id == seen.tag_id;
+  if (!is_same || (now - place.part_px).norm() > lens_reach_px_) {
+    place.part_px = now;
+    place.part_looks = 0;
+  }
+  ++place.part_looks;
   if (is_same && (now - place.px).norm() < kMoved_px) {
     ++place.looks;
     return false;
   }
-  place = {seen.tag_id, now, 1};
+  place = {seen.tag_id, now, 1, place.part_px, place.part_looks};
   return is_same;
 }
 

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "capture/lens/camera_model.hpp"
 #include "detection/corner_covariance.hpp"
 #include "detection/tag_observation.hpp"
 #include "estimation/estimator_config.hpp"
@@ -25,13 +26,15 @@ namespace fiducap {
 class CornerNoise final {
  public:
   /// @param learns  false: `corner_noise_px` for every corner, as in the paper
-  explicit CornerNoise(const EstimatorConfig& config, bool learns);
+  /// @param lens    for lens_error_px; nullptr: exact
+  explicit CornerNoise(const EstimatorConfig& config, bool learns,
+                       const CameraMount* lens = nullptr);
 
   [[nodiscard]] double of(const TagObservation& seen) const;
   /// Whether it is not the same in all directions: where each side has sigmas of its own. A line
   /// through white noise is turned by more than it is shifted.
   [[nodiscard]] bool is_uneven(const TagObservation& seen) const {
-    return learns_ && seen.knows_sides();
+    return learns_ && (seen.knows_sides() || lens_error_px_ > 0);
   }
   /// The whole of it where it is uneven. @param more_px  beside all that, of each coordinate
   [[nodiscard]] Matrix8d covariance(const TagObservation& seen, double more_px) const;
@@ -55,17 +58,23 @@ class CornerNoise final {
   struct Place {
     int tag_id{-1};
     Eigen::Vector2d px{Eigen::Vector2d::Zero()};
-    int looks{0};  ///< That have taught there.
+    int looks{0};                                      ///< That have taught there.
+    Eigen::Vector2d part_px{Eigen::Vector2d::Zero()};  ///< Of the image, that it has been in …
+    int part_looks{0};                                 ///< … so often since it came there.
   };
   static constexpr std::size_t kPlaces = 64;
 
   [[nodiscard]] double once_px(const TagObservation& seen) const;
   [[nodiscard]] double repeated(const TagObservation& seen) const;
+  void add_lens(const TagObservation& seen, Matrix8d& R) const;
+  [[nodiscard]] double lens_px(const TagObservation& seen) const;
   /// @return whether it had been seen elsewhere before
   [[nodiscard]] bool has_moved(const TagObservation& seen);
 
   double start_px_;  ///< As configured.
-  double begun_px_;  ///< f at the beginning.
+  double lens_error_px_{0};
+  double lens_reach_px_{0};  ///< Corners this near to each other are off alike.
+  double begun_px_;          ///< f at the beginning.
   double unexplained_px_;
   double least_px_;  ///< f when a tag last moved.
   double step_;

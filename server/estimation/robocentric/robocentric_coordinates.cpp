@@ -13,7 +13,7 @@ RobocentricCoordinates::RobocentricCoordinates(const BodySensors& sensors,
     : sensors_(sensors),
       config_(config),
       gravity_W_(0, 0, -sensors.gravity_m_s2),
-      corner_noise_(config, false) {}
+      corner_noise_(config, false, nullptr) {}
 
 void RobocentricCoordinates::reset(const ClockHypothesis&) {
   state_ = FilterState{};

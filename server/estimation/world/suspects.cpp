@@ -47,13 +47,6 @@ constexpr double kCleared = 5e-4;
 constexpr double kCleared_sigma = 3.0;
 // A camera is cleared when its numbers are known to so many times what would close them.
 constexpr double kClearedSettled = 5.0;
-// What is told is known to this many sigmas.
-constexpr double kTold_sigma = 4.0;
-// A refined lens is told once it is known like this.
-constexpr double kRefinedFocal = 5e-3;
-constexpr double kRefinedCentre_px = 5.0;
-constexpr double kRefinedDistortion = 0.02;  // of one of which nothing else is refined
-
 bool is_of_lens(Kind kind) {
   return kind == Kind::kFocalLength || kind == Kind::kCentreU || kind == Kind::kCentreV ||
          kind == Kind::kDistortion;
@@ -295,46 +288,14 @@ void Suspects::release_cleared_prints(FilterState& state) const {
   }
 }
 
-void Suspects::list(const FilterState& state, std::vector<FoundMismatch>& out) const {
-  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
-    const Suspect& suspect = all_[i];
-    if (!state.suspicions[i].is_open || suspect.is_parameter) continue;
-    const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
-    const double found = value(state, suspect);
-    // What is settled as being as configured is not told as being otherwise.
-    if (!(std::abs(found) > std::max(kTold_sigma * sigma, suspect.settled))) continue;
-    const int tag_id = suspect.print < 0
-                           ? -1
-                           : state.sizes.watched[static_cast<std::size_t>(suspect.print)].tag_id;
-    if (suspect.print >= 0 && tag_id < 0) continue;
-    out.push_back({suspect.kind, suspect.camera, tag_id, found, sigma, {}});
-  }
-  for (int c = 0; c < state.cameras() && state.has_suspects(); ++c) list_lens(state, c, out);
-}
-
-void Suspects::list_lens(const FilterState& state, int camera,
-                         std::vector<FoundMismatch>& out) const {
-  const LensEstimate now = lens(state, camera);
-  if (!is_refined(camera) || now.focal_sigma > kRefinedFocal ||
-      now.centre_sigma_px.maxCoeff() > kRefinedCentre_px)
-    return;
-  if (now.focal_sigma == 0 && now.k1_sigma > kRefinedDistortion) return;
-  out.push_back({Kind::kLens, camera, -1, now.offset.focal, now.focal_sigma, now});
-}
-
-bool Suspects::is_refined(int camera) const {
-  return std::any_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
-    return suspect.is_parameter && suspect.camera == camera;
-  });
-}
-
 bool Suspects::are_cleared(const FilterState& state, int camera) const {
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& suspect = all_[i];
     const bool is_another = suspect.camera >= 0 && suspect.camera != camera;
     if (suspect.print >= 0 || is_another) continue;
-    if (state.suspicions[i].is_open) return false;
     const double least = kClearedSettled * suspect.settled;
+    if (suspect.is_parameter && suspect.open_sigma < least) continue;  // calibrated
+    if (state.suspicions[i].is_open) return false;
     const double information = information_of(state, suspect.column, suspect.tight_sigma);
     if (!(information * least * least > 1)) return false;
     if (std::abs(score(state, suspect)) > kSuspected_sigma) return false;
@@ -367,21 +328,6 @@ Vector6d Suspects::pull(const FilterState& state, const Suspect& suspect) {
   const double S = 1 + gained * p(suspect.column);
   if (!(S > 1e-9)) return Vector6d::Zero();
   return -gained / S * value(state, suspect) * p.head<6>();
-}
-
-LensEstimate Suspects::lens(const FilterState& state, int camera) const {
-  LensEstimate out;
-  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
-    const Suspect& suspect = all_[i];
-    if (suspect.camera != camera || !state.suspicions[i].is_open) continue;
-    const double sigma = std::sqrt(state.P()(suspect.column, suspect.column));
-    if (suspect.kind == Kind::kFocalLength) out.focal_sigma = sigma;
-    if (suspect.kind == Kind::kCentreU) out.centre_sigma_px.x() = sigma;
-    if (suspect.kind == Kind::kCentreV) out.centre_sigma_px.y() = sigma;
-    if (suspect.kind == Kind::kDistortion) out.k1_sigma = sigma;
-  }
-  if (out.is_estimated()) out.offset = state.lenses[static_cast<std::size_t>(camera)];
-  return out;
 }
 
 }  // namespace fiducap::world

@@ -22,9 +22,8 @@ constexpr double kUnknownTurn_rad = 0.4;
 constexpr double kNisShare = 0.02;
 constexpr int kUnfitToLearnFrom = 3;  // more in a row without a tag that fits are no noise
 constexpr double kExactReadout_s = 5.1e-5;
-// The reference tag defines W again when linearisation has let it slip this far (m and rad
-// together), or when it seems as unsure as that: every image makes it so by a micrometre, which is
-// nothing but what defining W costs.
+// The reference tag defines W again when linearisation has let it slip this far (m and rad), or
+// when it seems as unsure as that: every image makes it so by a micrometre.
 constexpr double kSlipped = 1e-6;
 constexpr double kUnsure = 1e-5;
 
@@ -36,8 +35,9 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
       gravity_W_(0, 0, -sensors.gravity_m_s2),
       suspects_(sensors.cameras, doubts()) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
-  corner_noise_.assign(sensors.cameras.size(), CornerNoise(config, config.learn_corner_noise));
   for (const CameraMount& mount : sensors.cameras) lenses_.push_back(mount.model);
+  for (const CameraMount& mount : sensors.cameras)
+    corner_noise_.emplace_back(config, config.learn_corner_noise, &mount);
 }
 
 /// Without an IMU what is wrong elsewhere, a lens's distortion or one camera against another, is

@@ -141,6 +141,7 @@ std::string to_camera_json(const CameraOutcome& o) {
       {"noise_correlation", c.uncertainty.correlation},
       {"misfit_px", v.misfit_px},
       {"uncertainty_px", {{"median", v.uncertainty_median_px}, {"worst", v.uncertainty_worst_px}}},
+      {"lens_error_px", v.lens_error_px},
       {"lenses_tried", trials},
       {"map", cells_json(o.map)}};
   return report.dump(2) + "\n";
@@ -179,6 +180,8 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
   const CameraModel& camera = calibration.state.camera;
   const LensVector values = numbers_of(camera);
   const auto names = number_names(camera.distortion);
+  CameraMount told;
+  tell_lens(calibration, verdict, told);
   std::string sigmas;
   for (const int i : calibration.free)
     sigmas += std::string(" ") + names[static_cast<std::size_t>(i)] + " " +
@@ -196,12 +199,13 @@ std::string to_camera_yaml(const IntrinsicsCalibration& calibration,
          std::string(word_for(verdict.grade)) + "\n# " + std::to_string(verdict.images) +
          " images, reprojection " + fixed(verdict.reprojection_rms_px, 3) + " px RMS, coverage " +
          fixed(100 * verdict.covered, 0) + " %\n# 1-sigma:" + sigmas +
-         "\nintrinsics_sigma: {focal: " + fixed(verdict.focal_sigma, 6) +
-         ", centre_px: " + fixed(verdict.centre_sigma * camera.width, 4) +
-         ", k1: " + fixed(std::sqrt(calibration.uncertainty.covariance(4, 4)), 6) +
-         "}\ncamera_model: pinhole\nresolution: [" + std::to_string(camera.width) + ", " +
-         std::to_string(camera.height) + "]\nintrinsics: " + list(0, 4, 6) +
-         "\ndistortion_model: " + name_of(camera.distortion) +
+         "\nintrinsics_sigma: {focal: " + fixed(told.focal_sigma, 6) +
+         ", centre_px: " + fixed(told.centre_sigma_px, 4) + ", k1: " + fixed(told.k1_sigma, 6) +
+         "}\nlens_error_px: " + fixed(told.lens_error_px, 3) +
+         "  # the same wherever in the image a tag was before\ncamera_model: pinhole\nresolution: "
+         "[" +
+         std::to_string(camera.width) + ", " + std::to_string(camera.height) +
+         "]\nintrinsics: " + list(0, 4, 6) + "\ndistortion_model: " + name_of(camera.distortion) +
          "\ndistortion_coefficients: " + list(4, coefficients, 9) + "\n";
 }
 

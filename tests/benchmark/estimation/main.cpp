@@ -91,6 +91,13 @@ const std::vector<Verb>& verbs() {
        "A",
        5,
        bench_landmarks},
+      {"lens",
+       "a lens as a calibration leaves it: off by hundredths of a pixel, told of it and not "
+       "(--class: WORLD or WORLD-ROBOTS)",
+       {"table", "hall", "hall-3"},
+       "A",
+       10,
+       bench_lens},
       {"sizes",
        "wrong tag sizes: whether it is said, of whom, when, and whether nothing is said otherwise",
        {"table", "sparse", "loop", "hall"},

@@ -76,6 +76,7 @@ inline constexpr double kDegrees = 180 / std::numbers::pi;
 [[nodiscard]] std::vector<Table> bench_faults(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_starloc(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_landmarks(const EstimationOptions& options);
+[[nodiscard]] std::vector<Table> bench_lens(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_mismatch(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_sizes(const EstimationOptions& options);
 [[nodiscard]] std::vector<Table> bench_moved(const EstimationOptions& options);

@@ -143,6 +143,59 @@ TEST(CornerNoise, CornersThatNoDetectorMeasuredAreWhite) {
   EXPECT_NEAR(noise.of(tag_at(1)), first, 0.01 * first);
 }
 
+CameraMount lens_off_by(double error_px) {
+  CameraMount mount;
+  mount.model.width = 1000;
+  mount.lens_error_px = error_px;
+  return mount;
+}
+
+/// A tag of the image's middle, 40 px wide.
+TagObservation square_at(double x) {
+  TagObservation seen;
+  seen.tag_id = 3;
+  seen.raw_px = {{{x, 0}, {x + 40, 0}, {x + 40, 40}, {x, 40}}};
+  seen.corners_px = seen.raw_px;
+  return seen;
+}
+
+TEST(CornerNoise, ALensThatIsOffMakesCornersOffTogether) {
+  const CameraMount lens = lens_off_by(0.1);
+  const CornerNoise noise(EstimatorConfig{}, true, &lens);
+  const TagObservation seen = square_at(500);
+  ASSERT_TRUE(noise.is_uneven(seen)) << "also where no detector has measured";
+  const Matrix8d R = noise.covariance(seen, 0);
+  const double f = noise.unexplained_px();
+  const double lens_variance = R(0, 0) - f * f;
+  EXPECT_NEAR(noise.of(seen), std::sqrt(R(0, 0)), 1e-12);
+  EXPECT_NEAR(std::sqrt(lens_variance), 0.2, 1e-9) << "and counts for twice as much";
+  EXPECT_GT(R(0, 2), 0.9 * lens_variance) << "neighbouring corners, the same way";
+  EXPECT_EQ(R(0, 1), 0) << "x says nothing of y";
+  EXPECT_GT(R.ldlt().vectorD().minCoeff(), 0);
+  // Told exactly, nothing changes.
+  const CameraMount exact = lens_off_by(0);
+  const CornerNoise plain(EstimatorConfig{}, true, &exact);
+  EXPECT_FALSE(plain.is_uneven(seen));
+  EXPECT_DOUBLE_EQ(plain.of(seen), CornerNoise(EstimatorConfig{}, true).of(seen));
+}
+
+/// However often a tag is seen there: all looks at one part of the image are worth less than two.
+TEST(CornerNoise, WhatALensIsOffIsNotAveragedAwayWhereATagStays) {
+  const CameraMount lens = lens_off_by(0.1);
+  CornerNoise noise(EstimatorConfig{}, true, &lens);
+  noise.begin_with(1e-6);
+  double information = 0;
+  const double first = noise.of(square_at(500));
+  for (int look = 0; look < 8; ++look) {
+    const TagObservation seen = square_at(500 + 10 * look);  // within a fifth of 1000 px
+    information += std::pow(first / noise.of(seen), 2);
+    noise.learn(seen, 8.0, 1e-6);
+  }
+  EXPECT_LT(information, 2.0);
+  EXPECT_GT(information, 1.4);
+  EXPECT_NEAR(noise.of(square_at(800)), first, 1e-3 * first) << "elsewhere it is off otherwise";
+}
+
 TEST(CornerNoise, BeginsWithWhatAnotherFilterHasLearned) {
   CornerNoise noise(EstimatorConfig{}, true);
   noise.begin_with(0.05);

@@ -141,6 +141,36 @@ TEST_F(LensParameter, IsNeverClosedAndToldOnceItIsKnown) {
   EXPECT_NEAR(found[0].lens.focal_sigma, 3e-4, 1e-12);
 }
 
+TEST_F(LensParameter, OfACalibrationIsToldOnlyWhenItIsNotAsCalibrated) {
+  mounts_[0].focal_sigma = 5e-4;
+  mounts_[0].centre_sigma_px = 0.3;
+  mounts_[0].k1_sigma = 3e-4;
+  Suspects suspects(mounts_, {});
+  suspects.begin(state_);
+  std::vector<FoundMismatch> found;
+  state_.lenses[0].focal = 1e-3;  // two sigmas of the calibration
+  state_.clear_column(layout::focal(0), 1e-4);
+  suspects.list(state_, found);
+  EXPECT_TRUE(found.empty());
+  state_.lenses[0].focal = 3e-3;
+  suspects.list(state_, found);
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].kind, FoundMismatch::Kind::kLens);
+  EXPECT_NEAR(found[0].lens.offset.focal, 3e-3, 1e-12);
+}
+
+TEST_F(LensParameter, IsNotKnownBetterThanWhatTheLensLeaves) {
+  mounts_[0].model.width = 800;
+  mounts_[0].model.fu = mounts_[0].model.fv = 400;
+  mounts_[0].focal_sigma = 5e-4;
+  mounts_[0].lens_error_px = 0.05;
+  Suspects suspects(mounts_, {.doubts = false});
+  suspects.begin(state_);
+  state_.clear_column(layout::focal(0), 1e-6);
+  EXPECT_NEAR(suspects.lens(state_, 0).focal_sigma, 0.05 / 200, 1e-6);
+  EXPECT_EQ(suspects.lens(state_, 0).k1_sigma, 0) << "is not estimated";
+}
+
 TEST_F(LensParameter, OfDistortionAloneIsToldOnceThatIsKnown) {
   mounts_[0].k1_sigma = 0.1;
   Suspects suspects(mounts_, {.doubts = false});
