@@ -177,6 +177,7 @@ Expected<void> MapKeeper::roll_back(std::int64_t version) {
     if (auto stored = store_version(kAutomaticComment); !stored) return stored;
   }
   wanted->created_utc_ns = utc_now_ns();
+  wanted->X_RW = map_.snapshot()->X_RW;  // the origin that clients know stays
   const auto stored = store_.commit(*wanted, "rolled back to version " + std::to_string(version));
   if (!stored) return tl::unexpected(stored.error());
   if (auto begun = map_.begin_anew(*stored, utc_now_ns()); !begun) {

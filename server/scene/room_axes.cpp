@@ -1,6 +1,9 @@
 #include "scene/room_axes.hpp"
 
+#include <cmath>
 #include <utility>
+
+#include "base/so3.hpp"
 
 namespace fiducap {
 
@@ -10,16 +13,22 @@ bool is_identity(const Pose& X) {
   return X.p.isZero(0) && X.q.coeffs() == Eigen::Quaterniond::Identity().coeffs();
 }
 
+Pose levelled(const Pose& X) {
+  const Eigen::Vector3d x = X.q * Eigen::Vector3d::UnitX();
+  return {exp_so3({0, 0, std::atan2(x.y(), x.x())}), X.p};
+}
+
 }  // namespace
 
 TagMap in_room(const TagMap& map) {
   TagMap out = map;
+  const Pose X_RW = levelled(map.X_RW);
   out.X_RW = {};
   out.known.reset();
   Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = map.X_RW.rotation();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = X_RW.rotation();
   for (MapTag& entry : out.tags) {
-    entry.tag.X_WT = map.X_RW * entry.tag.X_WT;
+    entry.tag.X_WT = X_RW * entry.tag.X_WT;
     entry.tag.covariance = turn * entry.tag.covariance * turn.transpose();
   }
   return out;
@@ -28,7 +37,7 @@ TagMap in_room(const TagMap& map) {
 std::shared_ptr<const TagMap> RoomAxes::of(std::shared_ptr<const TagMap> map) {
   if (map == map_) return moved_;
   is_workspace_ = map == nullptr || is_identity(map->X_RW);
-  X_RW_ = is_workspace_ ? Pose{} : map->X_RW;
+  X_RW_ = is_workspace_ ? Pose{} : levelled(map->X_RW);
   R_RW_ = X_RW_.rotation();
   moved_ = is_workspace_ ? map : std::make_shared<const TagMap>(in_room(*map));
   map_ = std::move(map);

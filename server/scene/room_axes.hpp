@@ -9,7 +9,7 @@ namespace fiducap {
 
 /// Clients live in the room's axes R, everything else in the workspace's axes W: this is where one
 /// becomes the other, by the map's X_RW (TagMap::X_RW, what an operator's alignment says). Both
-/// have z up.
+/// have z up: of an X_RW that is tilted, as imported maps may have it, shift and heading count.
 class RoomAxes final {
  public:
   /// @return the map with its tags in R, X_RW the identity: the same one where R is W. Copies a map

@@ -184,6 +184,22 @@ step('moves the origin by three picked tags, by dragging and by numbers', async 
   await button(page, 'Origin…').click();
   await drag(page, '.plan-origin', '.plan [data-tag="4"] .plan-reach');
   assert.ok(Math.abs((await page.inputValue('dialog [name=x]')) - 2.4) < 0.02);
+  await page.fill('dialog [name=y]', '');
+  await button(page, 'This is the origin').click();
+  assert.match(await page.textContent('dialog .fault'), /“y, m” is no number/);
+  await page.fill('dialog [name=y]', '0.0137'); // between two steps of the field
+  await button(page, 'This is the origin').click();
+  await waitFor(page, 'good', /^The map lies in the room/);
+
+  await button(page, 'Origin…').click();
+  // What lies below a handle is clicked at through it.
+  for (const [pick, tag] of [['origin', 0], ['heading', 4], ['floor', 0]]) {
+    await page.waitForSelector(`dialog.origin[data-pick=${pick}]`);
+    await page.locator(`.plan [data-tag="${tag}"] .plan-reach`).click({ force: true });
+  }
+  await button(page, 'This is the origin').click();
+  await standsAt(page, 4, [2.4, 0, 0]);
+  await button(page, 'Origin…').click();
   await page.fill('dialog [name=x]', '2.4');
   await page.fill('dialog [name=y]', '0');
   await page.fill('dialog [name=z]', '-0.5');

@@ -33,8 +33,13 @@ sources=$(awk '/"command":/ {sub(/^[^:]*: "/, ""); sub(/",?$/, ""); gsub(/\\"/, 
 # third, another one with each commit. By hand everything is read.
 readonly kNewest=40 kTurns=3
 if [ -n "${CI:-}" ] && oldest=$(git rev-parse --quiet --verify "HEAD~$kNewest"); then
-  changed=$(git diff --name-only "$oldest" HEAD -- server client | grep '\.cpp$' || true)
-  turn=$((0x$(git rev-parse HEAD | cut -c1-6) % kTurns))
+  changed=$(git diff --name-only --diff-filter=d "$oldest" HEAD -- server client | while IFS= read -r file; do
+    case $file in
+      *.cpp) echo "$file" ;;
+      *.hpp) git grep -l -F "\"${file#server/}\"" -- 'server/*.cpp' 'client/*.cpp' || true ;;
+    esac
+  done | sort -u)
+  turn=$(($(git rev-list --count HEAD) % kTurns))
   number=0
   sources=$(while IFS= read -r line; do
     file=${line%%$'\t'*}

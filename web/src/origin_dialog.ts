@@ -34,6 +34,7 @@ export class OriginDialog {
     );
     this.fault.setAttribute('role', 'alert');
     const form = element('form');
+    form.noValidate = true; // steps are for the arrow keys, not for what may be typed
     const side = element('div', 'origin-side');
     side.append(this.hint, this.fields(), this.fault);
     const middle = element('div', 'origin-middle');
@@ -124,6 +125,8 @@ export class OriginDialog {
   }
 
   private apply(): void {
+    const empty = FIELDS.find(({ key }) => !Number.isFinite(this.inputs.get(key)?.valueAsNumber));
+    if (empty) return setText(this.fault, `“${empty.words}” is no number.`);
     try {
       this.chosen = placesFor(this.origin, this.tags);
       this.dialog.close();

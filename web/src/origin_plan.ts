@@ -6,6 +6,8 @@ const SVG = 'http://www.w3.org/2000/svg';
 const SIZE = 100; // of the drawing, its own units; the page scales it
 const MARGIN = 9;
 const ARROW = 16;
+const REACH = 3.4; // around a tag, to click at
+const STILL_PX = 3;
 const LEAST_M = 1; // across, also when all tags hang together
 
 function made<K extends keyof SVGElementTagNameMap>(
@@ -33,10 +35,10 @@ export class OriginPlan {
    * @param pointed  told the tag that was clicked at
    */
   constructor(
-    tags: readonly MapTag[],
+    private readonly tags: readonly MapTag[],
     origin: Origin,
     private readonly dragged: (origin: Origin) => void,
-    pointed: (tag: MapTag) => void,
+    private readonly pointed: (tag: MapTag) => void,
   ) {
     this.origin = origin;
     const xs = [origin.x, ...tags.map((tag) => tag.p[0])];
@@ -49,7 +51,7 @@ export class OriginPlan {
     this.low = (y0 + y1 - across) / 2;
     this.svg.setAttribute('role', 'img');
     this.svg.setAttribute('aria-label', 'The map from above: drag the origin, or the tip of its x axis; or click at tags.');
-    for (const tag of tags) this.svg.append(this.tagMark(tag, pointed));
+    for (const tag of tags) this.svg.append(this.tagMark(tag));
     this.svg.append(this.axes);
     this.show(origin);
   }
@@ -81,38 +83,55 @@ export class OriginPlan {
     );
   }
 
-  private tagMark(tag: MapTag, pointed: (tag: MapTag) => void): SVGGElement {
+  private tagMark(tag: MapTag): SVGGElement {
     const [x, y] = this.at(tag.p[0], tag.p[1]);
     const mark = made('g', { class: 'plan-tag', 'data-tag': tag.id });
     mark.append(
       made('title', {}, `tag ${tag.id}, ${tag.p[2].toFixed(2)} m high`),
-      made('circle', { cx: x, cy: y, r: 3.4, class: 'plan-reach' }),
+      made('circle', { cx: x, cy: y, r: REACH, class: 'plan-reach' }),
       made('rect', { x: x - 1.1, y: y - 1.1, width: 2.2, height: 2.2 }),
       made('text', { x: x + 1.8, y: y + 1.2 }, String(tag.id)),
     );
-    mark.addEventListener('click', () => pointed(tag));
+    mark.addEventListener('click', () => this.pointed(tag));
     return mark;
   }
 
-  /** The handle is drawn anew while it moves, so the pointer is followed on the drawing. */
+  /**
+   * The handle is drawn anew while it moves, so the pointer is followed on the drawing. Pressed without
+   * being moved, what lies below it is meant.
+   */
   private makeDraggable(handle: SVGElement, moved: (x: number, y: number) => Origin): void {
     handle.addEventListener('pointerdown', (down) => {
       down.preventDefault();
+      let isMoved = false;
       const follow = (event: PointerEvent): void => {
+        isMoved ||= Math.hypot(event.clientX - down.clientX, event.clientY - down.clientY) > STILL_PX;
         const place = this.placeOf(event);
-        if (!place) return;
+        if (!place || !isMoved) return;
         this.show(moved(place.x, place.y));
         this.dragged(this.origin);
       };
-      const end = (): void => {
+      const end = (event: PointerEvent): void => {
         window.removeEventListener('pointermove', follow);
         window.removeEventListener('pointerup', end);
         window.removeEventListener('pointercancel', end);
+        if (!isMoved && event.type === 'pointerup') this.pointBelow(event);
       };
       window.addEventListener('pointermove', follow);
       window.addEventListener('pointerup', end);
       window.addEventListener('pointercancel', end);
     });
+  }
+
+  private pointBelow(event: PointerEvent): void {
+    const place = this.placeOf(event);
+    if (!place) return;
+    const away = (tag: MapTag): number => {
+      const [x, y] = this.at(tag.p[0], tag.p[1]);
+      return Math.hypot(x - place.x, y - place.y);
+    };
+    const [nearest] = [...this.tags].sort((a, b) => away(a) - away(b));
+    if (nearest && away(nearest) < REACH) this.pointed(nearest);
   }
 
   private placeOf(event: PointerEvent): DOMPoint | null {

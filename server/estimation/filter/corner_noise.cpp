@@ -36,6 +36,11 @@ Eigen::Vector2d middle_of(const TagObservation& seen) {
   return 0.25 * (px[0] + px[1] + px[2] + px[3]);
 }
 
+Eigen::Vector2d raw_middle_of(const TagObservation& seen) {
+  const auto& px = seen.raw_px;
+  return 0.25 * (px[0] + px[1] + px[2] + px[3]);
+}
+
 }  // namespace
 
 CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns, const CameraMount* lens)
@@ -45,7 +50,7 @@ CornerNoise::CornerNoise(const EstimatorConfig& config, bool learns, const Camer
       least_px_(config.corner_noise_px),
       step_(kFirstStep),
       learns_(learns) {
-  if (lens == nullptr) return;
+  if (lens == nullptr || lens->model.width <= 0) return;
   lens_error_px_ = kLensLasts * lens->lens_error_px;
   lens_reach_px_ = kLensReach * lens->model.width;
 }
@@ -66,7 +71,7 @@ double CornerNoise::repeated(const TagObservation& seen) const {
 double CornerNoise::lens_px(const TagObservation& seen) const {
   const Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
   const bool is_there =
-      place.tag_id == seen.tag_id && (middle_of(seen) - place.part_px).norm() < lens_reach_px_;
+      place.tag_id == seen.tag_id && (raw_middle_of(seen) - place.part_px).norm() < lens_reach_px_;
   return lens_error_px_ * (is_there ? std::min(place.part_looks + 1, kMostRepeated) : 1);
 }
 
@@ -116,8 +121,9 @@ bool CornerNoise::has_moved(const TagObservation& seen) {
   Place& place = places_[static_cast<std::size_t>(seen.tag_id) % kPlaces];
   const Eigen::Vector2d now = middle_of(seen);
   const bool is_same = place.tag_id == seen.tag_id;
-  if (!is_same || (now - place.part_px).norm() > lens_reach_px_) {
-    place.part_px = now;
+  const Eigen::Vector2d raw = raw_middle_of(seen);
+  if (!is_same || (raw - place.part_px).norm() > lens_reach_px_) {
+    place.part_px = raw;
     place.part_looks = 0;
   }
   ++place.part_looks;

@@ -62,7 +62,7 @@ class CornerNoise final {
     Eigen::Vector2d part_px{Eigen::Vector2d::Zero()};  ///< Of the image, that it has been in …
     int part_looks{0};                                 ///< … so often since it came there.
   };
-  static constexpr std::size_t kPlaces = 64;
+  static constexpr std::size_t kPlaces = 256;
 
   [[nodiscard]] double once_px(const TagObservation& seen) const;
   [[nodiscard]] double repeated(const TagObservation& seen) const;

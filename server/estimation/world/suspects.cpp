@@ -288,6 +288,17 @@ void Suspects::release_cleared_prints(FilterState& state) const {
   }
 }
 
+bool Suspects::is_lens_open(const FilterState& state, int camera) const {
+  for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
+    const Suspect& suspect = all_[i];
+    if (!is_of_lens(suspect.kind) || suspect.camera != camera || !state.suspicions[i].is_open)
+      continue;
+    if (!suspect.is_parameter || suspect.open_sigma >= kClearedSettled * suspect.settled)
+      return true;
+  }
+  return false;
+}
+
 bool Suspects::are_cleared(const FilterState& state, int camera) const {
   for (std::size_t i = 0; i < state.suspicions.size(); ++i) {
     const Suspect& suspect = all_[i];

@@ -76,8 +76,11 @@ class Suspects final {
   /// would move if what is suspected, and not yet opened, were as wrong as the data say.
   [[nodiscard]] Matrix6d unstated(const FilterState& state) const;
   /// Whether images may correct a camera's lens.
-  [[nodiscard]] bool is_as_calibrated(const FilterState& state, int camera) const;
   [[nodiscard]] bool is_refined(int camera) const;
+  /// Whether it is a guess, or was found to be wrong: more open than a calibration leaves it.
+  [[nodiscard]] bool is_lens_open(const FilterState& state, int camera) const;
+  /// Whether it stays within what its calibration leaves open. false: it is none.
+  [[nodiscard]] bool is_as_calibrated(const FilterState& state, int camera) const;
   /// Whether the data know a camera's lens and readout, and the size of all prints, well enough to
   /// say that they are as configured.
   [[nodiscard]] bool are_cleared(const FilterState& state, int camera) const;

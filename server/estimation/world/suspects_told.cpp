@@ -87,6 +87,9 @@ LensEstimate Suspects::lens(const FilterState& state, int camera) const {
     if (sigma > 0) sigma = std::hypot(sigma, left);
   };
   no_less(out.focal_sigma, mount.lens_error_px / radius_px);
+  // A shift of the centre is a turn of the camera, but for the second order.
+  no_less(out.centre_sigma_px.x(), mount.lens_error_px / (radius * radius));
+  no_less(out.centre_sigma_px.y(), mount.lens_error_px / (radius * radius));
   no_less(out.k1_sigma, mount.lens_error_px / (mount.model.fu * radius * radius * radius));
   return out;
 }

@@ -346,7 +346,7 @@ void WorldCoordinates::begin_with(const StartLessons& lessons) {
   suspects_.begin_open(state_, lessons.wrong);
   // A lens that is learned first bends what the same corners then explain.
   for (std::size_t k = 0; k < lessons.corners_px.size(); ++k) {
-    if (!suspects_.lens(state_, static_cast<int>(k)).is_estimated())
+    if (!suspects_.is_lens_open(state_, static_cast<int>(k)))
       corner_noise_[k].begin_with(lessons.corners_px[k]);
   }
 }

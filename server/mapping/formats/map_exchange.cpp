@@ -67,7 +67,8 @@ std::vector<const MapTag*> tags_to_export(const TagMap& map, Keeps keeps,
   }
   if (!keeps.alignment && !is_identity(map.X_RW)) {
     remarks.push_back(
-        "the alignment to the room is not part of this format: places are in workspace axes");
+        "the alignment to the room is not part of this format: places are in workspace axes, while "
+        "poses are streamed in the room's");
   }
   return tags;
 }

@@ -113,10 +113,16 @@ void begin_with(const std::vector<CameraBelief>& found, GraphBody& body) {
     for (auto& [row, doubt] : body.doubts)
       if (row >= at + kFocal && row < at + kCameraSize) doubt.is_open = true;
     if (body.doubts.contains(static_cast<int>(at) + kFocal)) continue;
-    add_square(body.information, at + kFocal, kOpenFocal);
-    add_square(body.information, at + kCentre, kOpenCentre_px);
-    add_square(body.information, at + kCentre + 1, kOpenCentre_px);
-    if (lens.k1 != 0) add_square(body.information, at + kDistortion, kOpenDistortion);
+    // What is told to be uncertain stays as it is told.
+    const auto open = [&](Eigen::Index row, double sigma, double exact) {
+      constexpr double kMuchAsExact = 0.5;
+      if (body.information(row, row) * exact * exact > kMuchAsExact)
+        add_square(body.information, row, sigma);
+    };
+    open(at + kFocal, kOpenFocal, kExact);
+    open(at + kCentre, kOpenCentre_px, kExactCentre_px);
+    open(at + kCentre + 1, kOpenCentre_px, kExactCentre_px);
+    if (lens.k1 != 0) open(at + kDistortion, kOpenDistortion, kExact);
   }
 }
 

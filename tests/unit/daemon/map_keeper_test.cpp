@@ -129,6 +129,18 @@ TEST_F(MapKeeperTest, ARollBackIsTheNewestVersionAndIsServed) {
   EXPECT_EQ(events_.after(0).back().text, "was rolled back to version 1, stored as 3 with 1 tags");
 }
 
+TEST_F(MapKeeperTest, ARollBackLeavesTheOriginWhereClientsKnowIt) {
+  build(MapMode::kMapping);
+  see(4, 1.0);
+  keeper_->commit();
+  const Pose X_RW{Eigen::Quaterniond::Identity(), {5, 4, 0}};
+  map_->align(X_RW, 1);
+  ASSERT_TRUE(keeper_->request(RollBack{1}));
+  keeper_->commit();
+  EXPECT_EQ(map_->snapshot()->X_RW.p, X_RW.p);
+  EXPECT_EQ(map_->snapshot()->tags.size(), 1u);
+}
+
 TEST_F(MapKeeperTest, ARollBackThatFailsLeavesTheMapAndSaysWhy) {
   build(MapMode::kMapping);
   see(4);

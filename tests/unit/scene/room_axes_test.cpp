@@ -65,6 +65,17 @@ TEST(RoomAxes, TellWhereABodyStandsBeforeATagAsBefore) {
   }
 }
 
+TEST(RoomAxes, NeverTiltWhatIsStreamed) {
+  RoomAxes room;
+  const Pose tilted{exp_so3({0, 0, 0.7}) * exp_so3({0.4, 0, 0}), {1, 2, 3}};
+  const auto moved = room.of(std::make_shared<const TagMap>(map_with_tags(tilted)));
+  BodyPose pose;
+  room.bring(pose);
+  EXPECT_LT((pose.X_WP.q * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  EXPECT_LT(angle_between(pose.X_WP.q, exp_so3({0, 0, 0.7})), 1e-12);
+  EXPECT_EQ(pose.X_WP.p, Eigen::Vector3d(1, 2, 3));
+}
+
 /// What is drawn in W and turned has the covariance that is told in R.
 TEST(RoomAxes, TurnVelocitiesAndUncertaintiesAlong) {
   constexpr double kTiny = 1e-6;

@@ -2,6 +2,8 @@
 import { fields, number, text } from '../fields';
 
 const KEY = 'fiducap.setup';
+/** Where the camera sits, as typed; void once the set-up is done. */
+export const TYPED_MOUNT = 'fiducap.setup.mount';
 
 export interface SecondHalf {
   /** The configuration. */
@@ -23,6 +25,7 @@ export function remembered(): SecondHalf | null {
 }
 
 export function remember(half: SecondHalf): void {
+  sessionStorage.removeItem(TYPED_MOUNT);
   sessionStorage.setItem(KEY, JSON.stringify(half));
 }
 

@@ -1,7 +1,7 @@
 // What is measured with a ruler: tags, and where the camera sits.
 import { element, setText } from '../dom';
 import { button } from '../map_commands';
-import { keptWords } from './memory';
+import { keptWords, TYPED_MOUNT } from './memory';
 import {
   choice, column, labelled, NEXT, numberInput, type Desk, type Primary, type StepView,
 } from './parts';
@@ -104,8 +104,6 @@ export class SheetView implements StepView {
     setText(this.command, printCommand(family.value, plainNumber(size ?? 160), paper.value));
   }
 }
-
-const TYPED_MOUNT = 'fiducap.setup.mount';
 
 export class MountView implements StepView {
   readonly root: HTMLElement;
