@@ -18,8 +18,8 @@ Pose levelled(const Pose& X) {
   return {exp_so3({0, 0, std::atan2(x.y(), x.x())}), X.p};
 }
 
-}  // namespace
-
+/// The same map in the room's axes. What errors share (TagMap::known) is left out: that is for
+/// filters, which live in W.
 TagMap in_room(const TagMap& map) {
   TagMap out = map;
   const Pose X_RW = levelled(map.X_RW);
@@ -33,6 +33,8 @@ TagMap in_room(const TagMap& map) {
   }
   return out;
 }
+
+}  // namespace
 
 std::shared_ptr<const TagMap> RoomAxes::of(std::shared_ptr<const TagMap> map) {
   if (map == map_) return moved_;

@@ -26,8 +26,4 @@ class RoomAxes final {
   Eigen::Matrix3d R_RW_{Eigen::Matrix3d::Identity()};
 };
 
-/// The same map in the room's axes. What errors share (TagMap::known) is left out: that is for
-/// filters, which live in W.
-[[nodiscard]] TagMap in_room(const TagMap& map);
-
 }  // namespace fiducap

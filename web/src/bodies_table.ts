@@ -19,7 +19,7 @@ const GRID_COLUMNS = 48;
 
 const axis = (name: string, i: 0 | 1 | 2, span: number): Column => ({
   name,
-  title: `Position ${name}, workspace axes`,
+  title: `Position ${name}, axes of the room`,
   span,
   fixedUnit: 'm',
   read: (body) => ({ value: fixed(body.pose?.p[i] ?? null, 3), unit: '' }),

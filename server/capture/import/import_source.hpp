@@ -31,13 +31,12 @@ struct FoundStream {
   std::uint64_t unreadable{0};  ///< Messages or lines.
   std::string first_fault;      ///< What is wrong with the first of them.
 
-  std::string encoding;  ///< Of images, where the source says it.
-  bool is_depth{false};  ///< Distances, not brightness.
-  CameraMount mount{.lens_error_px =
-                        kUsualLensError_px};  ///< Size where it is known (else 0), and …
-  bool lens_known{false};                     ///< … the rest of the model,
-  std::string lens_fault;                     ///< … or why there is none;
-  bool place_known{false};                    ///< … X_BV and the clock.
+  std::string encoding;                    ///< Of images, where the source says it.
+  bool is_depth{false};                    ///< Distances, not brightness.
+  CameraMount mount = calibrated_mount();  ///< Size where it is known (else 0), and …
+  bool lens_known{false};                  ///< … the rest of the model,
+  std::string lens_fault;                  ///< … or why there is none;
+  bool place_known{false};                 ///< … X_BV and the clock.
   std::optional<ImuNoise> noise;
 
   /// In messages: kind, name, count.

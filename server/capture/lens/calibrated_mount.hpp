@@ -11,4 +11,12 @@ namespace fiducap {
   return mount;
 }
 
+/// Whether what is told of the lens is what a calibration leaves open; more is a guess. Of a lens
+/// that is told as exact it is false.
+[[nodiscard]] inline bool tells_a_calibration(const CameraMount& mount) {
+  constexpr double kFocal = 5e-3;
+  constexpr double kDistortion = 0.02;
+  return mount.focal_sigma > 0 && mount.focal_sigma <= kFocal && mount.k1_sigma <= kDistortion;
+}
+
 }  // namespace fiducap

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "capture/lens/calibrated_mount.hpp"
+
 namespace fiducap {
 
 namespace {
@@ -22,9 +24,8 @@ std::string part(const char* what, double sigma, double told_sigma, double unit,
 /// Of a lens that is estimated.
 std::string lens_part(const LensEstimate& learned, const CameraMount& told) {
   constexpr double kPercent = 100;
-  constexpr double kCalibratedFocal = 5e-3;  // larger is a guess
   constexpr double kAsCalibrated_sigma = 4;
-  if (told.focal_sigma > 0 && told.focal_sigma <= kCalibratedFocal &&
+  if (tells_a_calibration(told) &&
       std::abs(learned.offset.focal) < kAsCalibrated_sigma * told.focal_sigma)
     return ", lens as calibrated";
   if (told.focal_sigma > 0 && learned.focal_sigma > kNothingLearned * told.focal_sigma)

@@ -5,6 +5,7 @@
 
 #include "capture/camera_device.hpp"
 #include "capture/imu/imu_source.hpp"
+#include "capture/lens/calibrated_mount.hpp"
 #include "daemon/bodies/body_setup.hpp"
 #include "daemon/review/config_review.hpp"
 #include "daemon/system_clock.hpp"
@@ -22,9 +23,6 @@ constexpr double kNarrowest_deg = 8;
 constexpr double kWidest_deg = 170;
 constexpr double kMostAspect = 1.1;  // of a pixel; square ones are the rule
 constexpr double kMostOffCentre = 0.25;
-// No calibration leaves as much.
-constexpr double kGuessedFocal = 0.01;
-constexpr double kGuessedDistortion = 0.02;
 constexpr double kMostGyroNoise = 0.05;  // rad/s/√Hz; the worst parts on sale have 0.001
 constexpr double kMostAccelNoise = 0.5;
 constexpr double kDegrees = 180 / M_PI;
@@ -59,7 +57,7 @@ void review_lens(const CameraMount& mount, const std::string& path, ConfigReview
     review.doubt(path + "model.cu", number(lens.cu) + ", cv = " + number(lens.cv),
                  "is far from the middle of " + size_text(lens.width, lens.height) +
                      ": is the calibration of another image size, or of a cut image?");
-  if (mount.focal_sigma > kGuessedFocal || mount.k1_sigma > kGuessedDistortion)
+  if ((mount.focal_sigma > 0 || mount.k1_sigma > 0) && !tells_a_calibration(mount))
     review.doubt(path + "focal_sigma", number(mount.focal_sigma),
                  "says that the lens is a guess: it is learned, but run `fiducap calibrate camera` "
                  "before you trust a pose");

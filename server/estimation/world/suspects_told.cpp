@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "capture/lens/calibrated_mount.hpp"
 #include "estimation/world/suspects.hpp"
 
 namespace fiducap::world {
@@ -51,8 +52,7 @@ void Suspects::list_lens(const FilterState& state, int camera,
 
 /// A calibration knows what it leaves open; within that there is nothing to tell.
 bool Suspects::is_as_calibrated(const FilterState& state, int camera) const {
-  const CameraMount& mount = cameras_[static_cast<std::size_t>(camera)];
-  if (!(mount.focal_sigma > 0) || mount.focal_sigma > kRefinedFocal) return false;
+  if (!tells_a_calibration(cameras_[static_cast<std::size_t>(camera)])) return false;
   return std::all_of(all_.begin(), all_.end(), [&](const Suspect& suspect) {
     return !suspect.is_parameter || suspect.camera != camera ||
            std::abs(value(state, suspect)) < kTold_sigma * suspect.open_sigma;
