@@ -9,9 +9,7 @@ namespace fiducap {
 
 namespace {
 
-bool is_identity(const Pose& X) {
-  return X.p.isZero(0) && X.q.coeffs() == Eigen::Quaterniond::Identity().coeffs();
-}
+bool are_same(const Pose& a, const Pose& b) { return a.p == b.p && a.q.coeffs() == b.q.coeffs(); }
 
 Pose levelled(const Pose& X) {
   const Eigen::Vector3d x = X.q * Eigen::Vector3d::UnitX();
@@ -38,8 +36,10 @@ TagMap in_room(const TagMap& map) {
 
 std::shared_ptr<const TagMap> RoomAxes::of(std::shared_ptr<const TagMap> map) {
   if (map == map_) return moved_;
-  is_workspace_ = map == nullptr || is_identity(map->X_RW);
-  X_RW_ = is_workspace_ ? Pose{} : levelled(map->X_RW);
+  is_workspace_ = map == nullptr || are_same(map->X_RW, {});
+  const Pose X_RW = is_workspace_ ? Pose{} : levelled(map->X_RW);
+  if (!are_same(X_RW, X_RW_)) ++number_;
+  X_RW_ = X_RW;
   R_RW_ = X_RW_.rotation();
   moved_ = is_workspace_ ? map : std::make_shared<const TagMap>(in_room(*map));
   map_ = std::move(map);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "mapping/tag_map.hpp"
@@ -15,6 +16,8 @@ class RoomAxes final {
   /// @return the map with its tags in R, X_RW the identity: the same one where R is W. Copies a map
   /// once, not at every call.
   [[nodiscard]] std::shared_ptr<const TagMap> of(std::shared_ptr<const TagMap> map);
+  /// Another one when R has become another: by an alignment, or when it was rolled back.
+  [[nodiscard]] std::uint64_t number() const { return number_; }
   /// A pose that came with the last map, in R. Allocates nothing.
   void bring(BodyPose& pose) const;
 
@@ -23,6 +26,7 @@ class RoomAxes final {
   std::shared_ptr<const TagMap> moved_;  ///< … and what it is in R.
   bool is_workspace_{true};              ///< R is W.
   Pose X_RW_;
+  std::uint64_t number_{0};
   Eigen::Matrix3d R_RW_{Eigen::Matrix3d::Identity()};
 };
 

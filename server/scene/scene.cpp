@@ -102,6 +102,7 @@ std::shared_ptr<const SceneFrame> Scene::sample(Instant at, Instant published_at
   const auto listed = roster();
   frame->model = listed->model;
   frame->map = room_.of(std::move(map));
+  frame->axes = room_.number();
   frame->bodies.resize(listed->bodies.size());
   for (std::size_t i = 0; i < listed->bodies.size(); ++i) {
     Guarded& one = guarded(listed->bodies[i]);

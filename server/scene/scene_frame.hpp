@@ -31,6 +31,8 @@ struct SceneFrame {
   Instant published_at{};  ///< When this frame was made.
   Duration utc_offset{};   ///< UTC = server time + utc_offset.
   double rate_hz{};
+  /// Counts the alignments: poses of frames with another number stand in other axes.
+  std::uint64_t axes{};
   std::vector<BodyPose> bodies;  ///< Order of model->bodies.
   std::shared_ptr<const SceneModel> model;
   std::shared_ptr<const TagMap> map;

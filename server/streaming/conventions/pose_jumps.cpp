@@ -18,9 +18,11 @@ void PoseJumps::observe(const SceneFrame& frame) {
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const BodyPose& body = frame.bodies[i];
     Seen& seen = bodies_[i];
-    if (seen.body_id != body.body_id) seen = Seen{body.body_id, false, false, {}, Pose{}, 0};
+    if (seen.body_id != body.body_id) seen = Seen{.body_id = body.body_id};
     if (body.valid) {
-      if (seen.ever && (!seen.valid || is_jump(seen, body, frame.at))) ++seen.count;
+      if (seen.ever && (!seen.valid || seen.axes != frame.axes || is_jump(seen, body, frame.at)))
+        ++seen.count;
+      seen.axes = frame.axes;
       seen.ever = true;
       seen.at = frame.at;
       seen.X_WP = body.X_WP;

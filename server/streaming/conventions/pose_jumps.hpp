@@ -8,9 +8,10 @@
 namespace fiducap {
 
 /// Counts per body how often its pose moved in a way no motion explains: it came back after it was
-/// gone, or the map moved at once. What the map corrects little by little (CorrectionRamp) is none:
-/// nobody has to start again for less than a sigma. Who fuses the stream starts again then. One
-/// `observe` per frame; allocates nothing while the bodies are the same.
+/// gone, the map moved at once, or an operator aligned it (by however little). What the map
+/// corrects little by little (CorrectionRamp) is none: nobody has to start again for less than a
+/// sigma. Who fuses the stream starts again then. One `observe` per frame; allocates nothing while
+/// the bodies are the same.
 class PoseJumps final {
  public:
   void observe(const SceneFrame& frame);
@@ -25,7 +26,8 @@ class PoseJumps final {
     bool ever{false};
     bool valid{false};
     Instant at{};
-    Pose X_WP;
+    std::uint64_t axes{};
+    Pose X_WP{};
     std::uint32_t count{0};
   };
   [[nodiscard]] static bool is_jump(const Seen& before, const BodyPose& now, Instant at);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/assert.hpp"
 #include "base/byte_writer.hpp"
@@ -87,6 +88,7 @@ void FrameEncoder::load(const SceneFrame& frame, Instant sent_at, std::int16_t b
              ticks(frame.at), ticks(received), ticks(sent)};
   bits_ = bits;
   const std::size_t bodies = std::min(frame.bodies.size(), kMaxBodies);
+  if (std::exchange(axes_number_, frame.axes) != frame.axes) last_valid_.clear();
   last_valid_.resize(bodies);
   records_.clear();
   record_bytes_.clear();

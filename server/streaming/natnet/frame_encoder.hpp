@@ -90,6 +90,7 @@ class FrameEncoder final {
   std::int32_t number_{};
   Stamps stamps_;
   std::int16_t bits_{};
+  std::uint64_t axes_number_{0};  ///< Of the last frame: what was valid in other axes is no more.
   std::vector<LastValid> last_valid_;  ///< In the order of the frame's bodies.
   std::vector<Record> records_;
   std::vector<std::byte> record_bytes_;

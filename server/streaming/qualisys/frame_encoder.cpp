@@ -6,6 +6,7 @@
 #include <cstring>
 #include <numbers>
 #include <type_traits>
+#include <utility>
 
 #include "base/byte_writer.hpp"
 
@@ -82,10 +83,11 @@ void FrameEncoder::begin(const SceneFrame& frame, std::size_t rows,
   utc_100ns_ = static_cast<std::uint64_t>(frame.utc_ns() / 100);
   number_ = static_cast<std::uint32_t>(frame.number);
   rows_.resize(rows);
-  // Held is only what a body of this frame had; one that is gone shows nothing.
+  // Held is only what a body of this frame had in these axes; one that is gone shows nothing.
+  const bool same_axes = std::exchange(axes_number_, frame.axes) == frame.axes;
   for (std::size_t i = 0; i < rows; ++i) {
     const bool has_body = std::find(row_of_body.begin(), row_of_body.end(), i) != row_of_body.end();
-    if (!hold_ || !has_body) rows_[i].valid = false;
+    if (!hold_ || !has_body || !same_axes) rows_[i].valid = false;
   }
   const std::size_t bodies = std::min(frame.bodies.size(), row_of_body.size());
   for (std::size_t i = 0; i < bodies; ++i) {

@@ -81,6 +81,7 @@ class FrameEncoder final {
   std::uint64_t time_us_{0};
   std::uint64_t utc_100ns_{0};
   std::uint32_t number_{0};
+  std::uint64_t axes_number_{0};
   std::vector<Row> rows_;
 };
 

@@ -1,6 +1,7 @@
 #include "streaming/vicon/subject_poses.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/so3.hpp"
 
@@ -22,6 +23,7 @@ double quality_of(const BodyPose& body) {
 }
 
 void SubjectPoses::take_over(const SceneFrame& frame) {
+  if (std::exchange(axes_number_, frame.axes) != frame.axes) held_.clear();
   all_.resize(frame.bodies.size());
   for (std::size_t i = 0; i < all_.size(); ++i) show(frame.bodies[i], all_[i]);
 }

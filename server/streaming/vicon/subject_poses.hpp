@@ -41,6 +41,7 @@ class SubjectPoses final {
   AxesChange axes_;
   WhenInvalid when_invalid_;
   std::vector<SubjectPose> all_;
+  std::uint64_t axes_number_{0};  ///< Of the last frame: nothing is held beyond an alignment.
   std::unordered_map<int, SegmentPose> held_;  ///< By body; only for hold.
 };
 

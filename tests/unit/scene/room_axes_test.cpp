@@ -45,6 +45,19 @@ TEST(RoomAxes, AreThoseOfTheWorkspaceUntilTheMapIsAligned) {
   room.bring(pose);
   EXPECT_EQ(pose.X_WP.p, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(room.of(nullptr), nullptr);
+  EXPECT_EQ(room.number(), 0u);
+}
+
+TEST(RoomAxes, AreOtherOnesAfterAnAlignmentNotAfterAnotherMap) {
+  RoomAxes room;
+  const Pose X_RW = drawn_alignment();
+  (void)room.of(std::make_shared<const TagMap>(map_with_tags({})));
+  (void)room.of(std::make_shared<const TagMap>(map_with_tags(X_RW)));
+  EXPECT_EQ(room.number(), 1u);
+  (void)room.of(std::make_shared<const TagMap>(map_with_tags(X_RW)));
+  EXPECT_EQ(room.number(), 1u);
+  (void)room.of(std::make_shared<const TagMap>(map_with_tags({})));
+  EXPECT_EQ(room.number(), 2u) << "rolled back";
 }
 
 TEST(RoomAxes, TellWhereABodyStandsBeforeATagAsBefore) {
@@ -127,6 +140,7 @@ TEST(Scene, SpeaksOfTheRoomOnceTheMapIsAligned) {
   const auto map = std::make_shared<const TagMap>(map_with_tags(X_RW));
   const auto frame = scene.sample(estimate.at, estimate.at, {}, 100, map);
   EXPECT_LT((frame->bodies[0].X_WP.p - Eigen::Vector3d(0, 1, 5)).norm(), 1e-12);
+  EXPECT_EQ(frame->axes, 1u);
   EXPECT_LT((frame->map->tags[0].tag.X_WT.p - X_RW * map->tags[0].tag.X_WT.p).norm(), 1e-12);
 }
 

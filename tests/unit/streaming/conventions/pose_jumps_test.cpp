@@ -43,6 +43,14 @@ TEST_F(PoseJumpsTest, AStepOfTheMapIsOne) {
   EXPECT_EQ(jumps_.count(1), 0u) << "the other body did not move";
 }
 
+TEST_F(PoseJumpsTest, AnAlignmentIsOneHoweverSmall) {
+  step();
+  frame_->axes = 1;
+  step();
+  step();
+  EXPECT_EQ(jumps_.count(0), 1u);
+}
+
 // As the scene publishes it: little by little, or away for a moment and back elsewhere.
 TEST(PoseJumps, ACorrectionOfTheMapIsOneOnlyWhereThePoseJumps) {
   const auto count = [](double correction_m, double ramp_s) {

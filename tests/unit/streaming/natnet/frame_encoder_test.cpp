@@ -161,6 +161,8 @@ TEST_F(FrameEncoderTest, HoldShowsTheLastValidPoseAsValid) {
   const auto held = bodies_in(encoded())[1];
   EXPECT_EQ(held.params, 1);
   EXPECT_EQ(held.p[0], before.p[0]);
+  frame_->axes = 1;
+  EXPECT_EQ(bodies_in(encoded())[1].params, 0) << "what was valid in other axes is held";
 }
 
 TEST_F(FrameEncoderTest, TwoFiveCannotFlagAndLeavesOut) {

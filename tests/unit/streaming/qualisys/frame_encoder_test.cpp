@@ -137,6 +137,11 @@ TEST(QualisysFrameEncoder, HoldKeepsTheLastPoseAndNothingElseDoes) {
     encoder.encode({only({Component::k6d}), std::endian::little, false}, out);
     LittleEndianReader in(std::span(out.packet).subspan(40));
     EXPECT_EQ(std::isnan(in.f32()), policy != WhenInvalid::kHold) << name_of(policy);
+    frame->axes += 1;
+    encoder.begin(*frame, 1, rows);
+    encoder.encode({only({Component::k6d}), std::endian::little, false}, out);
+    LittleEndianReader in_other_axes(std::span(out.packet).subspan(40));
+    EXPECT_TRUE(std::isnan(in_other_axes.f32())) << name_of(policy);
   }
 }
 

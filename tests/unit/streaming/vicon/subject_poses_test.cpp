@@ -81,6 +81,9 @@ TEST(ViconSubjectPoses, HoldRepeatsTheLastValidPoseWithoutQuality) {
   EXPECT_TRUE(poses.all()[0].visible);
   EXPECT_EQ(poses.all()[0].segment.t_mm, seen);
   EXPECT_EQ(poses.all()[0].quality, 0.0);
+  frame->axes = 1;
+  poses.take_over(*frame);
+  EXPECT_FALSE(poses.all()[0].visible) << "held in axes that are no longer those of the room";
 }
 
 TEST(ViconSubjectPoses, NumbersThatAreNoneMakeABodyInvalid) {
