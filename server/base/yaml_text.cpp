@@ -150,7 +150,13 @@ tl::expected<YAML::Node, YamlFault> load_yaml(const std::string& text) {
       YAML::Parser(stream).HandleNextDocument(check);
       if (check.fault()) return tl::unexpected(*check.fault());
     }
-    return YAML::Load(text);
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.size() > 1)
+      return tl::unexpected(
+          YamlFault{0, "", "",
+                    "holds " + std::to_string(documents.size()) +
+                        " documents: only the first would be read; strike the line ---"});
+    return documents.empty() ? YAML::Node() : documents.front();
   } catch (const YAML::Exception& broken) {
     return tl::unexpected(not_yaml(broken));
   }

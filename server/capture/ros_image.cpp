@@ -135,7 +135,35 @@ Expected<void> decode_gray(std::span<const std::uint8_t> encoded, const CameraMo
   return {};
 }
 
-Expected<CameraModel> camera_model(const CameraInfo& info) {
+namespace {
+
+std::string without_compressed(const std::string& image_topic) {
+  return is_compressed(image_topic) ? image_topic.substr(0, image_topic.size() - kCompressed.size())
+                                    : image_topic;
+}
+
+bool tells_rectified(const CameraInfo& info) { return info.P[0] > 0 && info.P[5] > 0; }
+
+Expected<void> read_distortion(const CameraInfo& info, CameraModel& model) {
+  const std::string_view name = info.distortion_model;
+  const std::size_t count = info.coefficients.size();
+  const bool is_fisheye = name == "equidistant" || name == "fisheye";
+  if (name == "plumb_bob" && (count == 4 || count == 5)) {
+    model.distortion = Distortion::kRadialTangential;
+  } else if (is_fisheye && (count == 4 || count == 0)) {
+    model.distortion = Distortion::kEquidistant;
+  } else if (count != 0) {
+    return fail(ErrorCode::kUnsupported,
+                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
+                    " coefficients is not known here (plumb_bob, equidistant)");
+  }
+  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
+  return {};
+}
+
+}  // namespace
+
+Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified) {
   constexpr std::uint32_t kLargest = 65535;
   if (info.width == 0 || info.height == 0 || info.width > kLargest || info.height > kLargest) {
     return fail(ErrorCode::kInvalid, "camera_info has no usable size");
@@ -148,22 +176,24 @@ Expected<CameraModel> camera_model(const CameraInfo& info) {
   CameraModel model;
   model.width = static_cast<int>(info.width);
   model.height = static_cast<int>(info.height);
-  model.fu = info.K[0];
-  model.fv = info.K[4];
-  model.cu = info.K[2];
-  model.cv = info.K[5];
-  const std::string_view name = info.distortion_model;
-  const std::size_t count = info.coefficients.size();
-  if (name == "plumb_bob" && (count == 4 || count == 5)) {
-    model.distortion = Distortion::kRadialTangential;
-  } else if ((name == "equidistant" || name == "fisheye") && count == 4) {
-    model.distortion = Distortion::kEquidistant;
-  } else if (count != 0) {
-    return fail(ErrorCode::kUnsupported,
-                "lens model \"" + printable(name) + "\" with " + std::to_string(count) +
-                    " coefficients is not known here (plumb_bob, equidistant)");
+  if (of_rectified && tells_rectified(info)) {
+    model.fu = info.P[0];
+    model.fv = info.P[5];
+    model.cu = info.P[2];
+    model.cv = info.P[6];
+  } else {
+    model.fu = info.K[0];
+    model.fv = info.K[4];
+    model.cu = info.K[2];
+    model.cv = info.K[5];
+    if (const auto read = read_distortion(info, model); !read) return tl::unexpected(read.error());
+    const auto is_zero = [](double k) { return k == 0; };
+    if (of_rectified && !std::all_of(info.coefficients.begin(), info.coefficients.end(), is_zero))
+      return fail(ErrorCode::kUnsupported,
+                  "the images are rectified, but camera_info tells only the lens of those before "
+                  "(P is empty): use the images that are not, or describe the camera in the "
+                  "configuration");
   }
-  for (std::size_t i = 0; i < count; ++i) model.coefficients[i] = info.coefficients[i];
   if (const auto errors = model.check(); !errors.empty())
     return fail(ErrorCode::kInvalid, errors.front().text());
   return model;
@@ -171,9 +201,13 @@ Expected<CameraModel> camera_model(const CameraInfo& info) {
 
 bool is_compressed(const std::string& image_topic) { return image_topic.ends_with(kCompressed); }
 
+bool is_rectified(const std::string& image_topic) {
+  const std::string base = without_compressed(image_topic);
+  return base.find("rect", base.rfind('/') + 1) != std::string::npos;
+}
+
 std::string camera_info_topic(const std::string& image_topic) {
-  std::string base = image_topic;
-  if (is_compressed(base)) base.resize(base.size() - kCompressed.size());
+  const std::string base = without_compressed(image_topic);
   return base.substr(0, base.rfind('/')) + "/camera_info";
 }
 

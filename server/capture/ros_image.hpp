@@ -30,7 +30,8 @@ struct CameraInfo {
   std::uint32_t height{};
   std::string_view distortion_model;
   std::span<const double> coefficients;
-  std::array<double, 9> K{};  ///< Row by row.
+  std::array<double, 9> K{};   ///< Row by row.
+  std::array<double, 12> P{};  ///< The same, of rectified images; all 0: not told.
   std::uint32_t binning_x{};
   std::uint32_t binning_y{};
   std::uint32_t roi_x{};
@@ -46,10 +47,13 @@ struct CameraInfo {
                                          const CameraModel& camera, GrayImage& out);
 /// @return Error for a model that we do not have, for binned or cut images, and for numbers that
 /// are none
-[[nodiscard]] Expected<CameraModel> camera_model(const CameraInfo& info);
+[[nodiscard]] Expected<CameraModel> camera_model(const CameraInfo& info, bool of_rectified = false);
 
 /// `/cam0/image_raw` → `/cam0/camera_info`, also of `/cam0/image_raw/compressed`.
 [[nodiscard]] std::string camera_info_topic(const std::string& image_topic);
 [[nodiscard]] bool is_compressed(const std::string& image_topic);
+/// By its name, as image_proc and drivers call them (`image_rect`, `image_rect_raw`): the lens was
+/// taken out, and P holds instead of K and the coefficients.
+[[nodiscard]] bool is_rectified(const std::string& image_topic);
 
 }  // namespace fiducap::ros

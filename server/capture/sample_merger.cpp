@@ -8,27 +8,15 @@
 namespace fiducap {
 namespace {
 
-int camera_of(const SensorSample& image) {
-  if (const auto* frame = std::get_if<CameraFrame>(&image)) return frame->camera;
-  return std::get<CornerFrame>(image).camera;
-}
-
 bool is_sound(const CameraFrame& frame) {
   return frame.image && frame.image->width > 0 && frame.image->height > 0 &&
          frame.image->pixels.size() == static_cast<std::size_t>(frame.image->width) *
                                            static_cast<std::size_t>(frame.image->height);
 }
 
-bool is_sound(const CornerFrame& frame) {
-  return std::all_of(frame.tags.begin(), frame.tags.end(), [](const TagSighting& tag) {
-    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
-                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
-  });
-}
-
 bool is_sound(const SensorSample& image) {
   if (const auto* frame = std::get_if<CameraFrame>(&image)) return is_sound(*frame);
-  return is_sound(std::get<CornerFrame>(image));
+  return has_finite_corners(std::get<CornerFrame>(image));
 }
 
 /// Replaces what was added before.
@@ -46,6 +34,19 @@ bool comes_before(const SensorSample& a, const SensorSample& b) {
 }
 
 }  // namespace
+
+int camera_of(const SensorSample& sample) {
+  if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->camera;
+  const auto* corners = std::get_if<CornerFrame>(&sample);
+  return corners != nullptr ? corners->camera : -1;
+}
+
+bool has_finite_corners(const CornerFrame& frame) {
+  return std::all_of(frame.tags.begin(), frame.tags.end(), [](const TagSighting& tag) {
+    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
+                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
+  });
+}
 
 SampleMerger::SampleMerger(const MergerConfig& config) : config_(config), gate_(config.jump) {
   FIDUCAP_ASSERT(config.cameras >= 0 && config.cameras <= kMostCameras);

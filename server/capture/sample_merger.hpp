@@ -106,4 +106,9 @@ class SampleMerger final {
   bool finished_{false};
 };
 
+/// @return whose image, or corners, it is; -1: it is none
+[[nodiscard]] int camera_of(const SensorSample& sample);
+/// False: there is a number that is none.
+[[nodiscard]] bool has_finite_corners(const CornerFrame& frame);
+
 }  // namespace fiducap

@@ -15,6 +15,7 @@
 #include "daemon/operator_token.hpp"
 #include "daemon/review/config_review.hpp"
 #include "daemon/server.hpp"
+#include "daemon/setup/setup_files.hpp"
 #include "daemon/system_clock.hpp"
 
 namespace {
@@ -27,14 +28,14 @@ int complain(const std::vector<fiducap::ConfigFault>& faults) {
 /// Everything about a configuration, at once: what is wrong, what is doubtful, what will run.
 int tell(const fiducap::ConfigReview& review, bool as_json) {
   if (as_json) {
-    std::cout << fiducap::review_json(review) << "\n";
+    if (!(std::cout << fiducap::review_json(review) << std::endl)) return 1;
     return review.faults.empty() ? 0 : 2;
   }
   for (const auto& fault : review.faults) std::cerr << "wrong     " << fault.text() << "\n";
   for (const auto& doubt : review.doubts) std::cerr << "doubtful  " << doubt.text() << "\n";
   if (!review.faults.empty()) return 2;
   for (const auto& line : review.plan) std::cout << "will run  " << line << "\n";
-  return 0;
+  return std::cout.flush() ? 0 : 1;
 }
 
 /// What is served, and how.
@@ -107,18 +108,24 @@ int main(int argc, char** argv) {
       ->needs(setup_file);
   app.add_option("--set", sets, "path.to.key=value, before checking; list entries by number")
       ->allow_extra_args(false);
-  app.add_flag(
-      "--check-config", check,
-      "open every file, device and port that it names, say what is wrong, what is doubtful "
-      "and what would run, and end");
-  app.add_flag("--json", as_json, "with --check-config: for scripts");
-  app.add_flag("--print-config", print, "write the effective configuration, and end");
+  auto* checking =
+      app.add_flag("--check-config", check,
+                   "open every file, device and port that it names, say what is wrong, what is "
+                   "doubtful and what would run, and end")
+          ->excludes(setup_file);
+  app.add_flag("--json", as_json, "with --check-config: for scripts")->needs(checking);
+  app.add_flag("--print-config", print, "write the effective configuration, and end")
+      ->excludes(setup_file);
   app.add_flag("--exit-at-end", exit_at_end, "end when every source has ended");
   app.set_version_flag("--version", FIDUCAP_VERSION);
   try {
     app.parse(argc, argv);
     if (file.empty() && setup.empty()) throw CLI::RequiredError("--config or --setup");
     if (!setup.empty()) {
+      if (const auto can = fiducap::can_write_setup(setup); !can) {
+        std::cerr << can.error().text() << "\n";
+        return 2;
+      }
       auto before = fiducap::load_config("", sets);
       if (!before) return complain(before.error());
       if (const auto code = serve(set_up(std::move(*before), setup, simulated))) return *code;
@@ -127,7 +134,7 @@ int main(int argc, char** argv) {
     auto config = fiducap::load_config(file, sets);
     if (!config && check) return tell({config.error(), {}, {}}, as_json);
     if (!config) return complain(config.error());
-    if (print) return std::cout << fiducap::print_config(*config) ? 0 : 1;
+    if (print) return std::cout << fiducap::print_config(*config) << std::flush ? 0 : 1;
     if (check) return tell(fiducap::review(*config), as_json);
     return *serve({std::move(*config), exit_at_end});
   } catch (const CLI::ParseError& wrong) {

@@ -260,7 +260,10 @@ Expected<void> MapKeeper::store_cameras() {
       const ExtrinsicsEstimate& camera = body.cameras[k];
       StoredExtrinsics stored{body.name, static_cast<int>(k), camera.X_BV};
       stored.lens = stored_lens(camera.lens);
-      if (is_known(camera.clock)) stored.clock = {camera.clock.shift_s, camera.clock.readout_s};
+      // All of it: the next configuration may tell what was learned.
+      const Duration told = k < body.told_shifts.size() ? body.told_shifts[k] : Duration{};
+      if (is_known(camera.clock))
+        stored.clock = {to_seconds(told) + camera.clock.shift_s, camera.clock.readout_s};
       if (const auto saved = store_.save_extrinsics(stored); !saved) return saved;
     }
   }

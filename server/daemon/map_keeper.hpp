@@ -23,6 +23,7 @@ namespace fiducap {
 struct LearnedBody {
   std::string name;
   std::vector<ExtrinsicsEstimate> cameras;
+  std::vector<Duration> told_shifts{};  ///< Per camera, CameraMount::time_shift; none: 0.
 };
 
 /// Writes the map to its store, and takes stored versions out of it again: every `commit_period_s`

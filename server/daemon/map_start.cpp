@@ -72,8 +72,9 @@ Expected<void> check_against(const TagMap& map, const MapSettings& settings,
 
 /// A clock that the configuration calls exact, or that contradicts it, stays as configured.
 void use_learned_clock(const StoredClock& learned, CameraMount& mount, double& start_shift_s) {
-  if (std::abs(learned.shift_s) < kContradiction_sigma * mount.time_shift_sigma_s)
-    start_shift_s = learned.shift_s;
+  const double beyond_s = learned.shift_s - to_seconds(mount.time_shift);
+  if (std::abs(beyond_s) < kContradiction_sigma * mount.time_shift_sigma_s)
+    start_shift_s = beyond_s;
   if (std::abs(learned.readout_s - mount.readout_s) < kContradiction_sigma * mount.readout_sigma_s)
     mount.readout_s = learned.readout_s;
 }

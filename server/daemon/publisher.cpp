@@ -1,12 +1,20 @@
 #include "daemon/publisher.hpp"
 
+#include <cmath>
 #include <utility>
 
+#include "base/log.hpp"
+#include "base/text.hpp"
 #include "daemon/system_clock.hpp"
 #include "daemon/urgency.hpp"
 #include "streaming/net/guard.hpp"
 
 namespace fiducap {
+
+namespace {
+constexpr Duration kReadUtcEvery = std::chrono::seconds(1);
+constexpr double kWorthSaying_s = 0.5;  // more is no correction of its rate
+}  // namespace
 
 Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const Clock& clock,
                      Receiver receiver)
@@ -16,7 +24,8 @@ Publisher::Publisher(double rate_hz, Scene& scene, const MapBuilder& map, const 
       map_(map),
       clock_(clock),
       receiver_(std::move(receiver)),
-      utc_offset_(utc_offset()) {}
+      utc_offset_(utc_offset()),
+      utc_read_at_(clock.now()) {}
 
 void Publisher::run(std::stop_token stop) {
   run_urgently();
@@ -34,10 +43,20 @@ void Publisher::run(std::stop_token stop) {
   }
 }
 
+/// A computer without a clock of its own has its time set some while after the start.
+void Publisher::read_utc(Instant now) {
+  const Duration before = std::exchange(utc_offset_, utc_offset());
+  utc_read_at_ = now;
+  const double jump_s = to_seconds(utc_offset_ - before);
+  if (std::abs(jump_s) > kWorthSaying_s)
+    log::warning("daemon", "the computer's time was set " + fixed(std::abs(jump_s), 1) + " s " +
+                               (jump_s > 0 ? "ahead" : "back") +
+                               ": stamps in UTC (ROS 2, VRPN, Qualisys) jump by that");
+}
+
 void Publisher::publish() {
-  constexpr std::uint64_t kFramesPerOffset = 1000;  // the wall clock is corrected slowly
-  if (frames_ % kFramesPerOffset == 0) utc_offset_ = utc_offset();
   const Instant now = clock_.now();
+  if (now - utc_read_at_ >= kReadUtcEvery) read_utc(now);
   receiver_(scene_.sample(now, now, utc_offset_, rate_hz_, map_.snapshot()));
   ++frames_;
 }

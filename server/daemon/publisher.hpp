@@ -29,6 +29,7 @@ class Publisher final {
 
  private:
   void publish();
+  void read_utc(Instant now);
 
   double rate_hz_;
   Duration period_;
@@ -37,6 +38,7 @@ class Publisher final {
   const Clock& clock_;
   Receiver receiver_;
   Duration utc_offset_{};
+  Instant utc_read_at_{};
   std::atomic<std::uint64_t> frames_{0};
   std::atomic<std::uint64_t> missed_{0};
   std::uint64_t failures_{0};

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "base/inheriting_mutex.hpp"
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/map_config.hpp"
 #include "mapping/map_event.hpp"
@@ -125,8 +126,8 @@ class MapBuilder final {
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 
   MapConfig config_;
-  mutable std::mutex mutex_;           ///< Guards all but snapshot_.
-  mutable std::mutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
+  mutable std::mutex mutex_;                ///< Guards all but snapshot_.
+  mutable InheritingMutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
   std::map<int, TagOwner> ownership_;         ///< Of every tag that may still move.
@@ -141,8 +142,7 @@ class MapBuilder final {
   std::optional<int> defining_;  ///< The body that may define it between its view and its absorb.
   std::vector<Waiting::OfBody> segments_;  ///< For the graph.
   std::vector<MapEvent> events_;
-  std::uint64_t revision_{0};
-  std::uint64_t contributions_{0};
+  std::uint64_t revision_{0}, contributions_{0};
   Instant newest_at_{};  ///< Of all contributions.
   bool changed_{false};
 };

@@ -49,18 +49,6 @@ std::unique_ptr<BodyFilter> filter_of(const PipelineSetup& setup) {
   return make_body_filter(setup.filter, setup.sensors, setup.gauge, setup.estimator);
 }
 
-int camera_of(const SensorSample& image) {
-  if (const auto* frame = std::get_if<CameraFrame>(&image)) return frame->camera;
-  return std::get<CornerFrame>(image).camera;
-}
-
-bool is_sound(const CornerFrame& corners) {
-  return std::all_of(corners.tags.begin(), corners.tags.end(), [](const TagSighting& tag) {
-    return std::all_of(tag.corners_px.begin(), tag.corners_px.end(),
-                       [](const Eigen::Vector2d& px) { return px.allFinite(); });
-  });
-}
-
 }  // namespace
 
 BodyPipeline::BodyPipeline(PipelineSetup setup, std::unique_ptr<BodyFilter> filter)
@@ -97,8 +85,12 @@ bool BodyPipeline::push(SensorSample sample) {
 /// Nobody would learn why: from then on they come when they arrive, for their turns to be compared
 /// with the gyro's.
 void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
-  if (newest_imu_ && late_.note(camera, stamp, was_dropped, *newest_imu_))
-    merger_.set_clock_shift(camera, *newest_imu_ - stamp);
+  if (!newest_imu_) return;
+  using enum LateImages::Change;
+  const auto change = late_.note(camera, stamp, was_dropped, *newest_imu_);
+  if (change == kOnlyWatched) merger_.set_clock_shift(camera, *newest_imu_ - stamp);
+  if (change == kInTime)
+    merger_.set_clock_shift(camera, shift_to_apply(filter_->clock(camera), {}));
 }
 
 /// As it came: what the merger drops as late may be late by a clock that is wrong. Tags of images
@@ -106,7 +98,7 @@ void BodyPipeline::note_late(int camera, Instant stamp, bool was_dropped) {
 void BodyPipeline::watch_turns(const SensorSample& sample) {
   if (const auto* imu = std::get_if<ImuSample>(&sample)) return agreement_.add(*imu);
   const auto* corners = std::get_if<CornerFrame>(&sample);
-  if (corners == nullptr || !is_sound(*corners)) return;
+  if (corners == nullptr || !has_finite_corners(*corners)) return;
   if (!agreement_.wants(corners->camera, corners->exposed_at - corners->clock_shift)) return;
   const auto camera = static_cast<std::size_t>(corners->camera);
   observe(*corners, setup_.sensors.cameras[camera].model, setup_.tags, setup_.detector, delivered_);
@@ -164,7 +156,8 @@ const BodyUpdate* BodyPipeline::take_image(const MapView& view) {
           update_.seen);
   plausibility_.add(update_.seen, setup_.sensors.cameras[camera].model);
   if (was_found_here) agreement_.add(update_.seen);
-  if (late_.only_watches(corners.camera)) return watched_image();
+  if (late_.only_watches(corners.camera, corners.exposed_at - corners.clock_shift))
+    return watched_image();
   lose_motion_if_lost();
   for (const int tag_id : view.forget) filter_->release_tag(tag_id);
   view.map->known_among(update_.seen, update_.known);

@@ -174,7 +174,8 @@ void fill(CameraView& view, const BodyPipeline& pipeline, const BodyUpdate& upda
   view.outlines.clear();
   view.sightings.clear();
   const ViewInput input{pipeline.setup(), update, map, pipeline.mismatches()};
-  const bool only_watched = pipeline.late().only_watches(corners.camera);
+  const bool only_watched =
+      pipeline.late().only_watches(corners.camera, corners.exposed_at - corners.clock_shift);
   for (const TagSighting& tag : corners.tags) {
     if (view.outlines.size() == CameraView::kMostOutlines) break;
     view.sightings.push_back(tag);

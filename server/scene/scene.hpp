@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "base/inheriting_mutex.hpp"
 #include "base/object_pool.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "scene/room_axes.hpp"
@@ -59,7 +60,7 @@ class Scene final {
 
  private:
   struct Guarded {
-    std::mutex mutex;
+    InheritingMutex mutex;
     BodyTracker tracker;
     explicit Guarded(BodyTracker t) : tracker(std::move(t)) {}
   };

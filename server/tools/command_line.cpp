@@ -344,7 +344,10 @@ int run_command_line(int argc, const char* const* argv, const Terminal& terminal
   } catch (const CLI::ParseError& problem) {
     return app.exit(problem, terminal.out, terminal.err) == 0 ? kExitOk : kExitUsage;
   }
-  return line.chosen(terminal);
+  const int code = line.chosen(terminal);
+  if (terminal.out.flush()) return code;
+  terminal.err << "fiducap: standard output could not be written: is the disk full?\n";
+  return code == kExitOk ? kExitFailed : code;
 }
 
 }  // namespace fiducap

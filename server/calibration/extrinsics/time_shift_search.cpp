@@ -39,11 +39,13 @@ class Search final {
     const double cell = range_s_ / cells;
     const double narrowed = golden(centre - cell, centre + cell);
     if (!failure_) fit_parabola(narrowed);
-    if (worst - best < kEvidence) result_.determined = false;
     if (failure_) return tl::unexpected(*failure_);
-    if (!result_.determined)
-      return ShiftResult{.determined = false, .evaluations = result_.evaluations};
-    return result_;
+    if (worst - best < kEvidence)
+      result_ = {.at_border = false, .determined = false, .evaluations = result_.evaluations};
+    if (result_.determined) return result_;
+    // At the border it bends the wrong way: the right one lies beyond.
+    return ShiftResult{
+        .at_border = result_.at_border, .determined = false, .evaluations = result_.evaluations};
   }
 
  private:

@@ -28,8 +28,8 @@ struct SurveyedTopic {
   RosType type{RosType::kOther};
   std::size_t stream{0};  ///< Of images and IMUs.
   std::uint64_t count{0};
-  std::optional<CameraModel> lens;
-  std::string lens_fault;
+  Expected<CameraModel> lens = CameraModel{};  ///< Size 0: none came.
+  Expected<CameraModel> rectified_lens = CameraModel{};
   bool used{false};  ///< A lens that belongs to images.
 };
 
@@ -131,12 +131,9 @@ void LogSurveyor::imu(FoundStream& stream, const LoggedMessage& message) {
 }
 
 void LogSurveyor::lens(SurveyedTopic& topic, const LoggedMessage& message) {
-  if (topic.lens) return;  // a lens does not change
-  const auto read = ros::read_lens(format(message), message.bytes);
-  if (read)
-    topic.lens = *read;
-  else
-    topic.lens_fault = read.error().text();
+  if (topic.lens && topic.lens->width != 0) return;  // a lens does not change
+  topic.lens = ros::read_lens(format(message), message.bytes);
+  topic.rectified_lens = ros::read_lens(format(message), message.bytes, true);
 }
 
 void LogSurveyor::look_at(const LoggedMessage& message) {
@@ -167,13 +164,16 @@ void LogSurveyor::match_lenses() {
         continue;
       topics_[i].used = true;
       const CameraModel& size = stream.mount.model;
-      if (!topics_[i].lens) {
-        stream.lens_fault = wanted + ": " + topics_[i].lens_fault;
-      } else if (size.width != 0 &&
-                 (topics_[i].lens->width != size.width || topics_[i].lens->height != size.height)) {
+      const auto& lens =
+          ros::is_rectified(full_name(stream.name)) ? topics_[i].rectified_lens : topics_[i].lens;
+      if (!lens) {
+        stream.lens_fault = wanted + ": " + lens.error().text();
+      } else if (lens->width == 0) {
+        continue;
+      } else if (size.width != 0 && (lens->width != size.width || lens->height != size.height)) {
         stream.lens_fault = wanted + " is for images of another size";
       } else {
-        stream.mount.model = *topics_[i].lens;
+        stream.mount.model = *lens;
         stream.lens_known = true;
         stream.lens_fault.clear();
       }

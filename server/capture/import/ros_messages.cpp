@@ -61,7 +61,8 @@ Expected<CompressedMessage> read_compressed(MessageFormat format, std::span<cons
   return message;
 }
 
-Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte> in) {
+Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte> in,
+                                bool of_rectified) {
   auto from = RosFields::open(format, in);
   if (!from) return tl::unexpected(from.error());
   CameraInfo info;
@@ -73,14 +74,15 @@ Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte>
   for (double& k : coefficients) k = from->f64();
   info.coefficients = coefficients;
   for (double& k : info.K) k = from->f64();
-  from->skip_f64s(9 + 12);  // R and P: of the rectified image
+  from->skip_f64s(9);  // R: how rectified images are turned
+  for (double& k : info.P) k = from->f64();
   info.binning_x = from->u32();
   info.binning_y = from->u32();
   info.roi_x = from->u32();
   info.roi_y = from->u32();
   if (const auto whole = from->check("sensor_msgs/CameraInfo"); !whole)
     return tl::unexpected(whole.error());
-  return camera_model(info);
+  return camera_model(info, of_rectified);
 }
 
 }  // namespace fiducap::ros

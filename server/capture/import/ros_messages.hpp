@@ -35,6 +35,7 @@ struct CompressedMessage {
 [[nodiscard]] Expected<CompressedMessage> read_compressed(MessageFormat format,
                                                           std::span<const std::byte> in);
 /// The lens that a sensor_msgs/CameraInfo tells, if it is one that we have.
-[[nodiscard]] Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte> in);
+[[nodiscard]] Expected<CameraModel> read_lens(MessageFormat format, std::span<const std::byte> in,
+                                              bool of_rectified = false);
 
 }  // namespace fiducap::ros

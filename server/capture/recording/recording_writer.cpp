@@ -219,8 +219,10 @@ Expected<RecordingWriter> RecordingWriter::create(const RecordingInfo& info) {
   if (error)
     return fail(ErrorCode::kUnavailable, "cannot be created: " + error.message(), info.folder);
   if (!std::filesystem::is_empty(info.folder, error) || error) {
-    return fail(ErrorCode::kInvalid, "is not empty: a recording never overwrites anything",
-                info.folder);
+    return fail(
+        ErrorCode::kInvalid,
+        "is not empty: a recording never overwrites anything; remove it, or name another one",
+        info.folder);
   }
   auto impl = std::make_unique<Impl>(info);
   if (const auto done = impl->write_calibration(); !done) return tl::unexpected(done.error());

@@ -164,23 +164,26 @@ class RosSource final : public SensorSource {
   std::size_t turn_{0};
 };
 
-Expected<CameraModel> lens_of(const sensor_msgs_msg_dds__CameraInfo_& message) {
+Expected<CameraModel> lens_of(const sensor_msgs_msg_dds__CameraInfo_& message, bool of_rectified) {
   ros::CameraInfo info{message.width,
                        message.height,
                        message.distortion_model == nullptr ? "" : message.distortion_model,
                        {message.d._buffer, message.d._length},
+                       {},
                        {},
                        message.binning_x,
                        message.binning_y,
                        message.roi.x_offset,
                        message.roi.y_offset};
   std::copy_n(message.k, info.K.size(), info.K.begin());
-  return ros::camera_model(info);
+  std::copy_n(message.p, info.P.size(), info.P.begin());
+  return ros::camera_model(info, of_rectified);
 }
 
-/// The first usable lens on `topic` before `deadline`.
-Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& topic,
+/// The first usable lens of these images before `deadline`.
+Expected<CameraModel> wait_for_lens(const Participant& participant, const std::string& images,
                                     Instant deadline, const Clock& clock) {
+  const std::string topic = ros::camera_info_topic(images);
   auto reader = subscribe(participant, topic, sensor_msgs_msg_dds__CameraInfo__desc, false, 1);
   if (!reader) return tl::unexpected(reader.error());
   auto arrivals = WaitSet::make(participant);
@@ -190,7 +193,7 @@ Expected<CameraModel> wait_for_lens(const Participant& participant, const std::s
   do {
     [[maybe_unused]] const bool arrived = arrivals->wait(kSlice);
     while (auto loan = reader->take()) {
-      auto model = lens_of(loan.as<sensor_msgs_msg_dds__CameraInfo_>());
+      auto model = lens_of(loan.as<sensor_msgs_msg_dds__CameraInfo_>(), ros::is_rectified(images));
       if (model) return model;
       why = model.error().text();
     }
@@ -224,8 +227,7 @@ Expected<void> ask_for_lenses(const Participant& participant, const RosSourceCon
   const Instant deadline = clock.now() + from_seconds(config.camera_info_wait_s);
   for (std::size_t k = 0; k < std::min(cameras.size(), config.images.size()); ++k) {
     if (cameras[k].model.width != 0) continue;
-    auto model =
-        wait_for_lens(participant, ros::camera_info_topic(config.images[k]), deadline, clock);
+    auto model = wait_for_lens(participant, config.images[k], deadline, clock);
     if (!model) return tl::unexpected(model.error());
     cameras[k].model = *model;
     log::info("capture", config.images[k] + ": " + std::to_string(model->width) + " x " +

@@ -65,7 +65,11 @@ void BodyThreads::log_statistics() const {
 
 std::vector<LearnedBody> BodyThreads::learned() const {
   std::vector<LearnedBody> all;
-  for (const auto& worker : workers_) all.push_back({worker->name(), worker->learned()});
+  for (const auto& worker : workers_) {
+    LearnedBody& body = all.emplace_back(LearnedBody{worker->name(), worker->learned()});
+    for (const CameraMount& told : worker->told_cameras())
+      body.told_shifts.push_back(told.time_shift);
+  }
   return all;
 }
 

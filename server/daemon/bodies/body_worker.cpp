@@ -26,13 +26,6 @@ constexpr Duration kForgiven = std::chrono::minutes(1);
 constexpr Duration kShortestPause = std::chrono::milliseconds(100);
 constexpr Duration kLongestPause = std::chrono::seconds(30);
 
-/// -1: not an image.
-int camera_of(const SensorSample& sample) {
-  if (const auto* image = std::get_if<CameraFrame>(&sample)) return image->camera;
-  const auto* corners = std::get_if<CornerFrame>(&sample);
-  return corners != nullptr ? corners->camera : -1;
-}
-
 /// More waiting images would only make the newest late.
 std::size_t images_that_wait(const PipelineSetup& setup) {
   return 4 * std::max<std::size_t>(1, setup.sensors.cameras.size());

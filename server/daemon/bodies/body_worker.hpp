@@ -70,6 +70,10 @@ class BodyWorker final {
   [[nodiscard]] BodyStatistics statistics() const;
   /// What was learned about the cameras; empty until the filter has run. From any thread.
   [[nodiscard]] std::vector<ExtrinsicsEstimate> learned() const;
+  /// The cameras as they were told.
+  [[nodiscard]] const std::vector<CameraMount>& told_cameras() const {
+    return setup_.sensors.cameras;
+  }
   /// What was learned about the cameras, in words; a line per camera.
   [[nodiscard]] std::vector<std::string> learned_text() const;
   /// What was said about tags that do not fit together. From any thread.

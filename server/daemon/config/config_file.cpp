@@ -2,9 +2,8 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
+#include "base/whole_file.hpp"
 #include "base/yaml_text.hpp"
 #include "daemon/config/config_override.hpp"
 #include "daemon/config/config_printer.hpp"
@@ -88,13 +87,12 @@ ConfigResult<ServerConfig> parse_config(const std::string& text, const std::stri
 ConfigResult<ServerConfig> load_config(const std::string& file,
                                        const std::vector<std::string>& sets) {
   if (file.empty()) return parse_config("", "defaults", sets);
-  std::ifstream stream(file);
-  std::ostringstream text;
-  if (!stream || std::filesystem::is_directory(file) || !(text << stream.rdbuf())) {
-    return tl::unexpected(
-        std::vector{ConfigFault{{"file", file, "cannot be read (or is empty)"}, ""}});
-  }
-  return parse_config(text.str(), file, sets);
+  std::error_code failure;
+  Expected<std::string> text = fail(ErrorCode::kInvalid, "is a folder", file);
+  if (!std::filesystem::is_directory(file, failure)) text = read_whole_file(file);
+  if (text && !text->empty()) return parse_config(*text, file, sets);
+  return tl::unexpected(
+      std::vector{ConfigFault{{"file", file, text ? "is empty" : text.error().what}, ""}});
 }
 
 std::string print_config(const ServerConfig& config) {

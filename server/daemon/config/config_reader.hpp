@@ -29,7 +29,10 @@ class ConfigReader final {
   template <typename E, std::size_t N>
   void word(const char* key, E& out, const std::array<words::Word<E>, N>& vocabulary) {
     const YAML::Node node = section_.take(key);
-    if (node.IsDefined()) section_.report(key, node, read_word<E>(node, vocabulary, out));
+    if (!node.IsDefined()) return;
+    const auto broken = read_word<E>(node, vocabulary, out);
+    section_.report(key, node, broken);
+    if (broken && std::string_view(key) == "type") is_type_known_ = false;
   }
   template <typename T>
   void section(const char* key, T& out) {
@@ -77,7 +80,8 @@ class ConfigReader final {
   static void read_all(YamlSection section, T& out) {
     ConfigReader reader(std::move(section));
     describe(reader, out);
-    reader.section_.refuse_unknown_keys();
+    // Of which keys there are the type decides.
+    if (reader.is_type_known_) reader.section_.refuse_unknown_keys();
   }
 
  private:
@@ -95,6 +99,7 @@ class ConfigReader final {
   }
 
   YamlSection section_;
+  bool is_type_known_{true};
 };
 
 }  // namespace fiducap

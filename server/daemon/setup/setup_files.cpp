@@ -1,9 +1,12 @@
 #include "daemon/setup/setup_files.hpp"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <numeric>
 
@@ -71,6 +74,22 @@ std::string setup_preview(const std::string& file, const SetupResult& result) {
   const std::string name = fs::path(file).filename().string();
   const std::string store = fs::path(name).replace_extension(".sqlite").string();
   return setup_text(result, store, token_file_of(name));
+}
+
+Expected<void> can_write_setup(const std::string& file) {
+  std::error_code ignored;
+  if (fs::exists(file, ignored) && !fs::is_regular_file(file, ignored))
+    return fail(ErrorCode::kInvalid, "must be a file to be made, and is no file", file);
+  const fs::path folder = fs::absolute(file).parent_path();
+  if (!fs::is_directory(folder, ignored))
+    return fail(ErrorCode::kNotFound, "there is no such folder: make it, or name another file",
+                folder.string());
+  if (::access(folder.c_str(), W_OK) != 0)
+    return fail(ErrorCode::kUnavailable,
+                "nothing can be written there (" + std::string(std::strerror(errno)) +
+                    "): name a file elsewhere",
+                folder.string());
+  return {};
 }
 
 Expected<void> write_setup(const std::string& file, const SetupResult& result, bool replace) {

@@ -22,6 +22,9 @@ namespace fiducap {
 /// What write_setup writes.
 [[nodiscard]] std::string setup_preview(const std::string& file, const SetupResult& result);
 
+/// Could it be written there? Asked before a person takes the steps.
+[[nodiscard]] Expected<void> can_write_setup(const std::string& file);
+
 /// Writes the configuration, and a new operator's token beside it that only this user may read.
 /// Both whole and then renamed.
 /// @param replace  an existing file is written over

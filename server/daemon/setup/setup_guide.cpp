@@ -14,7 +14,8 @@ namespace fiducap {
 
 namespace {
 
-constexpr double kSlow = 0.1;  // weight of the newest in running rates
+constexpr double kSlow = 0.1;                          // weight of the newest in running rates
+constexpr Duration kSilent = std::chrono::seconds(2);  // an IMU: none of its readings come
 // What a lens of a usual camera may be, before it is calibrated: 70 degrees wide, and not far off.
 constexpr double kUsualHalfWidth = 0.7;  // tangent
 constexpr double kGuessedFocal = 0.15;
@@ -62,6 +63,11 @@ Expected<ImuSourceConfig> imu_source_from(const std::string& text) {
     return fail(ErrorCode::kInvalid, reading->faults.front().error.text(), "the IMU");
   if (!faults.empty()) return fail(ErrorCode::kInvalid, faults.front().text(), "the IMU");
   return source;
+}
+
+/// What makes it another camera, or the same one with another lens model.
+std::string camera_text(const CameraDeviceConfig& device) {
+  return device.open + " " + std::to_string(device.width) + " x " + std::to_string(device.height);
 }
 
 }  // namespace
@@ -144,6 +150,7 @@ void SetupGuide::take_image(const CameraFrame& frame) {
   if (!detector_) detector_.emplace(result_.tags, DetectorConfig{});
   corners_ = detector_->detect(frame);
   judge_picture();
+  if (last_imu_at_ && frame.exposed_at - *last_imu_at_ > kSilent) imu_rate_hz_ = 0;
   if (step_ == SetupStep::kLens) guide_lens();
   if (step_ == SetupStep::kWave) guide_wave();
 }
@@ -156,8 +163,8 @@ void SetupGuide::guide_lens() {
     targets.tags = result_.tags;
     lens_.emplace(std::move(targets), image.width, image.height);
   }
-  static_cast<void>(lens_->look(corners_));
-  if (lens_->progress().is_enough) solve_lens();
+  const bool is_kept = lens_->look(corners_);  // what was refused is as it was
+  if (is_kept && lens_->progress().is_enough) solve_lens();
 }
 
 void SetupGuide::guide_wave() {
@@ -181,13 +188,50 @@ Expected<void> SetupGuide::use_camera(const SetupCommand& command) {
   device.rate_hz = command.number("rate_hz").value_or(0);
   if (const auto errors = device.check("camera."); !errors.empty())
     return fail(ErrorCode::kInvalid, errors.front().text());
+  forget_images();
   if (auto used = rig_.use(device); !used) return used;
-  picture_.reset();
+  const std::string before = std::exchange(camera_in_use_, camera_text(device));
+  if (before != camera_in_use_) forget_camera();
   result_.camera.source = CameraSourceConfig{};
   result_.camera.source->camera = device;
   result_.simulated = rig_.simulated();
   if (result_.simulated) result_.camera.source.reset();
   return {};
+}
+
+/// Another camera: nothing that was found out holds for it.
+void SetupGuide::forget_camera() {
+  result_.camera = {};
+  result_.lens_from.clear();
+  result_.mount_from.clear();
+  lens_.reset();
+  if (!result_.simulated) return;
+  result_.imu.reset();  // was a part of it
+  result_.imu_from.clear();
+}
+
+void SetupGuide::forget_lens() {
+  const CameraMount unknown = CameraConfig{}.mount;
+  CameraMount& mount = result_.camera.mount;
+  mount.model = unknown.model;
+  mount.focal_sigma = unknown.focal_sigma;
+  mount.centre_sigma_px = unknown.centre_sigma_px;
+  mount.k1_sigma = unknown.k1_sigma;
+  mount.lens_error_px = unknown.lens_error_px;
+  result_.lens_from.clear();
+}
+
+void SetupGuide::forget_clock() {
+  const CameraMount unknown = CameraConfig{}.mount;
+  result_.camera.mount.time_shift = unknown.time_shift;
+  result_.camera.mount.time_shift_sigma_s = unknown.time_shift_sigma_s;
+}
+
+void SetupGuide::forget_images() {
+  picture_.reset();
+  image_ = {};
+  corners_ = {};
+  last_image_at_.reset();
 }
 
 Expected<void> SetupGuide::set_camera(const SetupCommand& command) {
@@ -197,6 +241,7 @@ Expected<void> SetupGuide::set_camera(const SetupCommand& command) {
   if (const auto exposure = command.number("exposure_ms")) device.exposure_s = *exposure * 1e-3;
   if (const auto errors = device.check("camera."); !errors.empty())
     return fail(ErrorCode::kInvalid, errors.front().text());
+  forget_images();
   if (auto used = rig_.use(device); !used) return used;
   result_.camera.source->camera = device;
   return {};
@@ -226,8 +271,8 @@ Expected<void> SetupGuide::set_sheet(const SetupCommand& command) {
 /// A lens that nobody calibrated: learned in motion, with a word about it wherever it shows.
 Expected<void> SetupGuide::keep_guess(const SetupCommand&) {
   if (!image_.image) return fail(ErrorCode::kInvalid, "no image has come yet: what size is it?");
+  forget_lens();
   CameraMount& mount = result_.camera.mount;
-  mount.model = CameraModel{};
   mount.model.width = image_.image->width;
   mount.model.height = image_.image->height;
   mount.model.fu = mount.model.fv = mount.model.width / 2.0 / kUsualHalfWidth;
@@ -237,7 +282,6 @@ Expected<void> SetupGuide::keep_guess(const SetupCommand&) {
   mount.focal_sigma = kGuessedFocal;
   mount.centre_sigma_px = kGuessedCentre_px;
   mount.k1_sigma = kGuessedK1;
-  result_.lens_from.clear();
   enter(SetupStep::kImu);
   return {};
 }
@@ -251,16 +295,19 @@ Expected<void> SetupGuide::set_mount(const SetupCommand& command) {
   result_.camera.mount.position_sigma_m = kByHand_m;
   result_.camera.mount.rotation_sigma_rad = kByHand_rad;
   result_.mount_from.clear();
+  forget_clock();
   return {};
 }
 
 /// An IMU as a configuration has it, and the part it is, if that is known.
 Expected<void> SetupGuide::use_imu(const SetupCommand& command) {
+  forget_clock();  // the camera's, by that of the IMU
+  imu_rate_hz_ = 0;
+  last_imu_at_.reset();
   if (command.text("source").empty()) {
     rig_.let_go_of_imu();
     result_.imu_source.reset();
     result_.imu.reset();
-    imu_rate_hz_ = 0;
     return {};
   }
   auto source = imu_source_from(command.text("source"));
@@ -280,9 +327,15 @@ std::optional<std::string> SetupGuide::missing() const {
     case SetupStep::kCamera:
       if (!image_.image) return "no image has come yet: choose a camera";
       return std::nullopt;
+    case SetupStep::kPicture:
+      if (!image_.image) return "no image comes: look at the camera's cable, or choose it again";
+      return std::nullopt;
     case SetupStep::kLens:
       if (result_.camera.mount.model.width == 0)
         return "the lens is not known yet: go on with the pictures, or take a guess";
+      if (image_.image && (image_.image->width != result_.camera.mount.model.width ||
+                           image_.image->height != result_.camera.mount.model.height))
+        return "the lens is known for images of another size: do it again, or take a guess";
       return std::nullopt;
     case SetupStep::kImu:
       if (result_.imu && imu_rate_hz_ == 0)

@@ -101,6 +101,10 @@ class SetupGuide final {
   Expected<void> next(const SetupCommand& command);
   Expected<void> back(const SetupCommand& command);
 
+  void forget_camera();
+  void forget_lens();
+  void forget_clock();
+  void forget_images();
   [[nodiscard]] std::optional<std::string> missing() const;
   void enter(SetupStep step);
   void begin_step();
@@ -111,6 +115,7 @@ class SetupGuide final {
   SetupStep step_{SetupStep::kCamera};
   SetupResult result_;
   std::vector<FoundCamera> cameras_;
+  std::string camera_in_use_{};
   std::optional<SetupPicture> picture_;
   std::optional<LensGuide> lens_;
   RestGuide rest_;

@@ -159,6 +159,8 @@ std::unique_ptr<SetupRoom::Sensor> SetupRoom::read(std::unique_ptr<SensorSource>
 }
 
 std::string SetupRoom::lost_sensor() const {
+  if (!camera_ && guide_.step() != SetupStep::kCamera)
+    return "No camera is open: go back and choose it again.";
   if (camera_ && !camera_->reader->reading())
     return "The camera gives no images any more: is it plugged in? Go back and choose it again.";
   if (imu_ && !imu_->reader->reading())

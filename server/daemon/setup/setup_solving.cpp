@@ -30,6 +30,11 @@ std::string lens_text(const IntrinsicsCalibration& lens, const IntrinsicsVerdict
          fixed(verdict.reprojection_rms_px, 2) + " px";
 }
 
+std::string clock_text(const ShiftResult& time) {
+  if (!time.determined) return "its clock was not found";
+  return "its stamps are " + fixed(1e3 * time.shift_s, 2) + " ms early";
+}
+
 }  // namespace
 
 void SetupGuide::judge_picture() {
@@ -71,6 +76,7 @@ void SetupGuide::solve_lens() {
   const auto solved = calibrate_intrinsics(lens_->data(), {}, [](const std::string&) {});
   is_solving_ = false;
   if (!solved) {
+    forget_lens();
     verdict_ = refused(solved.error());
     return lens_->ask_for_more(kMoreViews, solved.error().what);
   }
@@ -78,6 +84,7 @@ void SetupGuide::solve_lens() {
   const bool usable = judged.grade != IntrinsicsGrade::kUseless;
   verdict_ = SetupVerdict{judged.grade == IntrinsicsGrade::kGood, !usable,
                           lens_text(*solved, judged), judged.advice};
+  forget_lens();  // also one of fewer views, where this one is refused: they were of the same lens
   if (usable) {
     CameraMount& mount = result_.camera.mount;
     mount.model = solved->state.camera;
@@ -115,6 +122,7 @@ void SetupGuide::solve_wave() {
   is_solving_ = true;
   show_();
   OfflineSetup setup;
+  forget_clock();  // the samples have the camera's own stamps, whatever was found before
   CameraMount mount = result_.camera.mount;
   if (picture_ && picture_->rate_hz > 0) mount.rate_hz = picture_->rate_hz;
   setup.sensors.cameras = {mount};
@@ -132,13 +140,14 @@ void SetupGuide::solve_wave() {
   verdict_ = SetupVerdict{weak.empty(), solved->time.at_border,
                           "The camera sits " + fixed(1e3 * camera.moved_m, 1) + " mm and " +
                               fixed(camera.moved_rad * 180 / M_PI, 1) +
-                              " degrees from where it was told; its stamps are " +
-                              fixed(1e3 * solved->time.shift_s, 2) + " ms early",
+                              " degrees from where it was told; " + clock_text(solved->time),
                           weak};
   if (verdict_->is_refused) return show_();
   result_.camera.mount = solved->cameras.front();
   // Half a minute tells no more, whatever it says, and a clock may drift: it goes on being learned.
-  result_.camera.mount.time_shift_sigma_s = std::max(kLeastClockSigma_s, solved->time.sigma_s);
+  // A clock that was not found stays as unknown as it was.
+  if (solved->time.determined)
+    result_.camera.mount.time_shift_sigma_s = std::max(kLeastClockSigma_s, solved->time.sigma_s);
   result_.mount_from = "calibrated by waving, " + fixed(solved->statistics.data_s, 0) + " s, " +
                        fixed(solved->statistics.reprojection_median_px, 2) + " px";
   show_();

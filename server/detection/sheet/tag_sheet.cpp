@@ -213,8 +213,8 @@ Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order) {
 std::string tag_sheet_yaml(const TagSheetOrder& order) {
   const std::string size_m = number(order.size_mm / 1000);
   std::string text =
-      "# Made with the sheet beside this file. Put the lines below `tags:` into the server's "
-      "configuration.\n"
+      std::string(kTagSheetHeading) +
+      " Put the lines below `tags:` into the server's configuration.\n"
       "tags:\n"
       "  family: " +
       order.family + "\n" + "  size_m: " + size_m +

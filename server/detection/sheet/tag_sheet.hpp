@@ -35,6 +35,8 @@ struct TagSheetOrder {
 /// @return the PDF; Error when a tag does not fit, with the largest size that does.
 [[nodiscard]] Expected<std::string> tag_sheet_pdf(const TagSheetOrder& order);
 
+/// How tag_sheet_yaml begins.
+inline constexpr std::string_view kTagSheetHeading = "# Made with the sheet beside this file.";
 /// The `tags:` section for the server and the sizes of these ids, ready to be completed with
 /// surveyed poses.
 [[nodiscard]] std::string tag_sheet_yaml(const TagSheetOrder& order);

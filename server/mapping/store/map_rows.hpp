@@ -25,7 +25,7 @@ struct MapVersionInfo {
 
 /// When a camera's rows are exposed (ClockEstimate).
 struct StoredClock {
-  double shift_s{};
+  double shift_s{};  ///< All of it: what the configuration told, and what was learned beyond.
   double readout_s{};
 };
 

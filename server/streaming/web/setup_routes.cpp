@@ -97,8 +97,8 @@ HttpResponse answer_setup(const HttpRequest& request, SetupDesk* setup, bool is_
   if (setup == nullptr) return plain_response(404, "no set-up goes on\n");
   if (!is_here)
     return plain_response(403,
-                          "a set-up is led at this machine only: open the page there, or through "
-                          "`ssh -L 8080:127.0.0.1:8080`\n");
+                          "a set-up is led at this machine only, by the user who has started it: "
+                          "open the page there, or through `ssh -L 8080:127.0.0.1:8080`\n");
   const std::string_view path = path_of(request.target);
   const std::string_view what = path.size() > kPath.size() ? path.substr(kPath.size() + 1) : "";
   if (request.method == "POST") return obey(request, what, *setup);

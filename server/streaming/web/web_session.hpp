@@ -10,6 +10,7 @@
 #include "base/clock.hpp"
 #include "streaming/native/control_conversation.hpp"
 #include "streaming/net/limits.hpp"
+#include "streaming/net/peer_user.hpp"
 #include "streaming/net/places.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/web/http_routes.hpp"
@@ -70,10 +71,11 @@ class WebDesk final {
     const bool has_token = operators_ != nullptr && !operators_->token().empty();
     return view_feed_.access(peer, speaks_for_another, has_token);
   }
-  /// Of a set-up, which is this machine's business only.
+  /// Of a set-up, which opens devices and writes files: only for who has started the server.
   [[nodiscard]] HttpResponse answer_setup(const HttpRequest& request, const net::Peer& peer,
                                           bool speaks_for_another) {
-    return web::answer_setup(request, setup_, peer.is_loopback() && !speaks_for_another);
+    const bool is_here = setup_ != nullptr && peer.is_loopback() && !speaks_for_another;
+    return web::answer_setup(request, setup_, is_here && net::is_of_this_user(peer));
   }
   /// @return nullptr: he may not, or there is no place
   [[nodiscard]] std::shared_ptr<ViewConnection> join_views(const net::Peer& peer,

@@ -9,6 +9,7 @@
 #include "tools/calibrate/calibration_views.hpp"
 #include "tools/calibrate/camera_report.hpp"
 #include "tools/calibrate/corner_file.hpp"
+#include "tools/calibrate/kept_file.hpp"
 
 namespace fiducap {
 namespace {
@@ -164,6 +165,7 @@ int run_calibrate_camera(const CalibrateCameraArguments& arguments, const Termin
   const std::string file = (out / "camera.yaml").string();
   const bool refused = outcome->verdict.grade == IntrinsicsGrade::kUseless;
   const bool wanted = !refused || arguments.force;
+  keep_before(file, terminal);  // also where this one is refused: it would stand beside its picture
   auto written = write_whole_file(
       picture, calibration_svg(outcome->calibration, outcome->map, outcome->verdict));
   if (written && wanted)

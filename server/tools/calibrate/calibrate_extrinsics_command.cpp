@@ -10,6 +10,7 @@
 #include "base/whole_file.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "daemon/system_clock.hpp"
+#include "tools/calibrate/kept_file.hpp"
 #include "tools/usable_recording.hpp"
 
 namespace fiducap {
@@ -168,6 +169,7 @@ int run_calibrate_extrinsics(const CalibrateExtrinsicsArguments& arguments,
                              arguments.recording});
   const std::string file = (std::filesystem::path(arguments.out) / "camchain-imucam.yaml").string();
   const std::string heading = "Camera-IMU calibration by fiducap calibrate extrinsics";
+  keep_before(file, terminal);
   if (auto written = write_whole_file(file, to_kalibr_camchain(result->cameras, heading)); !written)
     return report(terminal, written.error());
   if (arguments.json)

@@ -13,6 +13,7 @@
 #include "capture/recording/recording_layout.hpp"
 #include "capture/recording/recording_streams.hpp"
 #include "pipeline/imu_plausibility.hpp"
+#include "tools/calibrate/kept_file.hpp"
 #include "tools/plot/line_plot.hpp"
 
 namespace fiducap {
@@ -211,6 +212,7 @@ int run_poses(const CalibrateImuArguments& arguments, const std::vector<ImuSampl
   const std::string file = (std::filesystem::path(arguments.out) / "imu_correction.yaml").string();
   const std::string heading = "IMU correction by fiducap calibrate imu --poses, from " +
                               std::to_string(result->rests) + " attitudes at rest";
+  keep_before(file, terminal);
   if (auto written = write_whole_file(file, to_imu_correction_yaml(result->correction, heading));
       !written)
     return report(terminal, written.error());
@@ -249,6 +251,7 @@ int run_calibrate_imu(const CalibrateImuArguments& arguments, const Terminal& te
   const std::filesystem::path to(arguments.out);
   const std::string heading =
       "IMU noise by fiducap calibrate imu, from " + fixed(result->seconds, 0) + " s at rest";
+  keep_before((to / "imu.yaml").string(), terminal);
   if (auto written = write_whole_file((to / "imu.yaml").string(), to_kalibr_imu(*result, heading));
       !written)
     return report(terminal, written.error());

@@ -232,6 +232,10 @@ int run_capture(const CaptureArguments& arguments, const Terminal& terminal,
         {ErrorCode::kInvalid, "either --pictures N or --seconds S says what to take", {}});
   if (const auto faults = arguments.camera.check("--"); !faults.empty())
     return report(terminal, {ErrorCode::kInvalid, faults.front().text(), {}});
+  TagSetConfig tags;
+  tags.family = arguments.family;
+  if (const auto faults = tags.check(); !faults.empty())
+    return report(terminal, {ErrorCode::kInvalid, faults.front().text(), "--family"});
   const auto lens = lens_of(arguments);
   if (!lens) return report(terminal, lens.error());
   catch_interrupt();

@@ -9,9 +9,12 @@
 #include "capture/recording/recording_writer.hpp"
 #include "daemon/system_clock.hpp"
 #include "pipeline/replay/recording_check.hpp"
+#include "tools/interrupt.hpp"
 
 namespace fiducap {
 namespace {
+
+namespace fs = std::filesystem;
 
 /// What has come of an import.
 struct Imported {
@@ -98,6 +101,7 @@ Expected<Imported> write_recording(ImportSource& source, const ImportPlan& plan,
   ProgressLine line(terminal);
   ImportCounter counter(plan.info.cameras.size());
   for (;;) {
+    if (interrupted()) return fail(ErrorCode::kUnavailable, "interrupted");
     const auto sample = (*samples)->next({});
     if (!sample) return tl::unexpected(sample.error());
     if (!*sample) break;
@@ -185,7 +189,8 @@ void print_imported(const ImportSource& source, const ImportPlan& plan, const Im
   for (const RecordingFinding& finding : done.findings)
     terminal.out << (finding.unusable ? "  unusable: " : "  warning: ") << finding.text << "\n";
   for (const std::string& item : plan.to_do) terminal.out << "  missing: " << item << "\n";
-  terminal.out << "next: fiducap replay " << plan.info.folder << " --out results\n";
+  if (done.usable)
+    terminal.out << "next: fiducap replay " << plan.info.folder << " --out results\n";
 }
 
 void print_imported_json(nlohmann::ordered_json json, const ImportPlan& plan, const Imported& done,
@@ -203,6 +208,9 @@ void print_imported_json(nlohmann::ordered_json json, const ImportPlan& plan, co
   print_json(json, terminal);
 }
 
+/// Does it name a stream of the source? What is not there must not be passed over.
+bool is_choosy(const ImportArguments& given) { return !given.images.empty() || !given.imu.empty(); }
+
 Error in_source(Error error, const std::string& source) {
   if (error.context.empty()) error.context = source;
   return error;
@@ -216,9 +224,18 @@ Expected<std::unique_ptr<ImportSource>> look_through(ImportArguments& arguments,
   });
 }
 
+/// What cannot be used is taken away, so that the next try finds its folder free.
 Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
                                   const Terminal& terminal) {
+  std::error_code failure;
+  const bool is_ours =
+      !fs::exists(plan.info.folder, failure) || fs::is_empty(plan.info.folder, failure);
+  catch_interrupt();
   auto done = write_recording(source, plan, terminal);
+  if (!done && is_ours && !failure) {
+    fs::remove_all(plan.info.folder, failure);
+    done.error().what += "; what was written is removed";
+  }
   if (!done) return done;
   if (const auto any = require_images(*done, source, plan); !any)
     return tl::unexpected(any.error());
@@ -235,6 +252,8 @@ int run_import(const ImportArguments& given, const Terminal& terminal) {
   if (!source) return report(terminal, in_source(source.error(), given.source));
   if (!arguments.json) print_source(**source, given.source, terminal);
   if (arguments.out.empty()) {
+    if (const auto chosen = choose_streams(**source, arguments); !chosen && is_choosy(given))
+      return report(terminal, in_source(chosen.error(), given.source));
     if (arguments.json) print_json(source_json(**source, given.source), terminal);
     return kExitOk;
   }

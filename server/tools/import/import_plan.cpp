@@ -6,6 +6,7 @@
 #include "base/text.hpp"
 #include "capture/import/calibration_files.hpp"
 #include "capture/ros_image.hpp"
+#include "detection/detector_config.hpp"
 
 namespace fiducap {
 namespace {
@@ -219,6 +220,10 @@ Expected<ImportChoice> choose_streams(const ImportSource& source,
 
 Expected<ImportPlan> plan_import(const ImportSource& source, const ImportArguments& arguments) {
   ImportPlan plan;
+  TagSetConfig tags;
+  if (!arguments.tag_family.empty()) tags.family = arguments.tag_family;
+  if (const auto faults = tags.check(); !faults.empty())
+    return fail(ErrorCode::kInvalid, faults.front().text(), "--tag-family");
   const auto choice = choose_streams(source, arguments);
   if (!choice) return tl::unexpected(choice.error());
   plan.choice = *choice;

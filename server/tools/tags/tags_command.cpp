@@ -10,6 +10,25 @@
 
 namespace fiducap {
 
+namespace {
+
+/// The file for the server goes beside the sheet, but over no configuration that a person wrote.
+Expected<void> may_write(const std::string& out, const std::string& stub) {
+  if (stub == out)
+    return fail(ErrorCode::kInvalid, "the sheet is a PDF: --out must end in .pdf, not in .yaml",
+                out);
+  std::error_code ignored;
+  if (!std::filesystem::exists(stub, ignored)) return {};
+  const auto before = read_whole_file(stub);
+  if (before && before->starts_with(kTagSheetHeading)) return {};
+  return fail(ErrorCode::kInvalid,
+              "is there already and is not of a sheet: it would be written over; give --out "
+              "another name",
+              stub);
+}
+
+}  // namespace
+
 int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) {
   const auto ids = parse_id_list(arguments.ids);
   const auto paper = paper_named(arguments.paper);
@@ -24,6 +43,8 @@ int run_tag_sheet(const TagSheetArguments& arguments, const Terminal& terminal) 
   const auto pdf = tag_sheet_pdf(order);
   if (!pdf) return report(terminal, pdf.error());
   const std::string stub = std::filesystem::path(arguments.out).replace_extension(".yaml").string();
+  if (const auto free = may_write(arguments.out, stub); !free)
+    return report(terminal, free.error());
   if (auto written = write_whole_file(arguments.out, *pdf); !written)
     return report(terminal, written.error());
   if (auto written = write_whole_file(stub, tag_sheet_yaml(order)); !written)

@@ -14,6 +14,14 @@ TEST(YamlText, AnAliasRepeatsWhatItNames) {
   EXPECT_EQ((*root)["cameras"][1]["model"]["fu"].as<int>(), 500);
 }
 
+TEST(YamlText, ASecondDocumentIsNotPassedOver) {
+  const auto root = load_yaml("tags: {size_m: 0.1}\n---\noperator: {token: secret}\n");
+  ASSERT_FALSE(root);
+  EXPECT_THAT(root.error().text(), HasSubstr("holds 2 documents"));
+  EXPECT_TRUE(load_yaml("---\ntags: {size_m: 0.1}\n"));
+  EXPECT_TRUE(load_yaml("# nothing\n"));
+}
+
 TEST(YamlText, AnAliasInsideOfWhatItRepeatsIsRefusedWithPathAndRule) {
   const auto root = load_yaml("tags: {}\nbodies: &a [{name: b}, *a]\n");
   ASSERT_FALSE(root);

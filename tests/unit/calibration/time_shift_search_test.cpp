@@ -30,7 +30,7 @@ TEST(TimeShiftSearch, FindsTheMinimumOfAJaggedCostWithItsSigma) {
 
 TEST(TimeShiftSearch, SaysThatAFlatCostTellsNothing) {
   const auto found =
-      search_time_shift([](double s) -> Expected<double> { return 5 - 1000 * s; }, 0.05);
+      search_time_shift([](double s) -> Expected<double> { return 5 - 900 * s; }, 0.05);
   ASSERT_TRUE(found);
   EXPECT_FALSE(found->determined);
   EXPECT_FALSE(found->at_border);
@@ -41,6 +41,16 @@ TEST(TimeShiftSearch, SaysThatTheMinimumLiesOutside) {
   const auto found = search_time_shift(jagged(0.09), 0.05);
   ASSERT_TRUE(found);
   EXPECT_TRUE(found->at_border);
+}
+
+TEST(TimeShiftSearch, SaysSoAlsoWhereTheCostBendsTheWrongWay) {
+  // Falls ever more steeply towards the border: concave.
+  const auto found =
+      search_time_shift([](double s) -> Expected<double> { return -1e3 * std::exp(40 * s); }, 0.05);
+  ASSERT_TRUE(found);
+  EXPECT_TRUE(found->at_border);
+  EXPECT_FALSE(found->determined);
+  EXPECT_EQ(found->shift_s, 0);
 }
 
 TEST(TimeShiftSearch, PassesTheErrorOfACostOnAndStops) {

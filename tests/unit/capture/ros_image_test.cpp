@@ -154,7 +154,25 @@ TEST_F(RosLens, PlumbBobIsRadialTangentialAndEquidistantIsItself) {
   use_coefficients(0);
   lens = camera_model(info_);
   ASSERT_TRUE(lens);
+  EXPECT_EQ(lens->distortion, Distortion::kEquidistant) << "that is no pinhole";
+}
+
+TEST_F(RosLens, OfRectifiedImagesIsWhatPTells) {
+  EXPECT_FALSE(camera_model(info_, true)) << "K and D are of the images before";
+  info_.P[0] = 400;
+  info_.P[5] = 401;
+  info_.P[2] = 310;
+  info_.P[6] = 235;
+  const auto lens = camera_model(info_, true);
+  ASSERT_TRUE(lens) << lens.error().text();
   EXPECT_EQ(lens->distortion, Distortion::kNone);
+  EXPECT_EQ(lens->fu, 400);
+  EXPECT_EQ(lens->fv, 401);
+  EXPECT_EQ(lens->cu, 310);
+  EXPECT_EQ(lens->cv, 235);
+  info_.P = {};
+  use_coefficients(0);
+  EXPECT_TRUE(camera_model(info_, true)) << "a camera without distortion need not tell P";
 }
 
 TEST_F(RosLens, WhatWeCannotUseIsAnError) {
@@ -182,6 +200,9 @@ TEST(RosLensTopic, TheLensIsToldBesideTheImages) {
   EXPECT_EQ(camera_info_topic("/image"), "/camera_info");
   EXPECT_TRUE(is_compressed("/cam0/image_raw/compressed"));
   EXPECT_FALSE(is_compressed("/cam0/compressed_image"));
+  EXPECT_TRUE(is_rectified("/cam0/image_rect"));
+  EXPECT_TRUE(is_rectified("/infra1/image_rect_raw/compressed"));
+  EXPECT_FALSE(is_rectified("/rectified/image_raw"));
 }
 
 }  // namespace

@@ -276,7 +276,7 @@ TEST(ConfigFile, SaysWhereTextStopsBeingYaml) {
 TEST(ConfigFile, IsNotFoundWithItsName) {
   const auto config = load_config("/nowhere/robot.yaml");
   ASSERT_FALSE(config);
-  EXPECT_THAT(config.error().front().text(), HasSubstr("/nowhere/robot.yaml: cannot be read"));
+  EXPECT_THAT(config.error().front().text(), HasSubstr("/nowhere/robot.yaml: no such file"));
 }
 
 TEST(ConfigOverride, GoesBeforeTheFile) {

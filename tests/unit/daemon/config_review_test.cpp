@@ -90,6 +90,7 @@ const std::vector<Mistake> kMistakes{
     {{"tags.family=tag36h12"}, "tags.family = tag36h12: must be one of"},
     {{"bodies.1.name=robot"}, "bodies.1.name = \"robot\": is taken by another body"},
     {{"streaming.vrpn.aliases={drone: A}"}, "must stand for the name of one of the bodies"},
+    {{"bodies.1.source.type=recordng"}, "did you mean recording?"},
     // Units
     {{"tags.size_m=160"}, "tags.size_m = 160: must be in metres: 160 mm is 0.16"},
     {{"tags.sizes_m={7: 400}"}, "tags.sizes_m.7 = 400: must be in metres"},

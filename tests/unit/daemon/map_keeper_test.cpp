@@ -215,6 +215,18 @@ TEST_F(MapKeeperTest, StoresWhatWasLearnedAtTheEndAlthoughTheMapIsTheSame) {
   EXPECT_FALSE(extrinsics->back().clock);
 }
 
+TEST_F(MapKeeperTest, StoresTheWholeShiftOfAClock) {
+  build(MapMode::kMapping);
+  see(4);
+  ExtrinsicsEstimate camera;
+  camera.clock = {.shift_s = 0.02, .shift_sigma_s = 1e-4, .readout_s = 0.0, .readout_sigma_s = 0.0};
+  learned_ = {{"robot", {camera}, {std::chrono::milliseconds(30)}}};
+  keeper_->commit();
+  const auto extrinsics = MapStore::open(file_)->extrinsics();
+  ASSERT_TRUE(extrinsics && extrinsics->front().clock);
+  EXPECT_NEAR(extrinsics->front().clock->shift_s, 0.05, 1e-12);
+}
+
 TEST_F(MapKeeperTest, StoresWhatWasLearnedAboutTheCameras) {
   build(MapMode::kMapping);
   see(4);

@@ -162,6 +162,9 @@ TEST(UseLearned, StartsFromTheLearnedClockUnlessTheConfigurationIsSure) {
   EXPECT_EQ(sensors.start_shifts_s, (std::vector<double>{-0.03, 0.0, 0.0}));
   EXPECT_EQ(sensors.cameras[0].readout_s, 0.015);
   EXPECT_EQ(sensors.cameras[1].readout_s, 0.0);
+  sensors.cameras[0].time_shift = from_seconds(-0.03);
+  use_learned({{"robot", 0, Pose{}, clock}}, "robot", sensors);
+  EXPECT_NEAR(sensors.start_shifts_s[0], 0, 1e-12) << "what is told by now is not added again";
 }
 
 TEST(DoubtLearnedLenses, NamesWhatWasWrongByBodyAndNumber) {

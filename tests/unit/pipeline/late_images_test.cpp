@@ -8,14 +8,20 @@ namespace {
 constexpr Duration kPeriod = std::chrono::milliseconds(50);
 constexpr Duration kBehind = std::chrono::milliseconds(540);
 
-/// @return images after which the camera is only watched; 0: it is not
-int watched_after(LateImages& late, int images, int dropped_of_ten) {
-  Instant stamp{};
+/// A stream of images. @return those after which `wanted` happens; 0: it does not
+int images_until(LateImages::Change wanted, LateImages& late, Instant& stamp, Duration behind,
+                 int images, int dropped_of_ten) {
   for (int i = 1; i <= images; ++i) {
     stamp += kPeriod;
-    if (late.note(0, stamp, i % 10 < dropped_of_ten, stamp + kBehind)) return i;
+    if (late.note(0, stamp, i % 10 < dropped_of_ten, stamp + behind) == wanted) return i;
   }
   return 0;
+}
+
+int watched_after(LateImages& late, int images, int dropped_of_ten) {
+  Instant stamp{};
+  return images_until(LateImages::Change::kOnlyWatched, late, stamp, kBehind, images,
+                      dropped_of_ten);
 }
 
 TEST(LateImages, OnlyACameraOfWhichAllAreLateForLongIsWatchedAndThatIsSaidOnce) {
@@ -24,11 +30,26 @@ TEST(LateImages, OnlyACameraOfWhichAllAreLateForLongIsWatchedAndThatIsSaidOnce) 
   EXPECT_EQ(watched_after(late, 200, 9), 0) << "a computer that does not keep up";
   late = LateImages(2);
   EXPECT_EQ(watched_after(late, 200, 10), 50);
-  EXPECT_TRUE(late.only_watches(0));
-  EXPECT_FALSE(late.only_watches(1));
+  EXPECT_TRUE(late.only_watches(0, {}));
+  EXPECT_FALSE(late.only_watches(1, Instant{} + kPeriod));
   EXPECT_THAT(late.take_news(0), testing::HasSubstr("stamped 0.54 s before"));
   EXPECT_TRUE(late.take_news(0).empty());
   EXPECT_TRUE(late.take_news(1).empty());
+}
+
+TEST(LateImages, AreUsedAgainAfterTheyCameInTimeForAsLong) {
+  LateImages late(1);
+  Instant stamp{};
+  using Change = LateImages::Change;
+  ASSERT_NE(images_until(Change::kOnlyWatched, late, stamp, kBehind, 100, 10), 0);
+  EXPECT_FALSE(late.take_news(0).empty());
+  EXPECT_EQ(images_until(Change::kInTime, late, stamp, kBehind, 200, 0), 0) << "still late";
+  EXPECT_EQ(images_until(Change::kInTime, late, stamp, kPeriod, 200, 0), 50);
+  EXPECT_FALSE(late.watches_any());
+  EXPECT_TRUE(late.only_watches(0, stamp)) << "was on its way, placed by the wrong clock";
+  EXPECT_FALSE(late.only_watches(0, stamp + kPeriod));
+  ASSERT_NE(images_until(Change::kOnlyWatched, late, stamp, kBehind, 100, 10), 0);
+  EXPECT_FALSE(late.take_news(0).empty()) << "told anew";
 }
 
 }  // namespace

@@ -60,6 +60,14 @@ class CalibrateImu : public ::testing::Test {
   std::ostringstream err_;
 };
 
+TEST_F(CalibrateImu, KeepsWhatWasThereBefore) {
+  folder_.write("out/imu.yaml", "of another IMU\n");
+  record(70);
+  EXPECT_EQ(calibrate(), 0) << err_.str();
+  EXPECT_EQ(read_whole_file(folder_.file("out/imu.yaml.before")), "of another IMU\n");
+  EXPECT_THAT(err_.str(), HasSubstr("is kept as"));
+}
+
 TEST_F(CalibrateImu, WritesAFileThatTheConfigurationReads) {
   record(100);
   ASSERT_EQ(calibrate(), kExitOk) << err_.str();

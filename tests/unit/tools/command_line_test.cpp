@@ -47,6 +47,28 @@ const std::vector<std::vector<std::string>> kVerbs{
     {"control"},    {"control", "list"},  {"control", "rename"},
     {"calibrate"},  {"calibrate", "imu"}, {"calibrate", "extrinsics"}};
 
+TEST(CommandLine, WhatCannotBeWrittenOutIsAFailure) {
+  std::ostringstream out;
+  out.setstate(std::ios::badbit);
+  std::ostringstream err;
+  const char* const argv[] = {"fiducap", "cameras", "--json"};
+  EXPECT_EQ(run_command_line(3, argv, {out, err}), kExitFailed);
+  EXPECT_THAT(err.str(), HasSubstr("is the disk full?"));
+}
+
+TEST(TagsSheet, WritesOverNoConfigurationOfAPerson) {
+  const TemporaryFolder folder;
+  const std::string mine = folder.write("robot.yaml", "bodies: []\n");
+  Answer answer = say({"tags", "sheet", "--ids", "4", "--out", folder.file("robot.pdf")});
+  EXPECT_EQ(answer.code, kExitFailed);
+  EXPECT_THAT(answer.err, HasSubstr("it would be written over"));
+  EXPECT_EQ(read_whole_file(mine), "bodies: []\n");
+  answer = say({"tags", "sheet", "--ids", "4", "--out", folder.file("sheet.yaml")});
+  EXPECT_THAT(answer.err, HasSubstr("must end in .pdf"));
+  for (int again = 0; again < 2; ++again)
+    EXPECT_EQ(say({"tags", "sheet", "--ids", "4", "--out", folder.file("my.pdf")}).code, kExitOk);
+}
+
 TEST(CommandLine, HelpOfEveryVerbTeachesWithAnExample) {
   for (auto words : kVerbs) {
     std::string verb = "fiducap";

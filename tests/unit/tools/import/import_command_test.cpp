@@ -271,5 +271,27 @@ TEST_F(ImportCommandTest, AFolderWithContentIsNeverOverwritten) {
   EXPECT_THAT(err_.str(), HasSubstr("is not empty"));
 }
 
+TEST_F(ImportCommandTest, WhatFailedLeavesTheFolderFree) {
+  arguments_.imu_offset_s = -1e10;  // before 1970
+  EXPECT_NE(run_bag(rest()), kExitOk);
+  EXPECT_THAT(err_.str(), HasSubstr("what was written is removed"));
+  arguments_.imu_offset_s = 0;
+  arguments_.tag_family = "tag36h12";
+  EXPECT_NE(run_bag(rest()), kExitOk);
+  EXPECT_THAT(err_.str(), HasSubstr("--tag-family"));
+  arguments_.tag_family = "";
+  (void)run_bag(rest());
+  EXPECT_THAT(err_.str(), Not(HasSubstr("is not empty")));
+  EXPECT_EQ(recording().cameras.size(), 1u);
+}
+
+TEST_F(ImportCommandTest, AStreamThatIsNotThereIsNamedAlsoWithoutWriting) {
+  arguments_.out.clear();
+  EXPECT_EQ(run_bag(rest()), kExitOk) << err_.str();
+  arguments_.imu = "nonexistent.csv";
+  EXPECT_NE(run_bag(rest()), kExitOk);
+  EXPECT_THAT(err_.str(), HasSubstr("nonexistent.csv"));
+}
+
 }  // namespace
 }  // namespace fiducap
