@@ -263,10 +263,18 @@ TEST_F(NatNetServerTest, SaysWhatToDoWhenAPortIsTaken) {
 }
 
 TEST_F(NatNetServerTest, GivesItsPortsBackWhenItStops) {
-  start();
-  config_.port = server_->port();
-  server_->stop();
-  EXPECT_TRUE(start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100));
+  const std::uint16_t any = config_.port;
+  bool is_given_back = false;
+  for (int attempt = 0; attempt < 5 && !is_given_back; ++attempt) {
+    config_.port = any;
+    start();
+    config_.port = server_->port();
+    server_->stop();
+    // Another program of this machine may be quicker, but not five times.
+    is_given_back =
+        start_natnet_server(io_, config_, frame_->model, clock_, nullptr, 100).has_value();
+  }
+  EXPECT_TRUE(is_given_back);
 }
 
 TEST_F(NatNetServerTest, RefusesMoreBodiesThanClientsTake) {
