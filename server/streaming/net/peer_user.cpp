@@ -1,6 +1,5 @@
 #include "streaming/net/peer_user.hpp"
 
-#include <arpa/inet.h>
 #include <unistd.h>
 
 #include <cstdio>
