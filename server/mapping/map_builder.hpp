@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "base/expected.hpp"
-#include "base/inheriting_mutex.hpp"
 #include "mapping/graph/graph_solution.hpp"
 #include "mapping/map_config.hpp"
 #include "mapping/map_event.hpp"
@@ -126,8 +125,8 @@ class MapBuilder final {
   void note_locked(MapEvent::Kind kind, int tag_id, std::string text);
 
   MapConfig config_;
-  mutable std::mutex mutex_;                ///< Guards all but snapshot_.
-  mutable InheritingMutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
+  mutable std::mutex mutex_;           ///< Guards all but snapshot_.
+  mutable std::mutex snapshot_mutex_;  ///< Guards the pointer only; taken last.
   std::shared_ptr<const TagMap> snapshot_;
   TagMap working_;
   std::map<int, TagOwner> ownership_;         ///< Of every tag that may still move.

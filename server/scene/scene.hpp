@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "base/inheriting_mutex.hpp"
 #include "base/object_pool.hpp"
 #include "pipeline/body_tracker.hpp"
 #include "scene/room_axes.hpp"
@@ -60,7 +59,7 @@ class Scene final {
 
  private:
   struct Guarded {
-    InheritingMutex mutex;
+    std::mutex mutex;
     BodyTracker tracker;
     explicit Guarded(BodyTracker t) : tracker(std::move(t)) {}
   };
