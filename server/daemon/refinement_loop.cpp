@@ -15,6 +15,8 @@ constexpr Duration kLate = std::chrono::seconds(5);
 constexpr double kLeastShare = 0.2;
 // A busy computer does not get idle from one solution to the next.
 constexpr Duration kImpatientFor = std::chrono::minutes(5);
+// After the first solution: bodies wait for the tags that they see.
+constexpr Duration kBeginsFor = std::chrono::seconds(30);
 constexpr auto kLookEvery = std::chrono::seconds(1);
 }  // namespace
 
@@ -27,7 +29,7 @@ class RefinementLoop::Solving final {
         result_(std::async(std::launch::async,
                            [this, &refiner, stop] {
                              name_this_thread("solve");
-                             is_patient_ ? run_patiently() : run_nicely();
+                             if (is_patient_) run_patiently_for_now();
                              begun_.set_value(this_thread());
                              return refiner.solve_taken(stop);
                            })),
@@ -58,7 +60,8 @@ void RefinementLoop::run(std::stop_token stop) {
           const bool is_solved = solve(stop);
           if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
           if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
-          has_map_ |= is_solved;
+          if (is_solved && !std::exchange(has_map_, true))
+            patient_from_ = clock_.now() + kBeginsFor;
         });
     next = std::max(next + period_, clock_.now());
   }

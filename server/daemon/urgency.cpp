@@ -18,10 +18,16 @@ void run_patiently() {
 
 void run_nicely() { (void)setpriority(PRIO_PROCESS, 0, kNice); }
 
+void run_patiently_for_now() {
+  const int nice = getpriority(PRIO_PROCESS, 0);
+  const bool may_come_back =
+      setpriority(PRIO_PROCESS, 0, nice + 1) == 0 && setpriority(PRIO_PROCESS, 0, nice) == 0;
+  may_come_back ? run_patiently() : run_nicely();
+}
+
 bool lose_patience(pid_t thread) {
   const sched_param none{};
-  if (sched_setscheduler(thread, SCHED_OTHER, &none) != 0) return false;
-  return setpriority(PRIO_PROCESS, static_cast<id_t>(thread), kNice) == 0;
+  return sched_setscheduler(thread, SCHED_OTHER, &none) == 0;
 }
 
 bool run_urgently() {

@@ -18,7 +18,9 @@ bool run_urgently();
 void run_patiently();
 /// The calling thread makes room for others, but gets on.
 void run_nicely();
-/// As run_nicely() for a thread that runs patiently, of this process.
+/// As run_patiently() where the thread may lose its patience later, else as run_nicely().
+void run_patiently_for_now();
+/// A thread of this process that runs patiently runs like any other from now on.
 /// @param thread  the kernel's number of it
 /// @return false: no right to it (root, CAP_SYS_NICE, RLIMIT_NICE), or it has ended
 bool lose_patience(pid_t thread);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/so3.hpp"
+#include "calibration/extrinsics/calm_watch.hpp"
 #include "estimation/filter/chi_square.hpp"
 
 namespace fiducap {
@@ -41,6 +42,9 @@ class Calibration final {
   }
 
   Expected<CameraImuCalibration> run() {
+    const auto calm = first_calm(samples_);
+    result_.begins_in_motion = !calm;
+    if (calm) begin_ = *calm;
     if (options_.search_time) {
       const auto time =
           search_time_shift([this](double s) { return cost_of(s); }, options_.time_range_s);
@@ -69,7 +73,7 @@ class Calibration final {
   Expected<OfflineResult> run_filter(double shift_s, const std::string& what) {
     if (progress_) progress_(what);
     ++result_.runs;
-    SampleReplay replay(samples_, from_seconds(shift_s));
+    SampleReplay replay(samples_, from_seconds(shift_s), begin_);
     return run_offline(setup_, replay);
   }
 
@@ -111,6 +115,7 @@ class Calibration final {
   CalibrationOptions options_;
   CalibrationProgress progress_;
   double gate_;
+  Instant begin_{Instant::min()};
   std::vector<CameraMount> nominal_;
   CameraImuCalibration result_;
 };

@@ -38,6 +38,13 @@ Expected<LoadedSamples> load_samples(const OfflineSetup& setup, SensorSource& so
   return loaded;
 }
 
+SampleReplay::SampleReplay(const LoadedSamples& samples, Duration shift, Instant begin)
+    : samples_(samples), shift_(shift) {
+  while (imu_ < samples.imu.size() && samples.imu[imu_].sampled_at < begin) ++imu_;
+  while (frame_ < samples.frames.size() && samples.frames[frame_].exposed_at + shift < begin)
+    ++frame_;
+}
+
 Expected<std::optional<SensorSample>> SampleReplay::next(std::stop_token stop) {
   const bool imu_left = imu_ < samples_.imu.size();
   if (stop.stop_requested()) return std::nullopt;

@@ -24,10 +24,11 @@ using LoadProgress = std::function<void(std::size_t images)>;
 [[nodiscard]] Expected<LoadedSamples> load_samples(const OfflineSetup& setup, SensorSource& source,
                                                    const LoadProgress& progress = {});
 
-/// Gives the samples out by time, all images later by `shift` than they say. Owns nothing.
+/// Gives the samples out by time, all images later by `shift` than they say; none from before
+/// `begin`. Owns nothing.
 class SampleReplay final : public SensorSource {
  public:
-  SampleReplay(const LoadedSamples& samples, Duration shift) : samples_(samples), shift_(shift) {}
+  SampleReplay(const LoadedSamples& samples, Duration shift, Instant begin = Instant::min());
   Expected<std::optional<SensorSample>> next(std::stop_token stop) override;
 
  private:

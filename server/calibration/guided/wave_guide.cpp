@@ -28,6 +28,8 @@ void WaveGuide::take(const ImuSample& sample) {
   auto& imu = samples_.imu;
   if (!imu.empty() && sample.sampled_at <= imu.back().sampled_at) return;
   if (imu.size() >= kMostSamples) begin();
+  calm_.add(sample);
+  if (!has_begun_) await_calm();
   const double step =
       imu.empty() ? 0
                   : std::min(kLongestStep_s, to_seconds(sample.sampled_at - imu.back().sampled_at));
@@ -40,6 +42,15 @@ void WaveGuide::take(const ImuSample& sample) {
   if ((sample.f_B - mean_f_).norm() > kShaking_m_s2) shaken_s_ += step;
   imu.push_back(sample);
   advise();
+}
+
+/// Of what comes before, only what is calm is kept.
+void WaveGuide::await_calm() {
+  has_begun_ = calm_.is_calm() && samples_.tags > 0;
+  if (has_begun_ || calm_.calm_s() > 0) return;
+  const CalmWatch watch = calm_;
+  begin();
+  calm_ = watch;
 }
 
 void WaveGuide::take(CornerFrame corners) {
@@ -64,13 +75,13 @@ void WaveGuide::advise() {
   progress_.shaken = share(shaken_s_, kShakenEnough_s);
   progress_.seen = share(seen_s_, kSeenEnough_s);
   progress_.is_enough =
-      progress_.turned[least] >= 1 && progress_.shaken >= 1 && progress_.seen >= 1;
+      has_begun_ && progress_.turned[least] >= 1 && progress_.shaken >= 1 && progress_.seen >= 1;
   if (progress_.is_enough) {
     progress_.hint = "Enough: it is solved for.";
   } else if (samples_.imu.empty()) {
     progress_.hint = "Nothing has come from the IMU yet.";
-  } else if (samples_.tags == 0) {
-    progress_.hint = "Show tags to the camera.";
+  } else if (!has_begun_) {
+    progress_.hint = "Hold it still for a second, with tags in view.";
   } else if (progress_.turned[least] < 1) {
     progress_.hint =
         std::string("Quickly to and fro, with the tags in view: ") + kMotions[least] + ".";
@@ -91,6 +102,10 @@ std::vector<std::string> weaknesses_of(const CameraImuCalibration& calibration) 
       all.push_back("Not all of where the camera sits was seen: " + motion_that_shows(axis) + ".");
     }
   }
+  if (calibration.begins_in_motion)
+    all.emplace_back(
+        "It begins in motion, and may be centimetres off: hold it still before tags "
+        "for a second first.");
   if (calibration.time.at_border)
     all.emplace_back("The stamps of camera and IMU are further apart than was searched.");
   else if (!calibration.time.determined || calibration.time.sigma_s > kGoodTime_s)

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "base/expected.hpp"
+#include "calibration/extrinsics/calm_watch.hpp"
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 #include "calibration/extrinsics/sample_replay.hpp"
 
@@ -18,8 +19,9 @@ struct WaveProgress {
   bool is_enough{};
 };
 
-/// Collects readings of an IMU and tags in images while a person waves the robot before tags, until
-/// every axis was turned about and it was shaken. Solves nothing until asked.
+/// Collects readings of an IMU and tags in images while a person waves the robot before tags, from
+/// a moment on in which it was held still before them (CalmWatch), until every axis was turned
+/// about and it was shaken. Solves nothing until asked.
 class WaveGuide final {
  public:
   /// Turning faster than this counts. rad/s
@@ -35,8 +37,11 @@ class WaveGuide final {
 
  private:
   void advise();
+  void await_calm();
 
   LoadedSamples samples_;
+  CalmWatch calm_;
+  bool has_begun_{false};
   std::array<double, 3> turned_s_{};
   double shaken_s_{};
   double seen_s_{};

@@ -15,8 +15,10 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 // Where the "sheet" hangs: a tag of the hall.
 constexpr int kSheetTag = 0;
-constexpr double kHold_s = 0.6;  // before each picture …
-constexpr double kMove_s = 0.5;  // … and on to the next
+constexpr double kHold_s = 0.6;   // before each picture …
+constexpr double kMove_s = 0.5;   // … and on to the next
+constexpr double kStill_s = 1.5;  // before each wave …
+constexpr double kRound_s = 32;   // … which lasts longer than is asked for
 constexpr double kDifference_s = 1e-3;
 constexpr double kBorder = 1.15;  // of half a tag: so near to the image's border its middle comes
 
@@ -86,10 +88,13 @@ class SimulatedRig::Motion final : public simulation::Trajectory {
             {0, 1.5, 1.6}};
   }
 
+  /// Held still, then waved, again and again: a wave may be asked for twice.
   [[nodiscard]] static Pose waved(double t) {
-    const double start = smooth(std::clamp(t, 0.0, 1.0));
+    const double in_round = kRound_s * fraction(t / kRound_s);
+    const double strength = smooth(std::clamp(in_round - kStill_s, 0.0, 1.0)) *
+                            smooth(std::clamp(kRound_s - in_round, 0.0, 1.0));
     const auto swing = [&](double size, double hz, double phase) {
-      return start * size * std::sin(2 * kPi * hz * t + phase);
+      return strength * size * std::sin(2 * kPi * hz * t + phase);
     };
     const Pose middle = standing();
     return {middle.q * exp_so3({swing(0.4, 0.7, 0), swing(0.25, 0.9, 1), swing(0.25, 0.8, 2)}),

@@ -54,7 +54,8 @@ bool time_is_good(const CameraImuCalibration& c) {
   return c.time.determined && !c.time.at_border && c.time.sigma_s < kGoodTime_s;
 }
 
-bool all_observed(const CameraImuCalibration& c) {
+bool is_good(const CameraImuCalibration& c, bool time_searched) {
+  if (c.begins_in_motion || (time_searched && !time_is_good(c))) return false;
   for (const CameraVerdict& camera : c.verdicts)
     for (const AxisVerdict& axis : camera.axes)
       if (!axis.observed) return false;
@@ -84,9 +85,9 @@ std::string json_report(const CameraImuCalibration& c, bool time_searched) {
   nlohmann::ordered_json cameras = nlohmann::ordered_json::array();
   for (std::size_t k = 0; k < c.cameras.size(); ++k)
     cameras.push_back(camera_json(c.verdicts[k], c.cameras[k]));
-  nlohmann::ordered_json report{
-      {"cameras", cameras},
-      {"verdict", all_observed(c) && (!time_searched || time_is_good(c)) ? "good" : "weak"}};
+  nlohmann::ordered_json report{{"cameras", cameras},
+                                {"verdict", is_good(c, time_searched) ? "good" : "weak"},
+                                {"begins_in_motion", c.begins_in_motion}};
   if (time_searched)
     report["time"] = {{"shift_s", c.time.shift_s},
                       {"sigma_s", c.time.sigma_s},
@@ -148,11 +149,16 @@ void print_report(const Terminal& terminal, const CameraImuCalibration& c,
   for (std::size_t k = 0; k < c.verdicts.size(); ++k)
     print_camera(terminal, k, c.verdicts[k], arguments);
   if (!arguments.keep_time) print_time(terminal, c);
-  const bool good = all_observed(c) && (arguments.keep_time || time_is_good(c));
+  if (c.begins_in_motion)
+    terminal.out << "  weak: it begins in motion, and may be centimetres off; hold it still before "
+                    "tags for a second first\n";
   terminal.out << "  reprojection median " << fixed(c.statistics.reprojection_median_px, 2)
                << " px, 95 % " << fixed(c.statistics.reprojection_p95_px, 2)
                << " px; NIS per degree of freedom " << fixed(c.statistics.nis_per_dof(), 2) << "\n"
-               << "verdict: " << (good ? "good" : "weak, see above: better record again") << "\n"
+               << "verdict: "
+               << (is_good(c, !arguments.keep_time) ? "good"
+                                                    : "weak, see above: better record again")
+               << "\n"
                << "written: " << file << " (bodies: cameras: calibration)\n";
 }
 

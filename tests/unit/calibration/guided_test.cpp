@@ -141,17 +141,24 @@ TEST(WaveGuide, WantsEveryAxisTurnedItShakenAndTagsInView) {
   WaveGuide guide;
   CornerFrame frame{0, {}, {TagSighting{1}}};
   int i = 0;
-  const auto wave = [&](int axis, double seconds, double shaken) {
+  const auto wave = [&](int axis, double seconds, double shaken, double turned = 1.5) {
     for (const int end = i + static_cast<int>(seconds * 200); i < end; ++i) {
       ImuSample sample{instant_from_ns(i * 5'000'000LL), {0, 0, 0}, {0, 0, 9.81}};
-      sample.w_WB_B(axis) = 1.5 * std::sin(i * 0.05);
+      sample.w_WB_B(axis) = turned * std::sin(i * 0.05);
       sample.f_B.x() = shaken * std::sin(i * 0.1);
       guide.take(sample);
       frame.exposed_at = sample.sampled_at;
       if (i % 10 == 0) guide.take(frame);
     }
   };
+  const auto hold = [&](double seconds) { wave(0, seconds, 0, 0); };
+  wave(2, 10, 5);
+  EXPECT_EQ(guide.progress().turned[2], 0);
+  EXPECT_THAT(guide.progress().hint, HasSubstr("Hold it still"));
+  const int begun = i;
+  hold(1.5);
   wave(2, 10, 0);
+  EXPECT_GE(guide.samples().imu.front().sampled_at, instant_from_ns(begun * 5'000'000LL));
   EXPECT_FALSE(guide.progress().is_enough);
   EXPECT_EQ(guide.progress().turned[2], 1);
   EXPECT_THAT(guide.progress().hint, HasSubstr("roll it"));

@@ -13,6 +13,7 @@
 #include <Eigen/LU>
 
 #include "base/so3.hpp"
+#include "capture/imu_sample.hpp"
 #include "support/shared_data.hpp"
 
 namespace fiducap {

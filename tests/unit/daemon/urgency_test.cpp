@@ -46,6 +46,21 @@ TEST(Urgency, PatienceIsLostOnlyByWhoHasTheRight) {
   EXPECT_FALSE(lose_patience(thread)) << "it has ended";
 }
 
+TEST(Urgency, PatienceForNowIsNeverForGood) {
+  std::promise<pid_t> number;
+  std::promise<void> done;
+  std::jthread patient([&] {
+    run_patiently_for_now();
+    number.set_value(static_cast<pid_t>(::syscall(SYS_gettid)));
+    done.get_future().wait();
+  });
+  const pid_t thread = number.get_future().get();
+  const bool was_idle = sched_getscheduler(thread) == SCHED_IDLE;
+  EXPECT_TRUE(!was_idle || lose_patience(thread));
+  EXPECT_EQ(sched_getscheduler(thread), SCHED_OTHER);
+  done.set_value();
+}
+
 TEST(Urgency, NicenessIsThisThreadsAlone) {
   std::thread([] {
     run_nicely();

@@ -101,7 +101,7 @@ export class WaveView implements StepView {
   }
 
   hint({ wave, solving, verdict }: SetupState): string {
-    if (solving) return 'Enough. Working out how camera and IMU sit …';
+    if (solving) return 'Enough. Working out how camera and IMU sit, for up to a minute …';
     return verdictHint(verdict) || (wave?.hint ?? '');
   }
 

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <optional>
+
+#include "base/time.hpp"
+#include "calibration/extrinsics/sample_replay.hpp"
+#include "capture/imu_sample.hpp"
+
+namespace fiducap {
+
+/// Whether a body is held about still, as by a hand: readings are averaged over a twentieth of a
+/// second, the force is compared with its mean of half a second.
+///
+/// A filter that knows its camera's place only roughly has to begin so: up is where the force
+/// points, and velocity is zero. Begun in the middle of a wave it takes wrong branches, wrong by
+/// centimetres and sure to millimetres (one start of six).
+class CalmWatch final {
+ public:
+  void add(const ImuSample& sample);
+  /// It has been calm for long enough for a filter to begin with its newest readings.
+  [[nodiscard]] bool is_calm() const { return calm_s_ >= kLongEnough_s; }
+  /// It is about still just now, and since so many seconds.
+  [[nodiscard]] double calm_s() const { return calm_s_; }
+
+ private:
+  static constexpr double kLongEnough_s = 0.7;
+
+  std::optional<Instant> last_at_;
+  Eigen::Vector3d w_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d f_{Eigen::Vector3d::Zero()};
+  Eigen::Vector3d slow_f_{Eigen::Vector3d::Zero()};
+  double calm_s_{0};
+};
+
+/// @return the beginning of the first calm in which tags are in view
+[[nodiscard]] std::optional<Instant> first_calm(const LoadedSamples& samples);
+
+}  // namespace fiducap
