@@ -233,8 +233,8 @@ Expected<Imported> make_recording(ImportSource& source, const ImportPlan& plan,
   catch_interrupt();
   auto done = write_recording(source, plan, terminal);
   if (!done && is_ours && !failure) {
-    fs::remove_all(plan.info.folder, failure);
-    done.error().what += "; what was written is removed";
+    const bool was_written = fs::remove_all(plan.info.folder, failure) > 1;  // the folder itself
+    if (was_written && !failure) done.error().what += "; what was written is removed";
   }
   if (!done) return done;
   if (const auto any = require_images(*done, source, plan); !any)

@@ -66,19 +66,40 @@ void hold_to(const std::vector<int>& cores, bool others) {
     std::fprintf(stderr, "could not choose cores; the figures are those of all of them\n");
 }
 
+/// Takes that long. A latency without poses would be of a server that does nothing.
+/// @return when all bodies had a pose for the first time, in whole seconds; `seconds`: never
+int await_all_poses(const Client& client, int seconds) {
+  int first_s = seconds;
+  Frame frame;
+  for (int s = 0; s < seconds; ++s) {
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+    const bool all = client.latest(frame) && !frame.bodies.empty() &&
+                     std::all_of(frame.bodies.begin(), frame.bodies.end(),
+                                 [](const Body& body) { return body.valid; });
+    if (all) first_s = std::min(first_s, s + 1);
+  }
+  return first_s;
+}
+
 /// The client's own process.
 int watch(const Options& options) {
   hold_to(options.cores, true);
   ClientOptions to_server;
   to_server.port = kPort;
   Client client(to_server);
-  std::this_thread::sleep_for(std::chrono::seconds(options.seconds));
+  const int all_after_s = await_all_poses(client, options.seconds);
   const ClientStatistics s = client.statistics();
   std::printf(
       "client: %llu frames, %llu lost, %.1f Hz; instant of pose to datagram read p50 %.0f us, p99 "
       "%.0f us\n",
       static_cast<unsigned long long>(s.frames), static_cast<unsigned long long>(s.lost), s.rate_hz,
       1e6 * s.latency_p50_s, 1e6 * s.latency_p99_s);
+  if (all_after_s < options.seconds)
+    std::printf("client: all %d bodies had poses at once after %d s\n", options.bodies,
+                all_after_s);
+  else
+    std::printf("client: never had all %d bodies poses at once: the computer does not keep up\n",
+                options.bodies);
   std::fflush(stdout);
   return 0;
 }
