@@ -9,7 +9,7 @@ constexpr double kFast_s = 0.05;
 constexpr double kSlow_s = 0.5;
 constexpr double kTurning_rad_s = 0.5;
 constexpr double kShaking_m_s2 = 1.0;
-constexpr double kLongestStep_s = 0.1;
+constexpr double kLongestStep_s = 0.25;
 
 }  // namespace
 
