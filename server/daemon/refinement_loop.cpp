@@ -1,5 +1,6 @@
 #include "daemon/refinement_loop.hpp"
 
+#include <algorithm>
 #include <future>
 
 #include "base/this_thread.hpp"
@@ -61,7 +62,7 @@ void RefinementLoop::run(std::stop_token stop) {
           if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
           if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
           if (is_solved && !std::exchange(has_map_, true))
-            patient_from_ = clock_.now() + kBeginsFor;
+            patient_from_ = std::max(patient_from_, clock_.now() + kBeginsFor);
         });
     next = std::max(next + period_, clock_.now());
   }

@@ -8,7 +8,6 @@ namespace fiducap {
 namespace {
 constexpr int kPriority =
     10;  // any above none will do; lower than the kernel's own interrupt threads (50)
-constexpr int kNice = 10;
 }  // namespace
 
 void run_patiently() {
@@ -16,13 +15,12 @@ void run_patiently() {
   (void)sched_setscheduler(0, SCHED_IDLE, &none);
 }
 
-void run_nicely() { (void)setpriority(PRIO_PROCESS, 0, kNice); }
-
 void run_patiently_for_now() {
   const int nice = getpriority(PRIO_PROCESS, 0);
-  const bool may_come_back =
-      setpriority(PRIO_PROCESS, 0, nice + 1) == 0 && setpriority(PRIO_PROCESS, 0, nice) == 0;
-  may_come_back ? run_patiently() : run_nicely();
+  constexpr int kLast = 19;
+  const bool may_come_back = nice < kLast && setpriority(PRIO_PROCESS, 0, nice + 1) == 0 &&
+                             setpriority(PRIO_PROCESS, 0, nice) == 0;
+  if (may_come_back) run_patiently();
 }
 
 bool lose_patience(pid_t thread) {

@@ -16,9 +16,8 @@ bool run_urgently();
 /// 10 the bodies' 99 % latency is half as long again while a map is refined, with this it is not.
 /// Where all cores are busy all the time it hardly gets on.
 void run_patiently();
-/// The calling thread makes room for others, but gets on.
-void run_nicely();
-/// As run_patiently() where the thread may lose its patience later, else as run_nicely().
+/// As run_patiently() where the thread may lose its patience later; else like any other, or hardly
+/// less so (a nice value more).
 void run_patiently_for_now();
 /// A thread of this process that runs patiently runs like any other from now on.
 /// @param thread  the kernel's number of it

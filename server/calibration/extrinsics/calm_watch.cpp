@@ -14,18 +14,18 @@ constexpr double kLongestStep_s = 0.25;
 }  // namespace
 
 void CalmWatch::add(const ImuSample& sample) {
-  if (!last_at_) {
-    w_ = sample.w_WB_B;
-    f_ = slow_f_ = sample.f_B;
-  }
+  if (!sample.w_WB_B.allFinite() || !sample.f_B.allFinite()) return;
   const double step = to_seconds(sample.sampled_at - last_at_.value_or(sample.sampled_at));
+  if (step < 0 || step > kLongestStep_s) *this = CalmWatch();
+  const double dt = last_at_ ? step : 0;
   last_at_ = sample.sampled_at;
-  if (step < 0 || step > kLongestStep_s) calm_s_ = 0;
-  const double dt = std::clamp(step, 0.0, kLongestStep_s);
-  const double fast = dt / (kFast_s + dt);
+  ++samples_;
+  // Plain means at first: a single reading is mostly noise.
+  const double first = 1.0 / samples_;
+  const double fast = std::max(first, dt / (kFast_s + dt));
   w_ += fast * (sample.w_WB_B - w_);
   f_ += fast * (sample.f_B - f_);
-  slow_f_ += dt / (kSlow_s + dt) * (f_ - slow_f_);
+  slow_f_ += std::max(first, dt / (kSlow_s + dt)) * (sample.f_B - slow_f_);
   const bool calm = w_.norm() < kTurning_rad_s && (f_ - slow_f_).norm() < kShaking_m_s2;
   calm_s_ = calm ? calm_s_ + dt : 0;
 }

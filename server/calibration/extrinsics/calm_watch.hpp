@@ -8,18 +8,19 @@
 
 namespace fiducap {
 
-/// Whether a body is held about still, as by a hand: readings are averaged over a twentieth of a
-/// second, the force is compared with its mean of half a second.
+/// Whether a body hardly turns and hardly accelerates, as when it is held still by a hand: readings
+/// are averaged over a twentieth of a second, the force is compared with its mean of half a second.
+/// Readings that are not finite are passed over; where some are missing it begins anew.
 ///
 /// A filter that knows its camera's place only roughly has to begin so: up is where the force
-/// points, and velocity is zero. Begun in the middle of a wave it takes wrong branches, wrong by
+/// points. Begun in the middle of a wave it takes wrong branches, wrong by
 /// centimetres and sure to millimetres (one start of six).
 class CalmWatch final {
  public:
   void add(const ImuSample& sample);
-  /// It has been calm for long enough for a filter to begin with its newest readings.
+  /// It has been calm for long enough for a filter to begin where that began.
   [[nodiscard]] bool is_calm() const { return calm_s_ >= kLongEnough_s; }
-  /// It is about still just now, and since so many seconds.
+  /// Since so many seconds.
   [[nodiscard]] double calm_s() const { return calm_s_; }
 
  private:
@@ -29,6 +30,7 @@ class CalmWatch final {
   Eigen::Vector3d w_{Eigen::Vector3d::Zero()};
   Eigen::Vector3d f_{Eigen::Vector3d::Zero()};
   Eigen::Vector3d slow_f_{Eigen::Vector3d::Zero()};
+  int samples_{0};
   double calm_s_{0};
 };
 

@@ -42,9 +42,11 @@ class Calibration final {
   }
 
   Expected<CameraImuCalibration> run() {
-    const auto calm = first_calm(samples_);
-    result_.begins_in_motion = !calm;
-    if (calm) begin_ = *calm;
+    if (!samples_.begins_calm) {
+      const auto calm = first_calm(samples_);
+      result_.begins_in_motion = !calm;
+      if (calm) begin_ = *calm;
+    }
     if (options_.search_time) {
       const auto time =
           search_time_shift([this](double s) { return cost_of(s); }, options_.time_range_s);

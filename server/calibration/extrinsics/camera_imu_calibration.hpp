@@ -37,7 +37,8 @@ struct CameraImuCalibration {
   ShiftResult time;  ///< On top of the recording's own time shifts; all cameras together.
   OfflineStatistics statistics;  ///< Of the last run.
   int runs{};
-  bool begins_in_motion{};  ///< Never calm with tags in view: may be wrong and sure (CalmWatch).
+  /// No calm with tags in view was found: may be wrong and sure (CalmWatch).
+  bool begins_in_motion{};
 };
 
 /// Called before each run of the filter.

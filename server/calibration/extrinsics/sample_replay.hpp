@@ -15,6 +15,7 @@ struct LoadedSamples {
   std::vector<ImuSample> imu;
   std::vector<CornerFrame> frames;  ///< By time; images were detected.
   long tags{};                      ///< Sightings in all frames together.
+  bool begins_calm{};               ///< Who collected them has seen to that (CalmWatch).
 };
 
 /// Called now and then with the number of images done.

@@ -37,10 +37,12 @@ class WaveGuide final {
 
  private:
   void advise();
-  void await_calm();
+  void await_wave();
+  [[nodiscard]] std::string hint() const;
 
   LoadedSamples samples_;
   CalmWatch calm_;
+  bool is_ready_{false};  ///< Held still before tags, and now it may be waved.
   bool has_begun_{false};
   std::array<double, 3> turned_s_{};
   double shaken_s_{};

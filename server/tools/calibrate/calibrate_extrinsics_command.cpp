@@ -150,8 +150,8 @@ void print_report(const Terminal& terminal, const CameraImuCalibration& c,
     print_camera(terminal, k, c.verdicts[k], arguments);
   if (!arguments.keep_time) print_time(terminal, c);
   if (c.begins_in_motion)
-    terminal.out << "  weak: it begins in motion, and may be centimetres off; hold it still before "
-                    "tags for a second first\n";
+    terminal.out << "  weak: no moment was found in which it was held still with tags in view, and "
+                    "it may be centimetres off; hold it still for two seconds, then wave\n";
   terminal.out << "  reprojection median " << fixed(c.statistics.reprojection_median_px, 2)
                << " px, 95 % " << fixed(c.statistics.reprojection_p95_px, 2)
                << " px; NIS per degree of freedom " << fixed(c.statistics.nis_per_dof(), 2) << "\n"

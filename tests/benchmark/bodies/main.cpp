@@ -11,6 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <optional>
 #include <thread>
 
 #include "base/log.hpp"
@@ -67,16 +68,17 @@ void hold_to(const std::vector<int>& cores, bool others) {
 }
 
 /// Takes that long. A latency without poses would be of a server that does nothing.
-/// @return when all bodies had a pose for the first time, in whole seconds; `seconds`: never
-int await_all_poses(const Client& client, int seconds) {
-  int first_s = seconds;
+/// @return when all bodies had a pose for the first time, in whole seconds; nullopt: never
+std::optional<int> await_all_poses(const Client& client, const Options& options) {
+  std::optional<int> first_s;
   Frame frame;
-  for (int s = 0; s < seconds; ++s) {
+  for (int s = 1; s <= options.seconds; ++s) {
     std::this_thread::sleep_for(std::chrono::seconds(1));
-    const bool all = client.latest(frame) && !frame.bodies.empty() &&
+    const bool all = client.latest(frame) &&
+                     frame.bodies.size() == static_cast<std::size_t>(options.bodies) &&
                      std::all_of(frame.bodies.begin(), frame.bodies.end(),
                                  [](const Body& body) { return body.valid; });
-    if (all) first_s = std::min(first_s, s + 1);
+    if (all && !first_s) first_s = s;
   }
   return first_s;
 }
@@ -87,18 +89,18 @@ int watch(const Options& options) {
   ClientOptions to_server;
   to_server.port = kPort;
   Client client(to_server);
-  const int all_after_s = await_all_poses(client, options.seconds);
+  const auto all_after_s = await_all_poses(client, options);
   const ClientStatistics s = client.statistics();
   std::printf(
       "client: %llu frames, %llu lost, %.1f Hz; instant of pose to datagram read p50 %.0f us, p99 "
       "%.0f us\n",
       static_cast<unsigned long long>(s.frames), static_cast<unsigned long long>(s.lost), s.rate_hz,
       1e6 * s.latency_p50_s, 1e6 * s.latency_p99_s);
-  if (all_after_s < options.seconds)
+  if (all_after_s)
     std::printf("client: all %d bodies had poses at once after %d s\n", options.bodies,
-                all_after_s);
+                *all_after_s);
   else
-    std::printf("client: never had all %d bodies poses at once: the computer does not keep up\n",
+    std::printf("client: in %d s all %d bodies never had poses at once\n", options.seconds,
                 options.bodies);
   std::fflush(stdout);
   return 0;

@@ -1,6 +1,7 @@
 #include "calibration/extrinsics/calm_watch.hpp"
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -64,6 +65,13 @@ TEST(CalmWatch, IsNotFoundWhereItSwingsAllTheTimeOrRestsTooShortly) {
   EXPECT_FALSE(first_calm(Story().swing(3).hold(0.5, true).swing(3).samples()));
   EXPECT_FALSE(first_calm(Story().hold(5, false).swing(3).samples())) << "no tag in view";
   EXPECT_FALSE(first_calm({}));
+}
+
+TEST(CalmWatch, IsNotMisledByReadingsThatAreNone) {
+  LoadedSamples samples = Story().hold(2, true).samples();
+  samples.imu.front().f_B.setZero();  // as some drivers give before the first
+  samples.imu[100].w_WB_B.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(first_calm(samples));
 }
 
 TEST(CalmWatch, DoesNotCountWhereReadingsAreMissing) {

@@ -46,27 +46,34 @@ TEST(Urgency, PatienceIsLostOnlyByWhoHasTheRight) {
   EXPECT_FALSE(lose_patience(thread)) << "it has ended";
 }
 
-TEST(Urgency, PatienceForNowIsNeverForGood) {
+/// How a thread runs after `run`, and whether it then loses its patience.
+struct Ran {
+  int before{};
+  bool lost{};
+  int after{};
+};
+Ran try_out(void (*run)()) {
   std::promise<pid_t> number;
   std::promise<void> done;
   std::jthread patient([&] {
-    run_patiently_for_now();
+    run();
     number.set_value(static_cast<pid_t>(::syscall(SYS_gettid)));
     done.get_future().wait();
   });
   const pid_t thread = number.get_future().get();
-  const bool was_idle = sched_getscheduler(thread) == SCHED_IDLE;
-  EXPECT_TRUE(!was_idle || lose_patience(thread));
-  EXPECT_EQ(sched_getscheduler(thread), SCHED_OTHER);
+  Ran ran;
+  ran.before = sched_getscheduler(thread);
+  ran.lost = lose_patience(thread);
+  ran.after = sched_getscheduler(thread);
   done.set_value();
+  return ran;
 }
 
-TEST(Urgency, NicenessIsThisThreadsAlone) {
-  std::thread([] {
-    run_nicely();
-    EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
-    EXPECT_GE(getpriority(PRIO_PROCESS, 0), 10);
-  }).join();
+TEST(Urgency, PatienceForNowIsTakenWhereItCanBeLost) {
+  const bool has_right = try_out(run_patiently).lost;
+  const Ran ran = try_out(run_patiently_for_now);
+  EXPECT_EQ(ran.before, has_right ? SCHED_IDLE : SCHED_OTHER);
+  EXPECT_EQ(ran.after, SCHED_OTHER);
 }
 
 }  // namespace
