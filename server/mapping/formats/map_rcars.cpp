@@ -77,7 +77,7 @@ ImportedMap read_rcars(const YamlPlace& top, double edge_m) {
     if (found == by_name.end()) listed.refuse("tags." + name + " is missing");
     const YamlPlace place = found->second;
     place.only({"type", "pose"});
-    if (const std::string& type = place.at("type").text(); type != "static")
+    if (const std::string type = place.at("type").text(); type != "static")
       place.at("type").refuse("is '" + type + "': must be static");
     KnownTag tag;
     tag.tag_id = id;

@@ -197,7 +197,7 @@ void read_body(const YamlPlace& body, TagslamReading& reading) {
              "odom_angular_acceleration_noise_max",
              "fake_odom_translation_noise",
              "fake_odom_rotation_noise"});
-  const std::string& type = body.at("type").text();
+  const std::string type = body.at("type").text();
   if (type != "simple" && type != "camera_rig" && type != "board" && type != "staggered_board") {
     body.at("type").refuse("is '" + type + "': must be simple, board or staggered_board");
   }
