@@ -16,6 +16,7 @@ namespace {
 constexpr double kGoodPosition_m = 0.003;
 constexpr double kGoodRotation_rad = 0.001;
 constexpr int kCornerNumbers = 8;
+constexpr double kSearched_s = 0.003;  // how far the search may be off
 /// A tag that the filter could not use costs a little more than one that fits: a run that uses
 /// nothing must not win.
 constexpr double kUnused = 1.5 * kCornerNumbers;
@@ -52,11 +53,13 @@ class Calibration final {
           search_time_shift([this](double s) { return cost_of(s); }, options_.time_range_s);
       if (!time) return tl::unexpected(time.error());
       result_.time = *time;
+      free_clocks();
     }
     OfflineResult last;
+    double replayed_shift_s = 0;
     for (int pass = 1; pass <= 2; ++pass) {
-      auto run =
-          run_filter(result_.time.shift_s, "extrinsics, run " + std::to_string(pass) + " of 2");
+      replayed_shift_s = result_.time.shift_s;
+      auto run = run_filter(replayed_shift_s, "extrinsics, run " + std::to_string(pass) + " of 2");
       if (!run) return tl::unexpected(run.error());
       last = std::move(*run);
       if (last.statistics.tags_used == 0 || last.extrinsics.size() != nominal_.size())
@@ -65,13 +68,34 @@ class Calibration final {
                     "calibration right?");
       for (std::size_t k = 0; k < nominal_.size(); ++k)
         setup_.sensors.cameras[k].X_BV = last.extrinsics[k].X_BV;
+      result_.time.shift_s = replayed_shift_s + learned_shift_s(last);
     }
     result_.statistics = last.statistics;
-    for (std::size_t k = 0; k < nominal_.size(); ++k) conclude(k, last.extrinsics[k]);
+    for (std::size_t k = 0; k < nominal_.size(); ++k)
+      conclude(k, last.extrinsics[k], replayed_shift_s);
     return std::move(result_);
   }
 
  private:
+  /// What the search has found is right to a millisecond or so. What place and attitude owe to the
+  /// rest, the filter knows: a clock that is held makes them surer than they are.
+  void free_clocks() {
+    setup_.estimator.estimate_clocks = true;
+    if (!result_.time.determined) return;
+    for (CameraMount& camera : setup_.sensors.cameras) camera.time_shift_sigma_s = kSearched_s;
+  }
+
+  /// Beyond what was replayed, mean of all cameras; their sigma becomes that of the result.
+  double learned_shift_s(const OfflineResult& run) {
+    double sum_s = 0;
+    for (const ExtrinsicsEstimate& camera : run.extrinsics) {
+      sum_s += camera.clock.shift_s;
+      if (result_.time.determined && camera.clock.shift_sigma_s > 0)
+        result_.time.sigma_s = camera.clock.shift_sigma_s;
+    }
+    return sum_s / static_cast<double>(run.extrinsics.size());
+  }
+
   Expected<OfflineResult> run_filter(double shift_s, const std::string& what) {
     if (progress_) progress_(what);
     ++result_.runs;
@@ -90,7 +114,7 @@ class Calibration final {
     return s.nis_sum + gate_ * s.tags_rejected + kUnused * unused;
   }
 
-  void conclude(std::size_t k, const ExtrinsicsEstimate& estimate) {
+  void conclude(std::size_t k, const ExtrinsicsEstimate& estimate, double replayed_shift_s) {
     CameraVerdict verdict;
     verdict.X_BV = estimate.X_BV;
     for (std::size_t i = 0; i < verdict.axes.size(); ++i) {
@@ -107,7 +131,7 @@ class Calibration final {
     mount.X_BV = estimate.X_BV;
     mount.position_sigma_m = std::sqrt(estimate.covariance.topLeftCorner<3, 3>().trace() / 3);
     mount.rotation_sigma_rad = std::sqrt(estimate.covariance.bottomRightCorner<3, 3>().trace() / 3);
-    mount.time_shift += from_seconds(result_.time.shift_s);
+    mount.time_shift += from_seconds(replayed_shift_s + estimate.clock.shift_s);
     result_.cameras.push_back(mount);
     result_.verdicts.push_back(verdict);
   }

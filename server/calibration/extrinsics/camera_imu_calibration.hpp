@@ -45,9 +45,9 @@ struct CameraImuCalibration {
 using CalibrationProgress = std::function<void(const std::string& what)>;
 
 /// Runs the filter over the samples, from the first calm with tags in view on: first with images
-/// shifted until its innovations are smallest, then twice for the extrinsics; the second run is
-/// linearised at the first's result and starts with the same sigmas as the first, so that nothing
-/// counts twice.
+/// shifted until its innovations are smallest, then twice for extrinsics and clocks together; the
+/// second run is linearised at the first's result and starts with the same sigmas as the first, so
+/// that nothing counts twice.
 /// @param setup  of the recording; its filter and noises are used
 /// @return Error without IMU, without tags, or when the filter never started
 [[nodiscard]] Expected<CameraImuCalibration> calibrate_camera_imu(
