@@ -15,7 +15,7 @@ namespace fiducap {
 /// is thrown costs a round. Where nobody leaves it time the map would never grow: that is said
 /// (`map_late`), and it then runs like any other thread. So do the first solutions, without which
 /// there are no tags: bodies without a place search every image whole, which fills a small computer
-/// (eight robots on one core: 140 %), and ends only when there is a map. Without the right to come
+/// (eight robots on one core: 130 %), and ends only when there is a map. Without the right to come
 /// back from there (urgency), all do.
 class RefinementLoop final {
  public:

@@ -13,13 +13,15 @@ namespace fiducap {
 /// Readings that are not finite are passed over; where some are missing it begins anew.
 ///
 /// A filter that knows its camera's place only roughly has to begin so: up is where the force
-/// points. Begun in the middle of a wave it takes wrong branches, wrong by
-/// centimetres and sure to millimetres (one start of six).
+/// points. Begun in the middle of a wave it takes wrong branches, wrong by centimetres and sure to
+/// millimetres (one start of eight).
 class CalmWatch final {
  public:
   void add(const ImuSample& sample);
   /// It has been calm for long enough for a filter to begin where that began.
   [[nodiscard]] bool is_calm() const { return calm_s_ >= kLongEnough_s; }
+  /// It has begun (anew): one reading is all it knows.
+  [[nodiscard]] bool is_new() const { return samples_ <= 1; }
   /// Since so many seconds.
   [[nodiscard]] double calm_s() const { return calm_s_; }
 

@@ -1,5 +1,6 @@
 #include "calibration/extrinsics/camera_imu_calibration.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <locale>
@@ -85,14 +86,14 @@ class Calibration final {
     for (CameraMount& camera : setup_.sensors.cameras) camera.time_shift_sigma_s = kSearched_s;
   }
 
-  /// Beyond what was replayed, mean of all cameras; their sigma becomes that of the result.
+  /// Beyond what was replayed, mean of all cameras; the largest of their sigmas is the result's.
   double learned_shift_s(const OfflineResult& run) {
-    double sum_s = 0;
+    double sum_s = 0, sigma_s = 0;
     for (const ExtrinsicsEstimate& camera : run.extrinsics) {
       sum_s += camera.clock.shift_s;
-      if (result_.time.determined && camera.clock.shift_sigma_s > 0)
-        result_.time.sigma_s = camera.clock.shift_sigma_s;
+      sigma_s = std::max(sigma_s, camera.clock.shift_sigma_s);
     }
+    if (sigma_s > 0) result_.time.sigma_s = sigma_s;  // the paper's filter estimates none
     return sum_s / static_cast<double>(run.extrinsics.size());
   }
 

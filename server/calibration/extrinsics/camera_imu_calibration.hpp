@@ -34,7 +34,9 @@ struct CameraVerdict {
 struct CameraImuCalibration {
   std::vector<CameraMount> cameras;     ///< The recording's, with new X_BV, sigmas and time shift.
   std::vector<CameraVerdict> verdicts;  ///< One per camera.
-  ShiftResult time;  ///< On top of the recording's own time shifts; all cameras together.
+  /// On top of the recording's own time shifts: mean of all cameras, as solved for with their
+  /// places.
+  ShiftResult time;
   OfflineStatistics statistics;  ///< Of the last run.
   int runs{};
   /// No calm with tags in view was found: may be wrong and sure (CalmWatch).

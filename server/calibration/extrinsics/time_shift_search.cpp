@@ -10,8 +10,8 @@ namespace fiducap {
 namespace {
 
 // A filter that begins while the body swings errs with any wrong shift, and as badly with most: its
-// cost falls only so near the right one. With cells of 12 ms one wave in twenty ended 10 to 30 ms
-// beside it.
+// cost falls only so near the right one. With cells of 12 ms one wave in twenty that began gently
+// ended 10 to 30 ms beside it.
 constexpr double kCell_s = 0.002;
 constexpr double kEnough_s = 0.0005;    // where the golden section stops
 constexpr double kParabola_s = 0.0015;  // spacing of the five points of the parabola

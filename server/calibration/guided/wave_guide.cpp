@@ -68,11 +68,12 @@ void WaveGuide::await_wave() {
   if (calm_.calm_s() > 0) {
     drop_before(samples_.imu.back().sampled_at - kCalm, samples_);
     is_ready_ = calm_.is_calm() && samples_.tags > 0;
-  } else if (is_ready_) {
+  } else if (is_ready_ && !calm_.is_new()) {
     has_begun_ = samples_.begins_calm = true;
   } else {
     const ImuSample newest = samples_.imu.back();
     samples_ = {{newest}, {}, 0};
+    is_ready_ = false;
   }
 }
 

@@ -165,6 +165,10 @@ TEST(WaveGuide, WantsEveryAxisTurnedItShakenAndTagsInView) {
   EXPECT_LE(guide.samples().imu.size(), 600u) << "three seconds";
   EXPECT_LE(guide.samples().tags, 61);
   EXPECT_FALSE(guide.samples().begins_calm);
+  i += 200;  // a second without readings
+  wave(2, 1, 5);
+  EXPECT_FALSE(guide.samples().begins_calm) << "what it did meanwhile nobody knows";
+  hold(2);
   wave(2, 10, 0);
   EXPECT_TRUE(guide.samples().begins_calm);
   EXPECT_FALSE(guide.progress().is_enough);

@@ -30,28 +30,14 @@ TEST(Urgency, PatienceIsThisThreadsAlone) {
   EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
 }
 
-TEST(Urgency, PatienceIsLostOnlyByWhoHasTheRight) {
-  std::promise<pid_t> number;
-  std::promise<void> done;
-  std::jthread patient([&] {
-    run_patiently();
-    number.set_value(static_cast<pid_t>(::syscall(SYS_gettid)));
-    done.get_future().wait();
-  });
-  const pid_t thread = number.get_future().get();
-  const bool lost = lose_patience(thread);
-  EXPECT_EQ(sched_getscheduler(thread), lost ? SCHED_OTHER : SCHED_IDLE);
-  done.set_value();
-  patient.join();
-  EXPECT_FALSE(lose_patience(thread)) << "it has ended";
-}
-
 /// How a thread runs after `run`, and whether it then loses its patience.
 struct Ran {
   int before{};
   bool lost{};
   int after{};
+  bool lost_at_end{};  ///< Of a thread that has ended.
 };
+
 Ran try_out(void (*run)()) {
   std::promise<pid_t> number;
   std::promise<void> done;
@@ -66,7 +52,16 @@ Ran try_out(void (*run)()) {
   ran.lost = lose_patience(thread);
   ran.after = sched_getscheduler(thread);
   done.set_value();
+  patient.join();
+  ran.lost_at_end = lose_patience(thread);
   return ran;
+}
+
+TEST(Urgency, PatienceIsLostOnlyByWhoHasTheRight) {
+  const Ran ran = try_out(run_patiently);
+  EXPECT_EQ(ran.before, SCHED_IDLE);
+  EXPECT_EQ(ran.after, ran.lost ? SCHED_OTHER : SCHED_IDLE);
+  EXPECT_FALSE(ran.lost_at_end);
 }
 
 TEST(Urgency, PatienceForNowIsTakenWhereItCanBeLost) {
