@@ -1,7 +1,10 @@
 #include "daemon/refinement_loop.hpp"
 
 #include <algorithm>
+#include <condition_variable>
 #include <future>
+#include <mutex>
+#include <thread>
 
 #include "base/this_thread.hpp"
 #include "daemon/system_clock.hpp"
@@ -21,44 +24,68 @@ constexpr Duration kBeginsFor = std::chrono::seconds(30);
 constexpr auto kLookEvery = std::chrono::seconds(1);
 }  // namespace
 
-/// One solution, under way in a thread of its own, which never holds the map's lock: bodies wait
-/// for that.
-class RefinementLoop::Solving final {
+/// The one thread that all solutions run in: its heap arena keeps the graph, where a thread for
+/// each solution would spread it over as many arenas as there are. It never holds the map's lock:
+/// bodies wait for that.
+class RefinementLoop::Solver final {
  public:
-  Solving(MapRefiner& refiner, bool is_patient, const std::stop_token& stop)
-      : is_patient_(is_patient),
-        result_(std::async(std::launch::async,
-                           [this, &refiner, stop] {
-                             name_this_thread("solve");
-                             if (is_patient_) run_patiently_for_now();
-                             begun_.set_value(this_thread());
-                             return refiner.solve_taken(stop);
-                           })),
-        thread_(begun_.get_future().get()) {}
+  explicit Solver(MapRefiner& refiner) : refiner_(refiner) { handle_ = ready_.get_future().get(); }
 
+  void begin(bool is_patient, const std::stop_token& stop) {
+    began_cpu_ = handle_.cpu_time();
+    const std::lock_guard lock(mutex_);
+    job_.emplace([this, stop] { return refiner_.solve_taken(stop); });
+    result_ = job_->get_future();
+    is_patient_ = is_patient;
+    wake_.notify_one();
+  }
   /// @return whether it is done
   [[nodiscard]] bool wait() { return result_.wait_for(kLookEvery) == std::future_status::ready; }
   [[nodiscard]] bool get() { return result_.get(); }
-  [[nodiscard]] Duration cpu_time() const { return thread_.cpu_time(); }
-  void hurry() {
-    if (std::exchange(is_patient_, false)) (void)lose_patience(thread_.number);
-  }
+  /// Of the solution under way.
+  [[nodiscard]] Duration cpu_time() const { return handle_.cpu_time() - began_cpu_; }
+  void hurry() { (void)lose_patience(handle_.number); }
 
  private:
-  bool is_patient_;
-  std::promise<ThreadHandle> begun_;
+  void run(const std::stop_token& stop) {
+    name_this_thread("solve");
+    ready_.set_value(this_thread());
+    std::unique_lock lock(mutex_);
+    while (wake_.wait(lock, stop, [this] { return job_.has_value(); })) {
+      auto job = std::move(*job_);
+      job_.reset();
+      const bool is_patient = is_patient_;
+      lock.unlock();
+      if (is_patient)
+        run_patiently_for_now();
+      else
+        hurry();
+      job();
+      lock.lock();
+    }
+  }
+
+  MapRefiner& refiner_;
+  std::promise<ThreadHandle> ready_;
+  ThreadHandle handle_;
+  Duration began_cpu_{};
   std::future<bool> result_;
-  ThreadHandle thread_;
+  std::mutex mutex_;
+  std::condition_variable_any wake_;
+  std::optional<std::packaged_task<bool()>> job_;
+  bool is_patient_{false};
+  std::jthread thread_{[this](const std::stop_token& stop) { run(stop); }};
 };
 
 void RefinementLoop::run(std::stop_token stop) {
+  Solver solver(refiner_);
   Instant next = clock_.now() + period_;
   while (clock_.wait_until(next, stop)) {
     net::guarded(
         "mapping", [] { return "refining the map"; },
         [&] {
           refiner_.take();
-          const bool is_solved = solve(stop);
+          const bool is_solved = solve(solver, stop);
           if (!is_solved && stop.stop_requested()) return;  // in its middle: no replay could
           if (const auto turn = refiner_.adopt(utc_now_ns())) done_(*turn);
           if (is_solved && !std::exchange(has_map_, true))
@@ -68,21 +95,23 @@ void RefinementLoop::run(std::stop_token stop) {
   }
 }
 
-bool RefinementLoop::solve(const std::stop_token& stop) {
+bool RefinementLoop::solve(Solver& solver, const std::stop_token& stop) {
   const Instant began = clock_.now();
-  Solving solving(refiner_, has_map_ && began >= patient_from_, stop);
+  bool is_patient = has_map_ && began >= patient_from_;
+  solver.begin(is_patient, stop);
+  const std::stop_callback stopped(stop, [&] { solver.hurry(); });
   bool is_late = false;
-  while (!solving.wait()) {
+  while (!solver.wait()) {
     const Duration waited = clock_.now() - began;
-    const Duration used = solving.cpu_time();
-    if (is_late || waited < kLate || used == Duration{} || used > kLeastShare * waited) continue;
+    const Duration used = solver.cpu_time();
+    if (is_late || waited < kLate || used > kLeastShare * waited) continue;
     is_late = true;
     say_whether_late(true);
-    solving.hurry();
+    if (is_patient) solver.hurry();
     patient_from_ = clock_.now() + kImpatientFor;
   }
   if (!is_late) say_whether_late(false);
-  return solving.get();
+  return solver.get();
 }
 
 void RefinementLoop::say_whether_late(bool is_late) {

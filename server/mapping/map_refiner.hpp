@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <span>
 #include <stop_token>
@@ -52,7 +51,7 @@ class MapRefiner final {
   /// Nothing is folded, however long it takes: offline.
   void keep_all() {
     keeps_all_ = true;
-    graph_.keep_at_most(std::numeric_limits<std::size_t>::max());
+    graph_.keep_all();
   }
   [[nodiscard]] const MapGraph& graph() const { return graph_; }
   /// What the last solution has found to be other than configured.

@@ -227,6 +227,60 @@ TEST(MapGraphSimulation, WhatIsFoldedIsKnownAsBefore) {
   EXPECT_LT(apart.ratio_most, 1.4);
 }
 
+/// Solves every few segments, as a server does. @return the most that were in the graph after one
+std::size_t most_kept(const Robots& robots, MapGraph& graph, std::optional<GraphSolution>& last) {
+  constexpr std::size_t kBetweenSolutions = 10;
+  std::size_t most = 0;
+  for (const Robot& robot : robots) {
+    for (std::size_t i = 0; i < robot.segments.size(); ++i) {
+      (void)graph.add(robot.segments[i]);
+      if (i % kBetweenSolutions != 0) continue;
+      last = graph.solve();
+      EXPECT_TRUE(last) << "segment " << i << " of robot " << robot.id;
+      most = std::max(most, graph.state().segments.size());
+    }
+  }
+  return most;
+}
+
+// Three tags: 168 segments, however long they are looked at.
+constexpr std::size_t kMostOfATable = 168;
+
+TEST(MapGraphSimulation, AMapHasASizeHoweverLongItIsLookedAt) {
+  const Robots robots{Robot({.id = 1, .seed = 3, .seconds = 200}),
+                      Robot({.id = 2, .seed = 4, .seconds = 200})};
+  MapGraph graph;
+  std::optional<GraphSolution> last;
+  EXPECT_LE(most_kept(robots, graph, last), kMostOfATable);
+  ASSERT_TRUE(last);
+  int sightings = 0;
+  for (const Robot& robot : robots)
+    for (const MotionSegment& segment : robot.segments)
+      for (const auto& instance : segment.instances)
+        for (const SegmentImage& image : instance.images)
+          sightings += static_cast<int>(image.tags.size());
+  int counted = 0;
+  for (const GraphTagEstimate& tag : last->tags) counted += tag.sightings;
+  EXPECT_GT(counted, sightings * 9 / 10) << "all that was given up is still counted";
+  const Score found = score(last->tags, robots.front().truth);
+  // 3 tags, 12 degrees of freedom that count: the 99.9 % quantile of one draw is 2.7.
+  EXPECT_LT(found.nees, 2.7);
+  EXPECT_LT(found.worst_m, 0.001);
+}
+
+TEST(MapGraphSimulation, SoHasOneThatNobodyHasBroughtIntoTheWorkspace) {
+  const Robots robots{Robot({.id = 1, .seed = 3, .seconds = 250, .may_define_workspace = false})};
+  MapGraph graph;
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < robots.front().segments.size(); ++i) {
+    (void)graph.add(robots.front().segments[i]);
+    if (i % 10 == 0) (void)graph.solve();
+    most = std::max(most, graph.state().segments.size());
+  }
+  EXPECT_GT(graph.state().tags.size(), 2U);
+  EXPECT_LE(most, kMostOfATable + 10);
+}
+
 TEST(MapGraphSimulation, AStoredMapGoesOnLearning) {
   const Robots robots{Robot({.id = 1, .seed = 3}), Robot({.id = 2, .seed = 4})};
   MapGraph whole = graph_of(robots);

@@ -36,6 +36,41 @@ class Islands final {
   std::vector<std::size_t> parent_;
 };
 
+/// Nodes that belong to no segment go, with the starts of their chains.
+std::vector<std::optional<std::size_t>> forget_bare_nodes(GraphState& graph) {
+  std::vector<std::optional<std::size_t>> now(graph.nodes.size());
+  for (const GraphSegment& segment : graph.segments)
+    now[segment.begin] = now[segment.end] = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
+    if (!now[i]) continue;
+    now[i] = count;
+    graph.nodes[count++] = graph.nodes[i];
+  }
+  graph.nodes.resize(count);
+  for (GraphSegment& segment : graph.segments) {
+    segment.begin = *now[segment.begin];
+    segment.end = *now[segment.end];
+  }
+  std::erase_if(graph.starts, [&](const ChainStart& start) { return !now[start.node]; });
+  for (ChainStart& start : graph.starts) {
+    start.node = *now[start.node];
+    if (start.after < 0) continue;
+    const auto after = now[static_cast<std::size_t>(start.after)];
+    start.after = after ? static_cast<int>(*after) : -1;
+  }
+  return now;
+}
+
+/// Of a chain that begins with this segment because what was before it is gone.
+ChainStart start_of(const GraphSegment& segment, const GraphState& graph) {
+  const GraphNode& node = graph.nodes[segment.begin];
+  ChainStart out{.node = segment.begin, .has_imu = segment.raw.has_imu()};
+  if (!out.has_imu && graph.level.at(node.component))  // odometry knows up
+    out.up_B = node.at.X_WB.q.conjugate() * Eigen::Vector3d::UnitZ();
+  return out;
+}
+
 }  // namespace
 
 void move_component(int component, const Pose& T, GraphState& graph) {
@@ -131,37 +166,23 @@ int split_component(int component, int next, GraphState& graph) {
   return next;
 }
 
-std::vector<std::optional<std::size_t>> keep_nodes(const std::vector<bool>& kept,
-                                                   GraphState& graph) {
-  std::vector<std::optional<std::size_t>> now(graph.nodes.size());
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-    if (!kept[i]) continue;
-    now[i] = count;
-    graph.nodes[count++] = graph.nodes[i];
-  }
-  graph.nodes.resize(count);
-  std::erase_if(graph.segments, [&](const GraphSegment& s) { return !now[s.begin]; });
-  for (GraphSegment& segment : graph.segments) {
-    segment.begin = *now[segment.begin];
-    segment.end = *now[segment.end];
-  }
-  std::erase_if(graph.starts, [&](const ChainStart& start) { return !now[start.node]; });
-  for (ChainStart& start : graph.starts) {
-    start.node = *now[start.node];
-    if (start.after < 0) continue;
-    const auto after = now[static_cast<std::size_t>(start.after)];
-    start.after = after ? static_cast<int>(*after) : -1;
-  }
+std::vector<std::optional<std::size_t>> keep_segments(
+    const std::function<bool(const GraphSegment&)>& is_kept, GraphState& graph) {
+  std::erase_if(graph.segments, [&](const GraphSegment& segment) { return !is_kept(segment); });
+  const auto now = forget_bare_nodes(graph);
+  std::set<std::size_t> bound;  // nodes of whose velocity and biases something is known
+  for (const ChainStart& start : graph.starts) bound.insert(start.node);
+  for (const GraphSegment& segment : graph.segments) bound.insert(segment.end);
+  for (const GraphSegment& segment : graph.segments)
+    if (!bound.contains(segment.begin)) graph.starts.push_back(start_of(segment, graph));
   return now;
 }
 
 std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph) {
   std::set<int> bound;
   for (const GraphTag& tag : graph.tags) bound.insert(tag.component);
-  std::vector<bool> kept;
-  for (const GraphNode& node : graph.nodes) kept.push_back(bound.contains(node.component));
-  return keep_nodes(kept, graph);
+  return keep_segments(
+      [&](const GraphSegment& s) { return bound.contains(graph.nodes[s.begin].component); }, graph);
 }
 
 }  // namespace fiducap

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -28,12 +29,13 @@ void forget_unseen_tags(GraphState& graph);
 /// @return the same, after it
 [[nodiscard]] int split_component(int component, int next, GraphState& graph);
 
-/// Nodes that are not kept go, with their segments.
+/// Leaves out segments, and nodes that belong to no other. Where a chain is cut, its rest is a
+/// chain of its own: what was known there of velocity and biases is lost. Tags stay.
 /// @return the new number of each node that is left
-std::vector<std::optional<std::size_t>> keep_nodes(const std::vector<bool>& kept,
-                                                   GraphState& graph);
+std::vector<std::optional<std::size_t>> keep_segments(
+    const std::function<bool(const GraphSegment&)>& is_kept, GraphState& graph);
 
-/// Paths in components without a tag say nothing, and are nowhere. @return as keep_nodes()
+/// Paths in components without a tag say nothing, and are nowhere. @return as keep_segments()
 std::vector<std::optional<std::size_t>> forget_unbound_paths(GraphState& graph);
 
 }  // namespace fiducap

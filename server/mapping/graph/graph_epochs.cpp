@@ -23,10 +23,15 @@ void MapGraph::follow(const EpochOrder& order) {
     for (const GraphTag& tag : state_.tags) components.insert(tag.component);
     for (const int component : components) unite_tags(component, state_);
   }
+  drop_unbound(kInWorkspace);
+}
+
+/// After segments have lost tags, or a component segments.
+void MapGraph::drop_unbound(int component) {
   forget_unseen_tags(state_);
   count_sightings();
   // The workspace is 0; new ones are counted from 1.
-  components_ = split_component(0, components_ + 1, state_) - 1;
+  components_ = split_component(component, components_ + 1, state_) - 1;
   renumber_chains(forget_unbound_paths(state_));
 }
 
@@ -41,10 +46,12 @@ void MapGraph::renumber_chains(const std::vector<std::optional<std::size_t>>& no
 }
 
 void MapGraph::replace_body(int body_id, std::vector<MotionSegment> segments) {
-  std::vector<bool> kept;
-  for (const GraphNode& node : state_.nodes)
-    kept.push_back(state_.bodies[static_cast<std::size_t>(node.body)].id != body_id);
-  renumber_chains(keep_nodes(kept, state_));
+  renumber_chains(keep_segments(
+      [&](const GraphSegment& segment) {
+        const auto body = static_cast<std::size_t>(state_.nodes[segment.begin].body);
+        return state_.bodies[body].id != body_id;
+      },
+      state_));
   chains_.erase(body_id);
   // What nobody else has seen is where the segments have it.
   forget_unseen_tags(state_);

@@ -3,41 +3,33 @@
 #include <algorithm>
 #include <utility>
 
+#include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_covariance.hpp"
 
 namespace fiducap {
 
 namespace {
 
-/// The nodes, segments and starts of the workspace, or all others. Tags stay as they are.
-FoldedGraph part_of(const GraphState& graph, bool of_workspace) {
-  FoldedGraph out;
-  out.state.bodies = graph.bodies;
-  out.state.tags = graph.tags;
-  out.state.level = graph.level;
-  out.state.prints_scale = graph.prints_scale;
-  out.state.prints = graph.prints;
-  out.state.doubts = graph.doubts;
-  out.nodes.resize(graph.nodes.size());
-  for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
-    if ((graph.nodes[i].component == kInWorkspace) != of_workspace) continue;
-    out.nodes[i] = out.state.nodes.size();
-    out.state.nodes.push_back(graph.nodes[i]);
-  }
+/// The segments of the workspace as far as equations need them: without the raw data.
+GraphState workspace_of(const GraphState& graph) {
+  GraphState out;
+  out.bodies = graph.bodies;
+  out.nodes = graph.nodes;
+  out.starts = graph.starts;
+  out.level = graph.level;
+  out.prints_scale = graph.prints_scale;
+  out.prints = graph.prints;
+  out.doubts = graph.doubts;
   for (const GraphSegment& segment : graph.segments) {
-    if (!out.nodes[segment.begin]) continue;
-    out.state.segments.push_back(segment);
-    out.state.segments.back().begin = *out.nodes[segment.begin];
-    out.state.segments.back().end = *out.nodes[segment.end];
+    if (graph.nodes[segment.begin].component != kInWorkspace) continue;
+    GraphSegment& copy = out.segments.emplace_back();
+    copy.raw.sensors = segment.raw.sensors;
+    copy.factor = segment.factor;
+    copy.begin = segment.begin;
+    copy.end = segment.end;
+    copy.tags = segment.tags;
   }
-  for (ChainStart start : graph.starts) {
-    if (!out.nodes[start.node]) continue;
-    start.node = *out.nodes[start.node];
-    const auto after =
-        start.after < 0 ? std::nullopt : out.nodes[static_cast<std::size_t>(start.after)];
-    start.after = after ? static_cast<int>(*after) : -1;
-    out.state.starts.push_back(start);
-  }
+  (void)keep_segments([](const GraphSegment&) { return true; }, out);
   return out;
 }
 
@@ -46,7 +38,7 @@ FoldedGraph part_of(const GraphState& graph, bool of_workspace) {
 /// What is in no component with the workspace stays as segments; to be counted once, it may have no
 /// say here.
 std::optional<GraphPrior> prior_of(const GraphState& graph) {
-  GraphState part = part_of(graph, true).state;
+  GraphState part = workspace_of(graph);
   // Tags of other components are bound by nothing then.
   std::vector<std::size_t> now(graph.tags.size(), 0);
   std::vector<std::size_t> was;
@@ -88,14 +80,6 @@ std::optional<GraphPrior> prior_of(const GraphState& graph) {
       part.level.at(kInWorkspace) ? PriorUnknown::kPlaceAndYaw : PriorUnknown::kPlaceAndTurn;
   return make_prior(tags, between, cameras,
                     part.prior.is_absolute ? PriorUnknown::kNothing : relative);
-}
-
-FoldedGraph without_workspace_segments(GraphState graph, GraphPrior prior) {
-  FoldedGraph out = part_of(graph, false);
-  out.state.prior = std::move(prior);
-  for (GraphTag& tag : out.state.tags)
-    if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
-  return out;
 }
 
 }  // namespace fiducap

@@ -42,6 +42,15 @@ constexpr double kBent = 0.01;
 constexpr double kSameTilt_rad = 0.06;
 constexpr double kSamePlace_m = 0.15;
 
+/// Of a component with this many tags. A place has a size, however long it is looked at; memory
+/// (0.2 MB a segment) and the time of a solution are bounded by this.
+std::size_t most_segments(std::size_t tags) {
+  constexpr std::size_t kFew = 150;
+  constexpr std::size_t kPerTag = 6;
+  constexpr std::size_t kMost = 2000;
+  return std::min(kFew + kPerTag * tags, kMost);
+}
+
 bool has_moved(const Pose& was, const Vector6d& by) {
   const double shifted = (world::moved(was, by).p - was.p).norm();
   return by.tail<3>().norm() > kTurned_rad || shifted > kMoved * (0.5 + was.p.norm());
@@ -249,11 +258,13 @@ std::optional<GraphSolution> MapGraph::solve(const std::stop_token& stop) {
   GraphSolution done;
   for (const GraphSegment& segment : state_.segments) done.numbers += segment.factor.numbers;
   const auto covariance = settle(stop, done);
-  if (!covariance) return std::nullopt;
-  tell(*covariance, done);
-  reference_tag_.reset();  // W has been told: it stays there
-  if (state_.segments.size() > most_segments_) fold();
-  return done;
+  if (stop.stop_requested()) return std::nullopt;
+  if (covariance) {
+    tell(*covariance, done);
+    reference_tag_.reset();  // W has been told: it stays there
+  }
+  if (!keeps_all_) keep_bounded(covariance.has_value());
+  return covariance ? std::optional(std::move(done)) : std::nullopt;
 }
 
 /// To where everything fits best, once what does not fit is known to be wrong.
@@ -262,7 +273,7 @@ std::optional<GraphCovariance> MapGraph::settle(const std::stop_token& stop, Gra
     if (!iterate(stop, done)) return std::nullopt;
     lay_over_definition();
     auto covariance = this->covariance();
-    if (!covariance || verdicts == kMostVerdicts) return covariance;
+    if (!covariance || verdicts == kMostVerdicts || stop.stop_requested()) return covariance;
     const double dispersion = done.cost / std::max(1.0, done.numbers);
     if (!judge_doubts(*covariance, dispersion, state_)) return covariance;
   }
@@ -297,7 +308,8 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
     const auto bodies = state_.bodies;
     const double prints_scale = state_.prints_scale;
     move_by(delta, variables, equations.H, state_);
-    const int again = condense_again();
+    const int again = condense_again(stop);
+    if (stop.stop_requested()) return false;
     done.condensed += again;
     NormalEquations next = normal_equations(state_, variables);
     if (again > 0 || next.cost <= equations.cost) {
@@ -316,9 +328,10 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
   return false;
 }
 
-int MapGraph::condense_again() {
+int MapGraph::condense_again(const std::stop_token& stop) {
   int count = 0;
   for (GraphSegment& segment : state_.segments) {
+    if (stop.stop_requested()) break;
     if (!is_elsewhere(segment, error_of(state_, segment))) continue;
     MotionSegment raw = segment_now(state_, segment);
     auto factor = condense(raw);
@@ -375,14 +388,45 @@ void MapGraph::tell(const GraphCovariance& covariance, GraphSolution& out) const
   });
 }
 
+/// What the segments of the workspace say becomes a prior. Of a component that is not placed yet,
+/// and of a workspace that never comes to rest, the oldest half goes.
+void MapGraph::keep_bounded(bool is_at_rest) {
+  std::map<int, std::size_t> segments;
+  std::map<int, std::size_t> tags;
+  for (const GraphSegment& segment : state_.segments) ++segments[component_of(segment)];
+  for (const GraphTag& tag : state_.tags) ++tags[tag.component];
+  for (const auto& [component, count] : segments) {
+    const std::size_t most = most_segments(tags[component]);
+    const bool is_placed = component == kInWorkspace;
+    if (is_placed && is_at_rest) {
+      if (count > most) fold();
+    } else if (count > (is_placed ? 2 * most : most)) {
+      forget_oldest(component, count / 2);
+    }
+  }
+}
+
+void MapGraph::forget_oldest(int component, std::size_t count) {
+  std::size_t left = count;
+  renumber_chains(keep_segments(
+      [&](const GraphSegment& segment) {
+        if (left == 0 || component_of(segment) != component) return true;
+        --left;
+        return false;
+      },
+      state_));
+  drop_unbound(component);
+}
+
 void MapGraph::fold() {
   auto prior = prior_of(state_);
   if (!prior) return;
-  auto folded = without_workspace_segments(std::move(state_), std::move(*prior));
-  state_ = std::move(folded.state);
+  renumber_chains(keep_segments(
+      [&](const GraphSegment& segment) { return component_of(segment) != kInWorkspace; }, state_));
+  state_.prior = std::move(*prior);
+  for (GraphTag& tag : state_.tags)
+    if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
   fold_doubts(state_);
-  for (auto& [body_id, chain] : chains_)
-    if (chain.node) chain.node = folded.nodes[*chain.node];
 }
 
 }  // namespace fiducap

@@ -16,8 +16,8 @@ namespace fiducap {
 
 /// The one map of all bodies as a least squares problem over everything that they ever saw and
 /// felt: bodies where their segments meet, cameras, tags. When there are many segments, what they
-/// say of tags and cameras is kept (GraphPrior), and they go: time and memory are bounded by that
-/// and by the number of tags. Not thread-safe; slow.
+/// say of tags and cameras is kept (GraphPrior), and they go: time and memory are bounded by the
+/// number of tags. Not thread-safe; slow.
 class MapGraph final {
  public:
   MapGraph() = default;
@@ -37,12 +37,12 @@ class MapGraph final {
   /// A tag has left its place, or has not after all: sightings bind to another one.
   void follow(const EpochOrder& order);
   /// What all segments of the workspace say becomes a prior, and they go. solve() does so when
-  /// there are many. @pre solve() has just come to rest
+  /// there are many for its number of tags. @pre solve() has just come to rest
   void fold();
   /// All that a body has said until now was not what it meant: this is.
   void replace_body(int body_id, std::vector<MotionSegment> segments);
-  /// Beyond so many segments solve() folds.
-  void keep_at_most(std::size_t segments) { most_segments_ = segments; }
+  /// From now on solve() gives up no segment, however many there are: offline.
+  void keep_all() { keeps_all_ = true; }
   /// The component with most tags becomes the workspace, when nobody stands in it yet.
   /// @return whether one has
   bool found_workspace();
@@ -78,7 +78,13 @@ class MapGraph final {
   [[nodiscard]] std::optional<GraphCovariance> settle(const std::stop_token& stop,
                                                       GraphSolution& done);
   bool iterate(const std::stop_token& stop, GraphSolution& done);
-  int condense_again();
+  int condense_again(const std::stop_token& stop);
+  [[nodiscard]] int component_of(const GraphSegment& segment) const {
+    return state_.nodes[segment.begin].component;
+  }
+  void keep_bounded(bool is_at_rest);
+  void forget_oldest(int component, std::size_t count);
+  void drop_unbound(int component);
   void lay_over_definition();
   void lay_over_places();
   void tell(const GraphCovariance& covariance, GraphSolution& out) const;
@@ -91,8 +97,7 @@ class MapGraph final {
   bool is_defined_{false};            ///< … from the beginning; false: all tags do.
   std::optional<int> reference_tag_;  ///< Will define W as soon as a body stands by it.
   int components_{0};
-  // A solution takes a second then, and the memory some ten megabytes.
-  std::size_t most_segments_{2000};
+  bool keeps_all_{false};
 };
 
 }  // namespace fiducap
