@@ -12,7 +12,8 @@ namespace fiducap {
 
 /// Brings the map up to date every `period_s`, on a thread of its own: a solution takes as long as
 /// it takes, in another thread that runs where nobody else wants to, and no body waits for it. A
-/// stop abandons the solution under way. What is thrown costs a round. Where nobody leaves it time the map would never grow: that is said
+/// stop abandons the solution under way. What is thrown costs a round. Where nobody leaves it time
+/// the map would never grow: that is said
 /// (`map_late`), and it then runs like any other thread. So do the first solutions, without which
 /// there are no tags: bodies without a place search every image whole, which fills a small computer
 /// (eight robots on one core: 130 %), and ends only when there is a map. Without the right to come

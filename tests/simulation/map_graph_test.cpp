@@ -1,6 +1,10 @@
 // The map graph over what simulated bodies saw and felt, by way of their own pipelines.
 #include <gtest/gtest.h>
 
+#include <future>
+#include <thread>
+
+#include "base/this_thread.hpp"
 #include "simulation/graph_robot.hpp"
 
 namespace fiducap {
@@ -447,6 +451,34 @@ TEST(MapGraphSimulation, AStoppedSolutionIsNone) {
   stop.request_stop();
   EXPECT_FALSE(graph.solve(stop.get_token()));
   EXPECT_TRUE(graph.solve()) << "the next call goes on";
+}
+
+// In CPU time, which other programs do not change: what was spent after the stop, of a whole one.
+TEST(MapGraphSimulation, ASolutionUnderWayIsAbandonedWithinAFractionOfIt) {
+  constexpr double kBegun = 0.1;
+  constexpr double kMostAfter = 0.1;
+  // A wrong lens: every segment is linearised again, which is most of the work.
+  const Robots robots{Robot({.id = 1, .seed = 3, .seconds = 60, .told_focal = 1.01}),
+                      Robot({.id = 2, .seed = 4, .seconds = 60, .told_focal = 1.01})};
+  MapGraph whole = graph_of(robots);
+  MapGraph abandoned = graph_of(robots);
+  const Duration before = thread_cpu_time();
+  EXPECT_TRUE(whole.solve());
+  const Duration takes = thread_cpu_time() - before;
+  std::promise<ThreadHandle> begun;
+  Duration used{};
+  std::stop_source stop;
+  std::jthread solving([&] {
+    begun.set_value(this_thread());
+    EXPECT_FALSE(abandoned.solve(stop.get_token()));
+    used = thread_cpu_time();
+  });
+  const ThreadHandle thread = begun.get_future().get();
+  while (thread.cpu_time() < kBegun * takes) std::this_thread::yield();
+  const Duration stopped = thread.cpu_time();
+  stop.request_stop();
+  solving.join();
+  EXPECT_LT(to_seconds(used - stopped), kMostAfter * to_seconds(takes));
 }
 
 }  // namespace

@@ -39,8 +39,7 @@ class Islands final {
 /// Nodes that belong to no segment go, with the starts of their chains.
 std::vector<std::optional<std::size_t>> forget_bare_nodes(GraphState& graph) {
   std::vector<std::optional<std::size_t>> now(graph.nodes.size());
-  for (const GraphSegment& segment : graph.segments)
-    now[segment.begin] = now[segment.end] = 0;
+  for (const GraphSegment& segment : graph.segments) now[segment.begin] = now[segment.end] = 0;
   std::size_t count = 0;
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     if (!now[i]) continue;
