@@ -136,6 +136,23 @@ TEST(Threads, AreStartedByTheDaemonAndTheLogAlone) {
   }
 }
 
+// A tool that runs where nothing else wants to waits minutes for an idle machine.
+TEST(Threads, KeepThePriorityOfTheCallerOutsideOfTheDaemon) {
+  const std::vector<std::string> changes{"sched_setscheduler",    "sched_setattr", "setpriority",
+                                         "pthread_setschedparam", "nice(",         "urgency.hpp"};
+  int places_in_the_daemon = 0;
+  for (const SourceFile& file : source_files({"server"})) {
+    const auto places = places_of(file, changes);
+    if (file.path.string().starts_with("server/daemon/")) {
+      places_in_the_daemon += static_cast<int>(places.size());
+      continue;
+    }
+    if (file.path == "server/base/log.cpp") continue;  // its thread does not inherit real time
+    for (const auto& place : places) ADD_FAILURE() << place;
+  }
+  EXPECT_GT(places_in_the_daemon, 0) << "the test did not find the sources";
+}
+
 TEST(TheProcess, IsEndedByNobodyButABrokenContract) {
   const std::vector<std::string> ends{"std::exit", "::_exit", "std::quick_exit", "std::abort",
                                       "std::terminate"};

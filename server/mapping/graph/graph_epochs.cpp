@@ -26,15 +26,6 @@ void MapGraph::follow(const EpochOrder& order) {
   drop_unbound(kInWorkspace);
 }
 
-/// After segments have lost tags, or a component segments.
-void MapGraph::drop_unbound(int component) {
-  forget_unseen_tags(state_);
-  count_sightings();
-  // The workspace is 0; new ones are counted from 1.
-  components_ = split_component(component, components_ + 1, state_) - 1;
-  renumber_chains(forget_unbound_paths(state_));
-}
-
 void MapGraph::count_sightings() {
   for (GraphTag& tag : state_.tags) tag.sightings = tag.sightings_before;
   for (const GraphSegment& entry : state_.segments) count_sightings(entry);

@@ -8,7 +8,6 @@
 #include "estimation/world/filter_state.hpp"
 #include "mapping/graph/graph_components.hpp"
 #include "mapping/graph/graph_doubts.hpp"
-#include "mapping/graph/graph_fold.hpp"
 #include "mapping/graph/graph_path.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -41,15 +40,6 @@ constexpr double kBent = 0.01;
 // says.
 constexpr double kSameTilt_rad = 0.06;
 constexpr double kSamePlace_m = 0.15;
-
-/// Of a component with this many tags. A place has a size, however long it is looked at; memory
-/// (0.2 MB a segment) and the time of a solution are bounded by this.
-std::size_t most_segments(std::size_t tags) {
-  constexpr std::size_t kFew = 150;
-  constexpr std::size_t kPerTag = 6;
-  constexpr std::size_t kMost = 2000;
-  return std::min(kFew + kPerTag * tags, kMost);
-}
 
 bool has_moved(const Pose& was, const Vector6d& by) {
   const double shifted = (world::moved(was, by).p - was.p).norm();
@@ -386,47 +376,6 @@ void MapGraph::tell(const GraphCovariance& covariance, GraphSolution& out) const
   std::sort(out.pairs.begin(), out.pairs.end(), [](const KnownPair& a, const KnownPair& b) {
     return std::pair(a.first_id, a.second_id) < std::pair(b.first_id, b.second_id);
   });
-}
-
-/// What the segments of the workspace say becomes a prior. Of a component that is not placed yet,
-/// and of a workspace that never comes to rest, the oldest half goes.
-void MapGraph::keep_bounded(bool is_at_rest) {
-  std::map<int, std::size_t> segments;
-  std::map<int, std::size_t> tags;
-  for (const GraphSegment& segment : state_.segments) ++segments[component_of(segment)];
-  for (const GraphTag& tag : state_.tags) ++tags[tag.component];
-  for (const auto& [component, count] : segments) {
-    const std::size_t most = most_segments(tags[component]);
-    const bool is_placed = component == kInWorkspace;
-    if (is_placed && is_at_rest) {
-      if (count > most) fold();
-    } else if (count > (is_placed ? 2 * most : most)) {
-      forget_oldest(component, count / 2);
-    }
-  }
-}
-
-void MapGraph::forget_oldest(int component, std::size_t count) {
-  std::size_t left = count;
-  renumber_chains(keep_segments(
-      [&](const GraphSegment& segment) {
-        if (left == 0 || component_of(segment) != component) return true;
-        --left;
-        return false;
-      },
-      state_));
-  drop_unbound(component);
-}
-
-void MapGraph::fold() {
-  auto prior = prior_of(state_);
-  if (!prior) return;
-  renumber_chains(keep_segments(
-      [&](const GraphSegment& segment) { return component_of(segment) != kInWorkspace; }, state_));
-  state_.prior = std::move(*prior);
-  for (GraphTag& tag : state_.tags)
-    if (tag.component == kInWorkspace) tag.sightings_before = tag.sightings;
-  fold_doubts(state_);
 }
 
 }  // namespace fiducap
