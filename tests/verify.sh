@@ -65,14 +65,17 @@ verify_part() {
   else
     mapfile -t slices < <(sed -n "s/^$part //p" build/release/slices.txt)
   fi
+  [ ${#slices[@]} -gt 0 ] || result="FAILED: no test is in it"
   for ((i = 0; i < ${#slices[@]}; i++)); do
     read -r label targets <<<"${slices[(first + i) % ${#slices[@]}]}"
     say "verify $part: $label"
     verify_slice "$label" "$targets"
     [ "$result" = passed ] || break
   done
-  [ "$result" != passed ] || [ -z "$tree" ] || echo "$tree" "$part" >>"$VERIFY_FOLDER/passed"
-  case $result in FAILED*) verify_failed=1 ;; esac
+  case $result in
+    passed) [ -z "$tree" ] || echo "$tree$part" >>"$VERIFY_FOLDER/passed" ;;
+    FAILED*) verify_failed=1 ;;
+  esac
   verify_table+=("$(printf '%-12s %7d.%d %7d.%d %7d %8d  %s' "$part" $((build_s / 60)) $((build_s % 60 / 6)) \
     $((test_s / 60)) $((test_s % 60 / 6)) "$ran" "$skipped" "$result")")
 }
@@ -122,9 +125,10 @@ verify() {
   verify_until=0 verify_failed=0 verify_table=()
   [ "$minutes" -eq 0 ] || verify_until=$((SECONDS + 60 * minutes))
   for part in "${parts[@]}"; do
-    if [ "$again" -eq 0 ] && [ -n "$tree" ] && grep -qxF "$tree $part" "$VERIFY_FOLDER/passed"; then
+    if [ "$again" -eq 0 ] && [ -n "$tree" ] && grep -qxF "$tree$part" "$VERIFY_FOLDER/passed"; then
       verify_table+=("$(printf '%-12s %9s %9s %7s %8s  %s' "$part" - - - - "passed before (--again runs it once more)")")
     else
+      sed -i "/ $part\$/d" "$VERIFY_FOLDER/passed"
       verify_part "$part" "$first"
     fi
   done
