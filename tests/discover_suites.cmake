@@ -4,12 +4,12 @@
 # hides in a suite fails it. WHOLE: one entry for the program, as under sanitizers, where it starts in seconds; what is
 # skipped there the usual build tells.
 #
-#   cmake -D PROGRAM=… -D SOURCES=…;… -D LIST=… -D LABEL=… [-D WHOLE=ON] -P discover_suites.cmake
+#   cmake -D PROGRAM=… -D SOURCES=…;… -D LIST=… -D LABELS=…;… [-D WHOLE=ON] -P discover_suites.cmake
 cmake_minimum_required(VERSION 3.25)
 get_filename_component(program ${PROGRAM} NAME)
 if(WHOLE)
   file(WRITE ${LIST} "add_test([=[${program}]=] [=[${PROGRAM}]=])\n"
-    "set_tests_properties([=[${program}]=] PROPERTIES LABELS ${LABEL} TIMEOUT 600)\n")
+    "set_tests_properties([=[${program}]=] PROPERTIES LABELS [=[${LABELS}]=] TIMEOUT 600)\n")
   return()
 endif()
 execute_process(COMMAND ${PROGRAM} --gtest_list_tests OUTPUT_VARIABLE listed RESULT_VARIABLE failed TIMEOUT 120)
@@ -33,7 +33,7 @@ set(content "")
 # entry(TEST PROPERTY): what a test that says it was skipped is.
 function(entry test skipped)
   string(APPEND content "add_test([=[${program}.${test}]=] [=[${PROGRAM}]=] [=[--gtest_filter=${test}]=])\n"
-    "set_tests_properties([=[${program}.${test}]=] PROPERTIES LABELS ${LABEL} TIMEOUT 600 "
+    "set_tests_properties([=[${program}.${test}]=] PROPERTIES LABELS [=[${LABELS}]=] TIMEOUT 600 "
     "${skipped} [=[\\[  SKIPPED \\]]=])\n")
   set(content "${content}" PARENT_SCOPE)
 endfunction()

@@ -50,6 +50,8 @@ class Chaos:
         self.programs = programs
         driver = stage.SensorDriver(programs) if stage.SensorDriver.exists(programs) else None
         arguments = stage.arguments_of_server(folder, self.disk.folder, driver is not None)
+        if problem := stage.why_not_mapping(programs, arguments):
+            sys.exit(problem)
         self.service = stage.Service(programs, arguments, folder, shim)
         self.service.start()
         self.driver = driver
@@ -62,7 +64,7 @@ class Chaos:
         self.metronome = clients.Metronome()
         for client in (self.metronome, *self.clients):
             client.start()
-        self.store = os.path.join(self.disk.folder, "map.sqlite")
+        self.store = stage.store_of(self.disk.folder)
         self.newest_event = 0
 
     def wait_until_all_flow(self, begin, within):
@@ -134,11 +136,11 @@ class Chaos:
             client.stopping.set()
         if self.driver:
             self.driver.unplug()
-        code, seconds = self.service.stop()
+        wrong = stage.what_is_wrong_at_the_end(self.service, self.store)
         for client in self.clients:
             client.stop()
         self.disk.leave()
-        return code, seconds
+        return wrong
 
 
 def forget_logs(folder):
@@ -225,13 +227,13 @@ def main():
         exceptions = thrown(folder)
         on_the_way = chaos.clients[0].lost
         watchdog, ends = chaos.service.watchdog_kills, [code for _, code in chaos.service.ends]
-        code, seconds = chaos.end()
+        at_the_end = chaos.end()
         if instants:
             print("\n" + table(instants, protocols))
         print(f"\nseed {given.seed}: {len(instants)} instants, {bad} not well; the server ended {len(ends)} times "
               f"({dict(collections.Counter(ends))}), {watchdog} by its watchdog; {exceptions} exceptions thrown; the SDK missed "
-              f"{on_the_way} numbers; at last it ended with {code} in {seconds:.1f} s", flush=True)
-    if bad or code != 0:
+              f"{on_the_way} numbers; at the end " + ("; ".join(at_the_end) or "all was well"), flush=True)
+    if bad or at_the_end:
         print(f"the server's log: {os.path.join(folder, 'fiducapd.log')}")
         return 1
     return 0

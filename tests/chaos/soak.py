@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""./dev soak: the real server for an hour, with clients of all protocols that come, go and stall.
+"""./dev soak: the real server for an hour, three robots that map one room, with clients of all protocols that come, go and stall.
 
-A line a minute: memory, descriptors and threads of the server with the clients that stay, frames, clients. At the end the verdict: after the warm-up
-nothing grows, and a client that stayed missed no frame. Exit code 1 when that is not so.
+A line a minute: memory, descriptors, threads and processor time of the server with the clients that stay, versions of the map,
+frames, clients. At the end the verdict: after the warm-up nothing grows, a client that stayed missed no frame, and SIGTERM ended
+the server within a second with the map stored. Exit code 1 when that is not so.
 """
 
 import argparse
@@ -18,13 +19,20 @@ import clients
 import faults
 import stage
 
-WARM_UP_MIN = 5
+WARM_UP_MIN = 2  # the map's first tags, clients' first buffers
 SETTLED_S = 6  # clients that stalled are closed by then
 RECORD_EVERY = 3  # minutes: a recording of some seconds
-# What may grow after the warm-up, a hour: the map's last tags, a log's buffer; not what a leak of one client does.
+# What may grow after the warm-up, a minute: the map's last tags, a log's buffer; not what a leak of one client does.
+MOST_KB_PER_MINUTE = 1024
+# … and in an hour once the map is learned, which a run of half of one can tell.
 MOST_KB_PER_HOUR = 8 * 1024
+LEARNED_MIN = 5
+LONG_MIN = 30
 MOST_PER_HOUR = {"descriptors": 2.0, "threads": 1.0}
-COLUMNS = ("minute", "rss_kb", "descriptors", "threads", "frames_hz", "lost", "silent_s", "joined", "left", "stalled", "clients")
+# Of one processor: who the clients are differs by this much from minute to minute.
+MOST_CPU_GROWTH_PERCENT = 10.0
+COLUMNS = ("minute", "rss_kb", "descriptors", "threads", "cpu_percent", "map_version", "frames_hz", "lost", "silent_s", "joined", "left",
+           "stalled", "clients")
 
 
 class Crowd:
@@ -65,10 +73,14 @@ class Crowd:
         self.members = []
 
 
-def slope_per_hour(rows, column):
-    """Least squares over the minutes after the warm-up."""
-    points = [(row["minute"] / 60, row[column]) for row in rows if row["minute"] > WARM_UP_MIN]
-    if len(points) < 3:
+def settled(rows, column, begin_min=WARM_UP_MIN):
+    """The column from the end of the warm-up on, over hours."""
+    return [(row["since_s"] / 3600, row[column]) for row in rows if row["minute"] >= begin_min]
+
+
+def slope_per_hour(points):
+    """Least squares."""
+    if len(points) < 2:
         return 0.0
     mean_t = sum(t for t, _ in points) / len(points)
     mean_y = sum(y for _, y in points) / len(points)
@@ -76,26 +88,42 @@ def slope_per_hour(rows, column):
     return sum((t - mean_t) * (y - mean_y) for t, y in points) / spread
 
 
-def verdict(rows, missed_ticks):
-    """@return what is not as it should be"""
+def grows(rows):
+    """@return what grows after the warm-up"""
     wrong = []
-    limits = {"rss_kb": MOST_KB_PER_HOUR, **MOST_PER_HOUR}
-    for column, most in limits.items():
-        late = [row[column] for row in rows if row["minute"] > WARM_UP_MIN]
-        slope = slope_per_hour(rows, column)
-        grown = late[-1] - late[0] if late else 0
+    limits = [("rss_kb", 60 * MOST_KB_PER_MINUTE, WARM_UP_MIN)]
+    if rows and rows[-1]["minute"] >= LONG_MIN:
+        limits.append(("rss_kb", MOST_KB_PER_HOUR, LEARNED_MIN))
+    limits += [(column, most, WARM_UP_MIN) for column, most in MOST_PER_HOUR.items()]
+    for column, most, begin_min in limits:
+        points = settled(rows, column, begin_min)
+        slope = slope_per_hour(points)
+        grown = points[-1][1] - points[0][1] if points else 0
         print(f"{column}: {slope:+.1f} an hour (at most {most:g}), {grown:+d} in all")
         # A short run's slope is noise: what has to be seen is growth, too.
         if slope > most and grown > (1024 if column == "rss_kb" else 2):
             wrong.append(f"{column} grows")
+    points = settled(rows, "cpu_percent")
+    growth = slope_per_hour(points) * (points[-1][0] - points[0][0]) if points else 0.0
+    print(f"cpu_percent: {growth:+.1f} in all (at most {MOST_CPU_GROWTH_PERCENT:g})")
+    if growth > MOST_CPU_GROWTH_PERCENT:
+        wrong.append("processor time grows")
+    return wrong
+
+
+def verdict(rows, ticks):
+    """@return what is not as it should be"""
+    wrong = grows(rows)
     lost = sum(row["lost"] for row in rows)
     silent = sum(row["silent_s"] for row in rows if row["minute"] > 1)
-    print(f"ticks that the server missed: {missed_ticks}; frames that the SDK missed: {lost}; its program was without any for "
+    print(f"ticks that the server missed: {ticks}; frames that the SDK missed: {lost}; its program was without any for "
           f"{silent:.1f} s (on a busy machine: its own fault)")
-    if missed_ticks:
+    if ticks:
         wrong.append("frames were not made in time")
     if lost:
         wrong.append("frames were missed")
+    if rows and not rows[-1]["map_version"]:
+        wrong.append("no version of the map was stored")
     return wrong
 
 
@@ -112,8 +140,13 @@ class Soak:
         self.programs = programs
         self.random = random.Random(given.seed)
         self.disk = stage.Disk(folder, 512)
-        self.service = stage.Service(programs, stage.arguments_of_server(folder, self.disk.folder, False), folder)
+        arguments = stage.arguments_of_server(folder, self.disk.folder, False)
+        if problem := stage.why_not_mapping(programs, arguments):
+            sys.exit(problem)
+        self.store = stage.store_of(self.disk.folder)
+        self.service = stage.Service(programs, arguments, folder)
         self.service.start()
+        self.began = time.monotonic()
         self.staying = clients.of_every_protocol(programs)
         for client in self.staying:
             client.start()
@@ -123,7 +156,7 @@ class Soak:
     def minute(self, number):
         begin = time.monotonic()
         native = self.staying[0]
-        frames, lost = native.count, native.lost
+        frames, lost, cpu_s = native.count, native.lost, self.service.cpu_s()
         while time.monotonic() - begin < 60:
             self.crowd.step()
             time.sleep(self.random.uniform(0.2, 1.5))
@@ -135,24 +168,25 @@ class Soak:
             stage.operator(self.programs, "stop")
             faults.forget_recordings(self.disk)
         end = time.monotonic()
+        cpu_percent = round(100 * (self.service.cpu_s() - cpu_s) / (end - begin), 1)
         rate, lost = round((native.count - frames) / (end - begin), 1), native.lost - lost
         present = len(self.staying) + len(self.crowd.members)
         self.crowd.leave()  # so that what is counted belongs to the same clients each time
         time.sleep(SETTLED_S)
         rss, descriptors, threads = self.service.figures()
         silent = round(native.silent_between(begin, end), 2)
-        row = dict(zip(COLUMNS, (number, rss, descriptors, threads, rate, lost, silent, self.crowd.joined, self.crowd.left,
-                                 self.crowd.stalled, present)))
-        self.rows.append(row)
+        row = dict(zip(COLUMNS, (number, rss, descriptors, threads, cpu_percent, stage.newest_version(self.store)[1], rate, lost,
+                                 silent, self.crowd.joined, self.crowd.left, self.crowd.stalled, present)))
+        self.rows.append({**row, "since_s": time.monotonic() - self.began})
         return row
 
     def end(self):
         for client in self.staying:
             client.stopping.set()
         self.crowd.leave()
-        code, _ = self.service.stop()
+        wrong = stage.what_is_wrong_at_the_end(self.service, self.store)
         self.disk.leave()
-        return code
+        return wrong
 
 
 def parse():
@@ -185,10 +219,10 @@ def main():
         except RuntimeError as error:
             problem = str(error)
         finally:
-            code = soak.end()
+            at_the_end = soak.end()
     wrong = verdict(soak.rows, missed_ticks(folder))
     wrong += [problem] if problem else []
-    wrong += [f"the server ended with {code}"] if code else []
+    wrong += at_the_end
     print("flat, and no frame missed" if not wrong else "NOT well: " + "; ".join(wrong) + f"; log in {folder}")
     return 1 if wrong else 0
 

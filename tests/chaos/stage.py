@@ -3,6 +3,7 @@
 import contextlib
 import fcntl
 import os
+import re
 import resource
 import shutil
 import signal
@@ -17,6 +18,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 TOKEN = "operator-of-the-chaos"
 RESTART_S = 2.0  # as deploy/fiducapd.service has it
 WATCHDOG_S = 20.0  # as deploy/fiducapd.service has it
+STOPS_WITHIN_S = 1.0  # docs/promises.md
 ROS_BODY = "porter"
 F_SETPIPE_SZ = 1031
 
@@ -180,6 +182,12 @@ class Service(threading.Thread):
             self.process.wait()
         return self.process.returncode, time.monotonic() - begin
 
+    def cpu_s(self):
+        """@return seconds of processor time that it has had"""
+        with open(f"/proc/{self.pid}/stat", encoding="ascii") as file:
+            fields = file.read().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def figures(self):
         """@return resident kB, open descriptors, threads"""
         with open(f"/proc/{self.pid}/status", encoding="ascii") as file:
@@ -213,8 +221,13 @@ class SensorDriver:
             self.process.wait()
 
 
+def store_of(disk):
+    return os.path.join(disk, "map.sqlite")
+
+
 def arguments_of_server(folder, disk, with_ros):
-    """The demo with ready corners instead of images, a store, an operator, an autopilot and, if it can be driven, a body on ROS."""
+    """The demo, whose three robots map one room together, with ready corners instead of images, a store, an operator, an
+    autopilot and, if it can be driven, a body on ROS."""
     with open(os.path.join(ROOT, "config/demo.yaml"), encoding="utf-8") as file:
         text = file.read()
     porter = f"""
@@ -233,12 +246,65 @@ def arguments_of_server(folder, disk, with_ros):
     config = os.path.join(folder, "server.yaml")
     with open(config, "w", encoding="utf-8") as file:
         file.write(text)
-    settings = {"estimator.corner_noise_px": 0.5, "map.store": os.path.join(disk, "map.sqlite"),
+    settings = {"estimator.corner_noise_px": 0.5, "map.mode": "mapping", "map.store": store_of(disk),
                 "recorder.folder": os.path.join(disk, "recordings"), "operator.token": TOKEN,
                 "bodies.2.source.faults": "{}"}
     for body in range(3):
         settings[f"bodies.{body}.source.camera.images"] = "false"
     return ["--config", config, *(f"--set={key}={value}" for key, value in settings.items())]
+
+
+def why_not_mapping(programs, arguments):
+    """@return None when the server refines one map of its bodies, as it reads its own configuration"""
+    said = subprocess.run([os.path.join(programs, "fiducapd"), *arguments, "--print-config"], capture_output=True, text=True,
+                          check=False).stdout
+    of_map = re.split(r"\n(?=\S)", said.partition("\nmap:\n")[2])[0]
+    settings = dict(line.strip().split(": ", 1) for line in of_map.split("\n") if ": " in line)
+    if settings.get("mode") != "mapping" or float(settings.get("refine_period_s", 0)) <= 0 or not settings.get("store"):
+        return f"the server does not refine and store a map: {of_map[:400]}"
+    return None
+
+
+def why_not_stored(store, before):
+    """What is wrong with the store after the end of a server, whose newest version was `before` while it mapped; None: nothing"""
+    try:
+        sound, version = newest_version(store)
+        tags, with_ties = newest_contents(store)
+    except sqlite3.Error as error:
+        return f"the store cannot be read: {error}"
+    if sound != "ok":
+        return f"the store is damaged: {sound}"
+    if version < before:
+        return f"version {before} was stored, the newest is {version}"
+    if not tags or not with_ties:
+        return f"version {version} has {tags} tags and {'their' if with_ties else 'no'} ties"
+    return None
+
+
+def what_is_wrong_at_the_end(service, store):
+    """Ends the server by SIGTERM. @return what is not as promised, said in words"""
+    before = newest_version(store)[1]
+    code, seconds = service.stop()
+    print(f"SIGTERM ended it with {code} within {seconds:.2f} s (at most {STOPS_WITHIN_S:g})")
+    wrong = []
+    if code != 0:
+        wrong.append(f"the server ended with {code}")
+    if seconds > STOPS_WITHIN_S:
+        wrong.append(f"it took {seconds:.1f} s to end")
+    if problem := why_not_stored(store, before):
+        wrong.append(problem)
+    return wrong
+
+
+def newest_contents(store):
+    """@return tags of the newest version, and whether the graph's knowledge of their ties is stored with it"""
+    database = sqlite3.connect(f"file:{store}?mode=ro", uri=True, timeout=5)
+    try:
+        newest = "(SELECT max(version) FROM version)"
+        tags = database.execute(f"SELECT count(*) FROM tag WHERE version = {newest}").fetchone()[0]
+        return tags, bool(database.execute(f"SELECT count(*) FROM tie WHERE version = {newest}").fetchone()[0])
+    finally:
+        database.close()
 
 
 def newest_version(store):

@@ -10,7 +10,7 @@ namespace {
 
 using testing::ElementsAre;
 
-constexpr Instant ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
+constexpr Instant at_ms(int n) { return instant_from_ns(std::int64_t{n} * 1'000'000); }
 
 /// A publisher at 100 Hz whose frames are kept; it is stopped from inside, by the receiver.
 class PublisherTest : public testing::Test {
@@ -29,7 +29,7 @@ class PublisherTest : public testing::Test {
     published_ = publisher.frames();
   }
 
-  FakeClock clock_{ms(1000)};
+  FakeClock clock_{at_ms(1000)};
   Scene scene_{{{{1, "robot"}, Pose{}, BodyLimits{}, BodySensors{}, EstimatorConfig{}, {}}}};
   MapBuilder map_{MapConfig{}, TagMap{}};
   std::stop_source stop_;
@@ -42,19 +42,19 @@ class PublisherTest : public testing::Test {
 
 TEST_F(PublisherTest, TicksAtItsRate) {
   publish({0, 0, 0, 0});
-  EXPECT_THAT(at_, ElementsAre(ms(1000), ms(1010), ms(1020), ms(1030)));
+  EXPECT_THAT(at_, ElementsAre(at_ms(1000), at_ms(1010), at_ms(1020), at_ms(1030)));
   EXPECT_EQ(missed_, 0u);
   EXPECT_EQ(rate_hz_, 100);
 }
 
 TEST_F(PublisherTest, ALateTickDoesNotMoveTheNextOne) {
   publish({0, 7, 0, 0});
-  EXPECT_THAT(at_, ElementsAre(ms(1000), ms(1010), ms(1020), ms(1030)));
+  EXPECT_THAT(at_, ElementsAre(at_ms(1000), at_ms(1010), at_ms(1020), at_ms(1030)));
 }
 
 TEST_F(PublisherTest, LeavesMissedTicksOutAndKeepsItsGrid) {
   publish({0, 25, 0});
-  EXPECT_THAT(at_, ElementsAre(ms(1000), ms(1010), ms(1040)));
+  EXPECT_THAT(at_, ElementsAre(at_ms(1000), at_ms(1010), at_ms(1040)));
   EXPECT_EQ(missed_, 2u);
 }
 

@@ -13,7 +13,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr double kRounding_m = 1e-9;
+constexpr double kPlaceRounding_m = 1e-9;
 
 // A wall that stands 2 m away in x and is turned by a quarter about z, one tag in its middle and
 // one half a metre up; a robot that carries a tag.
@@ -63,14 +63,14 @@ TEST(MapTagslam, ComposesTheBodysPoseAndTheTags) {
   ASSERT_EQ(room->map.tags.size(), 2u);
   const KnownTag& flat = room->map.find(7)->tag;
   EXPECT_EQ(flat.edge_m, 0.2);  // the body's default
-  EXPECT_LT((flat.X_WT * printed_corner(0, 0.2) - Vector3d(2.1, -0.1, 1)).norm(), kRounding_m);
-  EXPECT_LT((flat.X_WT * printed_corner(1, 0.2) - Vector3d(2.1, 0.1, 1)).norm(), kRounding_m);
+  EXPECT_LT((flat.X_WT * printed_corner(0, 0.2) - Vector3d(2.1, -0.1, 1)).norm(), kPlaceRounding_m);
+  EXPECT_LT((flat.X_WT * printed_corner(1, 0.2) - Vector3d(2.1, 0.1, 1)).norm(), kPlaceRounding_m);
   // Turned up about the wall's x, which is the world's y: its up is z, its face looks along +x.
   const KnownTag& upright = room->map.find(3)->tag;
   EXPECT_EQ(upright.edge_m, 0.1);
-  EXPECT_LT((upright.X_WT.p - Vector3d(2, 1, 1.5)).norm(), kRounding_m);
-  EXPECT_LT((upright.X_WT.q * Vector3d::UnitY() - Vector3d::UnitZ()).norm(), kRounding_m);
-  EXPECT_LT((upright.X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kRounding_m);
+  EXPECT_LT((upright.X_WT.p - Vector3d(2, 1, 1.5)).norm(), kPlaceRounding_m);
+  EXPECT_LT((upright.X_WT.q * Vector3d::UnitY() - Vector3d::UnitZ()).norm(), kPlaceRounding_m);
+  EXPECT_LT((upright.X_WT.q * Vector3d::UnitZ() - Vector3d::UnitX()).norm(), kPlaceRounding_m);
 }
 
 TEST(MapTagslam, NoisesBecomeCovariancesInWorkspaceAxes) {
@@ -200,11 +200,11 @@ TEST(MapTagslam, BoardsAreLaidOut) {
   EXPECT_EQ(boards->map.family, "tag25h9");
   ASSERT_EQ(boards->map.tags.size(), 9u);
   const auto place = [&](int id) { return boards->map.find(id)->tag.X_WT.p; };
-  EXPECT_LT((place(10) - Vector3d(-1, 0, 1)).norm(), kRounding_m);
-  EXPECT_LT((place(12) - Vector3d(-0.7, 0, 1)).norm(), kRounding_m);
-  EXPECT_LT((place(13) - Vector3d(-1, 0.15, 1)).norm(), kRounding_m);
-  EXPECT_LT((place(21) - Vector3d(0.2, 0, 2)).norm(), kRounding_m);
-  EXPECT_LT((place(22) - Vector3d(0.1, -0.1, 2)).norm(), kRounding_m);
+  EXPECT_LT((place(10) - Vector3d(-1, 0, 1)).norm(), kPlaceRounding_m);
+  EXPECT_LT((place(12) - Vector3d(-0.7, 0, 1)).norm(), kPlaceRounding_m);
+  EXPECT_LT((place(13) - Vector3d(-1, 0.15, 1)).norm(), kPlaceRounding_m);
+  EXPECT_LT((place(21) - Vector3d(0.2, 0, 2)).norm(), kPlaceRounding_m);
+  EXPECT_LT((place(22) - Vector3d(0.1, -0.1, 2)).norm(), kPlaceRounding_m);
   EXPECT_NEAR(boards->map.find(10)->tag.covariance(0, 0), 4e-6, 1e-12);
   EXPECT_THAT(boards->remarks, Contains(HasSubstr("that of the body on the board")));
 }

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kRounding = 1e-12;
+constexpr double kPivotRounding = 1e-12;
 
 BodyEstimate turning_body() {
   BodyEstimate body;
@@ -37,7 +37,7 @@ TEST(Pivot, OnTheBodyAxesChangesNothing) {
   EXPECT_EQ(out.a_WP, body.a_WB);
   VectorXd expected(12);
   expected << 1, 2, 3, 4, 5, 6, 7, 8, 9, 13, 14, 15;
-  EXPECT_LT((out.covariance.diagonal() - expected).norm(), kRounding);
+  EXPECT_LT((out.covariance.diagonal() - expected).norm(), kPivotRounding);
 }
 
 // A steady turn about z: every part can be written down by hand.
@@ -47,10 +47,10 @@ TEST(Pivot, GoesRoundTheBodyWithVelocityAndCentripetalAcceleration) {
   body.w_WB_B = {0, 0, 2};
   BodyPose out;
   write_pivot(body, Pose{exp_so3({M_PI / 2, 0, 0}), {0.5, 0, 0}}, 0.0, out);
-  EXPECT_LT((out.X_WP.p - Vector3d(0, 0.5, 0)).norm(), kRounding);
-  EXPECT_LT((out.v_WP - Vector3d(-1, 0, 0)).norm(), kRounding);
-  EXPECT_LT((out.a_WP - Vector3d(0, -2, 0)).norm(), kRounding);
-  EXPECT_LT((out.w_WP_P - Vector3d(0, 2, 0)).norm(), kRounding);  // P's y is B's z
+  EXPECT_LT((out.X_WP.p - Vector3d(0, 0.5, 0)).norm(), kPivotRounding);
+  EXPECT_LT((out.v_WP - Vector3d(-1, 0, 0)).norm(), kPivotRounding);
+  EXPECT_LT((out.a_WP - Vector3d(0, -2, 0)).norm(), kPivotRounding);
+  EXPECT_LT((out.w_WP_P - Vector3d(0, 2, 0)).norm(), kPivotRounding);  // P's y is B's z
 }
 
 // Central differences of the pose along a turn of constant rate must give the twist.
@@ -110,7 +110,7 @@ TEST(Pivot, GyroNoiseReachesRateAndLeverArmVelocity) {
   VectorXd expected = VectorXd::Zero(12);
   expected.segment<3>(6) << 0, 0.01, 0.01;
   expected.segment<3>(9).setConstant(0.04);
-  EXPECT_LT((out.covariance.diagonal() - expected).norm(), kRounding);
+  EXPECT_LT((out.covariance.diagonal() - expected).norm(), kPivotRounding);
 }
 
 TEST(BodyPose, SigmaIsTheWorstAxis) {

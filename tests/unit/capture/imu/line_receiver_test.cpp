@@ -12,7 +12,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr Instant kStart = instant_from_ns(900'000'000'000);
+constexpr Instant kReceiverStart = instant_from_ns(900'000'000'000);
 
 // The example of docs/imu-line-protocol.md.
 constexpr const char* kReading = "IMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*";
@@ -28,7 +28,7 @@ std::string reading(std::uint64_t count_us) {
   return with_checksum("IMU," + std::to_string(count_us) + ",0.01,-0.02,0.03,0.1,-0.2,9.81") + "\n";
 }
 
-LineFault fault_of(const std::string& line) {
+LineFault line_fault_of(const std::string& line) {
   const auto parsed = parse_line(line);
   const auto* fault = std::get_if<LineFault>(&parsed);
   EXPECT_NE(fault, nullptr) << line;
@@ -50,7 +50,7 @@ class LineReceiverTest : public testing::Test {
   }
 
   LineReceiver receiver_;
-  Instant now_{kStart};
+  Instant now_{kReceiverStart};
   ImuSample newest_;
 };
 
@@ -72,11 +72,11 @@ TEST(LineParser, ReadsATrigger) {
 }
 
 TEST(LineParser, AWrongChecksumIsToldApartFromAnotherForm) {
-  EXPECT_EQ(fault_of(std::string(kReading) + "41"), LineFault::kChecksum);
-  EXPECT_EQ(fault_of(kReading), LineFault::kForm);
-  EXPECT_EQ(fault_of("hello"), LineFault::kForm);
-  EXPECT_EQ(fault_of(""), LineFault::kForm);
-  EXPECT_EQ(fault_of(std::string(kReading) + "4G"), LineFault::kForm);
+  EXPECT_EQ(line_fault_of(std::string(kReading) + "41"), LineFault::kChecksum);
+  EXPECT_EQ(line_fault_of(kReading), LineFault::kForm);
+  EXPECT_EQ(line_fault_of("hello"), LineFault::kForm);
+  EXPECT_EQ(line_fault_of(""), LineFault::kForm);
+  EXPECT_EQ(line_fault_of(std::string(kReading) + "4G"), LineFault::kForm);
 }
 
 TEST(LineParser, WhatIsNoReadingIsRefusedWithARightChecksum) {
@@ -84,7 +84,7 @@ TEST(LineParser, WhatIsNoReadingIsRefusedWithARightChecksum) {
        {"IMU,1,2,3,4,5,6", "IMU,1,2,3,4,5,6,7,8", "IMU,-1,0,0,0,0,0,9", "IMU,1,nan,0,0,0,0,9",
         "IMU,1,inf,0,0,0,0,9", "IMU,1,0,0,,0,0,9", "IMU,1, 0,0,0,0,0,9", "GPS,1,0,0,0,0,0,9",
         "TRG,1", "TRG,1,2,3", "IMU,99999999999999999999,0,0,0,0,0,9", "IMU,1,0,0,0,0,0,1e999"})
-    EXPECT_EQ(fault_of(with_checksum(text)), LineFault::kForm) << text;
+    EXPECT_EQ(line_fault_of(with_checksum(text)), LineFault::kForm) << text;
 }
 
 TEST_F(LineReceiverTest, AHalfLineAtTheBeginningIsNoFault) {

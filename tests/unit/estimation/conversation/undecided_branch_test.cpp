@@ -32,14 +32,14 @@ BodySensors rig_of(int cameras) {
   return sensors;
 }
 
-Instant at(double t_s) { return instant_from_ns(1'000'000'000) + from_seconds(t_s); }
+Instant instant_at(double t_s) { return instant_from_ns(1'000'000'000) + from_seconds(t_s); }
 
 TagObservations image_of(const BodySensors& sensors, int camera, double t_s, int tag_id,
                          const Pose& X_BT) {
   const CameraMount& mount = sensors.cameras[static_cast<std::size_t>(camera)];
   TagObservations seen;
   seen.camera = camera;
-  seen.exposed_at = at(t_s);
+  seen.exposed_at = instant_at(t_s);
   seen.tags.push_back(
       example_observation(tag_id, kEdge_m, mount.X_BV.inverse() * X_BT, mount.model));
   TagObservation& tag = seen.tags.front();

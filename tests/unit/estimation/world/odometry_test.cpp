@@ -12,7 +12,7 @@ namespace {
 
 using namespace layout;  // NOLINT
 
-const Eigen::Vector3d kGravity(0, 0, -9.81);
+const Eigen::Vector3d kGravity_W(0, 0, -9.81);
 
 /// Where a body stands after two steps of odometry.
 struct OdometrySteps {
@@ -29,7 +29,7 @@ struct OdometrySteps {
     inputs[1].v_B = {0.5, -0.6, 0.1};
   }
   FilterState after(FilterState state, MotionSinceImage& motion) const {
-    for (const InertialInput& input : inputs) propagate(state, motion, input, kGravity, kStep_s);
+    for (const InertialInput& input : inputs) propagate(state, motion, input, kGravity_W, kStep_s);
     return state;
   }
   static constexpr double kStep_s = 0.01;

@@ -9,18 +9,18 @@ namespace {
 
 using ConversationTest = ConversationFixture;
 
-constexpr std::size_t kInfo = 283;
+constexpr std::size_t kInfoBytes = 283;
 constexpr std::size_t kInfoBefore3 = 268;
 constexpr std::size_t kMulticastFlag = kHeaderSize + 274;
 
 TEST_F(ConversationTest, AnswersEveryFormOfConnect) {
-  EXPECT_EQ(say(message(Message::kConnect)).size(), kInfo);
-  EXPECT_EQ(say(ping()).size(), kInfo);
-  EXPECT_EQ(say(connect({3, 0})).size(), kInfo);
-  EXPECT_EQ(say(connect({4, 1}, {4, 1})).size(), kInfo);
+  EXPECT_EQ(say(message(Message::kConnect)).size(), kInfoBytes);
+  EXPECT_EQ(say(ping()).size(), kInfoBytes);
+  EXPECT_EQ(say(connect({3, 0})).size(), kInfoBytes);
+  EXPECT_EQ(say(connect({4, 1}, {4, 1})).size(), kInfoBytes);
   Bytes spare = connect({4, 2}, {4, 2});
   spare.insert(spare.end(), 4, std::byte{0});
-  EXPECT_EQ(say(spare).size(), kInfo);
+  EXPECT_EQ(say(spare).size(), kInfoBytes);
 }
 
 TEST_F(ConversationTest, TheInfoSaysTheVersionThatIsSent) {
@@ -34,7 +34,7 @@ TEST_F(ConversationTest, TheInfoSaysTheVersionThatIsSent) {
 }
 
 TEST_F(ConversationTest, DiscoveryIsAnsweredAndSubscribesNobody) {
-  EXPECT_EQ(say(message(Message::kDiscovery, sender_block({3, 1}))).size(), kInfo);
+  EXPECT_EQ(say(message(Message::kDiscovery, sender_block({3, 1}))).size(), kInfoBytes);
   EXPECT_TRUE(conversation_->subscribers().empty());
 }
 

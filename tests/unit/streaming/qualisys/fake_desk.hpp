@@ -7,7 +7,7 @@
 
 #include "streaming/operator_desk.hpp"
 
-namespace fiducap {
+namespace fiducap::qualisys {
 
 /// Does what it is told, and remembers it. The token is `open sesame`.
 class FakeDesk final : public OperatorDesk {
@@ -46,4 +46,4 @@ class FakeDesk final : public OperatorDesk {
   [[nodiscard]] std::vector<RecordingStatus> recordings() const override { return known; }
 };
 
-}  // namespace fiducap
+}  // namespace fiducap::qualisys

@@ -14,7 +14,7 @@ namespace fiducap::vicon {
 namespace {
 
 constexpr double kRounding = 1e-12;  // of products of numbers around 1
-constexpr double kRounding_mm = 1e-9;
+constexpr double kSubjectRounding_mm = 1e-9;
 
 SubjectPoses poses_with(WhenInvalid when_invalid = WhenInvalid::kFlag) {
   return SubjectPoses(conventions_of("vicon").axes, when_invalid);
@@ -37,7 +37,7 @@ TEST(ViconSubjectPoses, MatrixAndRotationVectorTurnSegmentPointsIntoTheWorldInMi
     const SegmentPose& segment = poses.all()[0].segment;
     const Eigen::Vector3d p_P = vector();
     const Eigen::Vector3d p_W_mm = 1000 * (X_WP * p_P);
-    EXPECT_LT((segment.R * (1000 * p_P) + segment.t_mm - p_W_mm).norm(), kRounding_mm);
+    EXPECT_LT((segment.R * (1000 * p_P) + segment.t_mm - p_W_mm).norm(), kSubjectRounding_mm);
     EXPECT_LT((exp_so3(segment.rotation_vector).toRotationMatrix() - segment.R).norm(),
               1e3 * kRounding);
     EXPECT_LE(segment.rotation_vector.norm(), M_PI + kRounding);

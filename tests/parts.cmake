@@ -1,0 +1,68 @@
+# What is built and run together: `quick` by ./dev test, each other part by ./dev verify (docs/tests.md). The default
+# build makes what `quick` needs and nothing else of the tests.
+set(FIDUCAP_PARTS quick interop statistics sanitizers fuzz tidy browser guide install paper benches chaos)
+foreach(part IN LISTS FIDUCAP_PARTS)
+  if(NOT part STREQUAL quick)
+    add_custom_target(fiducap_${part})
+  endif()
+endforeach()
+
+# fiducap_part(PART program…): every program of the tests belongs to a part; configuring fails when one does not.
+function(fiducap_part part)
+  add_dependencies(fiducap_${part} ${ARGN})
+  foreach(program IN LISTS ARGN)
+    set_property(TARGET ${program} APPEND PROPERTY FIDUCAP_PARTS ${part})
+    set_property(GLOBAL APPEND PROPERTY FIDUCAP_PARTED "${part} ${program}")
+  endforeach()
+endfunction()
+
+# fiducap_slice(PART LABEL target…): tests of a part that need no more than these targets. A part with a time limit is
+# verified slice by slice.
+function(fiducap_slice part label)
+  if(ARGN)
+    add_dependencies(fiducap_${part} ${ARGN})
+  endif()
+  string(JOIN " " line ${part} ${label} ${ARGN})
+  set_property(GLOBAL APPEND PROPERTY FIDUCAP_SLICES ${line})
+endfunction()
+
+# fiducap_add_test(name PART … LABEL … [NEEDS targets…] COMMAND …): a test that is no gtest program.
+function(fiducap_add_test name)
+  cmake_parse_arguments(A "" "PART;LABEL" "NEEDS;COMMAND" ${ARGN})
+  add_test(NAME ${name} COMMAND ${A_COMMAND})
+  set_tests_properties(${name} PROPERTIES LABELS "${A_LABEL};part-${A_PART};${name}")
+  fiducap_slice(${A_PART} ${name} ${A_NEEDS})
+  set_property(GLOBAL APPEND PROPERTY FIDUCAP_LABELLED_TESTS ${name})
+endfunction()
+
+function(fiducap_check_parts folder)
+  get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)
+  foreach(target IN LISTS targets)
+    get_target_property(type ${target} TYPE)
+    get_target_property(parts ${target} FIDUCAP_PARTS)
+    if(type MATCHES "^(EXECUTABLE|SHARED_LIBRARY)$" AND NOT parts AND NOT target MATCHES "^fiducap_precompiled_")
+      message(FATAL_ERROR "${target} is in no part of the tests (tests/parts.cmake): neither ./dev test nor ./dev verify builds it")
+    endif()
+  endforeach()
+  get_property(tests DIRECTORY ${folder} PROPERTY TESTS)
+  get_property(labelled GLOBAL PROPERTY FIDUCAP_LABELLED_TESTS)
+  foreach(test IN LISTS tests)
+    if(NOT test IN_LIST labelled)
+      message(FATAL_ERROR "${test} is in no part of the tests: fiducap_add_test instead of add_test")
+    endif()
+  endforeach()
+  get_property(folders DIRECTORY ${folder} PROPERTY SUBDIRECTORIES)
+  foreach(inner IN LISTS folders)
+    fiducap_check_parts(${inner})
+  endforeach()
+endfunction()
+
+# For ./dev verify, and for the test that compares them with docs/tests.md.
+function(fiducap_write_parts)
+  get_property(slices GLOBAL PROPERTY FIDUCAP_SLICES)
+  get_property(programs GLOBAL PROPERTY FIDUCAP_PARTED)
+  list(JOIN slices "\n" slices)
+  list(JOIN programs "\n" programs)
+  file(WRITE ${CMAKE_BINARY_DIR}/slices.txt "${slices}\n")
+  file(WRITE ${CMAKE_BINARY_DIR}/parts.txt "${programs}\n")
+endfunction()
