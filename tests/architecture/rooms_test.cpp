@@ -22,7 +22,8 @@ constexpr std::array<std::string_view, 13> kRooms{
 /// Sub-room → its neighbours in the same room that it may know. What stands in the room's own
 /// folder is open to all its sub-rooms: it is what they share.
 const std::map<std::string, std::set<std::string>> kSubRooms{
-    {"middleware/mavlink", {}},
+    {"middleware/mavlink", {"net"}},
+    {"middleware/net", {}},
     {"capture/lens", {}},
     {"capture/imu", {"ros"}},
     {"capture/import", {"lens", "recording"}},

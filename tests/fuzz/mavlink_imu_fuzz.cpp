@@ -24,6 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     out.clear();
     vehicle.speak(now, out);
+    (void)vehicle.challenge(now, out);
     fuzz::require(out.size() < 1024);  // nobody makes it flood somebody else
     while (vehicle.take_news()) {
     }

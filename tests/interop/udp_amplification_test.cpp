@@ -1,8 +1,7 @@
 // What a blind sender gets out of the UDP protocols in the name of an address beyond every network
 // of the server: datagrams leave under that address, what comes for it is counted on the wire and
-// answered by nobody. All bytes are those of IP. (The native protocol's answers are never longer
-// than the question, registry_test; MAVLink hears configured addresses only, mavlink_server_test;
-// DDS, fence_test; Vicon has no UDP.)
+// answered by nobody. All bytes are those of IP. Every UDP socket of the process has its test here,
+// those of sensors included. (DDS: fence_test. Vicon has no UDP.)
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <net/ethernet.h>
@@ -18,11 +17,19 @@
 #include <thread>
 
 #include "base/clock.hpp"
+#include "capture/imu/imu_source.hpp"
+#include "fiducap/v1/envelope.pb.h"
+#include "middleware/mavlink/messages.hpp"
+#include "streaming/mavlink/mavlink_server.hpp"
+#include "streaming/native/native_server.hpp"
+#include "streaming/native/wire.hpp"
 #include "streaming/natnet/natnet_server.hpp"
 #include "streaming/qualisys/qualisys_server.hpp"
 #include "streaming/vrpn/vrpn_server.hpp"
+#include "support/hex.hpp"
 #include "support/network_namespace.hpp"
 #include "support/scene_builder.hpp"
+#include "unit/capture/imu/mavlink_bytes.hpp"
 #include "unit/streaming/natnet/messages.hpp"
 
 namespace fiducap {
@@ -131,20 +138,25 @@ class UdpAmplification : public testing::Test {
     ASSERT_TRUE(server_);
   }
   void TearDown() override {
+    if (!server_) return;
     boost::asio::post(io_, [this] {
       server_->stop();
       stopped_ = true;
     });
     if (thread_.joinable()) thread_.join();
   }
-  void expect_little() {
+  void expect_little() { expect_little(server_->protocol()); }
+  void expect_little(std::string_view who) {
     forger_->listen(kListen);
     const double ratio =
         static_cast<double>(forger_->drawn()) / static_cast<double>(forger_->sent());
-    std::cout << server_->protocol() << ": " << forger_->sent() << " bytes drew "
-              << forger_->drawn() << ", x " << ratio << std::endl;
-    EXPECT_LE(ratio, kAllowed);
+    std::cout << who << ": " << forger_->sent() << " bytes drew " << forger_->drawn() << ", x "
+              << ratio << std::endl;
+    EXPECT_LE(ratio, kAllowed) << who;
   }
+
+  void forge_to(const ImuSourceConfig& config, std::uint16_t port, const std::string& what,
+                const Bytes& bytes);
 
   TwoHosts hosts_;
   RealClock clock_;
@@ -193,6 +205,103 @@ TEST_F(UdpAmplification, QualisysAnswersStrangersNoMoreThanTheyBring) {
   question.reserve(16);
   LittleEndianWriter(question).u32(10).u32(7).u8(kVictimPort >> 8).u8(kVictimPort & 0xff);
   for (int i = 0; i < 100; ++i) forger_->send(question, config.discovery_port);
+  expect_little();
+}
+
+/// Opens it, has these bytes sent to it, and counts what comes.
+void UdpAmplification::forge_to(const ImuSourceConfig& config, std::uint16_t port,
+                                const std::string& what, const Bytes& bytes) {
+  forger_.reset();  // its port is free before the next one binds it
+  hosts_.client.on([this] { forger_ = std::make_unique<Forger>(); });
+  ASSERT_TRUE(forger_->ok()) << std::strerror(errno);
+  Expected<std::unique_ptr<SensorSource>> source = fail(ErrorCode::kClosed, "");
+  std::jthread reader;
+  hosts_.server.on([&] {
+    source = open_imu_source(config, {clock_, {}});
+    ASSERT_TRUE(source) << source.error().text();
+    reader = std::jthread([&source](std::stop_token stop) {
+      while (!stop.stop_requested()) (void)(*source)->next(stop);
+    });
+  });
+  forger_->send(bytes, port);
+  expect_little(what);
+  reader.request_stop();
+  reader.join();
+}
+
+TEST_F(UdpAmplification, AMavlinkImuSendsStrangersLittleWhateverTheySay) {
+  ImuSourceConfig config;
+  config.type = ImuSourceType::kMavlink;
+  config.mavlink.link.port = 14540;
+  config.mavlink.rate_hz = 200;
+  const auto timesync = [](const mavlink::Timesync& one) {
+    Bytes bytes;
+    mavlink::encode_timesync({3, 1, 0}, one, bytes);
+    return bytes;
+  };
+  const auto heartbeat = from_hex(mavlink::golden::kHeartbeatOfPx4);
+  Bytes long_one = heartbeat;
+  long_one.resize(1400);
+  Bytes questions = heartbeat;
+  for (int i = 1; i <= 20; ++i) {
+    const auto one = timesync({0, i});
+    questions.insert(questions.end(), one.begin(), one.end());
+  }
+  const std::vector<std::pair<std::string, Bytes>> kinds{
+      {"heartbeat", heartbeat},
+      {"heartbeat of MAVLink 1", from_hex(mavlink::golden::kHeartbeatOfArduPilot)},
+      {"readings", from_hex(mavlink::golden::kHighres)},
+      {"readings of MAVLink 1", from_hex(mavlink::golden::kRaw)},
+      {"TIMESYNC question", timesync({0, 5})},
+      {"TIMESYNC answer, guessed", timesync({5, 6})},
+      {"heartbeat and questions", questions},
+      {"heartbeat in a long datagram", long_one}};
+  for (const auto& [what, bytes] : kinds) forge_to(config, 14540, "IMU, MAVLink, " + what, bytes);
+}
+
+TEST_F(UdpAmplification, ALineOfAnImuIsNotAnswered) {
+  ImuSourceConfig config;
+  config.line.port = 5005;
+  const std::string line = "\nIMU,1000000,0.01,-0.02,0.03,0.1,-0.2,9.81*4F\n";
+  const auto bytes = std::as_bytes(std::span(line.data(), line.size()));
+  forge_to(config, 5005, "IMU, line", {bytes.begin(), bytes.end()});
+}
+
+TEST_F(UdpAmplification, MavlinkHearsItsAutopilotsOnly) {
+  mavlink::MavlinkConfig config;
+  config.address = TwoHosts::kServer;
+  config.port = 14550;
+  mavlink::VehicleConfig vehicle;
+  vehicle.body = "drone";
+  vehicle.address = TwoHosts::kClient;
+  vehicle.port = 14580;
+  config.vehicles = {vehicle};
+  serve([&](auto& io) { return mavlink::start_mavlink_server(io, config, model_, clock_); });
+  Bytes question = from_hex(mavlink::golden::kHeartbeatOfPx4);
+  mavlink::encode_timesync({3, 1, 0}, {0, 5}, question);
+  forger_->send(question, config.port);
+  expect_little();
+}
+
+TEST_F(UdpAmplification, NativeAnswersAreNoLongerThanTheirQuestions) {
+  native::NativeConfig config;
+  config.address = TwoHosts::kServer;
+  serve([&](auto& io) { return native::start_native_server(io, config, model_, clock_); });
+  const auto send = [&](auto fill) {
+    v1::Envelope envelope;
+    envelope.set_protocol(native::kProtocol);
+    fill(envelope);
+    Bytes bytes(envelope.ByteSizeLong());
+    envelope.SerializeToArray(bytes.data(), static_cast<int>(bytes.size()));
+    forger_->send(bytes, config.port);
+  };
+  for (const std::size_t padding : {0, 400}) {
+    send([&](auto& all) { all.mutable_subscribe()->set_padding(std::string(padding, ' ')); });
+    send([&](auto& all) { all.mutable_discovery_query()->set_padding(std::string(padding, ' ')); });
+    send([&](auto& all) { all.mutable_subscribe()->set_token(7); });
+    send([&](auto& all) { all.mutable_clock_query()->set_token(7); });
+    send([&](auto& all) { all.mutable_unsubscribe()->set_token(7); });
+  }
   expect_little();
 }
 

@@ -15,6 +15,10 @@ namespace fiducap {
 
 namespace {
 
+constexpr std::size_t kHeaders = 28;  // IPv4 and UDP
+
+net::Peer peer_of(const LinkPeer& peer) { return {peer.address, peer.port}; }
+
 sockaddr_in address_of(const LinkPeer& peer) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -65,6 +69,10 @@ std::string text_of(const LinkPeer& peer) {
   std::string text = address.data();
   if (peer.port > 0) text.append(":").append(std::to_string(peer.port));
   return text;
+}
+
+bool LinkConfig::takes_the_first_sender() const {
+  return device.empty() && peer.empty() && !address.starts_with("127.");
 }
 
 void LinkConfig::check(Checker& checker) const {
@@ -124,13 +132,19 @@ ByteLink::Piece ByteLink::read_datagram() {
                                   reinterpret_cast<sockaddr*>(&address), &length);
   if (size <= 0) return {};
   const LinkPeer from{ntohl(address.sin_addr.s_addr), ntohs(address.sin_port)};
-  const bool is_heard =
-      !peer_ || (peer_->address == from.address && (peer_->port == 0 || peer_->port == from.port));
-  if (!is_heard) return {};
+  if (peer_ && !is_configured(from)) return {};
+  rule_.heard(peer_of(from), static_cast<std::size_t>(size) + kHeaders, {});
   return {std::span<const std::byte>(buffer_).first(static_cast<std::size_t>(size)), from};
 }
 
-void ByteLink::write(std::span<const std::byte> bytes, const LinkPeer& to) {
+bool ByteLink::is_configured(const LinkPeer& peer) const {
+  return peer_ && peer_->address == peer.address && (peer_->port == 0 || peer_->port == peer.port);
+}
+
+void ByteLink::write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven) {
+  const bool may_go = is_serial_ || proven || is_configured(to) ||
+                      rule_.may_answer_stranger(peer_of(to), bytes.size() + kHeaders);
+  if (!may_go) return;
   const sockaddr_in address = address_of(to);
   [[maybe_unused]] const ssize_t sent =
       is_serial_ ? ::write(descriptor_, bytes.data(), bytes.size())

@@ -8,10 +8,12 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "base/expected.hpp"
 #include "base/time.hpp"
 #include "capture/imu/link_config.hpp"
+#include "middleware/net/sender_rule.hpp"
 
 namespace fiducap {
 
@@ -40,7 +42,8 @@ class ByteLink final {
       : descriptor_(std::exchange(other.descriptor_, -1)),
         name_(std::move(other.name_)),
         is_serial_(other.is_serial_),
-        peer_(other.peer_) {}
+        peer_(other.peer_),
+        rule_(std::move(other.rule_)) {}
   ByteLink& operator=(ByteLink&&) = delete;
   ~ByteLink();
 
@@ -50,8 +53,10 @@ class ByteLink final {
   };
   /// Waits for bytes, at most so long.   @return Error kClosed when the line is gone
   [[nodiscard]] Expected<Piece> read(Duration patience);
-  /// Never waits; what the line does not take is lost. @param to  ignored by a serial line
-  void write(std::span<const std::byte> bytes, const LinkPeer& to);
+  /// Never waits; what the line does not take is lost. Over UDP an address gets no more than three
+  /// times the bytes of IP that came in its name, unless it is the configured peer's or proven.
+  /// @param to  ignored by a serial line   @param proven  it has answered what only it could read
+  void write(std::span<const std::byte> bytes, const LinkPeer& to, bool proven = false);
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool is_serial() const { return is_serial_; }
@@ -63,11 +68,15 @@ class ByteLink final {
       : descriptor_(descriptor), name_(std::move(name)), is_serial_(is_serial), peer_(peer) {}
   [[nodiscard]] Expected<Piece> read_serial();
   [[nodiscard]] Piece read_datagram();
+  [[nodiscard]] bool is_configured(const LinkPeer& peer) const;
 
   int descriptor_;
   std::string name_;
   bool is_serial_;
   std::optional<LinkPeer> peer_;  ///< Nobody else is heard; port 0: any of its ports.
+  // Being on an attached network is no proof: there is a better one (TIMESYNC).
+  net::SenderRule rule_{net::random_key(),
+                        net::TrustedNetworks({}, [] { return std::vector<net::Network>(); })};
   std::array<std::byte, 4096> buffer_{};
 };
 

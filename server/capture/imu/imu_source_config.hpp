@@ -45,6 +45,11 @@ struct ImuSourceConfig {
   ImuAxes axes;  ///< Of the readings; of MAVLink and PX4: after they were turned to flu.
   ImuUnits units;
 
+  /// The serial line or UDP port that it comes by; nullptr: another way.
+  [[nodiscard]] const LinkConfig* link() const {
+    if (type == ImuSourceType::kLine) return &line;
+    return type == ImuSourceType::kMavlink ? &mavlink.link : nullptr;
+  }
   /// @param prefix  e.g. `bodies.0.imu_source.`
   [[nodiscard]] std::vector<ConfigError> check(const std::string& prefix) const;
 };

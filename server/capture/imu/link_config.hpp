@@ -16,6 +16,8 @@ struct LinkConfig {
   std::string
       peer;  ///< UDP: only this address is heard, `192.168.1.20` or with a port; empty: any.
 
+  /// By UDP, from other machines, and the first one that speaks is taken.
+  [[nodiscard]] bool takes_the_first_sender() const;
   /// The rules of the line, into the checker of whoever has it.
   void check(Checker& checker) const;
 };

@@ -55,11 +55,14 @@ class MavlinkSource final : public SensorSource {
   /// To the vehicle; to the configured address before it has spoken.
   void speak(Instant now) {
     out_.clear();
+    if (const auto rival = vehicle_.challenge(now, out_)) link_.write(out_, *rival);
+    out_.clear();
     vehicle_.speak(now, out_);
     if (out_.empty()) return;
     const auto to = vehicle_.address(now);
     const bool may_call = link_.is_serial() || (first_ && first_->port > 0);
-    if (to || may_call) link_.write(out_, to.value_or(first_.value_or(LinkPeer{})));
+    if (to || may_call)
+      link_.write(out_, to.value_or(first_.value_or(LinkPeer{})), vehicle_.is_proven(now));
   }
 
   ByteLink link_;

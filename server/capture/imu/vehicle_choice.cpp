@@ -42,15 +42,19 @@ std::string_view name_of_autopilot(std::uint8_t autopilot) {
   return autopilot == kPx4 ? "PX4" : autopilot == kArduPilot ? "ArduPilot" : "autopilot";
 }
 
-bool VehicleChoice::hear(const Frame& frame, const LinkPeer& from, Instant now) {
+bool VehicleChoice::is_candidate(const Frame& frame) const {
+  return is_of_autopilot(frame) && (wanted_ == 0 || frame.system == wanted_);
+}
+
+bool VehicleChoice::hear(const Frame& frame, const LinkPeer& from, Instant now, bool may_replace) {
   const bool is_ours = vehicle_ && frame.system == vehicle_->system &&
                        frame.component == vehicle_->component && from == vehicle_->at;
   if (!is_ours) {
     if (!is_of_autopilot(frame)) return false;
-    const bool is_wanted = wanted_ == 0 || frame.system == wanted_;
     const bool is_same = vehicle_ && frame.system == vehicle_->system;
-    const bool is_free = !vehicle_ || now - vehicle_->heard_at > (is_same ? kMoved : kVehicleGone);
-    if (!is_wanted || !is_free) {
+    const bool is_free =
+        !vehicle_ || may_replace || now - vehicle_->heard_at > (is_same ? kMoved : kVehicleGone);
+    if (!is_candidate(frame) || !is_free) {
       note_foreign(frame, from);
       return false;
     }

@@ -13,7 +13,8 @@
 namespace fiducap::mavlink {
 
 /// Which of the vehicles that speak on one link is ours: the configured one, else the first one,
-/// until it has been silent for ten seconds. The others are counted and named once.
+/// until it has been silent for ten seconds or another one has the better proof. The others are
+/// counted and named once.
 class VehicleChoice final {
  public:
   /// @param system  0: the first one
@@ -27,8 +28,11 @@ class VehicleChoice final {
     Instant heard_at{};
   };
 
+  /// @param may_replace  the sender takes the place though it is held
   /// @return whether the frame is of our vehicle's autopilot
-  bool hear(const Frame& frame, const LinkPeer& from, Instant now);
+  bool hear(const Frame& frame, const LinkPeer& from, Instant now, bool may_replace = false);
+  /// Would its sender be ours if the place were free?
+  [[nodiscard]] bool is_candidate(const Frame& frame) const;
 
   [[nodiscard]] const std::optional<Vehicle>& vehicle() const { return vehicle_; }
   /// Counts up when another vehicle is taken.

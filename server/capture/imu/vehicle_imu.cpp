@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "middleware/mavlink/messages.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::mavlink {
 
@@ -19,6 +20,11 @@ constexpr Duration kFarthestClock{std::int64_t{1} << 61};
 // Answers to one piece: a flood of questions gets no flood of answers.
 constexpr std::size_t kMostAnswers = 512;
 
+// So long a question to a rival may be answered, and as long again.
+constexpr Duration kSlot = std::chrono::seconds(1);
+
+std::int64_t slot_of(Instant now) { return to_ns(now) / kSlot.count(); }
+
 bool is_message(const Frame& frame, MessageId message) {
   return frame.message == static_cast<std::uint32_t>(message);
 }
@@ -29,7 +35,7 @@ Eigen::Vector3d flu_of(const Eigen::Vector3d& frd) { return {frd.x(), -frd.y(), 
 }  // namespace
 
 VehicleImu::VehicleImu(const MavlinkImuConfig& config)
-    : config_(config), choice_(config.system), requests_(config) {}
+    : config_(config), choice_(config.system), key_(net::random_key()), requests_(config) {}
 
 void VehicleImu::receive(std::span<const std::byte> bytes, const LinkPeer& from, Instant arrived) {
   if (from != last_from_) stream_.clear();  // what waits is the beginning of another one's frame
@@ -38,9 +44,10 @@ void VehicleImu::receive(std::span<const std::byte> bytes, const LinkPeer& from,
 }
 
 void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant arrived) {
-  const bool is_ours = choice_.hear(frame, from, arrived);
+  const bool may_replace = proven_rival_ == from && !is_proven(arrived);
+  const bool is_ours = choice_.hear(frame, from, arrived, may_replace);
   if (const auto news = choice_.take_news()) tell(*news);
-  if (!is_ours) return;
+  if (!is_ours) return take_foreign(frame, from, arrived);
   if (std::exchange(turn_, choice_.turn()) != choice_.turn()) {
     begin_anew();
     tell("takes the IMU of " + choice_.text_of_vehicle(), false);
@@ -50,6 +57,29 @@ void VehicleImu::take_frame(const Frame& frame, const LinkPeer& from, Instant ar
   } else {
     take_reading(frame, arrived);
   }
+}
+
+void VehicleImu::take_foreign(const Frame& frame, const LinkPeer& from, Instant arrived) {
+  if (is_proven(arrived)) return;
+  if (choice_.is_candidate(frame)) rival_ = from;
+  if (!is_message(frame, MessageId::kTimesync)) return;
+  const Timesync answer = decode_timesync(frame);
+  const std::int64_t slot = slot_of(arrived);
+  if (answer.tc1_ns == 0) return;
+  if (answer.ts1_ns == number_for(from, slot) || answer.ts1_ns == number_for(from, slot - 1))
+    proven_rival_ = from;
+}
+
+/// Nothing is kept of whom was asked: a flood of forged rivals takes no place of a real one.
+std::int64_t VehicleImu::number_for(const LinkPeer& rival, std::int64_t slot) const {
+  const std::array key{key_[0] ^ static_cast<std::uint64_t>(slot), key_[1]};
+  return static_cast<std::int64_t>(net::peer_hash(key, {rival.address, rival.port}) >> 1 | 1);
+}
+
+std::optional<LinkPeer> VehicleImu::challenge(Instant now, std::vector<std::byte>& out) {
+  const auto rival = std::exchange(rival_, std::nullopt);
+  if (rival) encode_timesync(next_sender(), {0, number_for(*rival, slot_of(now))}, out);
+  return rival;
 }
 
 void VehicleImu::take_timesync(const Frame& frame, Instant arrived) {
@@ -128,6 +158,8 @@ void VehicleImu::take_reading(const Frame& frame, Instant arrived) {
 }
 
 void VehicleImu::begin_anew() {
+  rival_.reset();
+  proven_rival_.reset();
   sync_ = {};
   requests_.begin_anew();
   microseconds_ = DeviceClock(64, 1000);

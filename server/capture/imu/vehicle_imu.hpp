@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -22,6 +23,10 @@ namespace fiducap::mavlink {
 ///
 /// Stamps are the autopilot's, placed by the quickest round trip of TIMESYNC; by arrival as long as
 /// it does not answer, or when its stamps are of another clock.
+///
+/// An answer to TIMESYNC proves the sender's address. A vehicle that has not given one keeps its
+/// place until another one has: the others are asked meanwhile, so that a forged sender keeps the
+/// real autopilot out for no longer than a round trip.
 class VehicleImu final {
  public:
   explicit VehicleImu(const MavlinkImuConfig& config);
@@ -42,6 +47,12 @@ class VehicleImu final {
   /// Where the vehicle speaks from; nullopt: it has not been heard, or not for long.
   [[nodiscard]] std::optional<LinkPeer> address(Instant now) const;
 
+  /// Is that address proven? By an answer to TIMESYNC within the last ten seconds.
+  [[nodiscard]] bool is_proven(Instant now) const { return sync_.offset(now).has_value(); }
+  /// Appends a question to one who wants the place of a vehicle that is not proven; once for each
+  /// piece received. @return whom it goes to, if there is one
+  [[nodiscard]] std::optional<LinkPeer> challenge(Instant now, std::vector<std::byte>& out);
+
   /// Something a person should know, in words; once.
   struct News {
     std::string text;
@@ -59,6 +70,8 @@ class VehicleImu final {
 
  private:
   void take_frame(const Frame& frame, const LinkPeer& from, Instant arrived);
+  void take_foreign(const Frame& frame, const LinkPeer& from, Instant arrived);
+  [[nodiscard]] std::int64_t number_for(const LinkPeer& rival, std::int64_t slot) const;
   void take_timesync(const Frame& frame, Instant arrived);
   void take_reading(const Frame& frame, Instant arrived);
   [[nodiscard]] int rank_of(MessageId message) const;
@@ -72,6 +85,9 @@ class VehicleImu final {
   LinkPeer last_from_{};
   VehicleChoice choice_;
   int turn_{0};
+  std::array<std::uint64_t, 2> key_;
+  std::optional<LinkPeer> rival_;         ///< To be asked for a proof.
+  std::optional<LinkPeer> proven_rival_;  ///< Has given one.
   RateRequests requests_;
   ClockSync sync_;
   DeviceClock microseconds_{64, 1000};

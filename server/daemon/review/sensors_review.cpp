@@ -86,6 +86,10 @@ std::string imu_text(const ImuSourceConfig& imu) {
 void review_imu_source(const ImuSourceConfig& imu, const std::string& path, ConfigReview& review) {
   if (imu.type == ImuSourceType::kPx4 || imu.type == ImuSourceType::kRos) return;
   static const SystemClock clock;
+  if (const auto* link = imu.link(); link != nullptr && link->takes_the_first_sender())
+    review.doubt(path + "imu_source.peer", "none",
+                 "means that the IMU belongs to the first sender: name its address with peer, or "
+                 "listen on address: 127.0.0.1");
   const auto opened = open_imu_source(imu, {clock, {}});
   if (!opened) review.fault(path + "imu_source", imu_text(imu), opened.error().text());
 }

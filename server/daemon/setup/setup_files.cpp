@@ -14,7 +14,7 @@
 #include "capture/v4l2/camera_list.hpp"
 #include "detection/sheet/tag_sheet.hpp"
 #include "detection/tag_family_list.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap {
 

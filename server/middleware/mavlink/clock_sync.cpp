@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
+#include "middleware/net/peer.hpp"
+
 namespace fiducap::mavlink {
 
 namespace {
@@ -15,14 +17,18 @@ constexpr Duration kMemory = std::chrono::seconds(10);
 std::optional<Timesync> ClockSync::question(Instant now) {
   if (next_question_ && now < *next_question_) return std::nullopt;
   next_question_ = now + (answers_ < kKept ? kQuickPeriod : kSlowPeriod);
-  asked_[next_asked_++ % kKept] = now;
-  return Timesync{0, to_ns(now)};
+  const auto number = static_cast<std::int64_t>(net::random_word() >> 1 | 1);
+  asked_[next_asked_++ % kKept] = Question{now, number};
+  return Timesync{0, number};
 }
 
 bool ClockSync::answer(const Timesync& answer, Instant now) {
-  const Instant asked = instant_from_ns(answer.ts1_ns);
-  const auto found = std::find(asked_.begin(), asked_.end(), asked);
-  if (found == asked_.end() || now < asked || now - asked > kLongestTrip) return false;
+  const auto found = std::find_if(asked_.begin(), asked_.end(), [&](const auto& one) {
+    return one && one->number == answer.ts1_ns;
+  });
+  if (found == asked_.end()) return false;
+  const Instant asked = (*found)->at;
+  if (now < asked || now - asked > kLongestTrip) return false;
   found->reset();  // an answer counts once
   const Duration trip = now - asked;
   // Wraps instead of overflowing: the autopilot may say anything.

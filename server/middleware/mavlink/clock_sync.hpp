@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 
 #include "base/time.hpp"
@@ -11,6 +12,9 @@ namespace fiducap::mavlink {
 
 /// How far the autopilot's clock is from ours, by TIMESYNC: question and answer, of the last
 /// answers the one that was quickest. Often at first, once a second later.
+///
+/// A question carries a random number where others write their clock, which the autopilot gives
+/// back as it is: whoever answers has read the question, so the address that it went to is its own.
 class ClockSync final {
  public:
   /// @return the question to send now, if one is due
@@ -28,13 +32,17 @@ class ClockSync final {
   [[nodiscard]] std::optional<Offset> offset(Instant now, double drift = 0) const;
 
  private:
+  struct Question {
+    Instant at{};
+    std::int64_t number{};
+  };
   struct Measured {
     Instant at{};
     Offset offset;
   };
   static constexpr std::size_t kKept = 16;
 
-  std::array<std::optional<Instant>, kKept> asked_{};
+  std::array<std::optional<Question>, kKept> asked_{};
   std::size_t next_asked_{0};
   std::optional<Instant> next_question_;
   std::array<std::optional<Measured>, kKept> measured_{};

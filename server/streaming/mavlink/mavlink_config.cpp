@@ -4,7 +4,7 @@
 #include <set>
 #include <utility>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::mavlink {
 

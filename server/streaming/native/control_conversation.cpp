@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "base/byte_reader.hpp"
+#include "middleware/net/peer.hpp"
 #include "proof/control_proof.hpp"
-#include "streaming/net/peer.hpp"
 
 namespace fiducap::native {
 

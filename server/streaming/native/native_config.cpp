@@ -1,6 +1,6 @@
 #include "streaming/native/native_config.hpp"
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::native {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "base/time.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::native {
 

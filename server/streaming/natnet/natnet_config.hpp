@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "middleware/net/networks.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/conventions/protocol_conventions.hpp"
 #include "streaming/natnet/bitstream.hpp"
-#include "streaming/net/networks.hpp"
-#include "streaming/net/peer.hpp"
 #include "streaming/operator_desk.hpp"
 
 namespace fiducap::natnet {

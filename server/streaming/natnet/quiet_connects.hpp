@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::natnet {
 

@@ -6,10 +6,10 @@
 #include <memory>
 
 #include "base/time.hpp"
+#include "middleware/net/peer.hpp"
+#include "middleware/net/sender_rule.hpp"
 #include "streaming/natnet/bitstream.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/peer.hpp"
-#include "streaming/net/sender_rule.hpp"
 
 namespace fiducap::natnet {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/natnet/bitstream.hpp"
-#include "streaming/net/peer.hpp"
 
 namespace fiducap::natnet {
 

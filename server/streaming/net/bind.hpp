@@ -7,7 +7,7 @@
 #include <boost/asio/ip/udp.hpp>
 
 #include "base/expected.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 

@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 

@@ -8,7 +8,7 @@
 #include <array>
 #include <memory>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 

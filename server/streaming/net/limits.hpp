@@ -82,28 +82,6 @@ class RequestLimiter final : public AddressLimiter {
   RequestLimiter() : AddressLimiter(kBurst, kPerSecond) {}
 };
 
-/// What may be answered to an address that anybody can forge: at most `kRatio` times the bytes that
-/// came in its name, whatever was asked and how often.
-class AnswerBudget final {
- public:
-  static constexpr double kRatio = 3;
-  static constexpr double kMostSaved = 16384;
-
-  void heard(std::uint64_t address_hash, std::size_t bytes) {
-    double& saved = saved_[address_hash % saved_.size()];
-    saved = std::min(kMostSaved, saved + kRatio * static_cast<double>(bytes));
-  }
-  [[nodiscard]] bool take(std::uint64_t address_hash, std::size_t bytes) {
-    double& saved = saved_[address_hash % saved_.size()];
-    if (static_cast<double>(bytes) > saved) return false;
-    saved -= static_cast<double>(bytes);
-    return true;
-  }
-
- private:
-  std::array<double, 1024> saved_{};
-};
-
 /// Who guesses tokens: after `kAllowed` wrong ones within `kWindow` an address is shut out for the
 /// rest of it.
 class WrongProofs final {

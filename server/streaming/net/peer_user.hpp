@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 

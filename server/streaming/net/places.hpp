@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 // Who gets one of a bounded number of places, and who gives one up for it.
 namespace fiducap::net {

@@ -11,7 +11,7 @@
 
 #include "base/clock.hpp"
 #include "base/log.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/tcp_outbox.hpp"
 
 namespace fiducap::net {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "base/expected.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/peer.hpp"
 #include "streaming/qualisys/body_table.hpp"
 #include "streaming/qualisys/codec.hpp"
 #include "streaming/qualisys/command.hpp"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/qualisys/protocol.hpp"
 
 namespace fiducap::qualisys {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "base/log.hpp"
+#include "middleware/net/sender_rule.hpp"
 #include "streaming/net/interfaces.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/sender_rule.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
 #include "streaming/qualisys/codec.hpp"

@@ -1,6 +1,6 @@
 #include "streaming/vicon/vicon_config.hpp"
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::vicon {
 

@@ -9,7 +9,7 @@
 
 #include "base/log.hpp"
 #include "base/object_pool.hpp"
-#include "streaming/net/limits.hpp"
+#include "middleware/net/sender_rule.hpp"
 #include "streaming/net/tcp_server.hpp"
 #include "streaming/net/udp_server.hpp"
 #include "streaming/vrpn/body_watch.hpp"

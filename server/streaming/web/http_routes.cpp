@@ -5,7 +5,7 @@
 #include <charconv>
 #include <utility>
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::web {
 

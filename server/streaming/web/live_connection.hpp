@@ -8,7 +8,7 @@
 #include <string>
 
 #include "base/time.hpp"
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/streamer.hpp"
 
 namespace fiducap::web {

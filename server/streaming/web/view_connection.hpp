@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "middleware/net/peer.hpp"
 #include "streaming/camera_views.hpp"
 #include "streaming/native/control_conversation.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/peer.hpp"
 #include "streaming/streamer.hpp"
 #include "streaming/web/live_connection.hpp"
 #include "streaming/web/view_codec.hpp"

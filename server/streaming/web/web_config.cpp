@@ -1,6 +1,6 @@
 #include "streaming/web/web_config.hpp"
 
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::web {
 

@@ -5,7 +5,7 @@
 
 #include "base/text.hpp"
 #include "daemon/protocol_servers.hpp"
-#include "streaming/net/networks.hpp"
+#include "middleware/net/networks.hpp"
 
 namespace fiducap {
 
@@ -83,6 +83,17 @@ void look_at_natnet(Findings& all, const natnet::NatNetConfig& natnet) {
              (natnet.remote_control == RemoteControl::kAll ? "" : "of this machine ") +
              "may rename bodies, switch them off and record, without a password",
          "streaming.natnet.remote_control: off, unless a program needs it");
+}
+
+void look_at_imus(Findings& all, const std::vector<BodyConfig>& bodies) {
+  for (const BodyConfig& body : bodies) {
+    const auto* link = body.imu_source ? body.imu_source->link() : nullptr;
+    if (link != nullptr && link->takes_the_first_sender())
+      warn(all,
+           "the IMU of " + body.name + " on UDP port " + std::to_string(link->port) +
+               " belongs to the first sender",
+           "name its address with imu_source.peer, or listen on address: 127.0.0.1");
+  }
 }
 
 void look_at_token(Findings& all, const TokenFacts& token) {
@@ -239,6 +250,7 @@ Findings exposure_findings(const ServerConfig& config, const ServerFacts& facts,
              " is for whoever is in that network: it knows no password",
          "dds.interface: lo, or a network of its own");
   look_at_natnet(all, config.streaming.natnet);
+  look_at_imus(all, config.bodies);
   look_at_token(all, facts.token);
   return all;
 }

@@ -162,6 +162,14 @@ TEST_F(ConfigReviewTest, NamesAPortThatSomebodyHas) {
   EXPECT_THAT(lines(optional.doubts), Contains(HasSubstr("the server runs without")));
 }
 
+TEST_F(ConfigReviewTest, SaysWhenAnImuBelongsToTheFirstSender) {
+  const std::string imu = "bodies.1.imu={part: icm-42688-p}";
+  const std::string port = "bodies.1.imu_source={type: line, port: 47115";
+  EXPECT_THAT(lines(look({imu, port + "}"}).doubts),
+              Contains(HasSubstr("the IMU belongs to the first sender")));
+  EXPECT_THAT(lines(look({imu, port + ", peer: 10.0.0.7}"}).doubts), IsEmpty());
+}
+
 TEST_F(ConfigReviewTest, NamesAFolderForRecordingsThatCannotBe) {
   EXPECT_THAT(lines(look({}).faults), IsEmpty());
   const auto config = parse_config(kSound, folder_.file("robot.yaml"));

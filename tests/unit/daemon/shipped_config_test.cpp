@@ -43,6 +43,13 @@ TEST_P(ShippedConfig, LoadsAndPrintsToTheSame) {
   EXPECT_EQ(print_config(*again), printed);
 }
 
+TEST_P(ShippedConfig, GivesNoImuToTheFirstSender) {
+  for (const BodyConfig& body : load(GetParam()).bodies) {
+    const auto* link = body.imu_source ? body.imu_source->link() : nullptr;
+    EXPECT_FALSE(link != nullptr && link->takes_the_first_sender()) << body.name;
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Config, ShippedConfig, testing::ValuesIn(shipped()), [](const auto& test) {
   std::string name = test.param;  // setups/oak → setups_oak
   std::replace(name.begin(), name.end(), '/', '_');

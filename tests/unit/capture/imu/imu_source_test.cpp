@@ -144,6 +144,7 @@ TEST_F(ImuSourceTest, DatagramsOfTheProtocolAreRead) {
   config_.line.port = port;
   auto source = open();
   ASSERT_TRUE(source) << source.error().text();
+  receiving.peer = "127.0.0.1";
   auto device = ByteLink::open(receiving);
   ASSERT_TRUE(device);
   device->write(std::as_bytes(std::span(kFirst.data(), kFirst.size())), {0x7f000001, port});
@@ -165,6 +166,34 @@ TEST_F(ImuSourceTest, AnAutopilotIsReadAndAskedBySerialLine) {
   ASSERT_TRUE(sample && *sample);
   EXPECT_EQ(std::get<ImuSample>(**sample).f_B, Eigen::Vector3d(0.5, 0.25, 9.75));
   EXPECT_GE(device.read_some(), 21u + 28u) << "a heartbeat, a clock question";
+}
+
+TEST(ByteLink, AnAddressThatHasProvenNothingGetsThreeTimesItsBytesOfIp) {
+  LinkConfig config;
+  config.address = "127.0.0.1";
+  auto link = ByteLink::open(config);
+  ASSERT_TRUE(link);
+  config.peer = "127.0.0.1:" + std::to_string(link->port());
+  auto other = ByteLink::open(config);
+  ASSERT_TRUE(other);
+  const LinkPeer to{0x7f000001, other->port()};
+  constexpr std::size_t kHeaders = 28;
+  const std::vector<std::byte> datagram(21);
+  const auto drawn = [&] {
+    std::size_t bytes = 0;
+    for (auto piece = other->read(100ms); piece && !piece->bytes.empty();
+         piece = other->read(100ms))
+      bytes += piece->bytes.size() + kHeaders;
+    return bytes;
+  };
+  for (int i = 0; i < 20; ++i) link->write(datagram, to);
+  EXPECT_EQ(drawn(), 0u) << "it has not spoken";
+  other->write(datagram, {0x7f000001, link->port()});
+  ASSERT_TRUE(link->read(1s));
+  for (int i = 0; i < 20; ++i) link->write(datagram, to);
+  EXPECT_EQ(drawn(), 3 * (datagram.size() + kHeaders));
+  link->write(datagram, to, true);
+  EXPECT_EQ(drawn(), datagram.size() + kHeaders) << "proven";
 }
 
 TEST_F(ImuSourceTest, AStopEndsTheWaiting) {

@@ -293,6 +293,57 @@ TEST_F(VehicleImuTest, TheOtherOneIsTakenWhenTheFirstIsSilent) {
   EXPECT_THAT(news_, HasSubstr("takes the IMU of system 9 at 10.0.0.3:14580"));
 }
 
+TEST_F(VehicleImuTest, AnAddressIsProvenByAnAnswerToAQuestionOfOursOnly) {
+  give(vehicle_.heartbeat(), now_);
+  std::vector<std::byte> asked;
+  imu_.speak(now_, asked);
+  EXPECT_FALSE(imu_.is_proven(now_)) << "it has spoken, as anybody may in its name";
+  std::vector<std::byte> guess;
+  encode_timesync({3, 1, 0}, {1, to_ns(now_)}, guess);
+  give(guess, now_ + 1ms);
+  EXPECT_FALSE(imu_.is_proven(now_ + 1ms)) << "our clock is no secret";
+  give(vehicle_.hear(asked, now_ + 1ms), now_ + 2ms);
+  EXPECT_TRUE(imu_.is_proven(now_ + 2ms));
+  EXPECT_FALSE(imu_.is_proven(now_ + 13s)) << "and not for ever";
+}
+
+TEST_F(VehicleImuTest, TheTrueAutopilotGetsItsPlaceThoughAForgerSpeaks) {
+  FakeVehicle forger;
+  const auto forge = [&] { give(forger.highres(now_), now_, kOtherAddress); };
+  forge();
+  ASSERT_EQ(imu_.address(now_), kOtherAddress);
+  std::vector<std::byte> question;
+  for (int i = 0; i < 3; ++i, now_ += 5ms) {
+    forge();
+    (void)imu_.challenge(now_, question);  // goes to an address that does not answer
+    forge();
+    give(vehicle_.highres(now_), now_);
+    question.clear();
+    const auto to = imu_.challenge(now_, question);
+    if (!to) break;
+    EXPECT_EQ(*to, kPx4Address);
+    give(vehicle_.hear(question, now_ + 1ms), now_ + 2ms);
+  }
+  EXPECT_EQ(imu_.address(now_), kPx4Address);
+  run(1s);
+  EXPECT_TRUE(imu_.is_proven(now_));
+  forge();
+  EXPECT_EQ(imu_.challenge(now_, question), std::nullopt) << "there is nothing to be had";
+  EXPECT_EQ(imu_.address(now_), kPx4Address);
+}
+
+TEST_F(VehicleImuTest, AQuestionAnsweredFromAnotherAddressProvesNothing) {
+  give(vehicle_.heartbeat(), now_);
+  FakeVehicle forger;
+  give(forger.heartbeat(), now_, kOtherAddress);
+  std::vector<std::byte> question;
+  ASSERT_EQ(imu_.challenge(now_, question), kOtherAddress);
+  constexpr LinkPeer kThirdAddress{0x0a000004, 14580};
+  give(forger.hear(question, now_), now_, kThirdAddress);
+  give(forger.heartbeat(), now_, kThirdAddress);
+  EXPECT_EQ(imu_.address(now_), kPx4Address);
+}
+
 TEST_F(VehicleImuTest, TheConfiguredVehicleIsWaitedFor) {
   config_.system = 9;
   imu_ = VehicleImu(config_);

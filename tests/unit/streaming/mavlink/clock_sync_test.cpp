@@ -21,7 +21,7 @@ void exchange(ClockSync& sync, Instant& now, Duration there, Duration back) {
   ASSERT_TRUE(question);
   const Instant asked = now;
   now += there;
-  const Timesync answer{to_ns(now + kShift), to_ns(asked)};
+  const Timesync answer{to_ns(now + kShift), question->ts1_ns};
   now += back;
   ASSERT_TRUE(sync.answer(answer, now));
 }

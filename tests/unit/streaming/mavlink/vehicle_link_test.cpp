@@ -147,7 +147,8 @@ TEST_F(VehicleLinkTest, ShowsTheAutopilotAndItsClockOnceHeard) {
   ASSERT_TRUE(question);
   std::vector<std::byte> from_autopilot;
   encode_heartbeat({9, 1, 0}, {2, 12, 4}, from_autopilot);
-  encode_timesync({9, 1, 1}, {question->ts1_ns + 5'500'000, question->ts1_ns}, from_autopilot);
+  const std::int64_t halfway = to_ns(frame_->at) + 500'000;
+  encode_timesync({9, 1, 1}, {halfway + 5'000'000, question->ts1_ns}, from_autopilot);
   std::vector<std::byte> answers;
   link.receive(from_autopilot, frame_->at + 1ms, answers);
   EXPECT_THAT(answers, IsEmpty());

@@ -1,4 +1,4 @@
-#include "streaming/net/networks.hpp"
+#include "middleware/net/networks.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "streaming/net/peer.hpp"
+#include "middleware/net/peer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -75,6 +75,22 @@ TEST(ServerFindings, WhateverIsWrongHasARemedy) {
   EXPECT_GT(wrong, 12);
 }
 
+TEST(ServerFindings, SaysWhenAnImuBelongsToTheFirstSender) {
+  Sound lab;
+  auto& imu = lab.config.bodies[1].imu_source.emplace();
+  lab.config.bodies[1].name = "drone";
+  imu.line.port = 5005;
+  constexpr const char* kFirst = "the IMU of drone on UDP port 5005 belongs to the first sender";
+  EXPECT_THAT(lab.all(), has(Grade::kWarning, kFirst, "imu_source.peer"));
+  imu.line.address = "127.0.0.1";
+  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, kFirst)));
+  imu.type = ImuSourceType::kMavlink;
+  imu.mavlink.link.port = 5005;
+  EXPECT_THAT(lab.all(), has(Grade::kWarning, kFirst));
+  imu.mavlink.link.peer = "10.0.0.9";
+  EXPECT_THAT(lab.all(), Not(has(Grade::kWarning, kFirst)));
+}
+
 TEST(ServerFindings, SaysWhoMayListen) {
   Sound lab;
   lab.config.streaming.natnet.enabled = true;

@@ -1,17 +1,40 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
 
-#include "streaming/net/limits.hpp"
-#include "streaming/net/networks.hpp"
-#include "streaming/net/peer.hpp"
+#include "base/time.hpp"
+#include "middleware/net/networks.hpp"
+#include "middleware/net/peer.hpp"
 
 namespace fiducap::net {
 
-/// The rule for datagrams of clients that prove nothing, whatever protocol they speak: addresses of
+/// What may be answered to an address that anybody can forge: at most `kRatio` times the bytes that
+/// came in its name, whatever was asked and how often.
+class AnswerBudget final {
+ public:
+  static constexpr double kRatio = 3;
+  static constexpr double kMostSaved = 16384;
+
+  void heard(std::uint64_t address_hash, std::size_t bytes) {
+    double& saved = saved_[address_hash % saved_.size()];
+    saved = std::min(kMostSaved, saved + kRatio * static_cast<double>(bytes));
+  }
+  [[nodiscard]] bool take(std::uint64_t address_hash, std::size_t bytes) {
+    double& saved = saved_[address_hash % saved_.size()];
+    if (static_cast<double>(bytes) > saved) return false;
+    saved -= static_cast<double>(bytes);
+    return true;
+  }
+
+ private:
+  std::array<double, 1024> saved_{};
+};
+
+/// The rule for datagrams of senders that prove nothing, whatever protocol they speak: addresses of
 /// trusted networks are believed; any other gets at most three times the bytes that came in its
 /// name.
 class SenderRule final {

@@ -1,4 +1,4 @@
-#include "streaming/net/networks.hpp"
+#include "middleware/net/networks.hpp"
 
 #include <arpa/inet.h>
 #include <ifaddrs.h>
