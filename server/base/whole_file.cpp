@@ -1,6 +1,7 @@
 #include "base/whole_file.hpp"
 
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -8,6 +9,8 @@
 #include <memory>
 #include <system_error>
 
+#include <fcntl.h>
+#include <sys/random.h>
 #include <unistd.h>
 
 namespace fiducap {
@@ -25,16 +28,28 @@ tl::unexpected<Error> disk_failure(const std::string& doing, int error, const st
       "cannot " + doing + ": " + std::strerror(error) + "; check free space and permissions", path);
 }
 
+/// In a folder that others may write to, they cannot guess it.
+Expected<std::string> name_of_part(const std::string& path) {
+  std::uint64_t word{};
+  if (::getrandom(&word, sizeof word, 0) != sizeof word)
+    return disk_failure("choose a name for a part", errno, path);
+  return path + ".part" + std::to_string(word);
+}
+
 }  // namespace
 
-Expected<void> write_whole_file(const std::string& path, std::string_view content) {
+Expected<void> write_whole_file(const std::string& path, std::string_view content, unsigned mode) {
   const fs::path target(path);
   std::error_code error;
   if (target.has_parent_path()) fs::create_directories(target.parent_path(), error);
   if (error) return disk_failure("make the folder", error.value(), target.parent_path().string());
 
-  const std::string part = path + ".part" + std::to_string(::getpid());
-  std::unique_ptr<std::FILE, CloseFile> file(std::fopen(part.c_str(), "wb"));
+  const auto part = name_of_part(path);
+  if (!part) return tl::unexpected(part.error());
+  const int number =
+      ::open(part->c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode);
+  if (number < 0) return disk_failure("write", errno, path);
+  std::unique_ptr<std::FILE, CloseFile> file(::fdopen(number, "wb"));
   if (!file) return disk_failure("write", errno, path);
   const bool written =
       std::fwrite(content.data(), 1, content.size(), file.get()) == content.size() &&
@@ -42,13 +57,13 @@ Expected<void> write_whole_file(const std::string& path, std::string_view conten
   const int write_error = errno;
   file.reset();
   if (!written) {
-    fs::remove(part, error);
+    fs::remove(*part, error);
     return disk_failure("write", write_error, path);
   }
-  fs::rename(part, target, error);
+  fs::rename(*part, target, error);
   if (error) {
     const int rename_error = error.value();
-    fs::remove(part, error);
+    fs::remove(*part, error);
     return disk_failure("replace the file", rename_error, path);
   }
   return {};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <iostream>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -74,6 +75,7 @@ class Server::Impl final {
   void build_workers(Bodies bodies);
   Expected<void> build_streaming();
   void start_threads();
+  void show_setup_address() const;
   void serve();
   void give_up();
   ServerEnd shut_down();
@@ -251,12 +253,25 @@ ServerEnd Server::Impl::run() {
   start_threads();
   const std::string what = setup_ ? "set-up of " + options_.setup->file
                                   : "serving " + std::to_string(config_.bodies.size()) + " bodies";
-  log::info("daemon",
-            what + (ports_.web == 0 ? ""
-                                    : ", page on http://" + config_.streaming.web.address + ":" +
-                                          std::to_string(ports_.web) + "/"));
+  if (setup_ && ports_.web != 0) show_setup_address();
+  log::info("daemon", what + (ports_.web == 0 || setup_
+                                  ? ""
+                                  : ", page on http://" + config_.streaming.web.address + ":" +
+                                        std::to_string(ports_.web) + "/"));
   serve();
   return shut_down();
+}
+
+/// To the terminal and to no log: pages show the log, and services store it for others to read.
+void Server::Impl::show_setup_address() const {
+  const std::string& address = config_.streaming.web.address;
+  const bool is_any = address == "0.0.0.0" || address == "::";
+  const bool is_v6 = !is_any && address.find(':') != std::string::npos;
+  const std::string host = is_any ? "127.0.0.1" : is_v6 ? "[" + address + "]" : address;
+  std::cout
+      << "Open this address in a browser on this machine, with everything after #:\n\n  http://"
+      << host << ":" << ports_.web << "/#" << setup_->secret() << "\n"
+      << std::endl;
 }
 
 void Server::Impl::serve() {

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "base/expected.hpp"
 
@@ -14,6 +15,8 @@ namespace fiducap {
 class SetupDesk {
  public:
   virtual ~SetupDesk() = default;
+  /// Is this the secret of this start? Takes the same time for every wrong one.
+  [[nodiscard]] virtual bool admits(std::string_view secret) const = 0;
   /// All that the page shows of it, JSON. Never nullptr.
   [[nodiscard]] virtual std::shared_ptr<const std::string> state() const = 0;
   /// The newest image of the camera, JPEG; more are made while they are asked for. @return nullptr:

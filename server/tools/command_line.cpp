@@ -174,13 +174,15 @@ CLI::App* add_control_verb(CLI::App& control, CommandLine& line, const char* nam
   auto* verb = control.add_subcommand(name, what);
   verb->add_option("--server", line.control.server, "HOST or HOST:PORT of the native protocol")
       ->capture_default_str();
-  verb->add_option("--token", line.control.token,
-                   "The operator's token; else the environment's FIDUCAP_TOKEN");
+  verb->add_option(
+      "--token", line.control.token,
+      "The operator's token; better the environment's FIDUCAP_TOKEN: every user of the "
+      "machine sees command lines");
   verb->callback([&line, run] {
     line.chosen = [&line, run](const Terminal& t) { return run(line.control, t); };
   });
-  verb->footer("Example:\n  fiducap control " + std::string(name) + std::string(example) +
-               " --token SECRET");
+  verb->footer("Example:\n  FIDUCAP_TOKEN=$(cat robot.token) fiducap control " + std::string(name) +
+               std::string(example));
   return verb;
 }
 
@@ -223,8 +225,9 @@ void add_control(CLI::App& app, CommandLine& line) {
   control->require_subcommand(1);
   control->footer(
       "The server's configuration names the token: operator.token or operator.token_file.\n"
-      "Example:\n  fiducap control disable rover --token SECRET\n  FIDUCAP_TOKEN=SECRET fiducap "
-      "control record flight-3");
+      "Other users of this machine see command lines, but not the environment.\n"
+      "Example:\n  export FIDUCAP_TOKEN=$(cat robot.token)\n  fiducap control disable rover\n"
+      "  fiducap control record flight-3");
   auto& a = line.control;
   add_control_verb(*control, line, "list", "Bodies, map mode, recording", run_control_list)
       ->add_flag("--json", a.json, "One JSON object");

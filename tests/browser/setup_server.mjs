@@ -34,6 +34,9 @@ bodies:
     imu: {type: line, device: /dev/ttyACM0, baud: 115200}
 `;
 
+export const SECRET = '00112233445566778899aabbccddeeff';
+const REFUSAL = 'Open the address that fiducapd --setup printed in its terminal, with everything after #.\n';
+
 export class SetupServer {
   heard = [];
   /** How much of a step each state brings. */
@@ -98,6 +101,8 @@ export class SetupServer {
     const url = new URL(request.url, 'http://127.0.0.1');
     response.setHeader('Content-Security-Policy', POLICY);
     if (this.isOver && url.pathname.startsWith('/api/')) return this.sayRunning(url, response);
+    const isOfSetup = url.pathname.startsWith('/api/v1/setup');
+    if (isOfSetup && request.headers['x-fiducap-setup'] !== SECRET) return response.writeHead(403).end(REFUSAL);
     if (url.pathname === '/api/v1/setup') return this.sayState(response);
     if (url.pathname === '/api/v1/setup/picture') return this.sayPicture(response);
     if (url.pathname === '/api/v1/setup/sheet' && request.method === 'GET') return this.saySheet(url, response);
@@ -137,8 +142,7 @@ export class SetupServer {
   hear(url, request, response) {
     const name = url.pathname.split('/').pop();
     const values = Object.fromEntries(url.searchParams);
-    const isOwn = request.method === 'POST' && request.headers['x-fiducap-setup'] === '1';
-    if (!isOwn) return response.writeHead(403).end('The header X-Fiducap-Setup is missing.');
+    if (request.method !== 'POST') return response.writeHead(405).end();
     this.heard.push({ name, values });
     if (name === 'settings' && Number(values.exposure_ms) > 500) {
       return response.writeHead(409).end('The camera exposes for 500 ms at most.\n');

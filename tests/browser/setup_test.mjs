@@ -5,7 +5,7 @@ import { dirname, join } from 'node:path';
 import { button, press, runSteps, shoot, step, title, waitForText, watchDrawing, world } from './harness.mjs';
 import { liveRobot } from './setup_live.mjs';
 import { paintPictures } from './setup_pictures.mjs';
-import { SetupServer } from './setup_server.mjs';
+import { SECRET, SetupServer } from './setup_server.mjs';
 
 const ROOT = join(dirname(process.argv[2]), 'web');
 const WIDE = { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' };
@@ -34,7 +34,7 @@ async function look(name) {
   await page.setViewportSize(WIDE.viewport);
 }
 
-async function openSetup(options) {
+async function openSetup(options, hash = `#${SECRET}`) {
   const context = await world.browser.newContext(options);
   world.page = await context.newPage();
   await world.page.addInitScript(watchDrawing, 300);
@@ -47,12 +47,27 @@ async function openSetup(options) {
       world.faults.push(line.text());
   });
   await liveRobot(world.page);
-  await world.page.goto(`http://127.0.0.1:${world.port}/`);
+  await world.page.goto(`http://127.0.0.1:${world.port}/${hash}`);
 }
 
-step('a server that is set up shows the set-up, and nothing of the normal page', async () => {
+step('a page without the secret says which address to open, and leads nothing', async () => {
   server = new SetupServer(ROOT, await paintPictures(world.browser));
   world.port = await server.listen();
+  for (const hash of ['', '#00000000000000000000000000000000']) {
+    await openSetup(WIDE, hash);
+    await waitForText('.setup-todo', /Open the address that fiducapd --setup printed in its terminal/);
+    assert.equal(await world.page.locator('.setup-bar button:visible').count(), 0);
+    await look(`0-without-secret${hash ? '-wrong' : ''}`);
+  }
+  // Typed over the address of the open page.
+  await world.page.goto(`http://127.0.0.1:${world.port}/#${SECRET}`);
+  await title('Choose the camera');
+  assert.equal(new URL(world.page.url()).hash, '');
+  await world.page.reload();
+  await title('Choose the camera');
+});
+
+step('a server that is set up shows the set-up, and nothing of the normal page', async () => {
   await openSetup(WIDE);
   await title('Choose the camera');
   assert.ok(await world.page.isHidden('.head'));

@@ -60,9 +60,11 @@ async function startSetup() {
     },
   };
   Object.assign(world, { folder, file, web, native, sets, said });
-  const isThere = () => /page at/.test(said.join(''));
+  const printed = () => /http:\/\/127\.0\.0\.1:\d+\/#[0-9a-f]{32}/.exec(said.join(''))?.[0];
+  const isThere = () => printed() !== undefined;
   while (!isThere() && child.exitCode === null) await new Promise((resolve) => setTimeout(resolve, 100));
   assert.ok(isThere(), said.join(''));
+  world.address = printed();
 }
 
 async function openPage() {
@@ -83,7 +85,7 @@ async function openPage() {
       if (message.type === 'map') world.tags = message.tags;
     }),
   );
-  await world.page.goto(`http://127.0.0.1:${world.web}/`);
+  await world.page.goto(world.address);
 }
 
 /** The three tags that span most floor: as somebody would choose them to be measured. */
@@ -142,7 +144,10 @@ step('sheets to print are those of the command line', async () => {
   const order = ['--ids', '0-11', '--family', 'tag25h9', '--size-mm', '120', '--paper', 'letter', '--out', file];
   await run(join(dirname(SERVER), 'fiducap'), ['tags', 'sheet', ...order]);
   const query = 'family=tag25h9&size_mm=120&paper=letter';
-  const served = await world.page.request.get(`http://127.0.0.1:${world.web}/api/v1/setup/sheet?${query}`);
+  const headers = { 'X-Fiducap-Setup': new URL(world.address).hash.slice(1) };
+  const sheet = `http://127.0.0.1:${world.web}/api/v1/setup/sheet?${query}`;
+  assert.equal((await world.page.request.get(sheet)).status(), 403);
+  const served = await world.page.request.get(sheet, { headers });
   assert.equal(served.headers()['content-type'], 'application/pdf');
   assert.deepEqual(await served.body(), await readFile(file));
 });

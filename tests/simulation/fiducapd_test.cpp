@@ -61,26 +61,34 @@ std::string health(std::uint16_t port) {
 }
 
 /// What the server answers to one request; empty: nothing.
-std::string ask(std::uint16_t port, const std::string& request) {
+std::string ask(std::uint16_t port, const std::string& request, const std::string& secret) {
   boost::asio::ip::tcp::iostream web(boost::asio::ip::address_v4::loopback().to_string(),
                                      std::to_string(port));
   if (!web) return {};
   web.expires_after(5s);
-  web << request << " HTTP/1.0\r\nHost: localhost\r\nX-Fiducap-Setup: 1\r\n\r\n" << std::flush;
+  web << request << " HTTP/1.0\r\nHost: localhost\r\nX-Fiducap-Setup: " << secret << "\r\n\r\n"
+      << std::flush;
   std::ostringstream answer;
   answer << web.rdbuf();
   return answer.str();
 }
 
 /// Whether the answer has that within a minute.
-bool answers(std::uint16_t port, const std::string& request, const std::string& what) {
+bool answers(std::uint16_t port, const std::string& request, const std::string& secret,
+             const std::string& what) {
   for (int i = 0; i < 600; ++i, std::this_thread::sleep_for(100ms)) {
-    if (ask(port, request).find(what) != std::string::npos) return true;
+    if (ask(port, request, secret).find(what) != std::string::npos) return true;
   }
   return false;
 }
-bool setup_says(std::uint16_t port, const std::string& what) {
-  return answers(port, "GET /api/v1/setup", what);
+
+/// Of the address that it prints; empty: it prints none.
+std::string printed_secret(const FiducapdProcess& program, std::uint16_t port) {
+  const std::string address = "http://127.0.0.1:" + std::to_string(port) + "/#";
+  if (!program.prints(address)) return {};
+  const std::string output = program.output();
+  const auto from = output.find(address) + address.size();
+  return output.substr(from, output.find('\n', from) - from);
 }
 
 std::vector<std::string> with_demo(std::vector<std::string> more) {
@@ -183,15 +191,22 @@ TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
                      {"--set", "streaming." + std::string(protocol) + ".enabled=false"});
   arguments.insert(arguments.end(), {"--set", "streaming.web.port=" + std::to_string(port)});
   FiducapdProcess program(arguments);
+  const std::string secret = printed_secret(program, port);
+  ASSERT_EQ(secret.size(), 32u) << program.output();
   const auto say = [&](const std::string& command) {
-    EXPECT_THAT(ask(port, "POST /api/v1/setup/" + command), HasSubstr(" 202 ")) << command;
+    EXPECT_THAT(ask(port, "POST /api/v1/setup/" + command, secret), HasSubstr(" 202 ")) << command;
   };
-  ASSERT_TRUE(setup_says(port, "\"step\":\"camera\"")) << program.output();
+  const auto setup_says = [&](const std::string& what) {
+    return answers(port, "GET /api/v1/setup", secret, what);
+  };
+  ASSERT_TRUE(setup_says("\"step\":\"camera\"")) << program.output();
+  EXPECT_THAT(ask(port, "GET /api/v1/setup", "1"), HasSubstr(" 403 "));
   say("camera?open=/dev/video63");
-  EXPECT_TRUE(setup_says(port, "/dev/video63"));
+  EXPECT_TRUE(setup_says("/dev/video63"));
   say("camera?open=simulated");
-  ASSERT_TRUE(setup_says(port, "\"corners\":[["));
-  EXPECT_TRUE(answers(port, "GET /api/v1/setup/picture", "image/jpeg")) << "made once it is asked";
+  ASSERT_TRUE(setup_says("\"corners\":[["));
+  EXPECT_TRUE(answers(port, "GET /api/v1/setup/picture", secret, "image/jpeg"))
+      << "made once it is asked";
   for (const char* command : {"next", "next", "sheet?size_mm=400", "next", "guess",
                               "imu?source=", "next", "next", "write"})
     say(command);
@@ -199,7 +214,8 @@ TEST(Fiducapd, LeadsASetupOnThePageAndServesWhatComesOfIt) {
   EXPECT_THAT(health(port), HasSubstr(" 200 ")) << program.output();
   ASSERT_TRUE(program.prints("serving 1 bodies")) << program.output();
   EXPECT_TRUE(std::filesystem::exists(file));
-  EXPECT_THAT(ask(port, "GET /api/v1/setup"), HasSubstr(" 404 "));
+  EXPECT_THAT(ask(port, "GET /api/v1/setup", secret), HasSubstr(" 404 "));
+  EXPECT_THAT(ask(port, "GET /api/v1/state", ""), testing::Not(HasSubstr(secret))) << "of its log";
   program.signal(SIGTERM);
   EXPECT_EQ(program.exit_code(), 0) << program.output();
 }

@@ -14,7 +14,7 @@ import { controlUrl } from './operator';
 import type { Frame, Hello, Message, TagMap, TagState } from './protocol';
 import { Scene3D } from './scene3d';
 import type { Guide } from './setup/guide';
-import { isSetupGoingOn, remembered, type SecondHalf } from './setup/memory';
+import { askForSetup, keepSecret, remembered, type SecondHalf } from './setup/memory';
 import { TAG_COLOUR } from './theme';
 
 const TAG_STATES: TagState[] = ['surveyed', 'calibrated', 'local', 'quarantined'];
@@ -109,7 +109,8 @@ class Page {
     const now = performance.now();
     if (now - this.lookedForSetupAt < LOOK_FOR_SETUP_MS) return;
     this.lookedForSetupAt = now;
-    if (await isSetupGoingOn(document.baseURI)) location.reload();
+    const { isGoingOn, refusal } = await askForSetup(document.baseURI);
+    if (isGoingOn || refusal !== '') location.reload();
   }
 
   private onMap(map: TagMap): void {
@@ -263,9 +264,14 @@ function linkText(state: LinkState, silentMs: number | null, rateHz: number | nu
 
 /** What only few need comes when they need it: the set-up, and the bar of its second half. */
 async function begin(): Promise<void> {
-  if (await isSetupGoingOn(document.baseURI)) {
+  keepSecret();
+  // An address that is typed over the one of an open page loads nothing by itself.
+  addEventListener('hashchange', () => keepSecret() && location.reload());
+  const { isGoingOn, refusal } = await askForSetup(document.baseURI);
+  if (isGoingOn || refusal !== '') {
     const { SetupPanel } = await import('./setup/panel');
-    return new SetupPanel(document.baseURI).start();
+    const panel = new SetupPanel(document.baseURI);
+    return isGoingOn ? panel.start() : panel.refuseAll(refusal);
   }
   const page = new Page();
   const half = remembered();

@@ -1,20 +1,17 @@
 #include "daemon/setup/setup_files.hpp"
 
-#include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <numeric>
 
 #include "base/whole_file.hpp"
 #include "capture/v4l2/camera_list.hpp"
+#include "daemon/secret.hpp"
 #include "detection/sheet/tag_sheet.hpp"
 #include "detection/tag_family_list.hpp"
-#include "middleware/net/peer.hpp"
 
 namespace fiducap {
 
@@ -24,22 +21,11 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kPrintedTags = 12;  // enough for a room; all families have as many
 
-std::string fresh_token() {
-  const auto key = net::random_key();
-  std::array<char, 33> text{};
-  std::snprintf(text.data(), text.size(), "%016llx%016llx", static_cast<unsigned long long>(key[0]),
-                static_cast<unsigned long long>(key[1]));
-  return text.data();
-}
-
 /// An earlier one is kept: somebody may know it.
 Expected<void> write_token(const std::string& file) {
   std::error_code ignored;
   if (fs::exists(file, ignored)) return {};
-  const auto before = ::umask(0077);
-  auto written = write_whole_file(file, fresh_token() + "\n");
-  ::umask(before);
-  return written;
+  return write_whole_file(file, fresh_secret() + "\n", 0600);
 }
 
 }  // namespace

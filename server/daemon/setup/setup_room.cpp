@@ -7,6 +7,7 @@
 #include "base/this_thread.hpp"
 #include "capture/imu/imu_source.hpp"
 #include "capture/jpeg_image.hpp"
+#include "daemon/secret.hpp"
 #include "daemon/setup/setup_files.hpp"
 #include "daemon/system_clock.hpp"
 
@@ -24,6 +25,7 @@ constexpr int kPictureWidth_px = 752;
 
 SetupRoom::SetupRoom(SetupSurroundings surroundings)
     : surroundings_(std::move(surroundings)),
+      secret_(fresh_secret()),
       events_(utc_now_ns),
       inbox_(kMostImages),
       guide_(*this, [this] { show(); }) {
@@ -46,6 +48,8 @@ void SetupRoom::run(std::stop_token stop) {
 }
 
 // --- for the pages -------------------------------------------------------------------------------
+
+bool SetupRoom::admits(std::string_view secret) const { return is_secret(secret, secret_); }
 
 std::shared_ptr<const std::string> SetupRoom::state() const {
   const std::lock_guard lock(mutex_);

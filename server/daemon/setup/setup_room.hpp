@@ -7,6 +7,7 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -39,7 +40,10 @@ class SetupRoom final : public SetupDesk, private SetupRig {
 
   /// A thread of its own.
   void run(std::stop_token stop);
+  /// Shown to the person in front of the terminal only: who knows it leads the set-up.
+  [[nodiscard]] const std::string& secret() const { return secret_; }
 
+  [[nodiscard]] bool admits(std::string_view secret) const override;
   [[nodiscard]] std::shared_ptr<const std::string> state() const override;
   [[nodiscard]] std::shared_ptr<const std::string> picture() override;
   Expected<void> command(std::string what, std::map<std::string, std::string> values) override;
@@ -69,6 +73,7 @@ class SetupRoom final : public SetupDesk, private SetupRig {
   void make_picture();
 
   SetupSurroundings surroundings_;
+  const std::string secret_;
   EventBoard events_;
   BodyInbox inbox_;
   std::vector<Delivery> taken_;

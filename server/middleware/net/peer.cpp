@@ -1,12 +1,14 @@
 #include "middleware/net/peer.hpp"
 
 #include <arpa/inet.h>
+#include <sys/random.h>
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <charconv>
 #include <cstring>
-#include <random>
+#include <system_error>
 
 namespace fiducap::net {
 
@@ -146,8 +148,11 @@ std::uint64_t siphash(const std::array<std::uint64_t, 2>& key, std::span<const s
 }
 
 std::uint64_t random_word() {
-  std::random_device device;
-  return std::uint64_t{device()} << 32 | device();
+  std::uint64_t word{};
+  // So few bytes come whole, once the kernel has gathered chance; a signal may end the wait before.
+  while (::getrandom(&word, sizeof word, 0) != sizeof word)
+    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "getrandom");
+  return word;
 }
 
 std::array<std::uint64_t, 2> random_key() { return {random_word(), random_word()}; }

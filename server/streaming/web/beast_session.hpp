@@ -71,6 +71,7 @@ class BeastSession final : public WebSession {
   void on_lingered(ErrorCodeOf error, std::size_t bytes);
   void leave_places();
   [[nodiscard]] bool speaks_for_another() const;
+  [[nodiscard]] bool is_own_page() const;
   enum class SocketKind { kLive, kControl, kViews };
   [[nodiscard]] static std::optional<SocketKind> socket_at(std::string_view path);
   [[nodiscard]] std::optional<HttpResponse> refusal_of(SocketKind kind);

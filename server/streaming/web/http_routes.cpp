@@ -117,6 +117,19 @@ std::string with_port(std::string host, std::string_view port) {
   return has_port ? host : host + ":" + std::string(port);
 }
 
+/// `[::1]`, `[::1]:8080`. Browsers send no scope.
+bool is_bracketed_address(const std::string& host) {
+  const auto end = host.find(']');
+  if (end == std::string::npos) return false;
+  const std::string inside = host.substr(1, end - 1);
+  const std::string_view rest = std::string_view(host).substr(end + 1);
+  const bool is_port =
+      rest.empty() ||
+      (rest.front() == ':' && rest.find_first_not_of("0123456789", 1) == std::string_view::npos);
+  return is_port && inside.find(':') != std::string::npos &&
+         inside.find('%') == std::string::npos && net::is_address(inside);
+}
+
 }  // namespace
 
 HttpResponse plain_response(int status, std::string text) {
@@ -163,10 +176,10 @@ HttpResponse answer(const HttpRequest& request, const PageFiles& page,
 bool is_our_name(std::string_view host, const std::vector<std::string>& names) {
   std::string name = lower(host);
   if (name.empty()) return true;
-  if (name.front() == '[') return name.find(']') != std::string::npos;  // an IPv6 address
+  if (name.front() == '[') return is_bracketed_address(name);
   name = name.substr(0, name.rfind(':'));
   if (name.ends_with('.')) name.pop_back();
-  if (name == "localhost" || net::is_address(name)) return true;
+  if (name == "localhost" || net::parse_address(name)) return true;
   return std::any_of(names.begin(), names.end(), [&](const std::string& ours) {
     return name == lower(ours) || name == lower(ours) + ".local";
   });

@@ -31,7 +31,7 @@ struct HttpRequest {
   std::string_view if_none_match{};
   std::string_view accept_encoding{};
   std::string_view accept{};
-  std::string_view setup{};  ///< `X-Fiducap-Setup`, which pages from elsewhere cannot send.
+  std::string_view setup{};  ///< `X-Fiducap-Setup`: the secret of the set-up.
 };
 
 struct HttpResponse {

@@ -1,5 +1,6 @@
 #include "streaming/web/setup_routes.hpp"
 
+#include <array>
 #include <charconv>
 #include <memory>
 #include <utility>
@@ -10,6 +11,12 @@ namespace {
 
 constexpr std::string_view kPath = "/api/v1/setup";
 constexpr std::size_t kMostKeys = 16;
+
+/// `/api/v1/setup/x?y` → `x`
+std::string_view below_setup(std::string_view target) {
+  const std::string_view path = path_of(target);
+  return path.size() > kPath.size() ? path.substr(kPath.size() + 1) : "";
+}
 
 /// `%41` → `A`, `+` → blank. @return nullopt: a broken escape, or a control character but a line
 /// end
@@ -33,7 +40,7 @@ std::optional<std::string> unescaped(std::string_view text) {
   return out;
 }
 
-HttpResponse picture_of(SetupDesk& setup) {
+HttpResponse picture_of(const HttpRequest&, SetupDesk& setup) {
   const auto picture = setup.picture();
   if (!picture) return plain_response(404, "there is no picture yet\n");
   HttpResponse response;
@@ -42,14 +49,14 @@ HttpResponse picture_of(SetupDesk& setup) {
   return response;
 }
 
-HttpResponse state_of(const SetupDesk& setup) {
+HttpResponse state_of(const HttpRequest&, SetupDesk& setup) {
   HttpResponse response;
   response.content_type = "application/json";
   response.content.plain = setup.state();
   return response;
 }
 
-HttpResponse sheet_of(const HttpRequest& request, const SetupDesk& setup) {
+HttpResponse sheet_of(const HttpRequest& request, SetupDesk& setup) {
   auto order = query_of(request.target);
   if (!order) return plain_response(400, "expected ?key=value&key=value\n");
   auto pdf = setup.sheet(std::move(*order));
@@ -60,16 +67,21 @@ HttpResponse sheet_of(const HttpRequest& request, const SetupDesk& setup) {
   return response;
 }
 
-HttpResponse obey(const HttpRequest& request, std::string_view what, SetupDesk& setup) {
-  if (request.setup != "1")
-    return plain_response(403, "commands come from the page itself: expected X-Fiducap-Setup: 1\n");
+HttpResponse obey(const HttpRequest& request, SetupDesk& setup) {
   auto values = query_of(request.target);
   if (!values) return plain_response(400, "expected ?key=value&key=value\n");
-  const auto taken = setup.command(std::string(what), std::move(*values));
+  const auto taken = setup.command(std::string(below_setup(request.target)), std::move(*values));
   return taken ? plain_response(202, "\n") : later_response(503, taken.error().what + "\n");
 }
 
+constexpr std::array<SetupRoute, 4> kRoutes{{{"GET", "", state_of},
+                                             {"GET", "picture", picture_of},
+                                             {"GET", "sheet", sheet_of},
+                                             {"POST", "*", obey}}};
+
 }  // namespace
+
+std::span<const SetupRoute> setup_routes() { return kRoutes; }
 
 bool is_setup(std::string_view path) {
   return path.starts_with(kPath) && (path.size() == kPath.size() || path[kPath.size()] == '/');
@@ -97,15 +109,21 @@ HttpResponse answer_setup(const HttpRequest& request, SetupDesk* setup, bool is_
   if (setup == nullptr) return plain_response(404, "no set-up goes on\n");
   if (!is_here)
     return plain_response(403,
-                          "a set-up is led at this machine only, by the user who has started it: "
-                          "open the page there, or through `ssh -L 8080:127.0.0.1:8080`\n");
-  const std::string_view path = path_of(request.target);
-  const std::string_view what = path.size() > kPath.size() ? path.substr(kPath.size() + 1) : "";
-  if (request.method == "POST") return obey(request, what, *setup);
-  if (request.method != "GET") return plain_response(405, "expected GET or POST\n");
-  if (what == "picture") return picture_of(*setup);
-  if (what == "sheet") return sheet_of(request, *setup);
-  return what.empty() ? state_of(*setup) : plain_response(404, "nothing here\n");
+                          "A set-up is led at this machine only: open the page there, or through "
+                          "`ssh -L 8080:127.0.0.1:8080`.\n");
+  if (!setup->admits(request.setup))
+    return plain_response(403,
+                          "Open the address that fiducapd --setup printed in its terminal, with "
+                          "everything after #.\n");
+  const std::string_view what = below_setup(request.target);
+  bool knows_method = false;
+  for (const SetupRoute& route : kRoutes) {
+    if (route.method != request.method) continue;
+    if (route.what == what || route.what == "*") return route.answer(request, *setup);
+    knows_method = true;
+  }
+  return knows_method ? plain_response(404, "nothing here\n")
+                      : plain_response(405, "expected GET or POST\n");
 }
 
 }  // namespace fiducap::web

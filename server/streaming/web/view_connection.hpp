@@ -31,6 +31,12 @@ class ViewConnection final {
                  std::unique_ptr<native::ControlConversation> proof);
   [[nodiscard]] const net::Peer& peer() const { return peer_; }
   [[nodiscard]] bool is_admitted() const { return proof_ == nullptr || proof_->is_operator(); }
+  /// One of the bounded number, see ViewFeed.
+  void give_place() { place_ = PlaceState::kHeld; }
+  [[nodiscard]] bool has_place() const { return place_ == PlaceState::kHeld; }
+  /// Another one gets its place: it is closed with the next look.
+  void dismiss() { place_ = PlaceState::kTaken; }
+  [[nodiscard]] bool dismissed() const { return place_ == PlaceState::kTaken; }
   /// @return false: he said nothing for too long before he was admitted
   [[nodiscard]] bool is_patient(Instant now) const { return is_admitted() || proof_->patient(now); }
 
@@ -64,13 +70,15 @@ class ViewConnection final {
     CameraViews::Picture waiting;
     std::optional<Instant> due_at;  ///< Of the next picture.
   };
+  enum class PlaceState { kNone, kHeld, kTaken };
   [[nodiscard]] static bool is_due(Place& place, Instant now);
 
   net::Peer peer_;
   Instant connected_at_;
   std::unique_ptr<native::ControlConversation> proof_;
   std::vector<Place> places_;  ///< One per camera.
-  std::size_t turn_{0};        ///< Which camera comes next.
+  PlaceState place_{PlaceState::kNone};
+  std::size_t turn_{0};  ///< Which camera comes next.
   net::TokenBucket sent_lately_;
   std::optional<Instant> writing_since_;
   std::uint64_t sent_{0};

@@ -41,17 +41,40 @@ ViewAccess ViewFeed::access(const net::Peer& peer, bool speaks_for_another, bool
       "configured: set operator.token_file, or open the page through a tunnel (ssh -L)");
 }
 
-bool ViewFeed::has_room(const net::Peer& peer) const {
-  const auto same = std::count_if(connections_.begin(), connections_.end(),
-                                  [&](const auto& one) { return one->peer().same_address(peer); });
-  return connections_.size() < kMostViewers && static_cast<std::size_t>(same) < kMostPerAddress;
+net::Place ViewFeed::place_for(const net::Peer& peer) const {
+  std::vector<net::Peer> holders;
+  for (const auto& one : connections_)
+    if (one->has_place()) holders.push_back(one->peer());
+  const auto same = std::count_if(holders.begin(), holders.end(),
+                                  [&](const net::Peer& one) { return one.same_address(peer); });
+  if (static_cast<std::size_t>(same) >= kMostPerAddress) return {};
+  return net::place_for(peer, holders, kMostViewers);
+}
+
+/// From the newest of the address that gives one up.
+void ViewFeed::take(const net::Place& place) {
+  if (!place.instead_of) return;
+  const auto newest =
+      std::find_if(connections_.rbegin(), connections_.rend(), [&](const auto& one) {
+        return one->has_place() && one->peer().same_address(*place.instead_of);
+      });
+  if (newest != connections_.rend()) (*newest)->dismiss();
 }
 
 std::shared_ptr<ViewConnection> ViewFeed::join(const net::Peer& peer, Instant now,
                                                std::unique_ptr<native::ControlConversation> proof) {
   auto made = std::make_shared<ViewConnection>(peer, now, cameras().size(), std::move(proof));
+  if (made->is_admitted()) (void)admit(*made);
   connections_.push_back(made);
   return made;
+}
+
+bool ViewFeed::admit(ViewConnection& connection) {
+  const net::Place place = place_for(connection.peer());
+  if (!place.is_there) return false;
+  take(place);
+  connection.give_place();
+  return true;
 }
 
 void ViewFeed::leave(const ViewConnection& connection) {

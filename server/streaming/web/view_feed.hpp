@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "streaming/net/places.hpp"
 #include "streaming/web/view_connection.hpp"
 #include "streaming/web/web_config.hpp"
 
@@ -25,11 +26,14 @@ class ViewFeed final {
   /// @param has_token  an operator's token is configured
   [[nodiscard]] ViewAccess access(const net::Peer& peer, bool speaks_for_another,
                                   bool has_token) const;
-  /// Is there a place for one more viewer?
-  [[nodiscard]] bool has_room(const net::Peer& peer) const;
-  /// @param proof  asks for the token; nullptr: he may look without   @pre has_room(peer)
+  /// Is there a place for one more who may look? One that has proven nothing holds none.
+  [[nodiscard]] bool has_room(const net::Peer& peer) const { return place_for(peer).is_there; }
+  /// @param proof  asks for the token, see `admit`; nullptr: he may look without, and takes a
+  /// place   @pre has_room(peer), where there is no proof
   [[nodiscard]] std::shared_ptr<ViewConnection> join(
       const net::Peer& peer, Instant now, std::unique_ptr<native::ControlConversation> proof);
+  /// Takes a place for who has just proven that he may look. @return false: there is none
+  [[nodiscard]] bool admit(ViewConnection& connection);
   void leave(const ViewConnection& connection);
   void wish(ViewConnection& connection, std::span<const NamedWish> wishes);
   /// Takes new pictures and leaves them with those who wish them.
@@ -41,6 +45,8 @@ class ViewFeed final {
   }
 
  private:
+  [[nodiscard]] net::Place place_for(const net::Peer& peer) const;
+  void take(const net::Place& place);
   void ask_for_pictures();
 
   ViewRule rule_;

@@ -23,6 +23,7 @@ constexpr auto kLingerTimeout = 2s;
 // Who asks too much is read no further for a while: its refusals cost next to nothing, too.
 constexpr Duration kPause = 1s;
 constexpr double kUpgradeCost = 4;  // a new page is sent everything at once
+constexpr const char* kSetupHeader = "X-Fiducap-Setup";
 
 }  // namespace
 
@@ -54,10 +55,16 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
   const auto socket =
       websocket::is_upgrade(request) ? socket_at(path_of(view_of(request.target()))) : std::nullopt;
   const bool is_watching = socket && *socket != SocketKind::kControl;
-  if (!desk_->take_request(peer(), is_watching ? kUpgradeCost : 1)) {
+  // Others of this machine share its address: their flood costs the one who sets up nothing.
+  const bool leads = desk_->leads_setup(view_of(request[kSetupHeader]));
+  if (!leads && !desk_->take_request(peer(), is_watching ? kUpgradeCost : 1)) {
     return send(later_response(429, "too many requests of this address; come again later\n"),
                 request.keep_alive());
   }
+  // RFC 9112 3.2
+  const auto hosts = request.count(http::field::host);
+  if (hosts > 1 || (hosts == 0 && request.version() >= 11))
+    return send(plain_response(400, "expected one Host\n"), false);
   if (!desk_->knows(view_of(request[http::field::host]))) {
     return send(plain_response(421,
                                "this server has another name: use its address, or add this name to "
@@ -70,10 +77,13 @@ void BeastSession::on_request(ErrorCodeOf error, std::size_t) {
                           view_of(request[http::field::if_none_match]),
                           view_of(request[http::field::accept_encoding]),
                           view_of(request[http::field::accept]),
-                          view_of(request["X-Fiducap-Setup"])};
+                          view_of(request[kSetupHeader])};
   const bool for_another = speaks_for_another();
-  if (is_setup(path_of(asked.target)))
+  if (is_setup(path_of(asked.target))) {
+    if (!is_own_page())
+      return send(plain_response(403, "the set-up serves its own page only\n"), false);
     return send(desk_->answer_setup(asked, peer(), for_another), request.keep_alive());
+  }
   send(desk_->answer(asked, desk_->view_access(peer(), for_another)), request.keep_alive());
 }
 
@@ -164,7 +174,9 @@ std::vector<std::string> own_names(const WebConfig& config) {
 std::shared_ptr<ViewConnection> WebDesk::join_views(const net::Peer& peer,
                                                     bool speaks_for_another) {
   const ViewAccess access = view_access(peer, speaks_for_another);
-  if (access.kind == ViewAccess::Kind::kDenied || !view_feed_.has_room(peer)) return nullptr;
+  const bool may_look = access.kind == ViewAccess::Kind::kGranted;
+  if (access.kind == ViewAccess::Kind::kDenied || (may_look && !view_feed_.has_room(peer)))
+    return nullptr;
   std::unique_ptr<native::ControlConversation> proof;
   if (access.kind == ViewAccess::Kind::kProof)
     proof = std::make_unique<native::ControlConversation>(native::random_challenge(), *operators_,

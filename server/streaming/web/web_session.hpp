@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "base/clock.hpp"
 #include "streaming/native/control_conversation.hpp"
 #include "streaming/net/limits.hpp"
-#include "streaming/net/peer_user.hpp"
 #include "streaming/net/places.hpp"
 #include "streaming/net/tcp_session.hpp"
 #include "streaming/web/http_routes.hpp"
@@ -71,11 +71,14 @@ class WebDesk final {
     const bool has_token = operators_ != nullptr && !operators_->token().empty();
     return view_feed_.access(peer, speaks_for_another, has_token);
   }
-  /// Of a set-up, which opens devices and writes files: only for who has started the server.
+  /// Does who says this lead the set-up that goes on?
+  [[nodiscard]] bool leads_setup(std::string_view secret) const {
+    return setup_ != nullptr && setup_->admits(secret);
+  }
+  /// Of a set-up, which opens devices and writes files: only for who knows its secret.
   [[nodiscard]] HttpResponse answer_setup(const HttpRequest& request, const net::Peer& peer,
                                           bool speaks_for_another) {
-    const bool is_here = setup_ != nullptr && peer.is_loopback() && !speaks_for_another;
-    return web::answer_setup(request, setup_, is_here && net::is_of_this_user(peer));
+    return web::answer_setup(request, setup_, peer.is_loopback() && !speaks_for_another);
   }
   /// @return nullptr: he may not, or there is no place
   [[nodiscard]] std::shared_ptr<ViewConnection> join_views(const net::Peer& peer,

@@ -17,7 +17,9 @@ constexpr Duration kReaderPatience = 5s;
 // the kernel.
 constexpr int kSendBuffer = 256 * 1024;
 constexpr std::size_t kLongestClientMessage = 1024;
-constexpr std::size_t kLongestReason = 120;    // RFC 6455 5.5: 125 bytes with the code
+constexpr std::size_t kLongestReason = 120;  // RFC 6455 5.5: 125 bytes with the code
+constexpr const char* kTooManyViewers =
+    "too many watch cameras already; close one of the pages that do";
 constexpr std::size_t kLongestCommand = 8192;  // an alignment by 200 tags
 
 }  // namespace
@@ -37,11 +39,17 @@ bool BeastSession::speaks_for_another() const {
          request.find("X-Real-IP") != request.end();
 }
 
+/// A page of this server asks, or a program that is no browser.
+bool BeastSession::is_own_page() const {
+  const auto& request = parser_->get();
+  return request.count(http::field::origin) <= 1 &&
+         same_origin(view_of(request[http::field::origin]), view_of(request[http::field::host]));
+}
+
 /// @return nullopt: welcome
 std::optional<HttpResponse> BeastSession::refusal_of(SocketKind kind) {
   const auto& request = parser_->get();
-  if (!same_origin(view_of(request[http::field::origin]), view_of(request[http::field::host])))
-    return plain_response(403, "the sockets serve their own page only\n");
+  if (!is_own_page()) return plain_response(403, "the sockets serve their own page only\n");
   if (kind == SocketKind::kControl && !desk_->takes_commands())
     return plain_response(404, "nobody takes commands here\n");
   if (kind == SocketKind::kLive && !desk_->has_room(peer()))
@@ -49,9 +57,9 @@ std::optional<HttpResponse> BeastSession::refusal_of(SocketKind kind) {
   if (kind == SocketKind::kViews) {
     const ViewAccess access = desk_->view_access(peer(), speaks_for_another());
     if (access.kind == ViewAccess::Kind::kDenied) return plain_response(403, access.why + "\n");
-    if (!desk_->view_feed().has_room(peer()))
-      return later_response(503,
-                            "too many watch cameras already; close one of the pages that do\n");
+    const bool may_look = access.kind == ViewAccess::Kind::kGranted;
+    if (may_look && !desk_->view_feed().has_room(peer()))
+      return later_response(503, std::string(kTooManyViewers) + "\n");
   }
   if (buffer_.size() != 0)
     return plain_response(400, "expected nothing before the upgrade's answer\n");
@@ -178,6 +186,11 @@ void BeastSession::prove_view() {
               !view_->prove({static_cast<const std::byte*>(heard.data()), heard.size()}, replies_,
                             desk_->now());
   buffer_.clear();
+  if (view_->is_admitted() && !desk_->view_feed().admit(*view_)) {
+    leave_places();
+    const websocket::close_reason why(websocket::close_code::try_again_later, kTooManyViewers);
+    return stream_.async_close(why, on(&BeastSession::end_of));
+  }
   if (replies_.empty()) return on_view_reply({}, 0);  // half a request, or none at all
   stream_.async_write(asio::buffer(replies_), on(&BeastSession::on_view_reply));
 }
@@ -194,6 +207,9 @@ void BeastSession::on_view_reply(ErrorCodeOf error, std::size_t) {
 
 void BeastSession::pump_views() {
   const Instant now = desk_->now();
+  if (view_->dismissed())
+    return close("is closed: its address has the most viewers and others want one",
+                 log::Level::kWarning);
   if (view_->is_stuck(now, kReaderPatience))
     return close("stopped reading camera views and was closed", log::Level::kWarning);
   Message message = view_->next(now);

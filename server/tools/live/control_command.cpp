@@ -30,7 +30,7 @@ Expected<ControlOptions> options_of(const ControlArguments& arguments) {
   if (options.token.empty()) {
     return fail(ErrorCode::kInvalid,
                 "needs the operator's token (operator.token of the server's configuration): "
-                "--token T, or FIDUCAP_TOKEN=T");
+                "export FIDUCAP_TOKEN=$(cat FILE), or --token T, which other users see");
   }
   return options;
 }

@@ -129,11 +129,19 @@ class Walk:
         stand_ins.wait_for(line, lambda: self.says("serving ") or self.says("set-up of "))
         if "--setup" not in line:
             return
+        stand_ins.wait_for("the address of the set-up", self.take_secret)
         if "--simulated" not in command.text:
             stand_ins.wait_for("the set-up", lambda: self.page.setup().get("step") == "camera")
             return self.stop()
         self.compare_steps(self.page.lead_through())
         stand_ins.wait_for("the server", lambda: self.says("serving 1 bodies"))
+
+    def take_secret(self):
+        """Of the address that the server prints for a person."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        printed = re.search(rf"http://127\.0\.0\.1:{self.web}/#([0-9a-f]{{32}})\n", text)
+        self.page.secret = printed[1] if printed else ""
+        return printed is not None
 
     def says(self, what):
         text = self.log.read_text(encoding="utf-8", errors="replace")

@@ -86,10 +86,11 @@ class Page:
 
     def __init__(self, port):
         self.address = f"http://127.0.0.1:{port}/api/v1/"
+        self.secret = ""  # of a set-up
 
     def ask(self, path, data=None):
         request = urllib.request.Request(self.address + path, data=data,
-                                         headers={"X-Fiducap-Setup": "1"})
+                                         headers={"X-Fiducap-Setup": self.secret})
         with urllib.request.urlopen(request, timeout=30) as answer:
             return answer.read().decode()
 

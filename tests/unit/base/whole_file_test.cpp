@@ -1,6 +1,7 @@
 #include "base/whole_file.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -21,6 +22,17 @@ TEST(WholeFile, ReadsBackWhatWasWrittenIntoANewFolder) {
   const auto entries =
       std::distance(fs::directory_iterator(folder.file("a/b")), fs::directory_iterator());
   EXPECT_EQ(entries, 1) << "a part was left behind";
+}
+
+TEST(WholeFile, NeitherFollowsNorFillsWhatOthersPutBesideIt) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("robot.token");
+  ASSERT_TRUE(write_whole_file(folder.file("precious"), "precious"));
+  fs::create_symlink(folder.file("precious"), path + ".part" + std::to_string(::getpid()));
+  ASSERT_TRUE(write_whole_file(path, "secret", 0600));
+  EXPECT_EQ(read_whole_file(folder.file("precious")).value(), "precious");
+  EXPECT_FALSE(fs::is_symlink(path));
+  EXPECT_EQ(fs::status(path).permissions(), fs::perms::owner_read | fs::perms::owner_write);
 }
 
 TEST(WholeFile, SaysWhyItCannotWrite) {

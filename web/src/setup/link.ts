@@ -1,3 +1,4 @@
+import { setupHeaders } from './memory';
 import { parseSetup, type SetupState } from './protocol';
 
 const LOOK_MS = 250;
@@ -77,7 +78,6 @@ export class SetupLink {
   private async post(wanted: SetupCommand): Promise<string> {
     const answer = await this.ask(`api/v1/setup/${commandPath(wanted)}`, {
       method: 'POST',
-      headers: { 'X-Fiducap-Setup': '1' },
     });
     if (!answer) return 'The server did not answer. Is it still running?';
     if (answer.ok) return '';
@@ -112,7 +112,8 @@ export class SetupLink {
     const picture = await coming;
     if (this.isStopped) return;
     if (picture) this.listener.picture(picture);
-    if (answer?.status === 404) return this.listener.over();
+    // With 403 it is another start of the server, and has another secret.
+    if (answer?.status === 404 || answer?.status === 403) return this.listener.over();
     const json = answer?.ok ? await answer.text().catch(() => null) : null;
     if (json === null) return this.listener.silent(performance.now() - this.answeredAt);
     this.answeredAt = performance.now();
@@ -145,7 +146,8 @@ export class SetupLink {
   private async ask(path: string, options: RequestInit = {}): Promise<Response | null> {
     const hurry = new AbortController();
     const timer = setTimeout(() => hurry.abort(), PATIENCE_MS);
-    const wanted = { cache: 'no-store' as const, signal: hurry.signal, ...options };
+    const common = { cache: 'no-store' as const, signal: hurry.signal, headers: setupHeaders() };
+    const wanted = { ...common, ...options };
     const answer = await fetch(new URL(path, this.page), wanted).catch(() => null);
     clearTimeout(timer);
     return answer;

@@ -2,6 +2,7 @@
 import { fields, number, text } from '../fields';
 
 const KEY = 'fiducap.setup';
+const SECRET = 'fiducap.setup.secret';
 /** Where the camera sits, as typed; void once the set-up is done. */
 export const TYPED_MOUNT = 'fiducap.setup.mount';
 
@@ -33,14 +34,41 @@ export function forget(): void {
   sessionStorage.removeItem(KEY);
 }
 
+/** What stands after # in the address that `fiducapd --setup` prints; null: no secret. */
+export function secretIn(hash: string): string | null {
+  return /^#([0-9a-f]{32})$/.exec(hash)?.[1] ?? null;
+}
+
+/** Keeps the secret of the address for this tab, and takes it out of the address bar. @returns whether there was one */
+export function keepSecret(): boolean {
+  const secret = secretIn(location.hash);
+  if (secret === null) return false;
+  sessionStorage.setItem(SECRET, secret);
+  history.replaceState(null, '', location.pathname + location.search);
+  return true;
+}
+
+/** Proves to the set-up that the page was opened by its printed address. */
+export function setupHeaders(): Record<string, string> {
+  return { 'X-Fiducap-Setup': sessionStorage.getItem(SECRET) ?? '' };
+}
+
+export interface SetupAnswer {
+  isGoingOn: boolean;
+  /** Why this page may not lead the set-up; empty: it may, or there is none. */
+  refusal: string;
+}
+
 /** A server that does not answer in time is not being set up. */
-export async function isSetupGoingOn(page: string): Promise<boolean> {
+export async function askForSetup(page: string): Promise<SetupAnswer> {
   const hurry = new AbortController();
   const timer = setTimeout(() => hurry.abort(), 2000);
   const url = new URL('api/v1/setup', page);
-  const answer = await fetch(url, { cache: 'no-store', signal: hurry.signal }).catch(() => null);
+  const wanted = { cache: 'no-store' as const, signal: hurry.signal, headers: setupHeaders() };
+  const answer = await fetch(url, wanted).catch(() => null);
+  const refusal = answer?.status === 403 ? (await answer.text().catch(() => '')).trim() : '';
   clearTimeout(timer);
-  return answer?.status === 200;
+  return { isGoingOn: answer?.status === 200, refusal };
 }
 
 /** A list of words that was kept as JSON; empty when it is none. */

@@ -87,10 +87,23 @@ export class SetupPanel {
   }
 
   start(): void {
+    this.appear();
+    this.link.start();
+  }
+
+  /** This page may not lead the set-up. @param words  what to do instead */
+  refuseAll(words: string): void {
+    this.appear();
+    setText(this.title, 'The set-up belongs to who started it');
+    setText(this.todo, words);
+    this.list.hidden = true;
+    for (const one of [this.back, this.again, this.go]) one.hidden = true;
+  }
+
+  private appear(): void {
     document.body.classList.add('sets-up');
     document.body.append(this.root);
     document.title = 'Set-up – Fiducap';
-    this.link.start();
   }
 
   private lay(): void {

@@ -1,7 +1,7 @@
 // What is measured with a ruler: tags, and where the camera sits.
 import { element, setText } from '../dom';
 import { button } from '../map_commands';
-import { keptWords, TYPED_MOUNT } from './memory';
+import { keptWords, setupHeaders, TYPED_MOUNT } from './memory';
 import {
   choice, column, labelled, NEXT, numberInput, type Desk, type Primary, type StepView,
 } from './parts';
@@ -92,7 +92,7 @@ export class SheetView implements StepView {
     const size_mm = plainNumber(typedNumber(this.size.value) ?? 0);
     const query = new URLSearchParams({ ...order, size_mm }).toString();
     const url = new URL(`api/v1/setup/sheet?${query}`, document.baseURI);
-    const answer = await fetch(url, { cache: 'no-store' }).catch(() => null);
+    const answer = await fetch(url, { cache: 'no-store', headers: setupHeaders() }).catch(() => null);
     if (answer?.ok) return save(await answer.blob(), 'tags.pdf');
     setText(this.fault, (await answer?.text())?.trim() ?? 'The server did not answer.');
   }

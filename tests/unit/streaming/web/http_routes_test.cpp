@@ -179,8 +179,10 @@ TEST(OurName, AddressesAndOurNamesAreOursWhateverThePort) {
 
 TEST(OurName, ANameThatOnlyPointsHereIsNot) {
   const std::vector<std::string> names{"hall"};
-  for (const char* host : {"evil.example", "evil.example:8080", "hall.evil.example",
-                           "10.0.0.5.evil", "localhost.evil.example:80", "xhall", ":8080"})
+  for (const char* host :
+       {"evil.example", "evil.example:8080", "hall.evil.example", "10.0.0.5.evil",
+        "localhost.evil.example:80", "xhall", ":8080", "[evil.example]", "[evil.example]:8080",
+        "1::%evil.example:8080", "[1::%evil.example]", "[::1", "[::1]evil", "[10.0.0.5]"})
     EXPECT_FALSE(is_our_name(host, names)) << host;
 }
 

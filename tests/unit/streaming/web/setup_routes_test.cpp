@@ -2,39 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include "support/noted_setup.hpp"
+
 namespace fiducap::web {
 namespace {
 
-class NotedSetup final : public SetupDesk {
- public:
-  std::shared_ptr<const std::string> state() const override {
-    return std::make_shared<const std::string>("{}");
-  }
-  std::shared_ptr<const std::string> picture() override { return shown; }
-  Expected<void> command(std::string what, std::map<std::string, std::string> values) override {
-    if (is_full) return fail(ErrorCode::kUnavailable, "too many commands wait");
-    said = std::move(what);
-    with = std::move(values);
-    return {};
-  }
-
-  Expected<std::string> sheet(std::map<std::string, std::string> order) const override {
-    if (order["paper"] != "a4") return fail(ErrorCode::kInvalid, "must be a4", "paper");
-    return "%PDF of " + order["family"];
-  }
-
-  std::shared_ptr<const std::string> shown;
-  std::string said;
-  std::map<std::string, std::string> with;
-  bool is_full{false};
-};
-
 class SetupRoutesTest : public testing::Test {
  protected:
-  HttpResponse ask(std::string_view method, std::string_view target, std::string_view header = "1",
-                   bool is_here = true) {
+  HttpResponse ask(std::string_view method, std::string_view target,
+                   std::string_view secret = NotedSetup::kSecret, bool is_here = true) {
     HttpRequest request{method, target};
-    request.setup = header;
+    request.setup = secret;
     return answer_setup(request, &desk_, is_here);
   }
   NotedSetup desk_;
@@ -56,7 +34,7 @@ TEST_F(SetupRoutesTest, ServesTheSheetThatIsAskedForOrSaysWhyNot) {
   EXPECT_EQ(refused.status, 400);
   EXPECT_EQ(*refused.body(), "paper: must be a4\n");
   EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper").status, 400);
-  EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper=a4", "1", false).status, 403);
+  EXPECT_EQ(ask("GET", "/api/v1/setup/sheet?paper=a4", NotedSetup::kSecret, false).status, 403);
 }
 
 TEST_F(SetupRoutesTest, TakesCommandsWithTheirValues) {
@@ -69,13 +47,30 @@ TEST_F(SetupRoutesTest, TakesCommandsWithTheirValues) {
   EXPECT_EQ(ask("POST", "/api/v1/setup/next").status, 503);
 }
 
-TEST_F(SetupRoutesTest, ServesOnlyThisMachineAndItsOwnPage) {
-  EXPECT_EQ(ask("GET", "/api/v1/setup", "1", false).status, 403);
-  EXPECT_EQ(ask("POST", "/api/v1/setup/next", "1", false).status, 403);
-  EXPECT_EQ(ask("POST", "/api/v1/setup/next", "").status, 403) << "a page from elsewhere";
-  EXPECT_EQ(desk_.said, "");
+TEST_F(SetupRoutesTest, ServesThisMachineOnly) {
+  EXPECT_EQ(ask("GET", "/api/v1/setup", NotedSetup::kSecret, false).status, 403);
+  EXPECT_EQ(ask("POST", "/api/v1/setup/next", NotedSetup::kSecret, false).status, 403);
+  EXPECT_EQ(desk_.asked, 0);
   EXPECT_EQ(answer_setup({"GET", "/api/v1/setup"}, nullptr, true).status, 404);
   EXPECT_EQ(ask("PUT", "/api/v1/setup").status, 405);
+}
+
+TEST_F(SetupRoutesTest, NoRouteIsReachedWithoutTheSecret) {
+  const std::string longer = std::string(NotedSetup::kSecret) + "0";
+  ASSERT_GE(setup_routes().size(), 4u);
+  for (const SetupRoute& route : setup_routes()) {
+    const std::string target =
+        "/api/v1/setup/" + std::string(route.what == "*" ? "next" : route.what);
+    for (const std::string_view wrong : {std::string_view(""), std::string_view("1"),
+                                         NotedSetup::kSecret.substr(1), std::string_view(longer)}) {
+      const auto refused = ask(route.method, target, wrong);
+      EXPECT_EQ(refused.status, 403) << target << " " << wrong;
+      EXPECT_NE(refused.body()->find("fiducapd --setup printed"), std::string::npos);
+    }
+    EXPECT_EQ(desk_.asked, 0) << target;
+    (void)ask(route.method, target + "?paper=a4");
+    EXPECT_EQ(std::exchange(desk_.asked, 0), 1) << target << " with the secret";
+  }
 }
 
 TEST_F(SetupRoutesTest, RefusesWhatIsNoQuery) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "support/fake_views.hpp"
 
 namespace fiducap::web {
@@ -110,17 +112,31 @@ TEST_F(ViewFeedTest, ACameraThatDoesNotExistGivesNothing) {
 }
 
 TEST_F(ViewFeedTest, PlacesAreBounded) {
+  std::vector<std::shared_ptr<ViewConnection>> all;
   for (std::size_t i = 0; i < ViewFeed::kMostPerAddress; ++i) {
     ASSERT_TRUE(feed_.has_room(kHere));
-    (void)join();
+    all.push_back(join());
   }
   EXPECT_FALSE(feed_.has_room(kHere)) << "this address has enough";
   for (std::size_t i = ViewFeed::kMostPerAddress; i < ViewFeed::kMostViewers; ++i) {
     const net::Peer peer(static_cast<std::uint32_t>(0x0a000001 + i), 5);
     ASSERT_TRUE(feed_.has_room(peer));
-    (void)join(peer);
+    all.push_back(join(peer));
   }
-  EXPECT_FALSE(feed_.has_room(kElsewhere)) << "all are taken";
+  (void)join(kElsewhere);
+  const auto dismissed = [](const auto& one) { return one->dismissed(); };
+  EXPECT_EQ(std::count_if(all.begin(), all.end(), dismissed), 1);
+  EXPECT_TRUE(all[ViewFeed::kMostPerAddress - 1]->dismissed()) << "the newest of who has most";
+}
+
+TEST_F(ViewFeedTest, TheMachineItselfGetsAPlaceOfWhoHasMost) {
+  std::vector<std::shared_ptr<ViewConnection>> all;
+  for (std::size_t i = 0; i < ViewFeed::kMostViewers; ++i)
+    all.push_back(join({static_cast<std::uint32_t>(0x0a000001 + i % 2), 5}));
+  EXPECT_TRUE(feed_.has_room(kHere));
+  EXPECT_FALSE(join()->dismissed());
+  const auto dismissed = [](const auto& one) { return one->dismissed(); };
+  EXPECT_EQ(std::count_if(all.begin(), all.end(), dismissed), 1);
 }
 
 TEST_F(ViewFeedTest, ASlowReaderGetsTheNewestAndLosesTheRest) {

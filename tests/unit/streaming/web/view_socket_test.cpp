@@ -239,6 +239,36 @@ TEST_F(ViewSocketTest, TooManyViewersAreToldSo) {
   EXPECT_TRUE(other.wait_for_upgrade()) << "another address has its own places";
 }
 
+TEST_F(ViewSocketTest, WhoHasProvenNothingHoldsNoPlace) {
+  std::vector<LoopbackClient> strangers;
+  for (std::size_t i = 0; i < ViewFeed::kMostViewers + 1; ++i) {
+    strangers.push_back(client(i % 2 == 0 ? "127.0.0.8" : "127.0.0.9"));
+    upgrade(strangers.back(), kProxied);
+    ASSERT_TRUE(strangers.back().wait_for_upgrade());
+    clock_.advance(200ms);
+  }
+  auto here = client();
+  upgrade(here);
+  EXPECT_TRUE(here.wait_for_upgrade()) << here.received();
+  say(here, "1/0/640/10/0");
+  EXPECT_TRUE(is_watched(0));
+}
+
+TEST_F(ViewSocketTest, AProofDoesNotHelpWhereAllPlacesAreTaken) {
+  std::vector<LoopbackClient> many;
+  for (std::size_t i = 0; i < ViewFeed::kMostPerAddress; ++i) {
+    many.push_back(client());
+    upgrade(many.back());
+    ASSERT_TRUE(many.back().wait_for_upgrade());
+  }
+  auto late = client();
+  upgrade(late, kProxied);
+  ASSERT_TRUE(late.wait_for_upgrade());
+  late.say(proof_of(desk_.operator_token, reply(late).hello().challenge()));
+  EXPECT_TRUE(late.wait_for("too many watch cameras"));
+  EXPECT_EQ(views_.asked, 0);
+}
+
 TEST_F(ViewSocketTest, AReaderThatStopsIsClosedAndHoldsNobodyUp) {
   auto slow = client("127.0.0.1", 4096);
   upgrade(slow);

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "streaming/setup_desk.hpp"
+
+namespace fiducap {
+
+/// A set-up that only notes what it was asked.
+class NotedSetup final : public SetupDesk {
+ public:
+  static constexpr std::string_view kSecret = "00112233445566778899aabbccddeeff";
+
+  bool admits(std::string_view secret) const override { return secret == kSecret; }
+  std::shared_ptr<const std::string> state() const override {
+    ++asked;
+    return std::make_shared<const std::string>("{}");
+  }
+  std::shared_ptr<const std::string> picture() override {
+    ++asked;
+    return shown;
+  }
+  Expected<void> command(std::string what, std::map<std::string, std::string> values) override {
+    ++asked;
+    if (is_full) return fail(ErrorCode::kUnavailable, "too many commands wait");
+    said = std::move(what);
+    with = std::move(values);
+    return {};
+  }
+
+  Expected<std::string> sheet(std::map<std::string, std::string> order) const override {
+    ++asked;
+    if (order["paper"] != "a4") return fail(ErrorCode::kInvalid, "must be a4", "paper");
+    return "%PDF of " + order["family"];
+  }
+
+  std::shared_ptr<const std::string> shown;
+  std::string said;
+  std::map<std::string, std::string> with;
+  bool is_full{false};
+  mutable int asked{0};  ///< Calls that need the secret.
+};
+
+}  // namespace fiducap
