@@ -94,10 +94,10 @@ export class SetupPanel {
   /** This page may not lead the set-up. @param words  what to do instead */
   refuseAll(words: string): void {
     this.appear();
-    setText(this.title, 'The set-up belongs to who started it');
+    setText(this.title, 'This page cannot lead the set-up');
     setText(this.todo, words);
     this.list.hidden = true;
-    for (const one of [this.back, this.again, this.go]) one.hidden = true;
+    for (const one of [this.back, this.again, this.go, this.why]) one.hidden = true;
   }
 
   private appear(): void {
