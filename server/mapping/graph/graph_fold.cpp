@@ -18,6 +18,8 @@ FoldedGraph part_of(const GraphState& graph, bool of_workspace) {
   out.state.prints_scale = graph.prints_scale;
   out.state.prints = graph.prints;
   out.state.doubts = graph.doubts;
+  out.state.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
+  out.state.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
   out.nodes.resize(graph.nodes.size());
   for (std::size_t i = 0; i < graph.nodes.size(); ++i) {
     if ((graph.nodes[i].component == kInWorkspace) != of_workspace) continue;
