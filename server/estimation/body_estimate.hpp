@@ -34,6 +34,7 @@ struct BodyEstimate {
   Eigen::Vector3d bias_f{Eigen::Vector3d::Zero()};
   Eigen::Vector3d bias_w{Eigen::Vector3d::Zero()};
   Matrix15d covariance{Matrix15d::Zero()};
+  double gravity_offset_m_s2{};  ///< How much more it is than BodySensors says.
   bool anchored{};  ///< W is the workspace. False: W is wherever this filter happened to start.
 };
 

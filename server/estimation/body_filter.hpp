@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/gravity.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "detection/tag_observation.hpp"
@@ -23,10 +24,19 @@ namespace fiducap {
 struct BodySensors {
   std::vector<CameraMount> cameras;
   std::optional<ImuNoise> imu;  ///< nullopt: no IMU, motion by white noise acceleration.
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};
   /// What an earlier session learned about each camera's clock, beyond `time_shift`: where the
   /// estimate starts. May be empty.
   std::vector<double> start_shifts_s{};
+  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};
+
+  void tell_gravity(double m_s2) {
+    gravity_m_s2 = m_s2;
+    gravity_sigma_m_s2 = kToldGravitySigma_m_s2;
+  }
+  [[nodiscard]] bool is_gravity_told() const {
+    return gravity_sigma_m_s2 < kUsualGravitySigma_m_s2;
+  }
 };
 
 /// The camera's clock against the IMU's, as the filter sees it now.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/config_check.hpp"
+#include "base/gravity.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
 #include "capture/recording/recording.hpp"
@@ -38,7 +39,7 @@ struct RoomConfig {
       0.4};  ///< Of `hall` and of `tags` whose edge is 0; the classes of data/ have their own.
   std::vector<RecordedTag>
       tags;  ///< Added to (or with `custom`: instead of) the preset's; an equal id replaces.
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};
   RingConfig ring;
   DaylightConfig daylight;
   /// What walls, floor and ceiling show: `clutter` a little out of focus (quick), `sharp` the same

@@ -300,6 +300,9 @@ void add_simulate(CLI::App& app, CommandLine& line) {
                    "With --corners: 1-sigma of each coordinate")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  verb->add_option("--gravity", a.gravity_m_s2, "Where it is, m/s²; the recording does not tell it")
+      ->check(kPositive)
+      ->capture_default_str();
   auto* images = verb->add_flag("--images", a.images, "Render images");
   verb->add_flag("--corners", a.corners, "Corners only (the default): a thousand times quicker")
       ->excludes(images);

@@ -302,6 +302,7 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
   room.preset = setup.world == "big" ? "ceiling" : setup.world == "hover" ? "hall" : setup.world;
   room.daylight = setup.daylight;
   room.ring = setup.ring;
+  room.gravity_m_s2 = setup.gravity_m_s2;
   constexpr int kIdsOf36h11 = 587;
   if (room.ring.tags > kIdsOf36h11) room.family = "tagStandard41h12";
   simulation::SimulatedBodyConfig body;
@@ -345,7 +346,6 @@ EstimationData simulate(const SimulatedDataSetup& setup) {
     data.other_cameras.push_back(mount);
   }
   if (setup.has_imu) data.imu = told;
-  data.gravity_m_s2 = room.gravity_m_s2;
   collect(data, setup, room, **source);
   data.reference_tag = first_tag(data);
 

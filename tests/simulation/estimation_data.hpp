@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/gravity.hpp"
 #include "capture/recording/recording.hpp"
 #include "capture/sensor_source.hpp"
 #include "detection/detector_config.hpp"
@@ -24,7 +25,8 @@ struct EstimationData {
   Pose nominal_X_BV;                       ///< What the filter is told when it shall estimate it.
   std::vector<CameraMount> other_cameras;  ///< Of a rig, as the filter is told.
   std::optional<ImuNoise> imu;
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< As the filter is told, with …
+  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};
   double corner_noise_px{0.4};
   int reference_tag{};
 
@@ -80,7 +82,8 @@ struct SimulatedDataSetup {
   double centre_error_px{0};
   /// … by a calibration that leaves so much (told_lens), of a lens that bends.
   double lens_error_px{0};
-  double corner_noise_px{0.4};  ///< Of corners without images.
+  double corner_noise_px{0.4};              ///< Of corners without images.
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< As it is; the filter is not told.
 };
 
 /// The tag that is seen most, but not the reference; -1: no other is seen.

@@ -219,6 +219,7 @@ PipelineSetup pipeline_of(const EstimationData& data, const FilterChoice& choice
                                data.other_cameras.end());
   setup.sensors.imu = data.imu;
   setup.sensors.gravity_m_s2 = data.gravity_m_s2;
+  setup.sensors.gravity_sigma_m_s2 = data.gravity_sigma_m_s2;
   setup.tags = data.tag_set;
   setup.estimator = choice.estimator;
   setup.estimator.corner_noise_px = data.corner_noise_px;

@@ -28,6 +28,12 @@ void thirty_five_ms(SimulatedDataSetup& setup, const EstimationData&) {
   setup.extrinsics_sigma_rad = 3 * kDegree / std::sqrt(3.0);
 }
 
+constexpr double kAtEquator_m_s2 = 9.78;
+
+void at_equator(SimulatedDataSetup& setup, const EstimationData&) {
+  setup.gravity_m_s2 = kAtEquator_m_s2;
+}
+
 std::vector<Mismatch> of_sensors() {
   return {
       {"nothing"},
@@ -51,6 +57,12 @@ std::vector<Mismatch> of_sensors() {
        }},
       {"barrel", {}, [](EstimationData& d, std::uint64_t) { bend_images(d, -0.05); }},
       {"readout 15 ms", [](SimulatedDataSetup& s, const EstimationData&) { s.readout_s = 0.015; }},
+      {"gravity 9.78", at_equator},
+      {"gravity 9.78 told", at_equator,
+       [](EstimationData& d, std::uint64_t) {
+         d.gravity_m_s2 = kAtEquator_m_s2;
+         d.gravity_sigma_m_s2 = kToldGravitySigma_m_s2;
+       }},
   };
 }
 

@@ -117,6 +117,7 @@ TEST(MismatchWorlds, EachRowDiffersFromItsUnmodifiedRunButTheFirst) {
     const auto readings = readings_of(a), other_readings = readings_of(b);
     for (std::size_t i = 0; i < readings.size(); ++i) {
       if (readings[i].w_WB_B != other_readings[i].w_WB_B) return true;
+      if (readings[i].f_B != other_readings[i].f_B) return true;
     }
     return false;
   };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <iostream>
 #include <random>
+#include <set>
 #include <stdexcept>
 
 #include "base/so3.hpp"
@@ -276,6 +277,87 @@ TEST_P(OdometryThatIsWrong, IsNotBelievedOrIsToldOf) {
 
 INSTANTIATE_TEST_SUITE_P(OfRobots, OdometryThatIsWrong, testing::ValuesIn(kWrongOdometry),
                          [](const auto& one) { return std::string(one.param.name); });
+
+/// The tag that comes into view last becomes the one that defines W.
+void define_by_latest_tag(Robot& one, Robot same) {
+  std::set<int> seen;
+  while (auto sample = same.source->next({}).value()) {
+    const auto* image = std::get_if<CornerFrame>(&*sample);
+    if (image == nullptr || to_seconds(image->exposed_at - one.start) > kSeconds / 2) continue;
+    for (const TagSighting& tag : image->tags)
+      if (seen.insert(tag.tag_id).second) one.setup.gauge.reference_tag = tag.tag_id;
+  }
+}
+
+/// Mean NEES of the poses before an instant, per degree of freedom.
+double nees_before(Instant end, const OfflineSession& session, const Robot& robot) {
+  const OfflineResult& result = session.bodies.front();
+  const Pose over = map_over_truth(session.map, robot.tags);
+  double sum = 0;
+  int poses = 0;
+  for (std::size_t i = 0; i < result.trajectory.size() && result.trajectory[i].at < end; ++i) {
+    const StampedPose& pose = result.trajectory[i];
+    const Vector6d e = error_of(pose.X_WB, over * robot.source->truth(pose.at).X_WB);
+    sum += e.dot(result.covariances[i].covariance.ldlt().solve(e)) / 6;
+    ++poses;
+  }
+  return sum / poses;
+}
+
+class BeforeAnchoring : public testing::Test {
+ protected:
+  static Robot late_robot(std::uint64_t seed) {
+    const auto same = [&] { return robot("sparse", seed, 0, true, Corners::kWithWhiteNoise); };
+    Robot one = same();
+    define_by_latest_tag(one, same());
+    return one;
+  }
+  static OfflineSession run(Robot& one, bool resolve) {
+    OfflineMap map;
+    map.resolve = resolve;
+    map.config.refine_period_s = resolve ? 2 : 0;
+    auto session = run_together({{1, "robot", one.setup, one.source.get()}}, map);
+    if (!session) throw std::runtime_error(session.error().text());
+    return std::move(*session);
+  }
+  static Instant anchored_at(const OfflineResult& result) {
+    for (const BodyEvent& event : result.events)
+      if (event.kind == BodyEvent::Kind::kAnchored) return event.at;
+    throw std::runtime_error("never anchored");
+  }
+
+  static constexpr int kSeeds = 3;
+  static constexpr int kImages = 20;  // a second without the tag that defines W, at least
+};
+
+TEST_F(BeforeAnchoring, PosesAreLeftOutAndCounted) {
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    Robot one = late_robot(seed);
+    const OfflineSession session = run(one, false);
+    const OfflineResult& result = session.bodies.front();
+    ASSERT_FALSE(result.trajectory.empty());
+    EXPECT_EQ(result.trajectory.front().at, anchored_at(result));
+    EXPECT_GT(result.statistics.frames_before_anchoring, kImages);
+    EXPECT_EQ(result.statistics.frames_with_pose, static_cast<int>(result.trajectory.size()));
+  }
+}
+
+TEST_F(BeforeAnchoring, PosesThatAreSolvedForAreAsFarOffAsTheySay) {
+  double nees = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    Robot one = late_robot(seed);
+    const OfflineSession session = run(one, true);
+    const OfflineResult& result = session.bodies.front();
+    ASSERT_FALSE(result.trajectory.empty() || result.live.empty());
+    EXPECT_LT(result.trajectory.front().at, anchored_at(result));
+    EXPECT_EQ(result.live.front().at, anchored_at(result)) << "and not among those of the filter";
+    EXPECT_EQ(result.statistics.frames_before_anchoring, 0);
+    const double of_run = nees_before(anchored_at(result), session, one);
+    std::cout << "seed " << seed << ": NEES before anchoring " << of_run << "\n";
+    nees += of_run / kSeeds;
+  }
+  EXPECT_LT(nees, 2.0);  // a short stretch of three runs
+}
 
 /// NEES per number of what all tags are off, place and heading of the whole taken out.
 double nees_of(const TagMap& map, const std::vector<RecordedTag>& tags) {

@@ -45,6 +45,7 @@ struct RecordingInfo {
   std::vector<bool> has_images;   ///< Per camera: cam<K>/data/<ns>.png …
   std::vector<bool> has_corners;  ///< … or tags<K>/data.csv.
   std::optional<ImuNoise> imu;
+  std::optional<double> gravity_m_s2;  ///< Where it was made; nullopt: not told.
   Pose X_BI;  ///< IMU in body axes (imu0 T_BS); samples come out in body axes.
   std::string tag_family{"tag36h11"};
   double tag_size_m{0.16};

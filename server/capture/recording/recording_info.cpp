@@ -54,6 +54,9 @@ Expected<void> read_imu(const std::filesystem::path& path, RecordingInfo& info) 
     noise.correction = *correction;
   }
   info.imu = noise;
+  info.gravity_m_s2 = yaml->number("gravity_m_s2");
+  if (info.gravity_m_s2 && !(*info.gravity_m_s2 > 9 && *info.gravity_m_s2 < 11))
+    yaml->complain("gravity_m_s2", "must lie between 9 and 11");
   info.X_BI = yaml->pose("T_BS").value_or(Pose{});
   if (info.X_BI.p.norm() > 1e-3) {
     log::warning("capture",

@@ -95,7 +95,7 @@ Expected<void> RecordingWriter::Impl::write_calibration() {
       return done;
   }
   if (info_.imu) {
-    const auto done = write_text(layout_.imu_yaml(), imu_yaml(*info_.imu, info_.X_BI));
+    const auto done = write_text(layout_.imu_yaml(), imu_yaml(info_));
     if (!done) return done;
     // There from the start: a recording has an IMU when it has this file.
     if (const auto csv = imu_.get(layout_.imu_csv(), kImuHeader); !csv)

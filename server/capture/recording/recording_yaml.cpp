@@ -69,14 +69,16 @@ std::string camera_yaml(const CameraMount& mount) {
   return out.str();
 }
 
-std::string imu_yaml(const ImuNoise& noise, const Pose& X_BI) {
+std::string imu_yaml(const RecordingInfo& info) {
+  const ImuNoise& noise = *info.imu;
   std::ostringstream out = exact_text();
   out << "sensor_type: imu\n"
-      << matrix_of(X_BI, "") << "rate_hz: " << noise.rate_hz << "\n"
+      << matrix_of(info.X_BI, "") << "rate_hz: " << noise.rate_hz << "\n"
       << "gyroscope_noise_density: " << noise.gyro_noise_rad_s_rtHz << "  # rad/s/sqrt(Hz)\n"
       << "gyroscope_random_walk: " << noise.gyro_walk_rad_s2_rtHz << "  # rad/s^2/sqrt(Hz)\n"
       << "accelerometer_noise_density: " << noise.accel_noise_m_s2_rtHz << "  # m/s^2/sqrt(Hz)\n"
       << "accelerometer_random_walk: " << noise.accel_walk_m_s3_rtHz << "  # m/s^3/sqrt(Hz)\n";
+  if (info.gravity_m_s2) out << "gravity_m_s2: " << *info.gravity_m_s2 << "\n";
   if (noise.correction) out << to_imu_correction_yaml(*noise.correction, "samples are without it");
   return out.str();
 }

@@ -73,7 +73,7 @@ Expected<std::vector<BodyOpening::Body>> BodyOpening::open_all(const StartMap& s
 
 Expected<BodyOpening::Body> BodyOpening::open_body(const BodyConfig& config,
                                                    const StartMap& start) {
-  auto setup = read_body_setup(config, config_.simulation);
+  auto setup = read_body_setup(config, config_.simulation, config_.site);
   if (!setup) return tl::unexpected(about(config, setup.error()));
   if (setup->recording) warn_about_tags(config.name, *setup->recording, config_.tags);
   if (config_.map.use_learned_extrinsics) use_learned(start.learned, config.name, setup->sensors);

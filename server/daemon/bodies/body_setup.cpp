@@ -65,7 +65,8 @@ Expected<std::optional<ImuNoise>> read_imu(const BodyConfig& body, const BodySet
 
 }  // namespace
 
-Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room) {
+Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::RoomConfig& room,
+                                    const SiteConfig& site) {
   BodySetup setup;
   if (auto own = read_own_setup(body, room, setup); !own) return tl::unexpected(own.error());
   if (!body.cameras.empty()) setup.sensors.cameras.clear();
@@ -82,6 +83,7 @@ Expected<BodySetup> read_body_setup(const BodyConfig& body, const simulation::Ro
   if (!imu) return tl::unexpected(imu.error());
   setup.sensors.imu = *imu;
   setup.configured_cameras = setup.sensors.cameras;
+  if (const auto gravity = site.told_gravity()) setup.sensors.tell_gravity(*gravity);
   return setup;
 }
 
@@ -107,6 +109,7 @@ RecordingInfo recording_of(const BodySensors& sensors, const TagSetConfig& tags,
   for (CameraMount& camera : info.cameras)
     camera.time_shift = {};  // stamps are on the server's clock already
   info.imu = sensors.imu;
+  if (sensors.is_gravity_told()) info.gravity_m_s2 = sensors.gravity_m_s2;
   info.tag_family = tags.family;
   info.tag_size_m = tags.size_m;
   info.tag_sizes_m = tags.sizes_m;

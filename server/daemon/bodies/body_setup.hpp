@@ -17,7 +17,8 @@ namespace fiducap {
 /// Reads calibration files and what a recording says about itself.
 /// @return Error naming the file and what is wrong with it.
 [[nodiscard]] Expected<BodySetup> read_body_setup(const BodyConfig& body,
-                                                  const simulation::RoomConfig& room);
+                                                  const simulation::RoomConfig& room,
+                                                  const SiteConfig& site = {});
 
 /// What the configuration says about one body's pipeline.
 [[nodiscard]] PipelineSetup pipeline_setup(const ServerConfig& config, const BodyConfig& body,

@@ -46,6 +46,7 @@ Expected<void> read_own(const RecordingSourceConfig& config, const simulation::R
   if (!info) return tl::unexpected(info.error());
   setup.recording = std::move(*info);
   setup.sensors.cameras = setup.recording->cameras;
+  if (const auto gravity = setup.recording->gravity_m_s2) setup.sensors.tell_gravity(*gravity);
   return {};
 }
 

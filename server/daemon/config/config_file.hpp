@@ -6,6 +6,7 @@
 
 #include "base/config_check.hpp"
 #include "base/expected.hpp"
+#include "base/gravity.hpp"
 #include "base/log.hpp"
 #include "base/pose.hpp"
 #include "capture/imu/imu_source_config.hpp"
@@ -74,9 +75,24 @@ struct StreamingConfig : ProtocolConfigs {
       optional;  ///< Protocols without which the server may run, e.g. when a port is taken.
 };
 
+/// Where on Earth the robots are: it decides how strong gravity is.
+struct SiteConfig {
+  std::optional<double> gravity_m_s2;  ///< As measured there …
+  std::optional<double> latitude_deg;  ///< … or by a formula, with …
+  double height_m{0};                  ///< … the height above sea level.
+
+  /// nullopt: nothing is said.
+  [[nodiscard]] std::optional<double> told_gravity() const {
+    if (gravity_m_s2 || !latitude_deg) return gravity_m_s2;
+    return normal_gravity(*latitude_deg, height_m);
+  }
+  [[nodiscard]] std::vector<ConfigError> check() const;
+};
+
 /// Everything `fiducapd` can be told. Defaults live here and in the rooms' structs, nowhere else.
 struct ServerConfig {
   log::Level log_level{log::Level::kInfo};
+  SiteConfig site;
   TagSetConfig tags;
   DetectorConfig detector;
   EstimatorConfig estimator;

@@ -222,8 +222,22 @@ std::vector<ConfigError> check_source(const SensorsConfig&, const SourceSurround
   return rules.errors;
 }
 
+std::vector<ConfigError> SiteConfig::check() const {
+  constexpr double kLeast_m_s2 = 9.7;  // of the whole Earth, mountains too
+  constexpr double kMost_m_s2 = 9.9;
+  return Checker{"site."}
+      .within("gravity_m_s2", gravity_m_s2.value_or(kUsualGravity_m_s2), kLeast_m_s2, kMost_m_s2)
+      .within("latitude_deg", latitude_deg.value_or(0), -90, 90)
+      .within("height_m", height_m, -500, 9000)
+      .require(!gravity_m_s2 || !latitude_deg, "latitude_deg", latitude_deg.value_or(0),
+               "says what gravity_m_s2 says: leave one of them out")
+      .require(height_m == 0 || latitude_deg, "height_m", height_m, "needs latitude_deg beside it")
+      .errors;
+}
+
 std::vector<ConfigError> check(const ServerConfig& config) {
   Errors all;
+  append(all, config.site.check(), "site.");
   append(all, config.tags.check(), "tags.");
   append(all, config.detector.check(), "detector.");
   append(all, config.estimator.check(), "estimator.");

@@ -55,6 +55,7 @@ void describe(V& v, RecorderConfig& c) {
 template <class V>
 void describe(V& v, ServerConfig& c) {
   v.word("log_level", c.log_level, words::kLogLevel);
+  v.section("site", c.site);
   v.section("tags", c.tags);
   v.section("detector", c.detector);
   v.section("estimator", c.estimator);

@@ -86,7 +86,7 @@ void review_map_files(const ServerConfig& config, ConfigReview& review) {
 
 bool has_imu(const ServerConfig& config) {
   return std::any_of(config.bodies.begin(), config.bodies.end(), [&](const BodyConfig& body) {
-    const auto setup = read_body_setup(body, config.simulation);
+    const auto setup = read_body_setup(body, config.simulation, config.site);
     return setup && setup->sensors.imu;
   });
 }

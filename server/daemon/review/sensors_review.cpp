@@ -164,7 +164,7 @@ void review_sensors(const ServerConfig& config, ConfigReview& review) {
   for (std::size_t i = 0; i < config.bodies.size(); ++i) {
     const BodyConfig& body = config.bodies[i];
     const std::string path = "bodies." + std::to_string(i) + ".";
-    const auto setup = read_body_setup(body, config.simulation);
+    const auto setup = read_body_setup(body, config.simulation, config.site);
     if (!setup) {
       review.fault("bodies." + std::to_string(i), body.name, setup.error().text());
       continue;

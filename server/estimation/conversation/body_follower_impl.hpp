@@ -112,7 +112,7 @@ BodyEstimate BodyFollower<C>::estimate() const {
     const InertialInput input = imu_.input_between(state.time, state.time);
     out.w_WB_B = input.w_B - state.bias_w;
     out.a_WB = coordinates_.acceleration_W(input.f_B - state.bias_f) +
-               Eigen::Vector3d(0, 0, -sensors_.gravity_m_s2);
+               Eigen::Vector3d(0, 0, -(sensors_.gravity_m_s2 + out.gravity_offset_m_s2));
   }
   return out;
 }

@@ -172,7 +172,7 @@ void OutputPredictor::integrate(BodyEstimate& state, const InertialInput& input,
   const Matrix3d R_mid = R_start * half.toRotationMatrix();
   const Matrix3d J_half = left_jacobian_so3(half_turn);
   const Vector3d force_W = R_mid * (input.f_B - state.bias_f);
-  const Vector3d a_W = force_W + gravity_W_;
+  const Vector3d a_W = force_W + gravity_W_ - state.gravity_offset_m_s2 * Vector3d::UnitZ();
 
   ErrorStep step;
   step.dt = dt;
@@ -224,7 +224,8 @@ void OutputPredictor::coast(BodyEstimate& state, Instant to) const {
 
 void OutputPredictor::set_rates(BodyEstimate& state, const ImuSample& reading) const {
   state.w_WB_B = reading.w_WB_B - state.bias_w;
-  state.a_WB = state.X_WB.q * (reading.f_B - state.bias_f) + gravity_W_;
+  state.a_WB = state.X_WB.q * (reading.f_B - state.bias_f) + gravity_W_ -
+               state.gravity_offset_m_s2 * Vector3d::UnitZ();
 }
 
 }  // namespace fiducap

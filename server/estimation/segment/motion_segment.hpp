@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "base/gravity.hpp"
 #include "base/pose.hpp"
 #include "base/time.hpp"
 #include "capture/lens/camera_model.hpp"
@@ -30,10 +31,11 @@ struct BodyMoment {
 struct SegmentSensors {
   std::vector<CameraMount> cameras;
   bool has_imu{true};
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};
   bool estimates_extrinsics{true};
   bool estimates_clocks{true};
-  bool doubts{false};  ///< Lenses, readouts and prints may be other ones than configured.
+  bool doubts{false};            ///< Lenses, readouts and prints may be other ones than configured.
+  double gravity_sigma_m_s2{0};  ///< 0: exact.
 };
 
 /// A camera on a body as it is thought to be. What is learned of it holds for a whole segment.
@@ -90,6 +92,7 @@ struct MotionSegment {
   std::vector<Instance> instances;    ///< First: where it begins (only a chain's first one has
                                       ///< images there), last: where it ends.
   std::vector<CameraBelief> cameras;  ///< All of the body's.
+  double gravity_offset_m_s2{};       ///< How much more gravity is than the sensors say.
   std::vector<KnownTag> tags;         ///< Where the filter, or the map, has the tags seen.
   std::vector<double> scales;         ///< Of each: its print is so much larger than told, relative;
                                       ///< empty: all are as told.

@@ -22,7 +22,8 @@ constexpr double kUnusedBias = 1e-9;
 SegmentElimination::SegmentElimination(MotionSegment& segment)
     : segment_(segment),
       cameras_(static_cast<int>(segment.cameras.size())),
-      rest_(segment_layout::tag(cameras_, static_cast<int>(segment.tags.size()))),
+      rest_(segment_layout::gravity(cameras_, static_cast<int>(segment.tags.size())) +
+            (segment.has_imu() ? 1 : 0)),
       noise_(EstimatorConfig{}, false) {
   segment_.scales.resize(segment_.tags.size());
   prepare_bench();
@@ -38,6 +39,7 @@ void SegmentElimination::prepare_bench() {
         .shift_s = camera.shift_s, .readout_s = camera.readout_s, .rows_apart = camera.rows_apart};
     bench_.lenses[static_cast<std::size_t>(c)] = camera.lens;
   }
+  bench_.gravity_offset_m_s2 = segment_.gravity_offset_m_s2;
   bench_.suspicions.resize(1);  // what may be wrong about cameras is asked for
   for (const KnownTag& known : segment_.tags) {
     world::WorldTag tag;
@@ -122,6 +124,9 @@ SegmentElimination::Motion SegmentElimination::move(const MotionSegment::Instanc
     world::propagate(bench_, motion, step.input, gravity, step.dt_s);
   Motion out;
   out.Phi = motion.Phi;
+  out.by_gravity = Vector15d::Zero();
+  out.by_gravity(world::layout::kPosition + 2) = -motion.fall_s2;
+  out.by_gravity(world::layout::kVelocity + 2) = -motion.fall_s;
   Matrix15d Q = motion.Q;
   Q.diagonal().head<9>().array() += kSurestMotion * kSurestMotion;
   Q.diagonal().tail<6>().array() += kUnusedBias * kUnusedBias;
@@ -136,9 +141,15 @@ void SegmentElimination::leave_begin(const Motion& m, Information& info) const {
   const Matrix15d WPhi = m.W * m.Phi;
   info.all.block<15, 15>(0, 0) += m.Phi.transpose() * WPhi;
   info.pull.head<15>() -= WPhi.transpose() * m.r;
+  if (asks_for_gravity(info)) {
+    const Vector15d WG = m.W * m.by_gravity;
+    info.all.row(rest_ - 1).head<15>() += WG.transpose() * m.Phi;
+    info.all.col(rest_ - 1).head<15>() += m.Phi.transpose() * WG;
+  }
   start_body(m, info);
   info.beside.leftCols<15>() = -WPhi;
   info.beside.rightCols(rest_ - 15).setZero();
+  add_gravity(m, info);
 }
 
 void SegmentElimination::start_body(const Motion& m, Information& info) {
@@ -153,6 +164,7 @@ void SegmentElimination::leave(const Motion& m, Information& info) {
   e.own.compute(info.own + m.Phi.transpose() * WPhi);
   e.on_next = -WPhi.transpose();
   e.on_rest = info.beside;
+  if (asks_for_gravity(info)) e.on_rest.rightCols<1>() += WPhi.transpose() * m.by_gravity;
   e.pull = info.own_pull - WPhi.transpose() * m.r;
   const Matrix15d by_next = e.own.matrixL().solve(e.on_next);
   const Vector15d by_pull = e.own.matrixL().solve(e.pull);
@@ -165,8 +177,23 @@ void SegmentElimination::leave(const Motion& m, Information& info) {
     info.beside.noalias() = -(by_next.transpose() * by_rest);
     info.all.selfadjointView<Eigen::Lower>().rankUpdate(by_rest.transpose(), -1.0);
     info.pull.noalias() -= by_rest.transpose() * by_pull;
+    add_gravity(m, info);
   }
   eliminated_.push_back(std::move(e));
+}
+
+bool SegmentElimination::asks_for_gravity(const Information& info) const {
+  return segment_.has_imu() && info.all.size() > 0;
+}
+
+/// What the motion says of gravity, and of it with the body now.
+void SegmentElimination::add_gravity(const Motion& m, Information& info) const {
+  if (!asks_for_gravity(info)) return;
+  const Eigen::Index last = info.all.rows() - 1;
+  const Vector15d WG = m.W * m.by_gravity;
+  info.beside.rightCols<1>() -= WG;
+  info.all(last, last) += WG.dot(m.by_gravity);
+  info.pull(last) -= WG.dot(m.r);
 }
 
 /// The body now is the end.

@@ -20,7 +20,8 @@ using Matrix15d = Eigen::Matrix<double, 15, 15>;
 /// axes, on the world's side. Refers to the segment.
 class SegmentElimination final {
  public:
-  /// ½ zᵀ Λ z − ηᵀ z + cost over z = (the body now, the rest: [begin, end, cameras, tags]).
+  /// ½ zᵀ Λ z − ηᵀ z + cost over z = (the body now, the rest: [begin, end, cameras, tags,
+  /// gravity]).
   struct Information {
     explicit Information(int rest)
         : own(Matrix15d::Zero()),
@@ -66,11 +67,12 @@ class SegmentElimination final {
   [[nodiscard]] int outliers() const { return outliers_; }
 
  private:
-  /// Between two instances, linear: ξ₊ = Φ ξ + r + w.
+  /// Between two instances, linear: ξ₊ = Φ ξ + G δ + r + w, δ: of gravity.
   struct Motion {
     Matrix15d Phi;
     Matrix15d W;  ///< Q⁻¹
     Vector15d r;
+    Vector15d by_gravity;
   };
   /// Over (the body now, the rest), and the moment at which the image was taken beside it.
   struct ImageSum {
@@ -108,6 +110,8 @@ class SegmentElimination final {
   [[nodiscard]] Motion move(const MotionSegment::Instance& from, const MotionSegment::Instance& to);
   void leave_begin(const Motion& m, Information& info) const;
   static void start_body(const Motion& m, Information& info);
+  [[nodiscard]] bool asks_for_gravity(const Information& info) const;
+  void add_gravity(const Motion& m, Information& info) const;
   void leave(const Motion& m, Information& info);
   void arrive(Information& info) const;
   void look(const MotionSegment::Instance& instance, Information& info);

@@ -30,7 +30,8 @@ SegmentRecorder::SegmentRecorder(const BodySensors& sensors, const EstimatorConf
       imu_(sensors.imu.value_or(ImuNoise{}), config.max_imu_gap_s, config.motion_accel_m_s2_rtHz) {
   open_.sensors = std::make_shared<const SegmentSensors>(SegmentSensors{
       sensors.cameras, sensors.imu.has_value(), sensors.gravity_m_s2, config.estimate_extrinsics,
-      config.estimate_clocks, config.doubt_configuration && sensors.imu.has_value()});
+      config.estimate_clocks, config.doubt_configuration && sensors.imu.has_value(),
+      sensors.gravity_sigma_m_s2});
 }
 
 void SegmentRecorder::add(const ImuSample& imu) {
@@ -142,6 +143,7 @@ void SegmentRecorder::end(const BodyFilter& filter) {
   for (const auto& [tag_id, seen] : is_seen) open_.tags.push_back(places_.at(tag_id));
   places_.clear();
   open_.cameras = camera_beliefs(filter, sensors_.cameras);
+  open_.gravity_offset_m_s2 = filter.estimate().gravity_offset_m_s2;
   const auto sensors = open_.sensors;
   done_.push_back(std::make_shared<const MotionSegment>(std::move(open_)));
   if (done_.size() > kMostHeldBack) done_.pop_front();

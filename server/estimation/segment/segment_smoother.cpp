@@ -47,6 +47,7 @@ SegmentFactor factor_of(const MotionSegment& segment, const SegmentElimination& 
   out.cameras = segment.cameras;
   out.tags = segment.tags;
   out.scales = segment.scales;
+  out.gravity_offset_m_s2 = segment.gravity_offset_m_s2;
   out.H = info.all.selfadjointView<Eigen::Lower>();
   out.g = -info.pull;
   out.cost = info.cost;

@@ -27,13 +27,15 @@ inline constexpr int kDistortion = 11;
 inline constexpr int kTagSize = 7;
 [[nodiscard]] constexpr int tag(int cameras, int i) { return camera(cameras) + kTagSize * i; }
 [[nodiscard]] constexpr int scale(int cameras, int i) { return tag(cameras, i) + 6; }
+/// Last, where there is an IMU: how much more gravity is than the sensors say, m/s².
+[[nodiscard]] constexpr int gravity(int cameras, int tags) { return tag(cameras, tags); }
 }  // namespace segment_layout
 
-/// What a whole segment says of where the body was at its two ends, of its cameras and of the tags
-/// that it saw: the body's path between is taken out (Schur complement). To second order around
-/// where it was linearised, in errors on the world's side; a common shift of all of it, and a turn
-/// about the vertical when there is an IMU, a turn about any axis when there is none, changes
-/// nothing.
+/// What a whole segment says of where the body was at its two ends, of its cameras, of the tags
+/// that it saw and of gravity: the body's path between is taken out (Schur complement). To second
+/// order around where it was linearised, in errors on the world's side; a common shift of all of
+/// it, and a turn about the vertical when there is an IMU, a turn about any axis when there is
+/// none, changes nothing.
 ///
 ///     cost(ξ) = ½ ξᵀ H ξ + gᵀ ξ + cost
 struct SegmentFactor {
@@ -43,6 +45,7 @@ struct SegmentFactor {
   std::vector<CameraBelief> cameras;
   std::vector<KnownTag> tags;
   std::vector<double> scales;
+  double gravity_offset_m_s2{};
   Eigen::MatrixXd H;
   Eigen::VectorXd g;
   double cost{};

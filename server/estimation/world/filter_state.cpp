@@ -125,6 +125,7 @@ void FilterState::copy_mean(const FilterState& other) {
   clocks = other.clocks;
   lenses = other.lenses;
   sizes = other.sizes;
+  gravity_offset_m_s2 = other.gravity_offset_m_s2;
   suspicions = other.suspicions;
   gyro_B = other.gyro_B;
   a_WB = other.a_WB;
@@ -151,6 +152,7 @@ void FilterState::add_error(const ErrorRef& error) {
   sizes.common += error(layout::sizes(cameras()));
   for (std::size_t k = 0; k < sizes.watched.size(); ++k)
     sizes.watched[k].scale += error(layout::print(cameras(), static_cast<int>(k)));
+  gravity_offset_m_s2 += error(layout::gravity(cameras()));
   bias_f += error.segment<3>(layout::kBiasF);
   bias_w += error.segment<3>(layout::kBiasW);
   for (std::size_t i = 0; i < clones.size(); ++i)
@@ -183,6 +185,7 @@ Eigen::VectorXd FilterState::error_to(const FilterState& other) const {
     error(layout::print(cameras(), static_cast<int>(k))) =
         other.sizes.watched[k].scale - sizes.watched[k].scale;
   }
+  error(layout::gravity(cameras())) = other.gravity_offset_m_s2 - gravity_offset_m_s2;
   for (std::size_t i = 0; i < clones.size(); ++i) {
     error.segment<6>(clone_at(i)) = world_error_between(clones[i].X_WV, other.clones[i].X_WV);
   }
@@ -251,6 +254,7 @@ BodyEstimate body_in_workspace(const FilterState& state) {
   out.v_WB = state.v_WB;
   out.bias_f = state.bias_f;
   out.bias_w = state.bias_w;
+  out.gravity_offset_m_s2 = state.gravity_offset_m_s2;
   // J P Jᵀ, where J is 1 but for what turning does to position and velocity.
   out.covariance = state.P().topLeftCorner<layout::kBodySize, layout::kBodySize>();
   const auto turn = [&](int moved, const Eigen::Vector3d& arm) {

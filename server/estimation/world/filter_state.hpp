@@ -32,8 +32,8 @@ struct Clone {
   long image{-1};  ///< Number of the image in ImageMemory; -1: nothing yet.
 };
 
-/// The state with its covariance: body, biases, extrinsics, clocks, clones, tags, all in W. Gravity
-/// along −z when there is an IMU.
+/// The state with its covariance: body, biases, extrinsics, clocks, gravity, clones, tags, all in
+/// W. Gravity along −z when there is an IMU.
 struct FilterState {
   Instant time{};
   Pose X_WB;
@@ -44,6 +44,7 @@ struct FilterState {
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
+  double gravity_offset_m_s2{};          ///< How much more it is than told.
   std::vector<Suspicion> suspicions;     ///< Per suspect; empty: nothing is doubted.
   Instant judged_until{Instant::min()};  ///< Whoever makes the map opens suspects, nobody else.
   /// A fixed number of them (none: points are not followed), in no order.

@@ -56,7 +56,10 @@ StepJacobians step_mean(FilterState& state, const InertialInput& input,
   const Eigen::Vector3d w_B = input.w_B - state.bias_w;
   const Eigen::Vector3d f_B =
       input.has_accelerometer ? Eigen::Vector3d(input.f_B - state.bias_f) : Eigen::Vector3d::Zero();
-  const Eigen::Vector3d g_W = input.has_accelerometer ? gravity_W : Eigen::Vector3d::Zero();
+  const Eigen::Vector3d g_W =
+      input.has_accelerometer
+          ? Eigen::Vector3d(gravity_W - state.gravity_offset_m_s2 * Eigen::Vector3d::UnitZ())
+          : Eigen::Vector3d::Zero();
   const Eigen::Quaterniond q_half = state.X_WB.q * exp_so3(0.5 * dt * w_B);
   const Eigen::Matrix3d R_half = q_half.toRotationMatrix();
   const Eigen::Vector3d a_W = R_half * f_B + g_W;
@@ -128,6 +131,9 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.seconds += dt;
   if (input.v_B) return propagate_by_odometry(state, motion, input, dt);
   const StepJacobians j = step_mean(state, input, gravity_W, dt);
+  const double more_s = input.has_accelerometer ? dt : 0.0;
+  motion.fall_s2 += motion.fall_s * dt + 0.5 * dt * more_s;
+  motion.fall_s += more_s;
   add_step(j.F, motion.Phi);
   move_both_ways(j.F, motion.Q);
   Eigen::Matrix<double, kBiasF, 6> white;
@@ -138,15 +144,30 @@ void propagate(FilterState& state, MotionSinceImage& motion, const InertialInput
   motion.Q.diagonal().segment<3>(kBiasW).array() += input.gyro_walk * input.gyro_walk * dt;
 }
 
+namespace {
+
+/// M ← M + m Gᵀ, where G is what gravity does to the body.
+void fall(const MotionSinceImage& motion, const Eigen::Ref<const Eigen::VectorXd>& m,
+          Eigen::Ref<BodyColumns> M) {
+  M.col(kPosition + 2) -= motion.fall_s2 * m;
+  M.col(kVelocity + 2) -= motion.fall_s * m;
+}
+
+}  // namespace
+
 void apply(FilterState& state, MotionSinceImage& motion) {
   if (!motion.begun) return;
   std::swap(state.X_WB, motion.X_WB_before);
   camera_errors_to_extrinsics(state);
   std::swap(state.X_WB, motion.X_WB_before);
   auto P = state.P();
+  const int gravity = layout::gravity(state.cameras());
   move_columns(motion.Phi, P.leftCols<kBodySize>());
+  fall(motion, P.col(gravity), P.leftCols<kBodySize>());
   BodyMatrix body = P.topLeftCorner<kBodySize, kBodySize>().transpose();
+  const Eigen::Matrix<double, kBodySize, 1> by_gravity = P.row(gravity).head<kBodySize>();
   move_columns(motion.Phi, body);
+  fall(motion, by_gravity, body);
   P.topLeftCorner<kBodySize, kBodySize>() = body + motion.Q;
   for (Eigen::Index k = kBodySize; k < P.cols(); ++k)
     P.col(k).head<kBodySize>() = P.row(k).head<kBodySize>().transpose();

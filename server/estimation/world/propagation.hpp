@@ -14,6 +14,9 @@ struct MotionSinceImage {
   Pose X_WB_before;                        ///< Where the body was at the last image.
   BodyMatrix Phi{BodyMatrix::Identity()};  ///< ∂ body now / ∂ body at the last image.
   BodyMatrix Q{BodyMatrix::Zero()};        ///< Covariance of what was added on the way.
+  /// What gravity does to the body: −∂ z / ∂ gravity and −∂ (velocity along z) / ∂ gravity.
+  double fall_s2{0};
+  double fall_s{0};
 
   void restart() { *this = MotionSinceImage{}; }
 };

@@ -4,8 +4,8 @@
 
 namespace fiducap::world {
 
-/// Where each error block stands in the covariance. Every block is three wide, in W axes but for
-/// biases and clocks.
+/// Where each error block stands in the covariance. Every block that images say something of is
+/// three wide, in W axes but for biases and clocks.
 ///
 /// The error of every pose is on the world's side: X = Exp(ξ) X̂, ξ = (ρ, φ): q = exp(φ) q̂, p =
 /// exp(φ) p̂ + J_l(φ) ρ, and of the velocity v = exp(φ) v̂ + J_l(φ) ν (right-invariant error: Barrau
@@ -36,10 +36,10 @@ inline constexpr int kCameraSize = kPoseSize + 6;
 inline constexpr int kWatchedPrints = 5;
 [[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }
 [[nodiscard]] constexpr int print(int cameras, int watched) { return sizes(cameras) + 1 + watched; }
+/// How much more gravity is than told, m/s².
+[[nodiscard]] constexpr int gravity(int cameras) { return sizes(cameras) + 1 + kWatchedPrints; }
 /// Tag i: ρ, φ.
-[[nodiscard]] constexpr int tag(int cameras, int i) {
-  return sizes(cameras) + 1 + kWatchedPrints + kPoseSize * i;
-}
+[[nodiscard]] constexpr int tag(int cameras, int i) { return gravity(cameras) + 1 + kPoseSize * i; }
 }  // namespace layout
 
 using BodyMatrix = Eigen::Matrix<double, layout::kBodySize, layout::kBodySize>;

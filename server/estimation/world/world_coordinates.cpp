@@ -58,6 +58,8 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
   for (int c = 0; c < state_.cameras(); ++c) reset_camera(c, clocks);
+  if (sensors_.imu)
+    state_.clear_column(layout::gravity(state_.cameras()), sensors_.gravity_sigma_m_s2);
   suspects_.begin(state_);
   noise_watch_.restart();
   nis_ = 1;

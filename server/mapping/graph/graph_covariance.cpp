@@ -81,6 +81,7 @@ std::optional<Eigen::MatrixXd> GraphCovariance::of(const GraphSegment& segment) 
                                 {body, H_.size(body), false}};
   for (const std::size_t i : segment.tags)
     rows.push_back({variables_.tag(i), segment_layout::kTagSize, true});
+  if (segment.raw.has_imu()) rows.push_back({variables_.gravity(), 1, false});
   const Eigen::Index numbers = segment.factor.H.rows();
   Eigen::Index prints = 0;  // a segment without tags is not bound to them
   if (!segment.tags.empty()) {

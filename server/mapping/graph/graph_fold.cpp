@@ -21,6 +21,8 @@ GraphState workspace_of(const GraphState& graph) {
   out.prints_scale = graph.prints_scale;
   out.prints = graph.prints;
   out.doubts = graph.doubts;
+  out.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
+  out.gravity_sigma_m_s2 = graph.gravity_sigma_m_s2;
   for (const GraphSegment& segment : graph.segments) {
     if (graph.nodes[segment.begin].component != kInWorkspace) continue;
     GraphSegment& copy = out.segments.emplace_back();

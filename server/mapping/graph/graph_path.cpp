@@ -75,6 +75,7 @@ MotionSegment segment_now(const GraphState& graph, const GraphSegment& segment) 
     now.tags[i].X_WT = tag.X_WT;
     now.scales[i] = graph.prints_scale + tag.scale;
   }
+  now.gravity_offset_m_s2 = graph.gravity_offset_m_s2;
   return now;
 }
 

@@ -1,5 +1,7 @@
 // Terms of a map graph about cameras and prints as such: what is configured, what is the same, what
 // is doubted.
+#include <algorithm>
+
 #include "mapping/graph/graph_doubts.hpp"
 #include "mapping/graph/graph_terms.hpp"
 
@@ -51,11 +53,22 @@ double add_doubted(const DoubtedNumber& number, NormalEquations* out) {
   return 0.5 * information * number.value * number.value;
 }
 
+double add_gravity(const GraphState& graph, int variable, NormalEquations* out) {
+  constexpr double kExact_m_s2 = 1e-7;
+  const double sigma = std::max(kExact_m_s2, graph.gravity_sigma_m_s2);
+  const double pull = graph.gravity_offset_m_s2 / (sigma * sigma);
+  if (out != nullptr) {
+    out->H.add(variable, variable, Eigen::MatrixXd::Constant(1, 1, 1 / (sigma * sigma)));
+    out->pull(out->H.first(variable)) -= pull;
+  }
+  return 0.5 * graph.gravity_offset_m_s2 * pull;
+}
+
 }  // namespace
 
 double sensor_terms(const GraphState& graph, const GraphVariables& variables,
                     NormalEquations* out) {
-  double cost = 0;
+  double cost = add_gravity(graph, variables.gravity(), out);
   for (std::size_t i = 0; i < graph.bodies.size(); ++i) {
     const bool is_in_prior = i < graph.prior.cameras.size();
     if (is_in_prior) continue;

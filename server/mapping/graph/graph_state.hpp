@@ -63,9 +63,11 @@ struct GraphState {
   std::vector<GraphTag> tags;
   std::vector<GraphSegment> segments;
   std::vector<ChainStart> starts;
-  double prints_scale{};  ///< So much larger are all prints than told, relative …
-  Doubt prints;           ///< … and whether that is so.
-  bool doubts{false};     ///< Prints may be other ones than told.
+  double prints_scale{};         ///< So much larger are all prints than told, relative …
+  Doubt prints;                  ///< … and whether that is so.
+  bool doubts{false};            ///< Prints may be other ones than told.
+  double gravity_offset_m_s2{};  ///< How much more gravity is than the sensors say …
+  double gravity_sigma_m_s2{kUsualGravitySigma_m_s2};  ///< … and may be, 1-sigma.
   GraphPrior prior;
   std::map<int, bool> level;  ///< Per component: gravity is felt in it, or odometry knows up.
 };

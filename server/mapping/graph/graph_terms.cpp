@@ -77,6 +77,8 @@ std::vector<Part> parts_of(const GraphState& graph, const GraphVariables& variab
     by_prints(scale(cameras, i) - tag(cameras, 0)) = 1;
   }
   if (tags > 0) parts.push_back({variables.prints(), tag(cameras, 0), std::move(by_prints)});
+  if (segment.raw.has_imu())
+    parts.push_back({variables.gravity(), gravity(cameras, tags), Eigen::MatrixXd::Identity(1, 1)});
   return parts;
 }
 
@@ -274,7 +276,7 @@ GraphVariables::GraphVariables(const GraphState& graph)
   sizes_.assign(nodes_, 15);
   for (const GraphBody& body : graph.bodies)
     sizes_.push_back(segment_layout::kCameraSize * static_cast<int>(body.cameras.size()));
-  sizes_.push_back(1);
+  sizes_.insert(sizes_.end(), {1, 1});  // of all prints, gravity
   sizes_.insert(sizes_.end(), graph.tags.size(), segment_layout::kTagSize);
 }
 
@@ -312,6 +314,9 @@ Eigen::VectorXd error_of(const GraphState& graph, const GraphSegment& segment) {
         world::world_error_between(f.tags[i].X_WT, G_inverse * now.X_WT);
     error(scale(cameras, number)) = graph.prints_scale + now.scale - f.scales[i];
   }
+  if (segment.raw.has_imu())
+    error(gravity(cameras, static_cast<int>(segment.tags.size()))) =
+        graph.gravity_offset_m_s2 - f.gravity_offset_m_s2;
   return error;
 }
 
@@ -359,6 +364,7 @@ void move_by(const Eigen::VectorXd& delta, const GraphVariables& variables, cons
     }
   }
   graph.prints_scale += delta(H.first(variables.prints()));
+  graph.gravity_offset_m_s2 += delta(H.first(variables.gravity()));
   for (std::size_t i = 0; i < graph.tags.size(); ++i) {
     GraphTag& tag = graph.tags[i];
     const int at = H.first(variables.tag(i));

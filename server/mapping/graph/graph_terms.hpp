@@ -6,7 +6,7 @@
 namespace fiducap {
 
 /// Where the variables of a graph stand in its normal equations: nodes, then bodies' cameras, the
-/// scale of all prints, tags with that of their own.
+/// scale of all prints, gravity, tags with the scale of their own.
 class GraphVariables final {
  public:
   explicit GraphVariables(const GraphState& graph);
@@ -14,7 +14,8 @@ class GraphVariables final {
   [[nodiscard]] int node(std::size_t i) const { return static_cast<int>(i); }
   [[nodiscard]] int body(std::size_t i) const { return static_cast<int>(nodes_ + i); }
   [[nodiscard]] int prints() const { return static_cast<int>(nodes_ + bodies_); }
-  [[nodiscard]] int tag(std::size_t i) const { return static_cast<int>(nodes_ + bodies_ + 1 + i); }
+  [[nodiscard]] int gravity() const { return prints() + 1; }
+  [[nodiscard]] int tag(std::size_t i) const { return gravity() + 1 + static_cast<int>(i); }
   [[nodiscard]] std::vector<int> sizes() const { return sizes_; }
 
  private:
@@ -38,7 +39,7 @@ struct NormalEquations {
 
 [[nodiscard]] NormalEquations normal_equations(const GraphState& graph,
                                                const GraphVariables& variables);
-/// What is known of cameras and prints beside the segments and the GraphPrior.
+/// What is known of cameras, prints and gravity beside the segments and the GraphPrior.
 /// @param out  gets it; nullptr: nobody does   @return its cost
 double sensor_terms(const GraphState& graph, const GraphVariables& variables, NormalEquations* out);
 /// Without the equations.

@@ -80,6 +80,9 @@ std::size_t MapGraph::body_of(const MotionSegment& segment) {
   if (found == bodies.rend()) {
     bodies.push_back(body_by_configuration(segment.body_id, *segment.sensors));
     state_.doubts |= segment.sensors->doubts;
+    if (segment.has_imu())
+      state_.gravity_sigma_m_s2 =
+          std::min(state_.gravity_sigma_m_s2, segment.sensors->gravity_sigma_m_s2);
     return bodies.size() - 1;
   }
   const std::size_t index = bodies.size() - 1 - static_cast<std::size_t>(found - bodies.rbegin());
@@ -297,6 +300,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
     const auto tags = state_.tags;
     const auto bodies = state_.bodies;
     const double prints_scale = state_.prints_scale;
+    const double gravity_offset_m_s2 = state_.gravity_offset_m_s2;
     move_by(delta, variables, equations.H, state_);
     const int again = condense_again(stop);
     if (stop.stop_requested()) return false;
@@ -311,6 +315,7 @@ bool MapGraph::iterate(const std::stop_token& stop, GraphSolution& done) {
     state_.tags = tags;
     state_.bodies = bodies;
     state_.prints_scale = prints_scale;
+    state_.gravity_offset_m_s2 = gravity_offset_m_s2;
     // No step is small enough to gain what little is promised: that is between linearisations.
     damping *= 100;
     if (damping > kMostDamping) return gain < kBetweenLinearisations;

@@ -78,8 +78,7 @@ class BodyNotes final {
   Expected<OfflineResult> finish(const BodyPipeline& pipeline, const TagMap& map,
                                  const ResolvedBody* resolved) {
     finish_statistics(pipeline.statistics());
-    if (is_anchored_) place();  // shorter than the wait for trust, and nothing has contradicted
-    forget_unplaced();          // the rest never learned where the workspace is
+    place();  // shorter than the wait for trust, and nothing has contradicted
     result_.known = setup_.known;
     // The filter knows nothing of odometry: what it was at a loss for says nothing of these poses.
     if (resolved == nullptr || !resolved->is_by_odometry) result_.doubts = pipeline.doubts();
@@ -110,32 +109,32 @@ class BodyNotes final {
   void take(const BodyEvent& event) {
     result_.events.push_back(event);
     if (event.kind == BodyEvent::Kind::kReset) begin_generation();
-    if (event.kind == BodyEvent::Kind::kGaugeShift) shift_gauge(event.shift);
+    if (event.kind == BodyEvent::Kind::kGaugeShift) leave_out_generation();
   }
 
-  /// Poses of before a reset stay where they are, if they ever were in the workspace.
+  /// Poses of before a reset stay where they are, if they were believed.
   void begin_generation() {
     forget_unplaced();
     generation_begin_ = placed_poses_;
+    placed_ = {};
   }
 
   void forget_unplaced() {
     result_.trajectory.resize(placed_poses_);
     result_.covariances.resize(placed_poses_);
     unplaced_ = {};
-    is_anchored_ = false;
   }
 
-  /// W was re-defined: the poses of this generation move with it. They stay causal, only their
-  /// common axes come later.
-  void shift_gauge(const Pose& X_new_old) {
-    Matrix6d turn = Matrix6d::Zero();
-    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = X_new_old.rotation();
-    for (std::size_t i = generation_begin_; i < result_.trajectory.size(); ++i) {
-      result_.trajectory[i].X_WB = X_new_old * result_.trajectory[i].X_WB;
-      Matrix6d& P = result_.covariances[i].covariance;
-      P = turn * P * turn.transpose();
-    }
+  /// W was re-defined. How the poses of this generation stand in it is unsure by more than their
+  /// covariance says, and what the map corrects later does not reach them.
+  void leave_out_generation() {
+    OfflineStatistics& s = result_.statistics;
+    s.frames_before_anchoring += placed_.frames + unplaced_.frames;
+    s.frames_with_pose -= placed_.frames;
+    s.frames_with_tags_and_pose -= placed_.frames_with_tags;
+    placed_ = {};
+    placed_poses_ = generation_begin_;
+    forget_unplaced();
   }
 
   void add_pose(const BodyUpdate& update) {
@@ -143,6 +142,10 @@ class BodyNotes final {
     const std::optional<BodyEstimate>& estimate = update.estimate;
     if (!estimate || estimate->at != update.seen.exposed_at || !estimate->X_WB.p.allFinite())
       return;
+    if (!estimate->anchored) {
+      ++result_.statistics.frames_before_anchoring;
+      return;
+    }
     // The first ones count as soon as they are believed; what is contradicted never does.
     if (update.doubted && !update.is_untested) return forget_unplaced();
     ++unplaced_.frames;
@@ -155,12 +158,13 @@ class BodyNotes final {
     }
     result_.trajectory.push_back({estimate->at, estimate->X_WB});
     result_.covariances.push_back({estimate->at, estimate->covariance.topLeftCorner<6, 6>()});
-    is_anchored_ = estimate->anchored;
-    if (is_anchored_ && !update.doubted) place();
+    if (!update.doubted) place();
   }
 
-  /// From here on W is the workspace: all poses of this generation up to here count.
+  /// All poses of this generation up to here count.
   void place() {
+    placed_.frames += unplaced_.frames;
+    placed_.frames_with_tags += unplaced_.frames_with_tags;
     result_.statistics.frames_with_pose += unplaced_.frames;
     result_.statistics.frames_with_tags_and_pose += unplaced_.frames_with_tags;
     unplaced_ = {};
@@ -218,7 +222,7 @@ class BodyNotes final {
       if (const auto tag = resolved.tags.find(known.tag_id); tag != resolved.tags.end())
         known.X_WT = tag->second;
     OfflineStatistics& s = result_.statistics;
-    s.frames_with_pose = s.frames_with_tags_and_pose = 0;
+    s.frames_with_pose = s.frames_with_tags_and_pose = s.frames_before_anchoring = 0;
     auto pose = result_.trajectory.begin();
     for (const auto& [at, tags] : result_.images) {
       while (pose != result_.trajectory.end() && pose->at < at) ++pose;
@@ -233,12 +237,13 @@ class BodyNotes final {
   std::vector<double> reprojections_px_;
   std::optional<Instant> first_;
   std::optional<Instant> last_;
-  struct Unplaced {
+  struct Images {
     int frames{};
     int frames_with_tags{};
-  } unplaced_;
+  };
+  Images unplaced_;  ///< Of poses that are not yet believed.
+  Images placed_;    ///< Of this generation.
   std::size_t placed_poses_{0};
-  bool is_anchored_{false};  ///< By the last pose.
   std::size_t generation_begin_{0};
   OfflineResult result_;
 };
@@ -296,6 +301,7 @@ OfflineSetup offline_setup(const RecordingInfo& info) {
   setup.odometry = info.odometry;
   setup.sensors.cameras = info.cameras;
   setup.sensors.imu = info.imu;
+  if (info.gravity_m_s2) setup.sensors.tell_gravity(*info.gravity_m_s2);
   setup.tags = tags_of(info);
   setup.gauge.reference_tag = info.reference_tag;
   for (const RecordedTag& tag : info.known_tags) {

@@ -29,6 +29,9 @@ struct OfflineStatistics {
   int frames_with_tags{};
   int frames_with_pose{};
   int frames_with_tags_and_pose{};
+  /// Their poses were in the body's own axes, or W was re-defined after them: they are left out.
+  /// Resolved: none, where they belong is known.
+  int frames_before_anchoring{};
   double data_s{};  ///< First to last sample.
   /// `read`: everything that is not one of the others.
   double read_cpu_s{}, detect_cpu_s{}, propagate_cpu_s{}, update_cpu_s{};

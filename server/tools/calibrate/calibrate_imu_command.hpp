@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "base/gravity.hpp"
 #include "calibration/imu/static_imu.hpp"
 #include "tools/terminal.hpp"
 
@@ -12,7 +13,7 @@ struct CalibrateImuArguments {
   std::string out{"calibration"};
   bool json{false};
   bool poses{false};  ///< Many attitudes at rest instead of one: bias, scale, misalignment.
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};
 };
 
 /// `fiducap calibrate imu`: writes imu.yaml and allan.svg, with `poses` imu_correction.yaml.

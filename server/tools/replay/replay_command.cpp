@@ -34,6 +34,10 @@ void print_body(const Terminal& terminal, const std::string& name, const Offline
                << fixed(s.reprojection_p95_px, 2) << " px; NIS per degree of freedom "
                << fixed(s.nis_per_dof(), 2) << ", " << s.tags_rejected << " of "
                << s.tags_rejected + s.tags_used << " sightings rejected\n";
+  if (s.frames_before_anchoring > 0)
+    terminal.out << "  the poses of " << s.frames_before_anchoring
+                 << " images are left out: they are from before the body was anchored, in axes of "
+                    "its own; --resolve places them\n";
   for (std::size_t k = 0; k < result.parts.size(); ++k) {
     const OfflinePart& part = result.parts[k];
     terminal.out << "  nothing ties " << part.trajectory.size() << " images";

@@ -51,6 +51,7 @@ Expected<void> apply_config(const ReplayArguments& arguments, OfflineSetup& setu
   const Mentioned mentioned(arguments.config, arguments.sets);
   setup.estimator = config->estimator;
   setup.detector = config->detector;
+  if (const auto gravity = config->site.told_gravity()) setup.sensors.tell_gravity(*gravity);
   if (mentioned("tags", "family")) setup.tags.family = config->tags.family;
   if (mentioned("tags", "size_m")) setup.tags.size_m = config->tags.size_m;
   if (mentioned("tags", "sizes_m")) setup.tags.sizes_m = config->tags.sizes_m;
@@ -78,7 +79,7 @@ Expected<OfflineSetup> session_setup(const ReplayArguments& arguments, const Ses
                                      std::size_t body, const RecordingInfo& info) {
   const BodyConfig& config = session.config.bodies[body];
   OfflineSetup setup = offline_setup(info);
-  auto live = read_body_setup(config, session.config.simulation);
+  auto live = read_body_setup(config, session.config.simulation, session.config.site);
   static_cast<PipelineSetup&>(setup) =
       pipeline_setup(session.config, config, live ? *live : BodySetup{setup.sensors, {}, {}});
   setup.known.clear();  // the session's map has them

@@ -170,6 +170,7 @@ nlohmann::ordered_json body_report(const RunBody& body) {
           {"frames_with_tags", s.frames_with_tags},
           {"frames_with_pose", s.frames_with_pose},
           {"frames_with_tags_and_pose", s.frames_with_tags_and_pose},
+          {"frames_before_anchoring", s.frames_before_anchoring},
           {"tags_known", body.result->known.size()},
           {"tags_mapped", body.result->tags.size()},
           {"cpu_s", cpu_report(s)},

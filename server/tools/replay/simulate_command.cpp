@@ -103,6 +103,7 @@ Expected<int> write_samples(RecordingWriter& writer, simulation::SimulatedSource
 Expected<int> simulate(const SimulateArguments& arguments, const Terminal& terminal) {
   simulation::RoomConfig room;
   room.preset = arguments.room;
+  room.gravity_m_s2 = arguments.gravity_m_s2;
   const simulation::SimulatedBodyConfig body = simulated_body(arguments);
   auto faults = simulation::check(room, "room.");
   for (auto& fault : simulation::check(body, "body.")) faults.push_back(std::move(fault));

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "base/gravity.hpp"
 #include "tools/terminal.hpp"
 
 namespace fiducap {
@@ -18,6 +19,7 @@ struct SimulateArguments {
   bool imu{true};
   double speed{1.0};
   double corner_noise_px{0.4};
+  double gravity_m_s2{kUsualGravity_m_s2};  ///< As it is; the recording does not tell it.
   bool json{false};
 };
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "base/gravity.hpp"
 #include "base/time.hpp"
 #include "capture/imu_sample.hpp"
 #include "capture/lens/camera_model.hpp"
@@ -33,7 +34,7 @@ struct TagSight {
 struct BoundProblem {
   CameraMount camera;  ///< True place; its sigmas are the prior (per axis) of cases A and C.
   ImuNoise imu;
-  double gravity_m_s2{9.81};
+  double gravity_m_s2{kUsualGravity_m_s2};
   double corner_noise_px{0.4};    ///< Per coordinate, raw pixels.
   std::vector<RecordedTag> tags;  ///< True poses.
   int reference_tag{};

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "capture/recording/recording_writer.hpp"
 #include "daemon/map_start.hpp"
+#include "pipeline/replay/offline_run.hpp"
 #include "support/fake_clock.hpp"
 #include "support/temporary_folder.hpp"
 
@@ -35,6 +37,30 @@ TEST(BodySetup, WhatWasLearnedAboutACameraDoesNotMoveTheSimulatedOne) {
   const SimulatedTruth truth = truth_of(**source, config);
   ASSERT_EQ(truth.X_BV.size(), 1U);
   EXPECT_EQ(truth.X_BV.front().p, camera.mount.X_BV.p);
+}
+
+TEST(BodySetup, GravityThatIsToldIsInTheRecordingToo) {
+  const TemporaryFolder folder;
+  BodyConfig robot;
+  robot.name = "robot";
+  robot.source.type = SourceType::kSimulator;
+  const auto read_back = [&](const SiteConfig& site, const std::string& name) {
+    auto setup = read_body_setup(robot, {}, site);
+    if (!setup) throw std::runtime_error(setup.error().text());
+    RecordingInfo info = recording_of(setup->sensors, {}, std::nullopt);
+    info.folder = folder.file(name);
+    auto writer = RecordingWriter::create(info);
+    if (!writer || !writer->finish()) throw std::runtime_error("not written");
+    const auto read = read_recording_info(info.folder);
+    if (!read) throw std::runtime_error(read.error().text());
+    return offline_setup(*read).sensors;
+  };
+  const BodySensors untold = read_back({}, "untold");
+  EXPECT_FALSE(untold.is_gravity_told());
+  EXPECT_EQ(untold.gravity_sigma_m_s2, kUsualGravitySigma_m_s2);
+  const BodySensors told = read_back({.latitude_deg = 19.4, .height_m = 2240}, "told");
+  EXPECT_EQ(told.gravity_m_s2, normal_gravity(19.4, 2240)) << "to the last bit";
+  EXPECT_EQ(told.gravity_sigma_m_s2, kToldGravitySigma_m_s2);
 }
 
 TEST(BodySetup, AnImuComesWithItsCorrection) {

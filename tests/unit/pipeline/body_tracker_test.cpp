@@ -90,6 +90,8 @@ TEST_F(BodyTrackerTest, IsNotValidWhileNothingTiesItToTheWorkspace) {
   tracker_.ingest(adrift, report(100, 2), {}, 0);
   EXPECT_EQ(sample(105).state, BodyState::kSearching);
   EXPECT_FALSE(sample(105).valid);
+  EXPECT_EQ(sample(105).X_WP.p, Vector3d::Zero()) << "not even as history";
+  EXPECT_TRUE(sample(105).covariance.isZero());
   image(150, 2);
   EXPECT_TRUE(sample(155).valid);
 }

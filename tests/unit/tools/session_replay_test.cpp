@@ -52,7 +52,7 @@ class SessionReplayTest : public testing::Test {
     std::vector<ReplayedBody> bodies;
     std::vector<std::unique_ptr<SensorSource>> sources;
     for (const BodyConfig& body : config_.bodies) {
-      const auto setup = read_body_setup(body, config_.simulation);
+      const auto setup = read_body_setup(body, config_.simulation, config_.site);
       ASSERT_TRUE(setup);
       auto robot = body.source.simulator;
       robot.cameras = setup->sensors.cameras;

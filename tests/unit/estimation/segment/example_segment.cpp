@@ -23,11 +23,14 @@ const Eigen::Vector3d kMinusRate(-0.1, 0.2, -0.4);
 ExampleSegment::ExampleSegment(const Setup& setup) : setup_(setup) {
   SegmentSensors sensors;
   sensors.has_imu = setup.has_imu;
+  sensors.gravity_m_s2 -= setup.gravity_more_m_s2;
   sensors.cameras.resize(static_cast<std::size_t>(setup.cameras));
   for (CameraMount& mount : sensors.cameras) mount.model = example_camera();
   segment.sensors = std::make_shared<const SegmentSensors>(std::move(sensors));
   for (int c = 0; c < setup.cameras; ++c) add_camera(c);
+  segment.gravity_offset_m_s2 = setup.gravity_more_m_s2;
   state_.reset({});
+  state_.gravity_offset_m_s2 = setup.gravity_more_m_s2;
   state_.X_WB.q = Motion::q(0);
   state_.v_WB = setup.has_imu ? Motion::v(0) : Eigen::Vector3d(0.5, 0.1, -0.05);
   if (setup.has_imu) state_.bias_f = kBiasF;
@@ -182,6 +185,8 @@ MotionSegment moved(MotionSegment segment, const Eigen::VectorXd& error) {
     X = world::moved(X, error.segment<6>(tag(cameras, number)));
     segment.scales[i] += error(scale(cameras, number));
   }
+  if (segment.has_imu())
+    segment.gravity_offset_m_s2 += error(gravity(cameras, static_cast<int>(segment.tags.size())));
   return segment;
 }
 

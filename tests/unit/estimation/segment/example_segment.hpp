@@ -27,6 +27,7 @@ class ExampleSegment {
     LensOffset lens{};
     double scale{0};  ///< Of all prints, against what is told.
     bool is_even{true};
+    double gravity_more_m_s2{0};  ///< It is more than the sensors say.
   };
 
   explicit ExampleSegment(const Setup& setup);

@@ -26,7 +26,8 @@ const Case kCases[] = {
       .readout_s = 0.016,
       .lens = {0.01, {2.0, -1.0}, -0.06},
       .scale = 0.05,
-      .is_even = false}},
+      .is_even = false,
+      .gravity_more_m_s2 = 0.05}},
     {"jitter", {.jitter_s = 0.002}, 0.03},  // … how a stamp's error is divided, neither
     {"two_cameras", {.cameras = 2}},
     {"no_imu", {.has_imu = false, .step_s = 0.025}},

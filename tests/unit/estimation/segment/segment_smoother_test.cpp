@@ -130,6 +130,23 @@ TEST(SegmentSmoother, TellsHowThePathBetweenFollowsTheEnds) {
   }
 }
 
+TEST(SegmentSmoother, TellsHowThePathBetweenFollowsGravity) {
+  constexpr double kStep_m_s2 = 1e-3;
+  constexpr double kNotLinear = 1e-6;
+  MotionSegment segment = ExampleSegment({}).segment;
+  const auto path = path_between(segment);
+  MotionSegment other = segment;
+  other.gravity_offset_m_s2 += kStep_m_s2;
+  ASSERT_FALSE(path_between(other).empty());
+  for (std::size_t k = 0; k < path.size(); ++k) {
+    const Vector15d error =
+        error_between(segment.instances[k + 1].body, other.instances[k + 1].body);
+    const auto column = path[k].by_rest.rightCols<1>();
+    EXPECT_GT(column.norm(), 0);
+    EXPECT_LT((error - kStep_m_s2 * column).head<6>().norm(), kNotLinear) << k;
+  }
+}
+
 TEST(SegmentSmoother, IsSurestOfThePathWhereEndsAreNear) {
   MotionSegment segment = ExampleSegment({}).segment;
   const auto path = path_between(segment);

@@ -38,7 +38,8 @@ inline FilterState example_state() {
   std::normal_distribution<double> gauss;
   Eigen::MatrixXd A(state.size(), state.size());
   for (Eigen::Index i = 0; i < A.size(); ++i) A(i) = gauss(random);
-  state.P() = 0.01 * A * A.transpose();
+  const Eigen::MatrixXd square = A * A.transpose();
+  state.P() = 0.005 * (square + square.transpose());  // symmetric to the last bit
   state.gyro_B = {0.8, -1.2, 0.5};
   state.clocks[0] = {.shift_s = 0.013, .readout_s = 0.0, .applied_s = 0.013};
   state.clocks[1] = {
