@@ -18,13 +18,6 @@
 namespace fiducap {
 
 template <class V>
-void describe(V& v, SiteConfig& c) {
-  v.value("gravity_m_s2", c.gravity_m_s2);
-  v.value("latitude_deg", c.latitude_deg);
-  v.value("height_m", c.height_m);
-}
-
-template <class V>
 void describe(V& v, TagSetConfig& c) {
   v.value("family", c.family);
   c.family = listed_tag_family(c.family);

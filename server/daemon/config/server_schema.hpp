@@ -7,6 +7,13 @@
 namespace fiducap {
 
 template <class V>
+void describe(V& v, SiteConfig& c) {
+  v.value("gravity_m_s2", c.gravity_m_s2);
+  v.value("latitude_deg", c.latitude_deg);
+  v.value("height_m", c.height_m);
+}
+
+template <class V>
 void describe(V& v, BodyConfig& c) {
   v.value("name", c.name);
   v.value("id", c.id);

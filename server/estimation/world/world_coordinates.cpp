@@ -17,13 +17,11 @@ using namespace filter_rules;  // NOLINT: short names for what both filters go b
 
 namespace {
 
-// The attitude may be off by this, 1-sigma.
-constexpr double kUnknownTurn_rad = 0.4;
+constexpr double kUnknownTurn_rad = 0.4;  // of the attitude, 1-sigma
 constexpr double kNisShare = 0.02;
 constexpr int kUnfitToLearnFrom = 3;  // more in a row without a tag that fits are no noise
 constexpr double kExactReadout_s = 5.1e-5;
-// The reference tag defines W again when linearisation has let it slip this far (m and rad), or
-// when it seems as unsure as that: every image makes it so by a micrometre.
+// The reference tag defines W again when it has slipped, or seems unsure, by this: m and rad.
 constexpr double kSlipped = 1e-6;
 constexpr double kUnsure = 1e-5;
 
@@ -35,13 +33,13 @@ WorldCoordinates::WorldCoordinates(const BodySensors& sensors, const EstimatorCo
       gravity_W_(0, 0, -sensors.gravity_m_s2),
       suspects_(sensors.cameras, doubts()) {
   if (config.landmarks && sensors.imu) window_.emplace(sensors.cameras.size(), LandmarkRules{});
-  for (const CameraMount& mount : sensors.cameras) lenses_.push_back(mount.model);
-  for (const CameraMount& mount : sensors.cameras)
+  for (const CameraMount& mount : sensors.cameras) {
+    lenses_.push_back(mount.model);
     corner_noise_.emplace_back(config, config.learn_corner_noise, &mount);
+  }
 }
 
-/// Without an IMU what is wrong elsewhere, a lens's distortion or one camera against another, is
-/// taken for what can be doubted.
+/// Without an IMU what is wrong elsewhere, as in a lens, is taken for what can be doubted.
 Suspects::Rules WorldCoordinates::doubts() const {
   return {.doubts = config_.doubt_configuration && sensors_.imu.has_value(),
           .refines = config_.refine_intrinsics,
@@ -57,9 +55,9 @@ void WorldCoordinates::reset(const ClockHypothesis& clocks) {
   std::vector<Pose> X_BV;
   for (const CameraMount& mount : sensors_.cameras) X_BV.push_back(mount.X_BV);
   state_.reset(std::move(X_BV), window_ ? CloneWindow::kClones : 0);
-  for (int c = 0; c < state_.cameras(); ++c) reset_camera(c, clocks);
-  if (sensors_.imu)
-    state_.clear_column(layout::gravity(state_.cameras()), sensors_.gravity_sigma_m_s2);
+  const int cameras = state_.cameras();
+  for (int c = 0; c < cameras; ++c) reset_camera(c, clocks);
+  if (sensors_.imu) state_.clear_column(gravity(cameras), sensors_.gravity_sigma_m_s2);
   suspects_.begin(state_);
   noise_watch_.restart();
   nis_ = 1;

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/gravity.hpp"
 #include "capture/recording/recording_writer.hpp"
+#include "daemon/config/config_file.hpp"
 #include "daemon/map_start.hpp"
 #include "pipeline/replay/offline_run.hpp"
 #include "support/fake_clock.hpp"
@@ -37,6 +39,19 @@ TEST(BodySetup, WhatWasLearnedAboutACameraDoesNotMoveTheSimulatedOne) {
   const SimulatedTruth truth = truth_of(**source, config);
   ASSERT_EQ(truth.X_BV.size(), 1U);
   EXPECT_EQ(truth.X_BV.front().p, camera.mount.X_BV.p);
+}
+
+TEST(BodySetup, GravityIsToldByANumberOrByThePlace) {
+  const auto told = [](const std::string& site) {
+    const auto config = parse_config("site: " + site + "\n", "test.yaml");
+    if (!config) throw std::runtime_error(config.error().front().text());
+    const auto again = parse_config(print_config(*config), "printed.yaml");
+    EXPECT_EQ(config->site.told_gravity(), again->site.told_gravity());
+    return again->site.told_gravity();
+  };
+  EXPECT_EQ(told("{}"), std::nullopt);
+  EXPECT_EQ(told("{gravity_m_s2: 9.776}"), 9.776);
+  EXPECT_EQ(told("{latitude_deg: 19.4, height_m: 2240}"), normal_gravity(19.4, 2240));
 }
 
 TEST(BodySetup, GravityThatIsToldIsInTheRecordingToo) {

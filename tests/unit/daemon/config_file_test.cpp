@@ -40,17 +40,7 @@ std::vector<std::string> faults_of(const std::string& text,
   return lines;
 }
 
-TEST(ConfigFile, GravityIsToldByANumberOrByThePlace) {
-  const auto told = [](const std::string& site) {
-    const auto config = parse_config("site: " + site + "\n", "test.yaml");
-    if (!config) throw std::runtime_error(config.error().front().text());
-    const auto again = parse_config(print_config(*config), "printed.yaml");
-    EXPECT_EQ(config->site.told_gravity(), again->site.told_gravity());
-    return again->site.told_gravity();
-  };
-  EXPECT_EQ(told("{}"), std::nullopt);
-  EXPECT_EQ(told("{gravity_m_s2: 9.776}"), 9.776);
-  EXPECT_EQ(told("{latitude_deg: 19.4, height_m: 2240}"), normal_gravity(19.4, 2240));
+TEST(ConfigFile, GravityIsToldOnce) {
   EXPECT_THAT(faults_of("site: {gravity_m_s2: 9.78, latitude_deg: 0}"),
               ElementsAre(HasSubstr("leave one of them out")));
   EXPECT_THAT(faults_of("site: {height_m: 2240}"), ElementsAre(HasSubstr("needs latitude_deg")));
