@@ -5,7 +5,7 @@
 
 namespace fiducap {
 
-/// 128 bits of the kernel's chance, hexadecimal.
+/// 128 random bits from the kernel, hexadecimal.
 [[nodiscard]] std::string fresh_secret();
 
 /// Compares every byte: the time says nothing about the first wrong one. An empty secret admits

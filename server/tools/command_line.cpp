@@ -181,8 +181,7 @@ CLI::App* add_control_verb(CLI::App& control, CommandLine& line, const char* nam
   verb->callback([&line, run] {
     line.chosen = [&line, run](const Terminal& t) { return run(line.control, t); };
   });
-  verb->footer("Example:\n  FIDUCAP_TOKEN=$(cat robot.token) fiducap control " + std::string(name) +
-               std::string(example));
+  verb->footer("Example:\n  fiducap control " + std::string(name) + std::string(example));
   return verb;
 }
 
@@ -226,7 +225,8 @@ void add_control(CLI::App& app, CommandLine& line) {
   control->footer(
       "The server's configuration names the token: operator.token or operator.token_file.\n"
       "Other users of this machine see command lines, but not the environment.\n"
-      "Example:\n  export FIDUCAP_TOKEN=$(cat robot.token)\n  fiducap control disable rover\n"
+      "Before: export FIDUCAP_TOKEN=$(cat robot.token)\n"
+      "Example:\n  fiducap control disable rover\n"
       "  fiducap control record flight-3");
   auto& a = line.control;
   add_control_verb(*control, line, "list", "Bodies, map mode, recording", run_control_list)

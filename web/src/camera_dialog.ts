@@ -7,6 +7,13 @@ import { exposureVerdict, KIND_WORD, outlineWords, rateVerdict, sharpnessVerdict
 const SHARP_FROM_PX = 1280;
 const POINT_AT_ONE = 'Point at an outline, or go through them with the arrow keys.';
 
+const SAME_SQUARE_PX = 8;
+
+function sameSquare(one: Outline, outlines: Outline[]): Outline | null {
+  const off = (other: Outline) => Math.hypot((other.px[0] ?? 0) - (one.px[0] ?? 0), (other.px[1] ?? 0) - (one.px[1] ?? 0));
+  return outlines.find((other) => other.kind === one.kind && other.id === null && off(other) < SAME_SQUARE_PX) ?? null;
+}
+
 /** One camera, large: outlines to point at, exposure, sharpness, and what to do about them. */
 export class CameraDialog {
   private readonly dialog = element('dialog', 'camera-view');
@@ -167,10 +174,11 @@ export class CameraDialog {
     this.redraw();
   }
 
-  /** The same tag in the next picture, where there is one. */
+  /** The same tag in the next picture, where there is one; of a square without an id, that in its place. */
   private again(shown: Shown): Outline | null {
     const { chosen } = this;
-    if (!chosen || chosen.id === null) return null;
+    if (!chosen) return null;
+    if (chosen.id === null) return this.kinds.has(chosen.kind) ? sameSquare(chosen, shown.view.outlines) : null;
     const same = shown.view.outlines.filter((outline) => outline.id === chosen.id && this.kinds.has(outline.kind));
     const found = same.find((outline) => outline.kind === chosen.kind) ?? same[0] ?? null;
     setText(this.words, found ? outlineWords(found) : `Tag ${chosen.id} is not in this picture.`);

@@ -20,7 +20,7 @@ constexpr Duration kFarthestClock{std::int64_t{1} << 61};
 // Answers to one piece: a flood of questions gets no flood of answers.
 constexpr std::size_t kMostAnswers = 512;
 
-// So long a question to a rival may be answered, and as long again.
+// An answer to a question counts in the slot of the question and in the next one.
 constexpr Duration kSlot = std::chrono::seconds(1);
 
 std::int64_t slot_of(Instant now) { return to_ns(now) / kSlot.count(); }

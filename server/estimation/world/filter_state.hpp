@@ -44,7 +44,7 @@ struct FilterState {
   std::vector<CameraClock> clocks;  ///< One per camera.
   std::vector<LensOffset> lenses;   ///< One per camera.
   PrintSizes sizes;
-  double gravity_offset_m_s2{};          ///< How much more it is than told.
+  double gravity_offset_m_s2{};          ///< Gravity minus the configured value.
   std::vector<Suspicion> suspicions;     ///< Per suspect; empty: nothing is doubted.
   Instant judged_until{Instant::min()};  ///< Whoever makes the map opens suspects, nobody else.
   /// A fixed number of them (none: points are not followed), in no order.

@@ -36,7 +36,7 @@ inline constexpr int kCameraSize = kPoseSize + 6;
 inline constexpr int kWatchedPrints = 5;
 [[nodiscard]] constexpr int sizes(int cameras) { return kBodySize + kCameraSize * cameras; }
 [[nodiscard]] constexpr int print(int cameras, int watched) { return sizes(cameras) + 1 + watched; }
-/// How much more gravity is than told, m/s².
+/// Gravity minus the configured value, m/s².
 [[nodiscard]] constexpr int gravity(int cameras) { return sizes(cameras) + 1 + kWatchedPrints; }
 /// Tag i: ρ, φ.
 [[nodiscard]] constexpr int tag(int cameras, int i) { return gravity(cameras) + 1 + kPoseSize * i; }

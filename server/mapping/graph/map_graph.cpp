@@ -31,6 +31,7 @@ constexpr int kMostVerdicts = 8;
 constexpr double kTurned_rad = 0.0003;
 constexpr double kMoved = 0.0006;
 constexpr double kCameraMoved_m = 0.0002;
+constexpr double kGravityMoved_m_s2 = 1e-4;  // times tilts: microradians
 constexpr double kClockShifted_s = 4e-5;
 // … or a lens, or a print.
 constexpr double kScaled = 0.002;
@@ -59,6 +60,8 @@ bool is_elsewhere(const GraphSegment& segment, const Eigen::VectorXd& error) {
         std::abs(by(kDistortion)) > kBent)
       return true;
   }
+  const int gravity_at = gravity(cameras, static_cast<int>(f.tags.size()));
+  if (segment.raw.has_imu() && std::abs(error(gravity_at)) > kGravityMoved_m_s2) return true;
   if (has_moved(f.end.X_WB, error.segment<6>(kEnd))) return true;
   for (std::size_t i = 0; i < segment.tags.size(); ++i) {
     const auto number = static_cast<int>(i);

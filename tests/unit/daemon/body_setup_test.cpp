@@ -59,6 +59,8 @@ TEST(BodySetup, GravityThatIsToldIsInTheRecordingToo) {
   BodyConfig robot;
   robot.name = "robot";
   robot.source.type = SourceType::kSimulator;
+  robot.cameras.resize(1);
+  robot.cameras.front().mount.model = {752, 480, 450, 450, 376, 240};
   const auto read_back = [&](const SiteConfig& site, const std::string& name) {
     auto setup = read_body_setup(robot, {}, site);
     if (!setup) throw std::runtime_error(setup.error().text());
@@ -73,7 +75,7 @@ TEST(BodySetup, GravityThatIsToldIsInTheRecordingToo) {
   const BodySensors untold = read_back({}, "untold");
   EXPECT_FALSE(untold.is_gravity_told());
   EXPECT_EQ(untold.gravity_sigma_m_s2, kUsualGravitySigma_m_s2);
-  const BodySensors told = read_back({.latitude_deg = 19.4, .height_m = 2240}, "told");
+  const BodySensors told = read_back({std::nullopt, 19.4, 2240}, "told");
   EXPECT_EQ(told.gravity_m_s2, normal_gravity(19.4, 2240)) << "to the last bit";
   EXPECT_EQ(told.gravity_sigma_m_s2, kToldGravitySigma_m_s2);
 }
